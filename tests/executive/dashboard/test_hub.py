@@ -105,7 +105,7 @@ def test_a_viewer_that_stops_reading_is_told_so_and_costs_no_memory() -> None:
         hub.attach(asyncio.get_running_loop())
         viewer = hub.join()
         for tick in range(BACKLOG + 50):
-            hub.beat(tick=tick)
+            hub.tell("Beat", tick=tick)
         await asyncio.to_thread(hub.close)
         for _ in range(3):
             await asyncio.sleep(0)

@@ -298,7 +298,7 @@ def test_the_page_begins_after_a_cut_as_its_form_says(
     (tmp_path / "recover.yaml").write_text(TREE.replace("tree: t", "tree: recover"))
     leave(order, "real", HELD)
     assert order.record is not None
-    dashboard: Any = SimpleNamespace(control=ControlLock(), hub=SimpleNamespace(on_event=lambda event: None))
+    dashboard: Any = SimpleNamespace(control=ControlLock(), on_event=lambda event: None)
     launcher = Launcher(dashboard, order.record, Choices({"tree": order.tree}, {"cell": order.cell}))
 
     def start(after_cut: str) -> tuple[str, list[str]]:
@@ -323,7 +323,7 @@ def test_the_page_begins_after_a_cut_as_its_form_says(
 
 def test_two_starts_at_the_same_time_are_one_run(order: RunOrder, monkeypatch: pytest.MonkeyPatch) -> None:
     assert order.record is not None
-    dashboard: Any = SimpleNamespace(control=ControlLock(), hub=SimpleNamespace(on_event=lambda event: None))
+    dashboard: Any = SimpleNamespace(control=ControlLock(), on_event=lambda event: None)
     launcher = Launcher(dashboard, order.record, Choices({"tree": order.tree}, {"cell": order.cell}))
     both, went_on = threading.Barrier(2), threading.Event()
     monkeypatch.setattr("pomona.executive.commands.dashboard.execute", lambda *_, **__: went_on.wait(5.0))

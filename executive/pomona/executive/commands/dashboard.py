@@ -7,14 +7,14 @@ import contextlib
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from pomona.executive.commands.alerting import add_alerts, alerts_of, outcomes_in
 from pomona.executive.commands.command_line import add_records_folder
+from pomona.executive.dashboard.apart import PageProcess
 from pomona.executive.dashboard.choices import Choices
 from pomona.executive.dashboard.control_lock import ControlLock, RefusedError
 from pomona.executive.dashboard.security import Access
-from pomona.executive.dashboard.server import Dashboard
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.files import default_name
@@ -111,12 +111,21 @@ CLOSING = 4.0
 """Seconds for which the next start waits until the last run's cell is closed."""
 
 
+class PageOfRuns(Protocol):
+    """The page, in this process or in another."""
+
+    control: ControlLock
+
+    def on_event(self, event: Event) -> None:
+        """Take one event of a run."""
+
+
 class Launcher:
     """Starts runs for the page, one at a time, each in a thread of its own."""
 
     def __init__(
         self,
-        dashboard: Dashboard,
+        dashboard: PageOfRuns,
         record: Path,
         choices: Choices,
         listeners: Sequence[Listener] = (),
@@ -124,7 +133,7 @@ class Launcher:
     ) -> None:
         self._readers = readers
         self._dashboard, self._record, self._choices = dashboard, record, choices
-        self._listeners = [dashboard.hub.on_event, *listeners]
+        self._listeners = [dashboard.on_event, *listeners]
         self._thread: threading.Thread | None = None
         self._starting: Starting | None = None
         self._one_start = threading.Lock()
@@ -211,7 +220,7 @@ def main(options: argparse.Namespace) -> int:
         the exit status.
     """
     console = Screen()
-    dashboard = Dashboard(make_access(options), options.record)
+    dashboard = PageProcess(make_access(options), options.record)
     choices = Choices.installed(options.tree, options.cell)
     alerts = alerts_of(options, outcomes_in(options.record, options.alert_over) if options.alert_to else ())
     views: list[Live] = []
@@ -237,7 +246,7 @@ def main(options: argparse.Namespace) -> int:
         views.append(Views([open_bridge(options, console, dashboard.access, dashboard.control, launcher.start)]))
     dashboard.allow_starts(launcher.start, choices)
     dashboard.start()
-    console.print(f"dashboard: {dashboard.link}   (Ctrl-C ends it)", soft_wrap=True)
+    console.print(f"dashboard: {dashboard.access.link}   (Ctrl-C ends it)", soft_wrap=True)
     try:
         threading.Event().wait()
     except KeyboardInterrupt:

@@ -16,8 +16,8 @@ from pomona.executive.commands.alerting import add_alerts, alerts_of, outcomes_i
 from pomona.executive.commands.command_line import add_records_folder
 from pomona.executive.commands.dashboard import add_address, add_ros2, make_access, open_bridge
 from pomona.executive.commands.watch import run_on_save
+from pomona.executive.dashboard.apart import PageProcess
 from pomona.executive.dashboard.control_lock import ControlLock
-from pomona.executive.dashboard.server import Dashboard
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.execute import Executed, RunOrder, execute
 from pomona.executive.files import default_name, find_cell, find_tree
@@ -169,7 +169,7 @@ def _answers_here(options: argparse.Namespace, console: Screen) -> bool:
 def _run_once(
     options: argparse.Namespace,
     order: RunOrder,
-    dashboard: Dashboard | None,
+    dashboard: PageProcess | None,
     views: Live | None,
     control: ControlLock | None,
     console: Screen,
@@ -198,16 +198,16 @@ def _run_once(
     return executed
 
 
-def _serve(options: argparse.Namespace, console: Screen, stack: contextlib.ExitStack) -> Dashboard:
-    dashboard = Dashboard(make_access(options), options.record)
+def _serve(options: argparse.Namespace, console: Screen, stack: contextlib.ExitStack) -> PageProcess:
+    dashboard = PageProcess(make_access(options), options.record)
     dashboard.start()
     stack.callback(dashboard.close)
-    console.print(f"dashboard: {dashboard.link}", soft_wrap=True)
+    console.print(f"dashboard: {dashboard.access.link}", soft_wrap=True)
     return dashboard
 
 
 def _live_views(
-    options: argparse.Namespace, console: Screen, dashboard: Dashboard | None, stack: contextlib.ExitStack
+    options: argparse.Namespace, console: Screen, dashboard: PageProcess | None, stack: contextlib.ExitStack
 ) -> tuple[Live | None, ControlLock | None]:
     """The run's viewers that were asked for, and what they act with; nothing of them is imported otherwise."""
     if options.foxglove is None and options.rerun is None and options.ros2 is None:
@@ -239,7 +239,7 @@ def _execute(
     order: RunOrder,
     listeners: Sequence[Listener],
     readers: Sequence[Reader],
-    dashboard: Dashboard | None,
+    dashboard: PageProcess | None,
     control: ControlLock | None,
     console: Screen,
 ) -> Executed:
@@ -254,7 +254,7 @@ def _execute(
     try:
         return execute(
             order,
-            [*listeners, dashboard.hub.on_event],
+            [*listeners, dashboard.on_event],
             readers=readers,
             on_ready=lock.serve,
             on_latched=lambda runner: _hold(runner, dashboard, console),
@@ -267,9 +267,9 @@ def _execute(
         lock.clear(problem)
 
 
-def _hold(runner: Runner, dashboard: Dashboard, console: Screen) -> None:
+def _hold(runner: Runner, dashboard: PageProcess, console: Screen) -> None:
     """Keep the cell in its safe state while there is somebody who can reset it; Ctrl-C lets go, too."""
-    if not dashboard.hub.viewers and not sys.stdin.isatty():
+    if not dashboard.viewers and not sys.stdin.isatty():
         return
     console.print(f"safe state: {runner.latched}. Reset it on the page, or leave with Ctrl-C.", style="red")
     with contextlib.suppress(KeyboardInterrupt):

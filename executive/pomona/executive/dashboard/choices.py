@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,9 @@ from pomona.executive.running.cell_files import cell_files
 from pomona.executive.values.findings import Findings, format_findings
 from pomona.executive.values.shipped import installed_trees
 from pomona.executive.values.yaml_nodes import YamlNode, YamlScalar
+
+StartRun = Callable[[dict[str, Any]], str]
+"""Starts a run from the page's form and returns its tree's name."""
 
 
 @dataclass(frozen=True, slots=True)

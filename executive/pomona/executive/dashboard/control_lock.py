@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, Protocol
 
 from pomona.executive.errors import PomonaError
 from pomona.executive.language.changes import ChangeRefusedError
@@ -35,6 +35,55 @@ class Holder:
     grant: int = 0
 
 
+@dataclass(frozen=True, slots=True)
+class ControlStatus:
+    """Everything that pages are told of control and of the run.
+
+    Attributes:
+        holder: of control.
+        start: the run that is being prepared, or why the last one did not begin.
+        is_preparing: whether a run is being prepared.
+        known_faults: faults that the run in progress can be given.
+        signs: of a run's life: its time, tick, state and the ages of its devices; None without a run.
+    """
+
+    holder: Holder = Holder()
+    start: dict[str, Any] | None = None
+    is_preparing: bool = False
+    known_faults: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    signs: dict[str, Any] | None = None
+
+
+class RunControl(Protocol):
+    """What the page's server asks of the run, which may be in another process. Methods are called from any thread."""
+
+    @property
+    def standing(self) -> ControlStatus:
+        """How things stand."""
+
+    @property
+    def silent(self) -> float:
+        """Time since the run's process was heard [s]; 0 in the same process."""
+
+    def require(self, viewer: str) -> str:
+        """See `ControlLock`."""
+
+    def take(self, viewer: str, who: str) -> None:
+        """See `ControlLock`."""
+
+    def release(self, viewer: str) -> None:
+        """See `ControlLock`."""
+
+    def acknowledge(self, viewer: str) -> None:
+        """See `ControlLock`."""
+
+    def act(self, viewer: str, action: str, detail: str = "", number: int = 0) -> None:
+        """See `ControlLock`."""
+
+    def safe_stop(self, who: str) -> str:
+        """See `ControlLock`."""
+
+
 class ControlLock:
     """One operator at a time acts; anybody may safe-stop. Methods may be called from any thread."""
 
@@ -45,6 +94,21 @@ class ControlLock:
         self._starting: tuple[str, Starting] | None = None
         self._problem: dict[str, Any] | None = None
         self._changed = changed
+
+    silent = 0.0
+
+    @property
+    def standing(self) -> ControlStatus:
+        """How things stand, for the page."""
+        return ControlStatus(self._held, self.start, self.is_preparing, self.known_faults, self._signs())
+
+    def _signs(self) -> dict[str, Any] | None:
+        runner = self._runner
+        if runner is None:
+            return None
+        t, tick = runner.progress
+        ages = {device: round(age, 3) for device, age in runner.ages.items()}
+        return {"t": t, "tick": tick, "state": runner.state.value, "ages": ages}
 
     @property
     def holder(self) -> Holder:

@@ -1,4 +1,8 @@
-"""From the tick thread to any number of viewers, without the tick ever waiting for one of them."""
+"""From the tick thread to any number of viewers, without the tick ever waiting for one of them.
+
+An `Encoder` turns events into messages in a thread of its own. A `Hub` keeps messages and hands them to viewers; it may
+be in another process.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +14,8 @@ import secrets
 import threading
 import time
 from collections import deque
-from collections.abc import Hashable, Iterable
-from typing import Any
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from typing import Any, NamedTuple
 
 from pomona.executive.dashboard.connections import LiveWire, frame_of
 from pomona.executive.dashboard.messages import VERSION, encode
@@ -48,6 +52,60 @@ BACKLOG = 600
 
 Kept = tuple[int, str]
 """A message's number and text."""
+
+
+class Word(NamedTuple):
+    """One encoded event.
+
+    Attributes:
+        seq: its number.
+        text: the message.
+        slot: "start" for a run's first one, "picture" where only the newest of a key is worth keeping, else "".
+        key: what the event tells the state of; None: nothing that outlives the history.
+    """
+
+    seq: int
+    text: str
+    slot: str
+    key: Hashable
+
+
+class Encoder:
+    """Encodes events in a thread of its own and delivers them in batches. Subscribe `on_event` to a run's stream."""
+
+    def __init__(self, deliver: Callable[[Sequence[Word]], None]) -> None:
+        self._deliver = deliver
+        self._incoming: queue.SimpleQueue[Event | None] = queue.SimpleQueue()
+        self._seq = 0
+        self._thread = threading.Thread(target=self._work, name="pomona-hub", daemon=True)
+        self._thread.start()
+
+    def on_event(self, event: Event) -> None:
+        """Take one event; returns at once."""
+        self._incoming.put(event)
+
+    def close(self) -> None:
+        """Stop encoding; what came before is still delivered."""
+        self._incoming.put(None)
+        self._thread.join(5.0)
+
+    def _work(self) -> None:
+        open_ = True
+        while open_:
+            events = [self._incoming.get()]
+            until = time.monotonic() + BATCH
+            with contextlib.suppress(queue.Empty):
+                while not isinstance(events[-1], URGENT):
+                    events.append(self._incoming.get(timeout=max(0.0, until - time.monotonic())))
+            open_ = None not in events
+            words = [self._word(event) for event in events if event is not None]
+            if words:
+                self._deliver(words)
+
+    def _word(self, event: Event) -> Word:
+        self._seq += 1
+        slot, key = _slot(event)
+        return Word(self._seq, encode(event, self._seq), slot, key)
 
 
 class Viewer:
@@ -95,12 +153,12 @@ class Viewer:
 
 
 class Hub:
-    """Keeps a run's messages and hands them to viewers. Subscribe `on_event` to the run's stream."""
+    """Keeps a run's messages and hands them to viewers. It takes events, or words that are encoded already."""
 
     def __init__(self) -> None:
         self.stream = secrets.token_hex(8)
         """Names this hub: numbers of messages mean nothing to another one."""
-        self._incoming: queue.SimpleQueue[Event | None] = queue.SimpleQueue()
+        self._encoder = Encoder(self.take)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._viewers: set[Viewer] = set()
         self._start: Kept | None = None
@@ -108,12 +166,9 @@ class Hub:
         self._history_size = 0
         self._forgotten = 0  # number of the newest message that has left the history
         self._last_words: dict[Hashable, Kept] = {}
-        self._pictures: dict[tuple[type, str], Kept] = {}
+        self._pictures: dict[Hashable, Kept] = {}
         self._control = ""
-        self._seq = 0
         self._lock = threading.Lock()
-        self._thread = threading.Thread(target=self._work, name="pomona-hub", daemon=True)
-        self._thread.start()
 
     def attach(self, loop: asyncio.AbstractEventLoop) -> None:
         """Hand messages over in this loop from now on."""
@@ -121,21 +176,27 @@ class Hub:
 
     def on_event(self, event: Event) -> None:
         """Take one event; returns at once."""
-        self._incoming.put(event)
+        self._encoder.on_event(event)
+
+    def take(self, words: Sequence[Word]) -> None:
+        """Keep messages and hand them to every viewer. From one thread."""
+        with self._lock:
+            for word in words:
+                self._keep(word)
+        self._deliver("\n".join(word.text for word in words))
 
     def announce(self, **control: Any) -> None:
         """Tell every viewer, and those who come later, who holds control. From any thread."""
         self._control = json.dumps({"v": VERSION, "event": "Control", **control}, ensure_ascii=False)
         self._deliver(self._control)
 
-    def beat(self, **signs: Any) -> None:
-        """Tell the viewers of this moment that the run is alive, and what time it is there. From any thread."""
-        self._deliver(json.dumps({"v": VERSION, "event": "Beat", **signs}, ensure_ascii=False))
+    def tell(self, event: str, **fields: Any) -> None:
+        """Tell the viewers of this moment, and none who come later. From any thread."""
+        self._deliver(json.dumps({"v": VERSION, "event": event, **fields}, ensure_ascii=False))
 
     def close(self) -> None:
         """Stop encoding; what came before is still sent."""
-        self._incoming.put(None)
-        self._thread.join(5.0)
+        self._encoder.close()
 
     # -------------------------------------------------------------------------------------- in the loop
 
@@ -181,45 +242,23 @@ class Hub:
             kept += [self._start] if self._start is not None else []
         return [text for seq, text in sorted(kept) if seq > since]
 
-    # ------------------------------------------------------------------------------- the encoding thread
+    # --------------------------------------------------------------------------- the thread of the messages
 
-    def _work(self) -> None:
-        open_ = True
-        while open_:
-            events = [self._incoming.get()]
-            until = time.monotonic() + BATCH
-            with contextlib.suppress(queue.Empty):
-                while not isinstance(events[-1], URGENT):
-                    events.append(self._incoming.get(timeout=max(0.0, until - time.monotonic())))
-            if None in events:
-                open_ = False
-            texts = [self._keep(event) for event in events if event is not None]
-            if texts:
-                self._deliver("\n".join(texts))
-
-    def _keep(self, event: Event) -> str:
-        with self._lock:
-            self._seq += 1
-            seq = self._seq
-        text = encode(event, seq)
-        with self._lock:
-            if isinstance(event, RunStarted):
-                self._history.clear()
-                self._pictures.clear()
-                self._last_words.clear()
-                self._history_size = 0
-                self._start, self._forgotten = (seq, text), 0
-            elif isinstance(event, Published) and isinstance(event.value, (ImageView, SceneView)):
-                self._pictures[type(event.value), event.topic] = (
-                    seq,
-                    text,
-                )  # only the newest picture of a topic is worth keeping
-            else:
-                self._history.append((seq, text, _key(event)))
-                self._history_size += len(text)
-            while self._history_size > HISTORY_BYTES:
-                self._forget()
-        return text
+    def _keep(self, word: Word) -> None:
+        seq, text, slot, key = word
+        if slot == "start":
+            self._history.clear()
+            self._pictures.clear()
+            self._last_words.clear()
+            self._history_size = 0
+            self._start, self._forgotten = (seq, text), 0
+        elif slot == "picture":
+            self._pictures[key] = (seq, text)
+        else:
+            self._history.append((seq, text, key))
+            self._history_size += len(text)
+        while self._history_size > HISTORY_BYTES:
+            self._forget()
 
     def _forget(self) -> None:
         seq, text, key = self._history.popleft()
@@ -241,23 +280,33 @@ class Hub:
             viewer.hand(batch, frame)
 
 
+def _slot(event: Event) -> tuple[str, Hashable]:
+    """Where the hub keeps an event, and its key: the last word of each key is enough to know the present."""
+    match event:
+        case RunStarted():
+            return "start", None
+        case Published(value=ImageView() | SceneView() as view):
+            return "picture", (type(view).__name__, event.topic)
+    return "", _key(event)
+
+
 def _key(event: Event) -> Hashable:
-    """What an event tells the state of: the last word of each key is enough to know the present. None: forget it."""
+    kind = type(event).__name__
     match event:
         case NodeChanged() | AttemptEnded():
-            return (type(event), event.path)
+            return kind, event.path
         case PortWritten():
-            return (PortWritten, event.key)
+            return kind, event.key
         case LinkChanged():
-            return (LinkChanged, event.device)
+            return kind, event.device
         case OperatorActed(action=action) if action in BREAK_ACTIONS:
-            return (OperatorActed, BREAK_ACTIONS[action][0], event.detail)
+            return kind, BREAK_ACTIONS[action][0], event.detail
         case OperatorActed(action="speed"):
-            return (OperatorActed, "speed")
+            return kind, "speed"
         case Published(value=TableView() | BodiesView() | PosesView()):
-            return (type(event.value), event.topic)
+            return type(event.value).__name__, event.topic
         case StateChanged() | SafeStopped() | RunEnded():
-            return (type(event),)
+            return (kind,)
     return None
 
 

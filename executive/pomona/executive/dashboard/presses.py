@@ -11,7 +11,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-from pomona.executive.dashboard.control_lock import ControlLock, RefusedError
+from pomona.executive.dashboard.control_lock import RefusedError, RunControl
 from pomona.executive.running.requests import LATE
 
 SAFE_STOP_PATIENCE = 10.0
@@ -32,11 +32,12 @@ class Presses:
     """What pages ask for. A press comes over the live stream, as a request, and again and again until it is answered:
     its `press`, an id, makes them one. Use it in the server's loop."""
 
-    def __init__(self, lock: ControlLock) -> None:
+    def __init__(self, lock: RunControl) -> None:
         self._lock = lock
         self._answers: OrderedDict[str, asyncio.Future[dict[str, Any]]] = OrderedDict()
         # A driver may let a safe stop wait; neither the server nor another safe stop waits with it.
         self._stopping = ThreadPoolExecutor(4, thread_name_prefix="pomona-stop")
+        self._acting = ThreadPoolExecutor(4, thread_name_prefix="pomona-act")
 
     async def answer(self, body: dict[str, Any]) -> dict[str, Any]:
         """Carry a press out, unless it was already.
@@ -60,12 +61,13 @@ class Presses:
         action, viewer = text(body, "action"), text(body, "viewer")
         who, confirmed = text(body, "who")[:60] or "operator", ""
         _refuse_late(body, SAFE_STOP_PATIENCE if action == "safe_stop" else PATIENCE)
+        loop = asyncio.get_running_loop()
         if action == "safe_stop":
-            loop = asyncio.get_running_loop()
             confirmed = await loop.run_in_executor(self._stopping, self._lock.safe_stop, who)
         else:
-            self._decide(action, viewer, number_of(body))(who, text(body, "detail"))
-        held = self._lock.holder
+            carry_out = self._decide(action, viewer, number_of(body))
+            await loop.run_in_executor(self._acting, carry_out, who, text(body, "detail"))
+        held = self._lock.standing.holder
         yours = bool(viewer) and held.viewer == viewer
         return {"held_by": held.who, "grant": held.grant, "yours": yours, "confirmed": confirmed}
 

@@ -67,6 +67,11 @@ class Access:
         return f"{'https' if self.certificate is not None else 'http'}://{name}:{self.port}/"
 
     @property
+    def link(self) -> str:
+        """The page's address, with the tokens that let it act and read."""
+        return f"{self.address}#token={self.token}&read={self.reading}"
+
+    @property
     def hosts(self) -> frozenset[str]:
         """Names in Host headers that mean us. The port is left out: a tunnel or a proxy may have another one."""
         own = {self.host, f"[{self.host}]"} if not self.local else set()

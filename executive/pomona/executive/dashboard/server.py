@@ -10,7 +10,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -24,9 +24,9 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from pomona.executive.dashboard.choices import Choices
+from pomona.executive.dashboard.choices import Choices, StartRun
 from pomona.executive.dashboard.connections import LiveWire, PatientHttp, hang_up, wire_of
-from pomona.executive.dashboard.control_lock import ControlLock, RefusedError
+from pomona.executive.dashboard.control_lock import ControlLock, RefusedError, RunControl
 from pomona.executive.dashboard.hub import Hub, Viewer
 from pomona.executive.dashboard.presses import Presses, now, object_of, text
 from pomona.executive.dashboard.record_messages import between, cloud, image, moment, overview, record_messages
@@ -35,6 +35,7 @@ from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.recording.index import RunIndex, records_in
 from pomona.executive.recording.plain_file import is_plain
+from pomona.executive.running.events import Event
 
 WATCH_ONLY = "this page may watch but not act: open the link that was printed"
 STATIC = Path(__file__).parent / "static"
@@ -63,8 +64,8 @@ MAX_CLOSING_TURNS = 8
 BEAT = 0.5
 """Period of a run's heartbeat [s]."""
 
-StartRun = Callable[[dict[str, Any]], str]
-"""Starts a run from the page's form and returns its tree's name."""
+SILENT = 1.0
+"""Time without a word from the run's process after which every page is told [s]; it speaks four times a second."""
 
 
 SWITCH = 0.0005
@@ -74,11 +75,18 @@ SWITCH = 0.0005
 class Dashboard:
     """Serves the page, the live stream, the records, and what operators do."""
 
-    def __init__(self, access: Access, records: Path) -> None:
+    def __init__(self, access: Access, records: Path, remote: RunControl | None = None) -> None:
+        """
+        Args:
+            access: who may read and act.
+            records: folder of the recorded runs.
+            remote: the run's control where that is in another process; None: `control`, here.
+        """
         self.access, self.records = access, records
         self.hub = Hub()
-        self.control = ControlLock(self._announce)
-        self.presses = Presses(self.control)
+        self.control = ControlLock(self.announce)
+        self._control: RunControl = remote or self.control
+        self.presses = Presses(self._control)
         self._index = RunIndex(records)
         self._start_run: StartRun | None = None
         self._choices = Choices({}, {})
@@ -102,25 +110,31 @@ class Dashboard:
             middleware=[Middleware(RequestGuard, access=access)],
             lifespan=self._lifespan,
         )
-
-        self._announce()
+        self._told_silent = False
+        self.announce()
 
     def allow_starts(self, start_run: StartRun, choices: Choices) -> None:
         """Let the page start runs of these trees on these cells."""
         self._start_run, self._choices = start_run, choices
-        self._announce()
+        self.announce()
+
+    def on_event(self, event: Event) -> None:
+        """Take one event of a run; returns at once."""
+        self.hub.on_event(event)
 
     @property
     def link(self) -> str:
         """The page's address, with the tokens that let it act and read."""
-        return f"{self.access.address}#token={self.access.token}&read={self.access.reading}"
+        return self.access.link
 
-    def _announce(self) -> None:
-        holder = self.control.holder
+    def announce(self) -> None:
+        """Tell every page who holds control and what is being prepared. From any thread."""
+        standing = self._control.standing
+        holder = standing.holder
         self._holder_here = self._is_here(holder.viewer)
         self.hub.announce(
             held_by=holder.who, grant=holder.grant, viewers=self.hub.viewers, starts=self._start_run is not None,
-            start=self.control.start, holder_here=self._holder_here, faults=self.control.known_faults,
+            start=standing.start, holder_here=self._holder_here, faults=standing.known_faults,
         )  # fmt: skip
 
     def _is_here(self, page: str) -> bool:
@@ -184,13 +198,14 @@ class Dashboard:
     async def _beat(self) -> None:
         while True:
             await asyncio.sleep(BEAT)
-            runner = self.control.runner
-            if self._is_here(self.control.holder.viewer) != self._holder_here or self.control.is_preparing:
-                self._announce()
-            if runner is not None and self.hub.viewers:
-                t, tick = runner.progress
-                ages = {device: round(age, 3) for device, age in runner.ages.items()}
-                self.hub.beat(t=t, tick=tick, state=runner.state.value, ages=ages)
+            standing, silent = self._control.standing, self._control.silent
+            if self._is_here(standing.holder.viewer) != self._holder_here or standing.is_preparing:
+                self.announce()
+            if silent > SILENT or self._told_silent:
+                self._told_silent = silent > SILENT
+                self.hub.tell("Silent", seconds=round(silent, 1) if self._told_silent else 0.0)
+            if standing.signs is not None and self.hub.viewers and not self._told_silent:
+                self.hub.tell("Beat", **standing.signs)
 
     # --------------------------------------------------------------------------------------------- reading
 
@@ -268,7 +283,7 @@ class Dashboard:
         except ValueError:
             since = 0
         viewer = self.hub.join(since, stream.query_params.get("stream", ""), wire_of(stream.scope.get("state", {})))
-        self._announce()
+        self.announce()
         gone = asyncio.ensure_future(self._listen(stream, viewer))
         try:
             await _feed(stream, viewer, gone)
@@ -277,7 +292,7 @@ class Dashboard:
         finally:
             gone.cancel()
             self.hub.leave(viewer)
-            self._announce()
+            self.announce()
 
     async def _listen(self, stream: WebSocket, viewer: Viewer) -> None:
         """Handle a page's messages on the live stream until it leaves: pings, its token, button presses."""
@@ -326,11 +341,14 @@ class Dashboard:
         if self._start_run is None:
             return JSONResponse({"error": "this dashboard belongs to one run and starts no other"}, 409)
         try:
-            self.control.require(text(body, "viewer"))
-            tree = await asyncio.to_thread(self._start_run, body)
+            tree = await asyncio.to_thread(self._begin, self._start_run, body)
         except PomonaError as error:
             return JSONResponse({"error": str(error)}, 409)
         return JSONResponse({"tree": tree})
+
+    def _begin(self, start_run: StartRun, body: dict[str, Any]) -> str:
+        self._control.require(text(body, "viewer"))
+        return start_run(body)
 
     async def _authorised_body(self, request: Request) -> dict[str, Any] | Response:
         if not self.access.authorised(request.headers):

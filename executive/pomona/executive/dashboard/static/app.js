@@ -159,9 +159,10 @@ function receive(message, size) {
   const { live } = page;
   if (message.event === "Hello") {
     if (page.stream && page.stream !== message.stream) forget(); // another process: its numbers mean other messages
-    page.stream = message.stream;
+    Object.assign(page, { stream: message.stream, silent: null });
     if (!page.recorded) say("connected");
   } else if (message.event === "Control") { page.control = message; page.heardControl = performance.now(); }
+  else if (message.event === "Silent") page.silent = message.seconds ? performance.now() - 1000 * message.seconds : null;
   else if (message.event === "Beat") {
     const now = performance.now();
     page.beat = { tick: message.tick, ages: message.ages ?? {}, received: now, moved: page.beat?.tick === message.tick ? page.beat.moved : now };

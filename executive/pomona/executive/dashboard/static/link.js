@@ -16,8 +16,10 @@ export const link = { socket: null, known: -Infinity, knownAt: null, armed: null
 
 // Time that has passed, also while the machine slept: its wall clock went on then.
 const elapsed = () => Math.max(performance.now() - link.known, link.knownAt === null ? Infinity : Date.now() - link.knownAt);
-export const age = () => elapsed() / 1000;
-export const isStale = () => elapsed() > STALE;
+// `page.silent`: since when the run's own process is silent. While it prepares a run it may be: nothing moves then.
+export const runIsSilent = () => page.silent !== null && Boolean(page.live.whole.run) && !page.live.whole.ended && !page.control.start;
+export const age = () => (runIsSilent() ? performance.now() - page.silent : elapsed()) / 1000;
+export const isStale = () => elapsed() > STALE || runIsSilent();
 export const canAct = () => link.armed === true && !isStale();
 
 let receive = () => {};

@@ -2,7 +2,7 @@
 // act at all, what is being prepared, and what the live cell does while a record is looked at.
 import { $, seconds } from "./dom.js";
 import { page } from "./page.js";
-import { age, isStale, isUnconfirmed, link, press, TWICE } from "./link.js";
+import { age, isStale, isUnconfirmed, link, press, runIsSilent, TWICE } from "./link.js";
 
 const SHOWN = 4000; // ms for which a confirmed stop is shown
 const WORD = { running: "▶ running", paused: "❚❚ paused", pausing: "❚❚ pausing", stopping: "■ stopping" };
@@ -27,8 +27,8 @@ function drawLink(live) {
   document.body.classList.toggle("stale", stale && !page.recorded && !never);
   $("not-live").hidden = !stale || never;
   if (stale && !never) {
-    const then = new Date(link.knownAt).toLocaleTimeString();
-    set("not-live-words", `Nothing was heard for ${age() < 90 ? `${age().toFixed(1)} s` : seconds(age())}. ${live.run ? `What is shown of the live run was so at ${then}; it may be doing something else now.` : `The last word came at ${then}.`}`);
+    const then = new Date(Date.now() - 1000 * age()).toLocaleTimeString();
+    set("not-live-words", `${runIsSilent() ? "The run's process has said nothing" : "Nothing was heard"} for ${age() < 90 ? `${age().toFixed(1)} s` : seconds(age())}. ${live.run ? `What is shown of the live run was so at ${then}; it may be doing something else now.` : `The last word came at ${then}.`}`);
   }
   if (stale && !never && $("connection").textContent === "connected") set("connection", "no answer");
   const button = $("safe-stop"), disarmed = !page.token || link.armed === false; // else it is tried, whatever the link does
@@ -75,7 +75,7 @@ function drawStartBar() {
   if (!start || start.problem) return;
   const since = start.age + (performance.now() - page.heardControl) / 1000;
   set("preparing-what", `◌ Preparing ${start.tree}`);
-  set("preparing-words", start.cancelled ? `Cancelled (${start.cancelled}): it will not begin.` : `${start.what}${start.of ? `, ${start.done + 1} of ${start.of}` : ""} · ${seconds(since)} · SAFE STOP cancels it`);
+  set("preparing-words", start.cancelled ? `Cancelled (${start.cancelled}): it will not begin.` : `${start.what}${start.of ? `, ${start.done + 1} of ${start.of}` : ""} · ${seconds(since)}${page.silent === null ? "" : " · busy"} · SAFE STOP cancels it`);
   if (start.of) { $("preparing-bar").max = start.of; $("preparing-bar").value = start.done; } else $("preparing-bar").removeAttribute("value");
 }
 

@@ -1,0 +1,178 @@
+"""The page in a process of its own: what keeps the run's process busy keeps neither a viewer nor a stop waiting there.
+
+Messages go to that process encoded; what its pages ask for comes back as calls of the run's `ControlLock`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from pomona.executive.dashboard.choices import Choices, StartRun
+from pomona.executive.dashboard.control_lock import ControlLock
+from pomona.executive.dashboard.hub import Encoder, Word
+from pomona.executive.dashboard.presses import PATIENCE, TooLateError
+from pomona.executive.dashboard.security import Access
+from pomona.executive.errors import PomonaError, UsageError
+from pomona.executive.running.events import Event
+
+READY = 60.0
+"""Time that the page's process may take to serve [s]; two cores at load 12 needed 9 s."""
+
+GOODBYE = 5.0
+"""Time that it may take to end [s]."""
+
+HEARTBEAT = 0.25
+"""Period in which the page's process is told how things stand [s]."""
+
+CALLS = frozenset({"require", "take", "release", "acknowledge", "act", "safe_stop"})
+"""Methods of `ControlLock` that pages may call."""
+
+NEVER_LATE = frozenset({"require", "release", "safe_stop"})
+"""Calls that set nothing in motion."""
+
+
+class PageLostError(PomonaError):
+    """The page's process ended while a run was shown: nobody can stop the run there any more."""
+
+    def __init__(self) -> None:
+        super().__init__("the process that serves the page has ended: the run can be neither seen nor stopped there")
+
+
+class PageProcess:
+    """Starts the page's process, hands it events, and carries out what its pages ask for."""
+
+    def __init__(self, access: Access, records: Path) -> None:
+        self.access, self.records = access, records
+        self.viewers = 0
+        """Pages that are open."""
+        self.control = ControlLock(lambda: self._news.set())
+        self._news = threading.Event()
+        self._start_run: StartRun | None = None
+        self._choices = Choices({}, {})
+        self._encoder = Encoder(self._deliver)
+        self._line: Connection | None = None
+        self._sending = threading.Lock()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._threads: list[threading.Thread] = []
+        self._closing = self._lost = False
+
+    def allow_starts(self, start_run: StartRun, choices: Choices) -> None:
+        """Let the page start runs of these trees on these cells. Before `start`."""
+        self._start_run, self._choices = start_run, choices
+
+    def on_event(self, event: Event) -> None:
+        """Take one event of a run; returns at once.
+
+        Raises:
+            PageLostError: the page's process has ended by itself. The run then ends in the safe state.
+        """
+        if self._lost:
+            raise PageLostError
+        self._encoder.on_event(event)
+
+    def start(self) -> None:
+        """Start the process and wait until it serves.
+
+        Raises:
+            UsageError: the address cannot be used.
+        """
+        here, there = socket.socketpair()
+        with there:
+            command = [sys.executable, "-m", "pomona.executive.dashboard.serve", str(there.fileno())]
+            # A session of its own: Ctrl-C in the terminal ends the run first, and the page shows how.
+            self._process = subprocess.Popen(command, pass_fds=[there.fileno()], start_new_session=True)
+        self._line = line = Connection(here.detach())
+        line.send((self.access, self.records.resolve(), self._choices, self._start_run is not None))
+        refusal = self._refusal(line)
+        if refusal:
+            self.close()
+            raise UsageError(refusal)
+        for work in (self._listen, self._beat):
+            self._threads.append(threading.Thread(target=work, args=(line,), name="pomona-page", daemon=True))
+            self._threads[-1].start()
+
+    def _refusal(self, line: Connection) -> str:
+        """Why the process does not serve; empty once it does."""
+        with contextlib.suppress(EOFError, OSError):
+            while line.poll(READY):
+                kind, *rest = line.recv()
+                if kind == "viewers":
+                    (self.viewers,) = rest
+                else:
+                    return "" if kind == "ready" else str(rest[0])
+            return f"the page's process did not start within {READY:.0f} s"
+        return "the page's process did not start"
+
+    def close(self) -> None:
+        """End the process once its viewers have received everything. Harmless when it was not started."""
+        self._encoder.close()
+        self._closing = True
+        self._news.set()
+        if self._process is None or self._line is None:
+            return
+        self._send(("close",))
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(GOODBYE)
+        self._process.kill()
+        self._process.wait()
+        for thread in self._threads:
+            thread.join(GOODBYE)
+        self._line.close()
+
+    def _deliver(self, words: Sequence[Word]) -> None:
+        self._send(("words", list(words)))
+
+    def _send(self, message: tuple[Any, ...]) -> None:
+        if self._line is None or self._lost:
+            return
+        try:
+            with self._sending:
+                self._line.send(message)
+        except OSError:
+            self._lost = not self._closing
+
+    def _beat(self, _line: Connection) -> None:
+        while not (self._closing or self._lost):
+            self._send(("standing", self.control.standing))
+            self._news.wait(HEARTBEAT)
+            self._news.clear()
+
+    def _listen(self, line: Connection) -> None:
+        while True:
+            try:
+                kind, *rest = line.recv()
+            except (EOFError, OSError):
+                self._lost = not self._closing
+                return
+            if kind == "viewers":
+                (self.viewers,) = rest
+            else:
+                threading.Thread(target=self._carry_out, args=rest, name="pomona-page-call", daemon=True).start()
+
+    def _carry_out(self, number: int, name: str, arguments: Sequence[Any], asked: float) -> None:
+        value, refusal = None, ""
+        try:
+            value = self._call(name, arguments, time.monotonic() - asked)
+        except PomonaError as error:
+            refusal = str(error)
+        except Exception as error:  # whatever it is, the page gets an answer
+            refusal = f"{type(error).__name__}: {error}"
+        self._send(("answer", number, value, refusal, self.control.standing))
+
+    def _call(self, name: str, arguments: Sequence[Any], ago: float) -> Any:
+        if ago > PATIENCE and name not in NEVER_LATE:
+            raise TooLateError(f"asked {ago:.1f} s ago, which is too late: it is not carried out")
+        if name == "start" and self._start_run is not None:
+            return self._start_run(*arguments)
+        if name not in CALLS:
+            raise UsageError(f"'{name}' is no call of the page")
+        return getattr(self.control, name)(*arguments)
