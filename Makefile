@@ -29,8 +29,7 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(RUNS): pyproject.toml $(CONSTRAINTS) scripts/system_libraries.sh | $(BIN)/python
-	@echo "installing what a run needs into $(VENV) (PyTorch, OpenCV, MuJoCo …): a few minutes, once"
-	@$(TORCH)
+	@echo "installing what a run needs into $(VENV) (OpenCV, MuJoCo, numba …): a minute or two, once"
 	$(INSTALL) --editable .
 	@sh scripts/system_libraries.sh egl
 	@touch $@
@@ -118,7 +117,7 @@ bench-tree: $(STAMP) ## the executive beside bare py_trees: ticks, recording, ji
 	$(BIN)/python -m benchmarks.bench_runner
 
 train-detect: $(STAMP) ## train the detector from nothing and replace the shipped weights (four hours on two cores)
-	$(BIN)/pomona train detect --out skills/pomona/skills/perception/detection/weights/apple.pt
+	$(BIN)/pomona train detect --out skills/pomona/skills/perception/detection/weights/apple.weights
 
 bench-start: $(STAMP) ## what the small commands cost: --help, check, skills, show, export, runs list
 	$(BIN)/python -m benchmarks.bench_start

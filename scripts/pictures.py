@@ -163,7 +163,9 @@ PICTURES: dict[str, Picture] = {
     "rendered.jpg": Picture(rendered_frames, ("skills/pomona/skills/perception/synthetic/*.py",)),
     "detect.jpg": Picture(
         found_in_a_frame,
-        tuple(f"skills/pomona/skills/perception/detection/{file}" for file in ("compact_*.py", "weights/apple.pt")),
+        tuple(
+            f"skills/pomona/skills/perception/detection/{file}" for file in ("compact_*.py", "weights/apple.weights")
+        ),
     ),
 }
 

@@ -119,8 +119,8 @@ def test_fruit_without_weights_is_told_with_the_command_that_makes_them(tmp_path
     path = tmp_path / "plum" / "fruit.yaml"
     (found, *_) = judged(tmp_path, registry, cell=None, kind=str(path))
     assert found.message == "Detect: there are no weights to find plum by"
-    command = f"pomona train detect --fruit {path} --out plum.pt"
-    assert found.hint == f"train its detector: {command}, then wire 'weights: plum.pt' beside 'fruit'"
+    command = f"pomona train detect --fruit {path} --out plum.weights"
+    assert found.hint == f"train its detector: {command}, then wire 'weights: plum.weights' beside 'fruit'"
 
 
 def test_fruit_with_a_broken_file_or_broken_weights_is_found_before_the_run(
@@ -129,7 +129,7 @@ def test_fruit_with_a_broken_file_or_broken_weights_is_found_before_the_run(
     fruit = tmp_path / "plum"
     fruit.mkdir()
     (fruit / "plum.ply").write_text("no mesh")
-    about = "name: plum\nmesh: plum.ply\ndimensions: 50 50 50 mm\nsymmetry_axis: [0, -1, 0]\nweights: plum.pt\n"
+    about = "name: plum\nmesh: plum.ply\ndimensions: 50 50 50 mm\nsymmetry_axis: [0, -1, 0]\nweights: plum.weights\n"
     (fruit / "fruit.yaml").write_text(about)
     (found,) = judged(tmp_path, registry, cell=None, kind=str(fruit))
     assert "fruit.yaml:2:7" in found.message

@@ -53,7 +53,7 @@ def scripted(monkeypatch: pytest.MonkeyPatch, tmp_path: object) -> list[Instance
     """What the detector will say, instead of running networks."""
     instances: list[Instance] = []
     monkeypatch.setattr(looking, "find_in_frame", lambda _frame, _fruit, _options: list(instances))
-    apple = replace(load_fruit("apple"), weights=Path("apple.pt"))
+    apple = replace(load_fruit("apple"), weights=Path("apple.weights"))
     monkeypatch.setattr(looking, "load_fruit", lambda name: apple if name == "apple" else load_fruit(name))
     return instances
 
@@ -193,8 +193,8 @@ def test_a_users_own_weights_and_config_are_what_looks(monkeypatch: pytest.Monke
         return [instance(0.0, 0.5)]
 
     monkeypatch.setattr(looking, "find_in_frame", finds)
-    assert look(weights="pears/own.pt").status is Status.SUCCESS
-    assert asked.pop() == (Path("pears/own.pt"), DetectorOptions())
+    assert look(weights="pears/own.weights").status is Status.SUCCESS
+    assert asked.pop() == (Path("pears/own.weights"), DetectorOptions())
     assert look(weights="epoch_60.pth", config="config_pose.yaml").status is Status.SUCCESS
     assert asked.pop()[1] == DopeFiles(Path("epoch_60.pth"), Path("config_pose.yaml"))
     outcome = look(config="config_pose.yaml")
@@ -223,7 +223,7 @@ def test_nothing_of_the_apple_is_loaded_when_a_lemon_is_looked_for(monkeypatch: 
     skill = Detect()
     monkeypatch.setattr(skill, "known", {"fruit": "lemon", "weights": ""}.get)
     skill.prepare()
-    assert loaded == ["lemon", "lemon.pt"]
+    assert loaded == ["lemon", "lemon.weights"]
 
 
 def test_refine_is_prepared_without_any_fruit_of_the_catalogue(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -45,7 +45,7 @@ def scripted(monkeypatch: pytest.MonkeyPatch) -> list[Instance]:
     """What the detector will say, instead of running networks."""
     instances: list[Instance] = []
     monkeypatch.setattr(looking, "find_in_frame", lambda _frame, _fruit, _options: list(instances))
-    apple = replace(load_fruit("apple"), weights=Path("apple.pt"))
+    apple = replace(load_fruit("apple"), weights=Path("apple.weights"))
     monkeypatch.setattr(looking, "load_fruit", lambda name: apple if name == "apple" else load_fruit(name))
     return instances
 

@@ -17,7 +17,7 @@ from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 
 MODULES = {
-    "torch": "torch",
+    "onnxruntime": "onnxruntime",
     "opencv-python-headless": "cv2",
     "mujoco-core": "mujoco",
     "ompl": "ompl",
@@ -32,7 +32,7 @@ EXTRAS = {
     "foxglove": ("foxglove-sdk",),
     "rerun": ("rerun-sdk",),
     "realsense": ("pyrealsense2",),
-    "onnx": ("onnx", "onnxruntime"),
+    "torch": ("torch", "onnx"),
     "ray": ("ray",),
     "lsp": ("pygls",),
 }

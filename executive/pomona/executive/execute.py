@@ -456,7 +456,7 @@ def versions() -> Mapping[str, str]:
     commit = commit_here()
     found = {"git": commit} if commit else {}
     found |= {"python": platform.python_version(), "platform": platform.platform(terse=True)}
-    for package in ("pomona", "py-trees", "numpy", "torch", "ompl", "mujoco-core"):
+    for package in ("pomona", "py-trees", "numpy", "onnxruntime", "ompl", "mujoco-core"):
         with contextlib.suppress(PackageNotFoundError):
             found[package] = version(package)
     return found

@@ -28,7 +28,7 @@ mesh: $name.ply
 dimensions: 0.070 0.080 0.070 m          # of the mesh: measure yours
 symmetry_axis: [0, -1, 0]
 colour: [0.60, 0.20, 0.30]
-# weights: $name.pt                      # pomona train detect --fruit $name --out $name/$name.pt
+# weights: $name.weights                 # pomona train detect --fruit $name --out $name/$name.weights
 """
     },
     data={"$name/$name.ply": mesh},

@@ -2,15 +2,18 @@
 
 import argparse
 import json
+import sys
 from pathlib import Path
 
 import pytest
 import torch
 
+from pomona.executive.errors import UsageError
 from pomona.skills.commands.detector import add_data, add_export, add_train
 from pomona.skills.perception.detection.annotations import read_annotation
 from pomona.skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
-from pomona.skills.perception.detection.weights import load_compact, load_scores, save_compact
+from pomona.skills.perception.detection.weights import load_compact, save_compact
+from pomona.skills.perception.detection.weights_file import read_weights
 from pomona.skills.perception.training import recipe
 from pomona.skills.perception.training.photo_samples import PhotoCloseLookBatches
 from pomona.skills.perception.training.recipe import FrameSet, Recipe, TrainingStage
@@ -77,7 +80,7 @@ def test_train_makes_weights_and_a_report_with_pictures(
     )
     sets = (FrameSet(8, 5), FrameSet(4, 6, (0.0, 0.0, 0.0, 1.0)))
     monkeypatch.setattr(recipe, "SHIPPED", Recipe(sets, FrameSet(2, 7), stages))
-    out = tmp_path / "apple.pt"
+    out = tmp_path / "apple.weights"
     arguments = ("--out", str(out), "--work", str(tmp_path / "work"), "--workers", "1", "--frames", "3")
     assert run("train", "detect", *arguments) == 0
     rendered = [len(list((tmp_path / "work" / f"frames_{k}").glob("*.json"))) for k in range(2)]
@@ -109,7 +112,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def photo_arguments(folder: Path, work: Path) -> tuple[str, ...]:
-    return ("--photos", str(folder), "--work", str(work), "--out", str(work / "apple.pt"), "--workers", "0")
+    return ("--photos", str(folder), "--work", str(work), "--out", str(work / "apple.weights"), "--workers", "0")
 
 
 @pytest.mark.long
@@ -137,14 +140,14 @@ def test_train_goes_on_from_photographs_and_an_interrupted_run_ends_the_same(
         patched.setattr(PhotoCloseLookBatches, "__getitem__", until_two)
         with pytest.raises(KeyboardInterrupt):
             run("train", "detect", *photo_arguments(folder, tmp_path / "cut"))
-    assert not (tmp_path / "cut" / "apple.pt").exists()
+    assert not (tmp_path / "cut" / "apple.weights").exists()
     assert run("train", "detect", *photo_arguments(folder, tmp_path / "cut")) == 0
-    whole, resumed = (load_compact(tmp_path / name / "apple.pt") for name in ("whole", "cut"))
+    whole, resumed = (load_compact(tmp_path / name / "apple.weights") for name in ("whole", "cut"))
     for network, again in zip(whole[:2], resumed[:2], strict=True):
         for a, b in zip(network.state_dict().values(), again.state_dict().values(), strict=True):
             assert torch.equal(a, b)
     assert whole[2]["photographs"] == "2 with 4 boxes"
-    assert load_scores(tmp_path / "whole" / "apple.pt") == load_scores(tmp_path / "cut" / "apple.pt")
+    assert len({read_weights(tmp_path / name / "apple.weights").scores for name in ("whole", "cut")}) == 1
 
 
 def test_training_on_bad_input_says_one_line_and_touches_nothing(
@@ -152,14 +155,17 @@ def test_training_on_bad_input_says_one_line_and_touches_nothing(
 ) -> None:
     folder, work = tables(tmp_path / "photographs"), tmp_path / "work"
     work.mkdir()
-    (work / "apple.pt").write_bytes(b"weights of yesterday")
+    (work / "apple.weights").write_bytes(b"weights of yesterday")
     old = tmp_path / "old.pt"
     torch.save({"format": "pomona compact detector 1"}, old)
     table = (folder / "fruit.csv").read_text()
     for arguments, says in (
         (photo_arguments(tmp_path / "elsewhere", work), "elsewhere: no such folder"),
         ((*photo_arguments(folder, work), "--start-from", str(old)), "old.pt: is not a 'pomona compact detector 2'"),
-        ((*photo_arguments(folder, work), "--start-from", str(tmp_path / "none.pt")), "none.pt: no such file"),
+        (
+            (*photo_arguments(folder, work), "--start-from", str(tmp_path / "none.weights")),
+            "none.weights: no such file",
+        ),
         ((*photo_arguments(folder, work), "--fruit", "durian"), "durian"),
         ((*photo_arguments(folder, work), "--empty", str(tmp_path / "bare")), "bare: no such folder"),
         (("--empty", str(folder)), "--empty goes with --photos"),
@@ -171,27 +177,35 @@ def test_training_on_bad_input_says_one_line_and_touches_nothing(
     (folder / "fruit.csv").write_text(table + "a_0.jpg,500,20,30,30\n")
     assert run("train", "detect", *photo_arguments(folder, work)) == 2
     assert "line 7: the box at 500, 20" in capsys.readouterr().err
-    assert [path.name for path in work.iterdir()] == ["apple.pt"]
-    assert (work / "apple.pt").read_bytes() == b"weights of yesterday"
+    assert [path.name for path in work.iterdir()] == ["apple.weights"]
+    assert (work / "apple.weights").read_bytes() == b"weights of yesterday"
 
 
 def test_weights_are_exported_in_one_command_and_what_cannot_be_is_said_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    pytest.importorskip("onnx")
-    small = tmp_path / "small.pt"
+    small = tmp_path / "small.weights"
     save_compact(small, FinderNetwork((8, 8, 8, 8)), CloseLookNetwork((8, 8, 8, 8, 8)), {"fruit": "apple"})
     out = tmp_path / "onnx"
     assert run("export-weights", "--onnx", "--weights", str(small), "--out", str(out)) == 0
     assert sorted(path.name for path in out.iterdir()) == ["about.json", "close_look.onnx", "finder.onnx"]
     assert json.loads((out / "about.json").read_text())["about"] == {"fruit": "apple"}
+    assert run("export-weights", "--weights", str(small), "--out", str(tmp_path / "copy.weights")) == 0
+    assert read_weights(tmp_path / "copy.weights") == read_weights(small)
     capsys.readouterr()
     for arguments, says in (
-        (("--weights", str(tmp_path / "none.pt")), "none.pt: no such file"),
-        (("--fruit", "durian"), "durian"),
+        (("--onnx", "--weights", str(tmp_path / "none.weights")), "none.weights: no such file"),
+        (("--onnx", "--fruit", "durian"), "durian"),
+        (("--weights", str(small)), "other: is there already: name another file with --out"),
     ):
-        assert run("export-weights", "--onnx", *arguments, "--out", str(tmp_path / "other")) == 2
+        (tmp_path / "other").touch()
+        assert run("export-weights", *arguments, "--out", str(tmp_path / "other")) == 2
         complaint = capsys.readouterr().err
         assert says in complaint
         assert complaint.count("\n") == 1
-    assert not (tmp_path / "other").exists()
+
+
+def test_training_without_pytorch_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "torch", None)
+    with pytest.raises(UsageError, match=r"pomona train needs the extra 'torch': pip install 'pomona\[torch\]'"):
+        run("train", "detect")

@@ -75,7 +75,7 @@ def _guarded(calibrate: Any, options: argparse.Namespace) -> int:
 
 
 def _fingers(options: argparse.Namespace) -> str:
-    from pomona.drivers.suntouch.fit import fit_calibration, read_recording  # torch: not for every command
+    from pomona.drivers.suntouch.fit import fit_calibration, read_recording
 
     volts, wrenches = read_recording(options.recording)
     calibration, report = fit_calibration(

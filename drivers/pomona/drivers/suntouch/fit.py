@@ -20,6 +20,10 @@ from pomona.executive.values.plain_text import read_plain_text
 KEPT_ASIDE = 0.2
 """Share of the recording, in blocks, on which the error is measured."""
 BLOCKS = 50
+STEPS = 10
+"""Steps of L-BFGS in an epoch."""
+_PATIENCE = 10 * STEPS
+"""Steps without a lower error after which the fit ends."""
 MOST_BYTES = 1 << 28
 """Of a recording as text; twenty thousand samples have 10 MB."""
 
@@ -101,7 +105,7 @@ def fit_calibration(
         finger: which finger it is, for people.
         components: of the PCA that are kept.
         hidden: sizes of the tansig layers.
-        epochs: outer steps of L-BFGS; ends earlier when the error on what is kept aside no longer falls.
+        epochs: times `STEPS` steps of L-BFGS; ends earlier when the error on the samples kept aside no longer falls.
 
     Raises:
         UnusableRecording: too few samples, no variation, or values that are not finite.
@@ -143,46 +147,55 @@ def _kept_aside(count: int, seed: int) -> NDArray[np.bool_]:
 def _train(
     x: Float64, y: Float64, aside: NDArray[np.bool_], hidden: tuple[int, ...], epochs: int, seed: int
 ) -> tuple[tuple[Float64, Float64], ...]:
-    import torch  # takes a second to import, and no driver needs it
+    """Weights (outputs, inputs) and biases of each layer, by L-BFGS on the mean squared error."""
+    from scipy.optimize import minimize  # a third of a second to import, and no driver needs it
 
-    generator = torch.Generator().manual_seed(seed)
-    sizes = (x.shape[1], *hidden, y.shape[1])
-    parameters = []
-    for fan_in, fan_out in itertools.pairwise(sizes):
-        weights = torch.randn(fan_out, fan_in, dtype=torch.float64, generator=generator) / fan_in**0.5
-        parameters += [weights.requires_grad_(), torch.zeros(fan_out, dtype=torch.float64, requires_grad=True)]
+    rng = np.random.default_rng(seed)
+    shapes = list(itertools.pairwise((x.shape[1], *hidden, y.shape[1])))
+    start = [
+        np.concatenate([rng.standard_normal(fan_in * fan_out) / fan_in**0.5, np.zeros(fan_out)])
+        for fan_in, fan_out in shapes
+    ]
+    best, best_parameters, stale = float("inf"), np.concatenate(start), 0
 
-    def error(inputs: torch.Tensor, targets: torch.Tensor) -> torch.Tensor:
-        for i in range(0, len(parameters) - 2, 2):
-            inputs = torch.tanh(inputs @ parameters[i].T + parameters[i + 1])
-        residual: torch.Tensor = inputs @ parameters[-2].T + parameters[-1] - targets
-        return (residual**2).mean()
+    def watch(parameters: Float64) -> None:
+        nonlocal best, best_parameters, stale
+        now, _ = _error(_layers(parameters, shapes), x[aside], y[aside])
+        if now < best * 0.999:
+            best, best_parameters, stale = now, parameters.copy(), 0
+            return
+        stale += 1
+        if stale >= _PATIENCE:
+            raise StopIteration
 
-    train = torch.from_numpy(x[~aside]), torch.from_numpy(y[~aside])
-    test = torch.from_numpy(x[aside]), torch.from_numpy(y[aside])
-    optimiser = torch.optim.LBFGS(parameters, max_iter=10, history_size=30, line_search_fn="strong_wolfe")
+    minimize(
+        lambda parameters: _error(_layers(parameters, shapes), x[~aside], y[~aside]),
+        best_parameters,
+        jac=True,
+        method="L-BFGS-B",
+        callback=watch,
+        options={"maxiter": epochs * STEPS, "maxfun": 2 * epochs * STEPS, "maxcor": 30, "ftol": 0.0, "gtol": 1e-9},
+    )
+    return tuple(_layers(best_parameters, shapes))
 
-    def closure() -> torch.Tensor:
-        optimiser.zero_grad()
-        loss = error(*train)
-        loss.backward()  # type: ignore[no-untyped-call]
-        return loss
 
-    best, best_parameters, stale = float("inf"), [p.detach().clone() for p in parameters], 0
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)  # the matrices are too small to be shared
-    try:
-        for _ in range(epochs):
-            optimiser.step(closure)  # type: ignore[no-untyped-call]
-            with torch.no_grad():
-                now = float(error(*test))
-            if now < best * 0.999:
-                best, best_parameters, stale = now, [p.detach().clone() for p in parameters], 0
-            else:
-                stale += 1
-                if stale >= 10:
-                    break
-    finally:
-        torch.set_num_threads(threads)
-    arrays = [p.numpy() for p in best_parameters]
-    return tuple((arrays[i], arrays[i + 1]) for i in range(0, len(arrays), 2))
+def _layers(parameters: Float64, shapes: list[tuple[int, int]]) -> list[tuple[Float64, Float64]]:
+    layers, begin = [], 0
+    for fan_in, fan_out in shapes:
+        end = begin + fan_in * fan_out
+        layers.append((parameters[begin:end].reshape(fan_out, fan_in), parameters[end : end + fan_out]))
+        begin = end + fan_out
+    return layers
+
+
+def _error(layers: list[tuple[Float64, Float64]], x: Float64, y: Float64) -> tuple[float, Float64]:
+    """The mean squared error of the network's answers and its gradient, as flat as the parameters."""
+    activations = [x]
+    for weights, bias in layers[:-1]:
+        activations.append(np.tanh(activations[-1] @ weights.T + bias))
+    residual = activations[-1] @ layers[-1][0].T + layers[-1][1] - y
+    slope, gradient = 2.0 / residual.size * residual, []
+    for (weights, _), inputs in zip(reversed(layers), reversed(activations), strict=True):
+        gradient += [slope.sum(axis=0), (slope.T @ inputs).ravel()]
+        slope = (slope @ weights) * (1.0 - inputs**2)
+    return float((residual**2).mean()), np.concatenate(gradient[::-1])

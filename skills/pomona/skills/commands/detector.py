@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from pomona.executive.engine import add_engine_options, open_engine
+from pomona.executive.extras import need
 
 
 def add_data(subparsers: Any) -> None:
@@ -41,7 +42,7 @@ def add_train(subparsers: Any) -> None:
     parser = subparsers.add_parser("train", help="train networks")
     kinds = parser.add_subparsers(metavar="WHAT", required=True)
     detect = kinds.add_parser("detect", help="the detector of a fruit, from rendered frames to a weights file")
-    detect.add_argument("--out", type=Path, default=Path("apple.pt"), help="weights file to write (apple.pt)")
+    detect.add_argument("--out", type=Path, default=Path("apple.weights"), help="weights file to write (apple.weights)")
     detect.add_argument(
         "--work", type=Path, help="frames and checkpoints; resumes (runs/train_detect, with --photos runs/train_photos)"
     )
@@ -74,17 +75,25 @@ def add_train(subparsers: Any) -> None:
 def add_export(subparsers: Any) -> None:
     """Register `pomona export-weights`."""
     parser = subparsers.add_parser("export-weights", help="a detector's weights in a format that other programs read")
-    parser.add_argument("--onnx", action="store_true", required=True, help="both networks as ONNX files")
+    parser.add_argument(
+        "--onnx", action="store_true", help="both networks as ONNX files; else one weights file, as runs read it"
+    )
     parser.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
     parser.add_argument("--weights", type=Path, help="another weights file than the fruit's own")
-    parser.add_argument("--out", type=Path, help="folder for finder.onnx, close_look.onnx and about.json (FRUIT_onnx)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        help="with --onnx a folder for finder.onnx, close_look.onnx and about.json (FRUIT_onnx); else the weights file "
+        "(FRUIT.weights)",
+    )
     parser.set_defaults(main=export_main)
 
 
 def export_main(options: argparse.Namespace) -> int:
     """Write the files; returns 0, or 2 when there are no weights that can be written."""
+    from pomona.skills.perception.detection.compact_detector import read_stored
     from pomona.skills.perception.detection.errors import BadWeights, DetectError
-    from pomona.skills.perception.detection.onnx_runtime import export_onnx
+    from pomona.skills.perception.detection.weights_file import ENDING, write_weights
     from pomona.skills.perception.fruit import load_fruit
     from pomona.skills.perception.fruit.errors import FruitError
 
@@ -93,7 +102,18 @@ def export_main(options: argparse.Namespace) -> int:
         weights = options.weights or fruit.weights
         if weights is None:
             raise BadWeights(options.fruit, "this fruit has no weights: train some, or name a file with --weights")
-        written = export_onnx(weights, options.out or Path(f"{fruit.name}_onnx"))
+        stored = read_stored(weights)
+        out = options.out or Path(f"{fruit.name}_onnx" if options.onnx else f"{fruit.name}{ENDING}")
+        written = [out]
+        if options.onnx:
+            out.mkdir(parents=True, exist_ok=True)
+            written = [out / name for name in stored.members()]
+            for path, content in zip(written, stored.members().values(), strict=True):
+                path.write_bytes(content)
+        elif out.exists():
+            raise BadWeights(out, "is there already: name another file with --out")
+        else:
+            write_weights(out, stored)
     except (DetectError, FruitError, OSError) as error:
         sys.stderr.write(f"pomona export-weights: {error}\n")
         return 2
@@ -128,6 +148,8 @@ def data_main(options: argparse.Namespace) -> int:
 
 def train_main(options: argparse.Namespace) -> int:
     """Train, write the weights and a report beside the checkpoints; returns 0, or 2 when it cannot start."""
+    for package in ("torch", "onnx"):
+        need(package, "torch", "pomona train")
     from pomona.skills.perception.detection.errors import BadTraining, DetectError
     from pomona.skills.perception.fruit.errors import FruitError
     from pomona.skills.perception.training.recipe import QUICK, SHIPPED, WITH_PHOTOGRAPHS, make_weights

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator, Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,14 +18,15 @@ from pomona.executive.values.arrays import Float64
 from pomona.executive.values.sections import Problem
 from pomona.executive.views import ImageView, Line2, Pinhole
 from pomona.skills.motion.robot.model import RobotModel
-from pomona.skills.perception.detection.errors import BadFrame, BadPoseConfig, BadWeights
+from pomona.skills.perception.detection.errors import BadFrame, BadPoseConfig, BadWeights, MissingPackage
 from pomona.skills.perception.detection.instances import Instance, find_instances
 from pomona.skills.perception.detection.options import DetectorOptions, DopeFiles
+from pomona.skills.perception.detection.weights_file import ENDING, is_torch_file
 from pomona.skills.perception.fruit import FruitModel, load_fruit
 from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS, damage, known_fruits
 from pomona.skills.perception.fruit.errors import FruitError
 
-if TYPE_CHECKING:  # the networks are loaded where they are used: importing torch takes seconds
+if TYPE_CHECKING:  # engines are loaded where they are used: importing PyTorch takes seconds
     from pomona.skills.perception.detection.compact_detector import CompactDetector
     from pomona.skills.perception.detection.dope_detector import DopeDetector
 
@@ -52,7 +54,7 @@ class LookingSkill(Skill):
             return
         fruit = load_fruit(name)
         if fruit.weights is None:
-            raise BadWeights(SHIPPED_WEIGHTS / f"{fruit.name}.pt", "is missing: restore it, or train the detector")
+            raise BadWeights(SHIPPED_WEIGHTS / f"{fruit.name}{ENDING}", "is missing: restore it, or train the detector")
         _detector(fruit.weights, DetectorOptions())
 
     @classmethod
@@ -67,13 +69,18 @@ class LookingSkill(Skill):
             yield Problem("fruit", str(error))
             return
         if known.get("weights"):
-            if not Path(known["weights"]).is_file():
-                yield Problem("weights", f"there is no file {known['weights']}")
+            weights = Path(known["weights"])
+            if not weights.is_file():
+                yield Problem("weights", f"there is no file {weights}")
+            elif needs_torch(weights):
+                yield Problem("weights", *_without_torch(weights))
         elif fruit.weights is None:
             hint = f"train its detector: {_training(name, fruit)}"
             yield Problem("fruit", f"there are no weights to find {fruit.name} by", hint)
         elif problem := damage(fruit.weights):
             yield Problem("fruit", f"the weights {fruit.weights} cannot be read: {problem}", "restore the file")
+        elif needs_torch(fruit.weights):
+            yield Problem("fruit", *_without_torch(fruit.weights))
         kinds = None if cell is None else cell.known(FruitKinds)
         if cell is not None and kinds is not None and fruit.name not in kinds.names:
             there = ", ".join(kinds.names)
@@ -136,8 +143,17 @@ class LookingSkill(Skill):
             return (yield from self.compute(find_in_frame, frame, model, options))
         except BadFrame as error:
             raise self.failure("NO_FRAME", f"the camera's frame cannot be used: {error}") from error
-        except (BadWeights, BadPoseConfig) as error:
+        except (BadWeights, BadPoseConfig, MissingPackage) as error:
             raise self.failure("NO_WEIGHTS", str(error), fruit=model.name) from error
+
+
+def needs_torch(weights: Path) -> bool:
+    """Return True if PyTorch wrote a weights file and is not installed."""
+    return find_spec("torch") is None and is_torch_file(weights)
+
+
+def _without_torch(weights: Path) -> tuple[str, str]:
+    return f"PyTorch wrote the weights {weights}, and it is not installed", "pip install 'pomona[torch]'"
 
 
 @lru_cache(maxsize=4)
@@ -151,7 +167,10 @@ def _detector(weights: Path, options: DetectorOptions) -> CompactDetector:
 
 @lru_cache(maxsize=1)
 def _dope_detector(files: DopeFiles, fruit: str, dimensions: tuple[float, float, float]) -> DopeDetector:
-    from pomona.skills.perception.detection.dope_detector import DopeDetector
+    try:
+        from pomona.skills.perception.detection.dope_detector import DopeDetector
+    except ImportError as error:
+        raise MissingPackage("torch", f"runs DOPE's network {files.weights}") from error
 
     return DopeDetector.load(files, fruit, dimensions)
 
@@ -162,6 +181,7 @@ def find_in_frame(frame: Frame, fruit: FruitModel, options: DetectorOptions | Do
     Raises:
         BadFrame: the frame's picture has another shape or type.
         BadWeights, BadPoseConfig: the detector's files cannot be used.
+        MissingPackage: PyTorch runs these weights, and it is not installed.
     """
     if isinstance(options, DopeFiles):
         x, y, z = fruit.dimensions.tolist()
@@ -189,5 +209,5 @@ def picture(
 
 def _training(fruit: str, model: FruitModel) -> str:
     """The command that makes weights for a fruit of this name or path, and how a tree says that it means them."""
-    weights = f"{model.name}.pt"
+    weights = f"{model.name}{ENDING}"
     return f"pomona train detect --fruit {fruit} --out {weights}, then wire 'weights: {weights}' beside 'fruit'"

@@ -1,12 +1,9 @@
 """The compact detector with its shipped weights, from a rendered picture to poses."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 import torch
 
-from pomona.skills.perception.detection import compact_detector
 from pomona.skills.perception.detection.annotations import AnnotatedObject, Annotation
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
@@ -15,6 +12,7 @@ from pomona.skills.perception.detection.evaluation import Evaluation, evaluate, 
 from pomona.skills.perception.detection.instances import find_instances
 from pomona.skills.perception.detection.options import DetectorOptions
 from pomona.skills.perception.detection.pose_calibration import coverage
+from pomona.skills.perception.detection.torch_engine import torch_detector
 from pomona.skills.perception.fruit import FruitModel, load_fruit
 from pomona.skills.perception.synthetic.dataset import annotate
 from pomona.skills.perception.synthetic.options import SceneOptions
@@ -58,7 +56,6 @@ def detector(apple: FruitModel) -> CompactDetector:
 
 @pytest.fixture(scope="module")
 def result(detector: CompactDetector, apple: FruitModel) -> Evaluation:
-    torch.set_num_threads(1)
     return evaluate(detector, Rendered(apple, 16), apple, 16)
 
 
@@ -95,33 +92,6 @@ def test_the_same_picture_gives_the_same_poses(detector: CompactDetector, apple:
         assert np.array_equal(a.keypoints, b.keypoints)
         assert a.score == b.score
     assert [i.score for i in first] == sorted((i.score for i in first), reverse=True)
-
-
-def test_it_is_made_and_warmed_in_the_one_thread_in_which_it_looks(
-    apple: FruitModel, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Two threads, on a busy machine, spent ten seconds of the start waiting for each other."""
-    assert apple.weights is not None
-    seen: list[int] = []
-    make = compact_detector._ready
-
-    def ready(*arguments: Any) -> Any:
-        run = make(*arguments)
-        seen.append(torch.get_num_threads())
-        return lambda batch: seen.append(torch.get_num_threads()) or run(batch)
-
-    monkeypatch.setattr(compact_detector, "_ready", ready)
-    before = torch.get_num_threads()
-    torch.set_num_threads(2)
-    try:
-        detector = CompactDetector.load(apple.weights)
-        detector.warm_up()
-        detector.find(np.zeros((480, 640, 3), np.uint8), K)
-        assert torch.get_num_threads() == 2
-    finally:
-        torch.set_num_threads(before)
-    assert len(seen) > 10
-    assert set(seen) == {1}
 
 
 @pytest.mark.parametrize("size", [(480, 640), (720, 1280), (37, 61), (500, 333)])
@@ -178,7 +148,7 @@ def test_a_mirrored_picture_gives_mirrored_fruit(apple: FruitModel) -> None:
 
 def test_untrained_networks_return_in_bounded_time_and_finite() -> None:
     torch.manual_seed(0)
-    wild = CompactDetector(FinderNetwork(), CloseLookNetwork())
+    wild = torch_detector(FinderNetwork(), CloseLookNetwork())
     noise = np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8)
     found = wild.find(noise, K)
     assert len(found) <= wild.options.most_fruit

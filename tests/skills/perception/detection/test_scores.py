@@ -1,15 +1,9 @@
 """Scores that mean how often a find is fruit."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-import torch
 
-from pomona.skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
-from pomona.skills.perception.detection.errors import BadWeights
 from pomona.skills.perception.detection.scores import LEAST_SLOPE, ScoreMap, fit_scores
-from pomona.skills.perception.detection.weights import load_scores, save_compact
 from pomona.skills.perception.training.photo_figures import calibration
 
 
@@ -42,15 +36,3 @@ def test_finds_that_teach_nothing_leave_scores_alone_and_contrary_ones_keep_the_
     assert fit_scores(scores, scores < 0.5).slope == LEAST_SLOPE
     assert np.isfinite(fit_scores(scores, scores > 0.5).of(np.array([0.0, 0.5, 1.0]))).all()
     assert ScoreMap()(0.123) == 0.123
-
-
-def test_the_map_travels_with_the_weights_and_one_that_falls_is_refused(tmp_path: Path) -> None:
-    networks = FinderNetwork((8, 8, 8, 8)), CloseLookNetwork((8, 8, 8, 8, 8))
-    save_compact(tmp_path / "with.pt", *networks, None, ScoreMap(0.7, -0.2))
-    save_compact(tmp_path / "without.pt", *networks)
-    assert load_scores(tmp_path / "with.pt") == ScoreMap(0.7, -0.2)
-    assert load_scores(tmp_path / "without.pt") == ScoreMap()
-    for wrong in ([-1.0, 0.0], [float("nan"), 0.0], [1.0], "steep"):
-        torch.save({**torch.load(tmp_path / "with.pt", weights_only=True), "scores": wrong}, tmp_path / "wrong.pt")
-        with pytest.raises(BadWeights, match="scores"):
-            load_scores(tmp_path / "wrong.pt")

@@ -1,22 +1,39 @@
-"""The compact detector's weights file."""
+"""The compact detector's networks to and from its weights file, and files of earlier versions."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
-from pomona.skills.perception.detection.compact_detector import CompactDetector
+from pomona.skills.perception.detection.compact_detector import CompactDetector, read_stored
 from pomona.skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork, with_boxes
-from pomona.skills.perception.detection.errors import BadWeights
+from pomona.skills.perception.detection.errors import BadWeights, MissingPackage
 from pomona.skills.perception.detection.outputs import BOX, LEAST_OUTPUTS, USUAL_BOX
-from pomona.skills.perception.detection.weights import load_compact, save_compact
+from pomona.skills.perception.detection.scores import ScoreMap
+from pomona.skills.perception.detection.torch_engine import torch_detector
+from pomona.skills.perception.detection.weights import TORCH_FORMAT, load_compact, save_compact
+
+
+def save_with_torch(
+    path: Path, finder: FinderNetwork, close_look: CloseLookNetwork, **more: object
+) -> dict[str, dict[str, torch.Tensor]]:
+    """Write a file as earlier versions did, and return its content."""
+    content: dict[str, object] = {"format": TORCH_FORMAT, "about": {"fruit": "apple"}, "widths": {}, **more}
+    for name, network in (("finder", finder), ("close_look", close_look)):
+        content["widths"][name] = list(network.widths)
+        content[name] = {
+            key: value.half() for key, value in network.state_dict().items() if not key.endswith("num_batches_tracked")
+        }
+    torch.save(content, path)
+    return content
 
 
 def test_saved_networks_load_again_with_their_story(tmp_path: Path) -> None:
     torch.manual_seed(0)
     finder, close_look = FinderNetwork().eval(), CloseLookNetwork().eval()
-    path = tmp_path / "apple.pt"
+    path = tmp_path / "apple.weights"
     save_compact(path, finder, close_look, {"frames": "12"})
     assert path.stat().st_size < 10e6
     again, look_again, about = load_compact(path)
@@ -28,11 +45,11 @@ def test_saved_networks_load_again_with_their_story(tmp_path: Path) -> None:
 
 
 def test_other_files_are_refused(tmp_path: Path) -> None:
-    path = tmp_path / "other.pt"
+    path = tmp_path / "other.weights"
     with pytest.raises(BadWeights, match="no such file"):
         load_compact(path)
     torch.save({"vgg.0.weight": torch.zeros(1)}, path)
-    with pytest.raises(BadWeights, match="is not a 'pomona compact detector"):
+    with pytest.raises(BadWeights, match="is not a 'pomona compact detector 2'"):
         load_compact(path)
     path.write_bytes(b"\x00" * 100)
     with pytest.raises(BadWeights, match="cannot be read"):
@@ -41,8 +58,7 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
 
 def test_tensors_that_do_not_fit_or_are_not_finite_are_named(tmp_path: Path) -> None:
     path = tmp_path / "apple.pt"
-    save_compact(path, FinderNetwork(), CloseLookNetwork())
-    content = torch.load(path, weights_only=True)
+    content = save_with_torch(path, FinderNetwork(), CloseLookNetwork())
     content["finder"]["at_4.second.weight"][0] = float("nan")
     torch.save(content, path)
     with pytest.raises(BadWeights, match=r"at_4\.second\.weight holds values that are not finite"):
@@ -51,25 +67,57 @@ def test_tensors_that_do_not_fit_or_are_not_finite_are_named(tmp_path: Path) -> 
     torch.save(content, path)
     with pytest.raises(BadWeights, match=r"1 missing \(at_4\.second\.weight\)"):
         load_compact(path)
+    large = FinderNetwork((8, 8, 8, 8))
+    with torch.no_grad():
+        large.at_4.norm.bias[0] = 1e6
+    with pytest.raises(BadWeights, match=r"at_4\.norm\.bias holds values that are not finite in half precision"):
+        save_compact(tmp_path / "large.weights", large, CloseLookNetwork((8, 8, 8, 8, 8)))
+    assert not (tmp_path / "large.weights").exists()
 
 
 def test_networks_of_other_widths_load_as_wide_as_they_were_saved(tmp_path: Path) -> None:
-    path = tmp_path / "small.pt"
-    save_compact(path, FinderNetwork((8, 12, 16, 24)), CloseLookNetwork((16, 24, 32, 8, 20)))
-    finder, close_look, _ = load_compact(path)
-    assert (finder.widths, close_look.widths) == ((8, 12, 16, 24), (16, 24, 32, 8, 20))
-    content = torch.load(path, weights_only=True)
+    networks = FinderNetwork((8, 12, 16, 24)), CloseLookNetwork((16, 24, 32, 8, 20))
+    save_compact(tmp_path / "small.weights", *networks)
+    content = save_with_torch(tmp_path / "small.pt", *networks)
+    for name in ("small.weights", "small.pt"):
+        finder, close_look, _ = load_compact(tmp_path / name)
+        assert (finder.widths, close_look.widths) == ((8, 12, 16, 24), (16, 24, 32, 8, 20))
     for widths in ([8, 12], [8, 12, 16, -1], [8, 12, 16, 10**9], None, ["a", 1, 1, 1]):
         content["widths"]["finder"] = widths
-        torch.save(content, path)
+        torch.save(content, tmp_path / "small.pt")
         with pytest.raises(BadWeights, match="how wide its networks are"):
-            load_compact(path)
+            load_compact(tmp_path / "small.pt")
+
+
+def test_a_file_of_an_earlier_version_finds_the_same_and_keeps_its_scores(tmp_path: Path) -> None:
+    torch.manual_seed(0)
+    networks = FinderNetwork((8, 8, 8, 8)), CloseLookNetwork((8, 8, 8, 8, 8))
+    save_with_torch(tmp_path / "old.pt", *networks, scores=[0.7, -0.2])
+    save_compact(tmp_path / "new.weights", *networks, {"fruit": "apple"}, ScoreMap(0.7, -0.2))
+    assert read_stored(tmp_path / "old.pt") == read_stored(tmp_path / "new.weights")
+    picture = np.random.default_rng(0).integers(0, 256, (96, 128, 3), dtype=np.uint8)
+    old, new = (CompactDetector.load(tmp_path / name) for name in ("old.pt", "new.weights"))
+    for one, other in zip(old._maps(picture)[0], new._maps(picture)[0], strict=True):
+        assert np.array_equal(one, other)
+    for wrong in ([-1.0, 0.0], [float("nan"), 0.0], [1.0], "steep"):
+        save_with_torch(tmp_path / "wrong.pt", *networks, scores=wrong)
+        with pytest.raises(BadWeights, match="scores"):
+            read_stored(tmp_path / "wrong.pt")
+
+
+def test_a_file_of_an_earlier_version_without_pytorch_names_the_extra(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save_with_torch(tmp_path / "old.pt", FinderNetwork((8, 8, 8, 8)), CloseLookNetwork((8, 8, 8, 8, 8)))
+    monkeypatch.setitem(sys.modules, "pomona.skills.perception.detection.weights", None)
+    with pytest.raises(MissingPackage, match=r"torch reads \S*old\.pt.* pip install 'pomona\[torch\]'"):
+        CompactDetector.load(tmp_path / "old.pt")
 
 
 def test_a_close_look_without_boxes_learns_them_from_the_usual_one_and_says_the_rest_as_before(tmp_path: Path) -> None:
     torch.manual_seed(0)
     before = CloseLookNetwork((8, 8, 8, 4, 8), LEAST_OUTPUTS).eval()
-    path = tmp_path / "before.pt"
+    path = tmp_path / "before.weights"
     save_compact(path, FinderNetwork((8, 8, 8, 8)), before)
     _, loaded, _ = load_compact(path)
     wide = with_boxes(loaded)
@@ -84,10 +132,10 @@ def test_a_close_look_without_boxes_learns_them_from_the_usual_one_and_says_the_
     assert torch.allclose(again(looks)[:, BOX], says[:, BOX], atol=1e-3)
     picture, K = np.zeros((48, 64, 3), np.uint8), np.array([[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]])
     at_border = [(np.array([60.0, 24.0]), 10.0)]
-    (boxed,) = CompactDetector(finder, again)._look(picture, K, at_border, [1.0], mirrored=True)
+    (boxed,) = torch_detector(finder, again)._look(picture, K, at_border, [1.0], mirrored=True)
     assert boxed.box is not None
     assert (boxed.box >= 0.0).all()
     assert boxed.box[0] + boxed.box[2] <= 64.0
-    (bare,) = CompactDetector(finder, loaded)._look(picture, K, at_border, [1.0], mirrored=True)
+    (bare,) = torch_detector(finder, loaded)._look(picture, K, at_border, [1.0], mirrored=True)
     assert bare.box is None
     assert bare.outline(64, 48)[2] > 0.0

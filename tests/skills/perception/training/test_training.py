@@ -11,10 +11,10 @@ import pytest
 import torch
 
 from pomona.skills.perception.detection.close_look import SIZE_OF_BOX
-from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
 from pomona.skills.perception.detection.cuboid import MIRRORED
 from pomona.skills.perception.detection.errors import BadAnnotation, BadTraining
+from pomona.skills.perception.detection.torch_engine import torch_detector
 from pomona.skills.perception.synthetic.dataset import render_dataset
 from pomona.skills.perception.synthetic.options import SceneOptions
 from pomona.skills.perception.training.all_reduce import GradientAllReduce
@@ -216,7 +216,7 @@ def test_close_looks_hold_the_fruit_they_are_labelled_with(frames: Path) -> None
 def test_places_are_kept_and_what_deceives_the_finder_is_taught_as_no_fruit(frames: Path, tmp_path: Path) -> None:
     folder = FrameFolder([frames])
     torch.manual_seed(0)
-    found = find_places(CompactDetector(FinderNetwork(), CloseLookNetwork()), folder)
+    found = find_places(torch_detector(FinderNetwork(), CloseLookNetwork()), folder)
     assert set(found) == {folder.name(k) for k in range(4)}
     fruit = folder.annotation(0).objects[0]
     deceiving = {folder.name(k): np.array([[*np.array([600.0, 20.0]), 30.0, 0.9]] * 30) for k in range(4)}

@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 import copy
-import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
-import torch
-from numpy.typing import NDArray
-from torch import Tensor, nn
 
-from pomona.executive.values.arrays import Float64, UInt8
+from pomona.executive.values.arrays import Float32, Float64, UInt8
 from pomona.skills.perception.detection.close_look import REFERENCE_LENGTH, look_at
-from pomona.skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork, to_input
+from pomona.skills.perception.detection.errors import MissingPackage
 from pomona.skills.perception.detection.found_fruit import FoundFruit, inside
 from pomona.skills.perception.detection.frame_check import check_picture
+from pomona.skills.perception.detection.onnx_runtime import onnx_network
 from pomona.skills.perception.detection.options import DetectorOptions
 from pomona.skills.perception.detection.outputs import (
     ALL_OUTPUTS,
@@ -31,11 +25,17 @@ from pomona.skills.perception.detection.outputs import (
     KIND,
     SEEN,
     SPREAD,
+    Network,
 )
 from pomona.skills.perception.detection.peaks import Peak, decode_offsets
-from pomona.skills.perception.detection.processor import has_bfloat16
 from pomona.skills.perception.detection.scores import ScoreMap
-from pomona.skills.perception.detection.weights import load_compact, load_scores
+from pomona.skills.perception.detection.weights_file import (
+    CLOSE_LOOK,
+    FINDER,
+    StoredDetector,
+    is_torch_file,
+    read_weights,
+)
 
 MIRROR = np.ones(ALL_OUTPUTS)
 MIRROR[[CENTRE.start, AXIS.start, BOX.start]] = -1.0
@@ -47,53 +47,41 @@ HOPELESS = 0.2
 MULTIPLE = 16
 """The finder's input sides are multiples of this [px]."""
 
-FINDER_EXAMPLE = (1, 3, 12 * MULTIPLE, 16 * MULTIPLE)
-CLOSE_LOOK_EXAMPLE = (2, 3, CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE)
-"""Shapes of inputs with which the networks' graphs are drawn up; a graph holds none of their sizes but the looks'."""
-
-Run = Callable[[Tensor], Any]
-"""Carries out a network: float32 pictures (n, 3, h, w) to what the network gives."""
-
 BATCH = 16
 """Looks that go through the network at once: more no longer fit into the processor's cache, and each takes longer."""
 
 
 class CompactDetector:
-    """Both networks, ready to run on the CPU. Calls release the interpreter's lock while the networks run."""
+    """Both networks, ready to run on the CPU, in the caller's thread.
+
+    Args:
+        finder, close_look: networks, as `onnx_network` gives them.
+        options: of the search.
+        scores: from the networks' scores to the ratio of such detections that are fruit.
+    """
 
     def __init__(
         self,
-        finder: FinderNetwork,
-        close_look: CloseLookNetwork,
+        finder: Network,
+        close_look: Network,
         options: DetectorOptions | None = None,
         scores: ScoreMap | None = None,
     ) -> None:
         self.options, self.scores = options or DetectorOptions(), scores or ScoreMap()
-        number = torch.bfloat16 if has_bfloat16() else torch.float32
-        # Any size will do: the graph that is traced holds no sizes.
-        self._finder = _ready(finder, torch.zeros(FINDER_EXAMPLE), number)
-        self._close_look = _ready(close_look, torch.zeros(CLOSE_LOOK_EXAMPLE), number)
+        self._finder, self._close_look = finder, close_look
 
     @classmethod
     def load(cls, path: Path | str, options: DetectorOptions | None = None) -> CompactDetector:
-        """Load from a weights file.
+        """Load from a weights file, with ONNX Runtime as the engine.
 
         Raises:
             BadWeights: unreadable or not fitting.
+            MissingPackage: PyTorch wrote the file, and the extra `torch` is not installed.
         """
-        with _one_thread():
-            finder, close_look, _ = load_compact(path)
-            return cls(finder, close_look, options, load_scores(path))
-
-    @classmethod
-    def running(
-        cls, finder: Run, close_look: Run, options: DetectorOptions | None = None, scores: ScoreMap | None = None
-    ) -> CompactDetector:
-        """A detector whose networks something else runs, such as ONNX Runtime."""
-        detector = cls.__new__(cls)
-        detector.options, detector.scores = options or DetectorOptions(), scores or ScoreMap()
-        detector._finder, detector._close_look = finder, close_look
-        return detector
+        stored = read_stored(path)
+        finder = onnx_network(stored.finder, path, FINDER)
+        close_look = onnx_network(stored.close_look, path, CLOSE_LOOK)
+        return cls(finder, close_look, options, stored.scores)
 
     def looking(self, options: DetectorOptions) -> CompactDetector:
         """The same networks with other options."""
@@ -102,18 +90,11 @@ class CompactDetector:
         return other
 
     def warm_up(self, width: int = 640, height: int = 480) -> None:
-        """Run once for every size of batch, in one thread as `find` does, so that the first picture is not slower than
-        the rest."""
-        with _one_thread():
-            self._warm_up(width, height)
-
-    def _warm_up(self, width: int, height: int) -> None:
+        """Search an empty picture and take one look, so that the first picture is not slower than the rest."""
         blank = np.zeros((height, width, 3), np.uint8)
         self.belief_maps(blank)
         K = np.array([[width, 0.0, 0.5 * width], [0.0, width, 0.5 * height], [0.0, 0.0, 1.0]])
-        for count in range(1, 9):
-            for mirrored in {False, self.options.mirrored}:
-                self._look(blank, K, [(K[:2, 2], 40.0)] * count, [0.0] * count, mirrored)
+        self._look(blank, K, [(K[:2, 2], 40.0)], [0.0], self.options.mirrored)
 
     def find(self, colour: UInt8, K: Float64) -> list[FoundFruit]:
         """All fruit in a picture, by falling score.
@@ -125,10 +106,6 @@ class CompactDetector:
         Raises:
             BadFrame: another shape or type.
         """
-        with _one_thread():
-            return self._find(colour, K)
-
-    def _find(self, colour: UInt8, K: Float64) -> list[FoundFruit]:
         options = self.options
         places = self.places(colour, options.finder_threshold)[: options.most_fruit]
         if not places:
@@ -175,7 +152,7 @@ class CompactDetector:
             for place in decode_offsets(belief, offsets, threshold, reaches=reaches[0] if reaches else None)
         ]
 
-    def belief_maps(self, colour: UInt8) -> tuple[NDArray[np.float32], NDArray[np.float32], float]:
+    def belief_maps(self, colour: UInt8) -> tuple[Float32, Float32, float]:
         """The finder's belief (9, h, w) and offsets (17, h, w), and the factor by which the picture was shrunk.
 
         Raises:
@@ -184,7 +161,7 @@ class CompactDetector:
         (belief, offsets, *_), factor = self._maps(colour)
         return belief, offsets, factor
 
-    def _maps(self, colour: UInt8) -> tuple[list[NDArray[np.float32]], float]:
+    def _maps(self, colour: UInt8) -> tuple[list[Float32], float]:
         check_picture(colour)
         height, width = colour.shape[:2]
         factor = self.options.working_width / width
@@ -194,9 +171,7 @@ class CompactDetector:
         below, right = -small[1] % MULTIPLE, -small[0] % MULTIPLE
         if below or right:
             shrunk = cv2.copyMakeBorder(shrunk, 0, below, 0, right, cv2.BORDER_CONSTANT, value=(114, 114, 114))
-        with torch.inference_mode():
-            maps = self._finder(to_input(torch.from_numpy(shrunk[None])))
-        return [part[0].float().numpy() for part in maps], factor
+        return [part[0] for part in self._finder(_input(shrunk[None]))], factor
 
     def _look(
         self, colour: UInt8, K: Float64, places: list[tuple[Float64, float]], beliefs: list[float], mirrored: bool
@@ -207,10 +182,8 @@ class CompactDetector:
         pictures = np.stack([cv2.warpPerspective(colour, look.picture_from_look, side, flags=flags) for look in looks])
         if mirrored:
             pictures = np.concatenate([pictures, pictures[:, :, ::-1]])
-        with torch.inference_mode():
-            parts = np.array_split(pictures, -(-len(pictures) // BATCH))
-            outputs = [self._close_look(to_input(torch.from_numpy(part))).float() for part in parts]
-        output = torch.cat(outputs).numpy().astype(np.float64)
+        parts = np.array_split(pictures, -(-len(pictures) // BATCH))
+        output = np.concatenate([self._close_look(_input(part))[0] for part in parts]).astype(np.float64)
         if mirrored:
             output = 0.5 * (output[: len(looks)] + output[len(looks) :] * MIRROR[: output.shape[1]])
         found, (height, width) = [], colour.shape[:2]
@@ -229,30 +202,24 @@ class CompactDetector:
         return found
 
 
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Let torch work in one thread: on layers this small threads wait for each other longer than they work.
+def read_stored(path: Path | str) -> StoredDetector:
+    """Read a weights file; one that an earlier version wrote with PyTorch is converted.
 
-    On a busy machine two threads were six times slower than one, and one never disturbs a control loop.
+    Raises:
+        BadWeights: unreadable or not fitting.
+        MissingPackage: PyTorch wrote it, and the extra `torch` is not installed.
     """
-    before = torch.get_num_threads()
-    if before == 1:
-        yield
-        return
-    torch.set_num_threads(1)
+    if not is_torch_file(path):
+        return read_weights(path)
     try:
-        yield
-    finally:
-        torch.set_num_threads(before)
+        from pomona.skills.perception.detection.weights import convert
+    except ImportError as error:
+        purpose = f"reads {path}, which an earlier version wrote,"
+        raise MissingPackage("torch", purpose) from error
+    return convert(path)
 
 
-def _ready(network: nn.Module, example: Tensor, number: torch.dtype) -> Run:
-    """The network as a frozen graph with folded normalisation and prepacked weights."""
-    twin = copy.deepcopy(network).eval().to(memory_format=torch.channels_last).to(number)  # type: ignore[call-overload]
-    sample = example.to(number).to(memory_format=torch.channels_last)
-    with torch.inference_mode(), warnings.catch_warnings():
-        # TorchScript is announced to go; on a CPU nothing else folds and prepacks without compiling at run time.
-        warnings.simplefilter("ignore", DeprecationWarning)
-        traced: Any = torch.jit.trace(twin, sample, check_trace=False)  # type: ignore[no-untyped-call]
-        frozen: Run = torch.jit.optimize_for_inference(traced)
-    return lambda pictures: frozen(pictures.to(number))
+def _input(pictures: UInt8) -> Float32:
+    """uint8 pictures (n, h, w, 3) as a network's input (n, 3, h, w)."""
+    planes = np.ascontiguousarray(pictures.transpose(0, 3, 1, 2))
+    return planes * np.float32(1.0 / 255.0) - np.float32(0.5)

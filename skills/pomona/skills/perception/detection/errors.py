@@ -8,7 +8,7 @@ DetectError
 ├── BadAnnotation    an annotation file that cannot be read
 ├── BadPhotographs   a folder of labelled photographs that cannot be used
 ├── PoseUnsolved     keypoints from which no pose follows
-├── MissingPackage   something asked for needs a package that is not installed
+├── MissingPackage   a package of the extra `torch` is needed and not installed
 └── BadTraining      a training run that cannot start or continue
 """
 
@@ -76,8 +76,13 @@ class BadPhotographs(_BadFile):
 
 
 class MissingPackage(DetectError):
-    """What was asked for needs a package that does not come with Pomona by itself."""
+    """A package that the extra `torch` brings is needed and not installed.
+
+    Args:
+        package: that is missing.
+        purpose: its use here, as the rest of a sentence.
+    """
 
     def __init__(self, package: str, purpose: str) -> None:
         self.package = package
-        super().__init__(f"{package} {purpose} and is not installed: pip install 'pomona[onnx]'")
+        super().__init__(f"{package} {purpose} and is not installed: pip install 'pomona[torch]'")

@@ -1,6 +1,13 @@
-"""What the two networks give: strides, units and columns, without the networks themselves."""
+"""Inputs and outputs of the two networks: strides, units and columns, without the networks themselves."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from pomona.executive.values.arrays import Float32
+
+Network = Callable[[Float32], Sequence[Float32]]
+"""Runs a network: pictures (n, 3, h, w), RGB in 0..1 minus 0.5, to its outputs."""
 
 FINDER_STRIDE = 4
 """Input pixels per cell of the belief maps."""

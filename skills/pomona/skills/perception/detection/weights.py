@@ -1,21 +1,42 @@
-"""Weights files: published DOPE checkpoints and the compact detector's own."""
+"""Weights in PyTorch: published DOPE checkpoints, and the compact detector's networks to and from its weights file."""
 
 from __future__ import annotations
 
-import math
+import io
+import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
 from pomona.skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
 from pomona.skills.perception.detection.dope_network import DopeNetwork
-from pomona.skills.perception.detection.errors import BadWeights
-from pomona.skills.perception.detection.outputs import ALL_OUTPUTS, LEAST_OUTPUTS
+from pomona.skills.perception.detection.errors import BadWeights, MissingPackage
+from pomona.skills.perception.detection.onnx_runtime import INPUT
+from pomona.skills.perception.detection.outputs import ALL_OUTPUTS, CLOSE_LOOK_SIZE, LEAST_OUTPUTS
 from pomona.skills.perception.detection.scores import ScoreMap
+from pomona.skills.perception.detection.weights_file import (
+    StoredDetector,
+    is_torch_file,
+    read_weights,
+    score_map,
+    write_weights,
+)
 
-FORMAT = "pomona compact detector 2"
+TORCH_FORMAT = "pomona compact detector 2"
+"""Format of the files that earlier versions wrote with PyTorch."""
+
+OPSET = 18
+
+FINDER_EXAMPLE = (1, 3, 192, 256)
+CLOSE_LOOK_EXAMPLE = (2, 3, CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE)
+"""Shapes of inputs with which the networks are traced; a graph keeps none of these sizes but that of the looks."""
+
+_HALF = ".half"
+"""Ending of an initialiser in half precision; the graph casts it to the parameter of the name before."""
 
 
 def load_weights(path: Path | str) -> DopeNetwork:
@@ -35,76 +56,55 @@ def save_compact(
     path: Path,
     finder: FinderNetwork,
     close_look: CloseLookNetwork,
-    about: dict[str, str] | None = None,
+    about: Mapping[str, str] | None = None,
     scores: ScoreMap | None = None,
 ) -> None:
-    """Write both networks of the compact detector into one file, in half precision.
+    """Write both networks of the compact detector into a weights file, in half precision.
 
     Args:
         path: written atomically.
         finder, close_look: of any widths; these travel along.
         about: text that travels along: how the weights were made.
-        scores: from what the networks say to the share of such finds that are fruit.
+        scores: from the networks' scores to the ratio of such detections that are fruit.
+
+    Raises:
+        BadWeights: a parameter is not finite, or exceeds half precision.
+        MissingPackage: without the package onnx.
     """
-    content: dict[str, Any] = {"format": FORMAT, "about": dict(about or {}), "widths": {}}
-    if scores is not None:
-        content["scores"] = [scores.slope, scores.offset]
-    for name, network in (("finder", finder), ("close_look", close_look)):
-        content["widths"][name] = list(network.widths)
-        content[name] = {
-            key: value.half() if value.dtype == torch.float32 else value
-            for key, value in network.state_dict().items()
-            if not key.endswith("num_batches_tracked")
-        }
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_suffix(".part")
-    torch.save(content, part)
-    part.replace(path)
+    write_weights(path, _store(path, finder, close_look, about or {}, scores or ScoreMap()))
 
 
 def load_compact(path: Path | str) -> tuple[FinderNetwork, CloseLookNetwork, dict[str, str]]:
-    """Load the compact detector: its two networks in evaluation mode, float32, and what its file says about itself.
+    """Load the compact detector: both networks in evaluation mode, float32, and the text about them.
 
     Raises:
         BadWeights: unreadable, another format, or tensors that do not fit.
+        MissingPackage: without the package onnx.
     """
-    content = _read(path)
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise BadWeights(path, f"is not a '{FORMAT}' file")
-    try:
-        knows_boxes = any(str(key).startswith("box_head.") for key in content["finder"])
-        finder = FinderNetwork(_widths(content, "finder", 4), knows_boxes)
-        close_look = CloseLookNetwork(_widths(content, "close_look", 5), _outputs(content))
-    except (KeyError, TypeError, ValueError) as error:
-        raise BadWeights(path, f"does not say how wide its networks are: {error!r}") from error
-    for name, network in (("finder", finder), ("close_look", close_look)):
-        counters = {key: value for key, value in network.state_dict().items() if key.endswith("num_batches_tracked")}
-        tensors = {key: value.float() for key, value in _tensors(path, content.get(name)).items()}
-        fill(network, {**counters, **tensors}, path)
-    return finder.eval(), close_look.eval(), {str(k): str(v) for k, v in content.get("about", {}).items()}
+    if is_torch_file(path):
+        finder, close_look, about, _ = _load_torch(path)
+        return finder, close_look, about
+    stored = read_weights(path)
+    tensors = {"finder": _initialisers(path, stored.finder), "close_look": _initialisers(path, stored.close_look)}
+    finder, close_look = _built(path, {"widths": stored.widths, **tensors})
+    return finder, close_look, dict(stored.about)
 
 
-def load_scores(path: Path | str) -> ScoreMap:
-    """What the scores of a weights file mean; weights that were never calibrated keep theirs.
+def convert(path: Path | str) -> StoredDetector:
+    """Read a file that an earlier version wrote with PyTorch, as the content of a weights file.
 
     Raises:
-        BadWeights: unreadable, or a map that is none.
+        BadWeights: unreadable, another format, or tensors that do not fit.
+        MissingPackage: without the package onnx.
     """
-    content = _read(path)
-    try:
-        slope, offset = (float(value) for value in content.get("scores", (1.0, 0.0)))
-    except (AttributeError, TypeError, ValueError) as error:
-        raise BadWeights(path, f"does not say what its scores mean: {error}") from error
-    if not (math.isfinite(offset) and 0.0 < slope < math.inf):
-        raise BadWeights(path, f"maps its scores by the line {slope} x + {offset}, which does not rise")
-    return ScoreMap(slope, offset)
+    return _store(path, *_load_torch(path))
 
 
 def fill(network: nn.Module, tensors: dict[str, Tensor], path: Path | str) -> None:
     """Put tensors into a network; every key and shape must fit.
 
     Raises:
-        BadWeights: naming what is missing, not expected or of another shape.
+        BadWeights: naming the keys that are missing or not expected, or a wrong shape.
     """
     wanted = network.state_dict()
     missing, unknown = sorted(wanted.keys() - tensors.keys()), sorted(tensors.keys() - wanted.keys())
@@ -122,14 +122,120 @@ def fill(network: nn.Module, tensors: dict[str, Tensor], path: Path | str) -> No
     network.load_state_dict(tensors)
 
 
-def _widths(content: dict[str, Any], name: str, count: int) -> Any:
+def _store(
+    path: Path | str, finder: FinderNetwork, close_look: CloseLookNetwork, about: Mapping[str, str], scores: ScoreMap
+) -> StoredDetector:
+    outputs = ["belief", "offsets", "reaches"][: 3 if finder.boxes else 2]
+    sizes = {0: "n", 2: "h", 3: "w"}
+    return StoredDetector(
+        _exported(path, finder, FINDER_EXAMPLE, outputs, dict.fromkeys((INPUT, *outputs), sizes)),
+        _exported(path, close_look, CLOSE_LOOK_EXAMPLE, ["look"], {INPUT: {0: "n"}, "look": {0: "n"}}),
+        about,
+        scores,
+        {"finder": list(finder.widths), "close_look": list(close_look.widths)},
+    )
+
+
+def _exported(
+    path: Path | str,
+    network: nn.Module,
+    example: tuple[int, ...],
+    outputs: list[str],
+    free: dict[str, dict[int, str]],
+) -> bytes:
+    """A network as ONNX. Its initialisers keep the parameters' names, in half precision, so that it can be learnt on.
+
+    ONNX Runtime folds the casts and normalisations when it loads the graph.
+    """
+    onnx = _onnx()
+    content, training = io.BytesIO(), network.training
+    with warnings.catch_warnings():
+        # The exporter by tracing is deprecated; its successor needs one package more and gives the same graph.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        torch.onnx.export(
+            network.eval(),
+            (torch.zeros(example),),
+            content,  # type: ignore[arg-type]  # the exporter by tracing writes into streams, too
+            input_names=[INPUT],
+            output_names=outputs,
+            dynamic_axes=free,
+            opset_version=OPSET,
+            export_params=False,
+            training=torch.onnx.TrainingMode.PRESERVE,
+            do_constant_folding=False,
+            dynamo=False,
+        )
+    network.train(training)
+    model = onnx.load_model_from_string(content.getvalue())
+    graph = model.graph
+    parameters = {key: value for key, value in network.state_dict().items() if not key.endswith("num_batches_tracked")}
+    # A parameter that equals another one is exported as its copy, by a node of its name.
+    nodes = [node for node in graph.node if node.output[0] not in parameters]
+    picture, casts = graph.input[0], []
+    for name, value in parameters.items():
+        half = value.detach().half().numpy()
+        if not np.isfinite(half).all():
+            raise BadWeights(path, f"{name} holds values that are not finite in half precision")
+        graph.initializer.append(onnx.numpy_helper.from_array(half, name + _HALF))
+        casts.append(onnx.helper.make_node("Cast", [name + _HALF], [name], to=onnx.TensorProto.FLOAT))
+    del graph.input[:], graph.node[:]
+    graph.input.append(picture)
+    graph.node.extend([*casts, *nodes])
+    onnx.checker.check_model(model)
+    return model.SerializeToString()  # type: ignore[no-any-return]
+
+
+def _initialisers(path: Path | str, content: bytes) -> dict[str, Tensor]:
+    """The parameters of a network that `_exported` wrote."""
+    onnx = _onnx()
+    try:
+        tensors = onnx.load_model_from_string(content).graph.initializer
+    except Exception as error:  # protobuf's errors are not onnx's
+        raise BadWeights(path, f"holds a network that is not ONNX: {type(error).__name__}") from error
+    named = {tensor.name: onnx.numpy_helper.to_array(tensor) for tensor in tensors if tensor.name.endswith(_HALF)}
+    return {name.removesuffix(_HALF): torch.from_numpy(values.copy()) for name, values in named.items()}
+
+
+def _onnx() -> Any:
+    try:
+        import onnx
+    except ImportError as error:
+        raise MissingPackage("onnx", "writes and reads networks for training") from error
+    return onnx
+
+
+def _load_torch(path: Path | str) -> tuple[FinderNetwork, CloseLookNetwork, dict[str, str], ScoreMap]:
+    content = _read(path)
+    if not isinstance(content, dict) or content.get("format") != TORCH_FORMAT:
+        raise BadWeights(path, f"is not a '{TORCH_FORMAT}' file")
+    finder, close_look = _built(path, content)
+    about = {str(key): str(value) for key, value in content.get("about", {}).items()}
+    return finder, close_look, about, score_map(path, content.get("scores", (1.0, 0.0)))
+
+
+def _built(path: Path | str, content: Mapping[str, Any]) -> tuple[FinderNetwork, CloseLookNetwork]:
+    """Both networks in evaluation mode from their widths and tensors."""
+    try:
+        knows_boxes = any(str(key).startswith("box_head.") for key in content["finder"])
+        finder = FinderNetwork(_widths(content, "finder", 4), knows_boxes)
+        close_look = CloseLookNetwork(_widths(content, "close_look", 5), _outputs(content))
+    except (KeyError, TypeError, ValueError) as error:
+        raise BadWeights(path, f"does not say how wide its networks are: {error!r}") from error
+    for name, network in (("finder", finder), ("close_look", close_look)):
+        counters = {key: value for key, value in network.state_dict().items() if key.endswith("num_batches_tracked")}
+        tensors = {key: value.float() for key, value in _tensors(path, content.get(name)).items()}
+        fill(network, {**counters, **tensors}, path)
+    return finder.eval(), close_look.eval()
+
+
+def _widths(content: Mapping[str, Any], name: str, count: int) -> Any:
     widths = tuple(int(width) for width in content["widths"][name])
     if len(widths) != count or not all(1 <= width <= 1024 for width in widths):
         raise ValueError(f"expected {count} widths, not {widths}")
     return widths
 
 
-def _outputs(content: dict[str, Any]) -> int:
+def _outputs(content: Mapping[str, Any]) -> int:
     """How much the close look says: weights made before it knew boxes have fewer outputs."""
     count = int(content["close_look"]["head.3.bias"].shape[0])
     return count if count in (LEAST_OUTPUTS, ALL_OUTPUTS) else ALL_OUTPUTS

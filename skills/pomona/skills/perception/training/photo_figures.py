@@ -15,6 +15,7 @@ from pomona.skills.perception.detection.box_evaluation import BoxCurve, curve, m
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
 from pomona.skills.perception.detection.found_fruit import inside
+from pomona.skills.perception.detection.torch_engine import torch_detector
 from pomona.skills.perception.training.photographs import Photograph
 
 Finds = tuple[Float64, Float64, Float64]
@@ -88,10 +89,10 @@ def watch(
     def of(network: nn.Module) -> dict[str, float]:
         with torch.inference_mode():
             if isinstance(network, FinderNetwork):
-                return figures(find_places_boxes(CompactDetector(network, CloseLookNetwork()), few, scale))
+                return figures(find_places_boxes(torch_detector(network, CloseLookNetwork()), few, scale))
             assert isinstance(network, CloseLookNetwork)
             assert finder is not None
-            return figures(find_boxes(CompactDetector(finder, network), few, scale))
+            return figures(find_boxes(torch_detector(finder, network), few, scale))
 
     return of
 

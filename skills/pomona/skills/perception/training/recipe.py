@@ -17,6 +17,7 @@ from pomona.skills.perception.detection.compact_network import (
     finder_with_boxes,
     with_boxes,
 )
+from pomona.skills.perception.detection.torch_engine import torch_detector
 from pomona.skills.perception.detection.weights import load_compact, save_compact
 from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.synthetic.dataset import render_dataset
@@ -216,7 +217,7 @@ class _Making:
     def detector(self) -> CompactDetector:
         """What the networks find as they are now."""
         self.networks = {name: network.cpu().eval() for name, network in self.networks.items()}
-        return CompactDetector(self.networks["finder"], self.networks["close_look"])
+        return torch_detector(self.networks["finder"], self.networks["close_look"])
 
     def teach(self, number: int, stage: TrainingStage, say: Callable[[Progress], None] | None) -> None:
         """One stage of the recipe."""
@@ -263,7 +264,7 @@ class _Making:
         return file
 
     def _searching(self) -> CompactDetector:
-        return CompactDetector(self.networks["finder"].cpu(), self.networks["close_look"])
+        return torch_detector(self.networks["finder"].cpu(), self.networks["close_look"])
 
 
 def _source(photographs: PhotoSet | None, start: Path | None) -> dict[str, str]:
