@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pomona.executive.dashboard import hub as hub_module
+from pomona.executive.dashboard import hub as hub_module, messages as messages_module
 from pomona.executive.dashboard.hub import BACKLOG, Hub, Viewer
+from pomona.executive.dashboard.messages import message
 from pomona.executive.running.events import NodeChanged, Published, RunStarted, StateChanged
 from pomona.executive.views import ImageView
 
@@ -141,3 +142,59 @@ def test_what_a_wire_takes_at_once_never_overtakes_what_waits() -> None:
     viewer.sent()
     viewer.hand("d", b"d")
     assert (wire.frames, list(viewer.waiting)) == ([b"a", b"d"], [])
+
+
+class Evil:
+    """Raises in whatever looks at it."""
+
+    def __repr__(self) -> str:
+        raise SystemExit("evil")
+
+    __str__ = __repr__
+
+
+HOSTILE: list[tuple[str, Any]] = [
+    ("seen", ImageView(np.zeros((0, 0, 3), np.uint8))),
+    ("seen", ImageView(np.zeros((8, 8, 2), np.uint8))),
+    ("seen", ImageView(np.zeros(8, np.uint8))),
+    ("evil", Evil()),
+    ("big", "x" * 2_000_000),
+    (["a topic"], ImageView(np.zeros((8, 8, 3), np.uint8))),
+]
+
+
+def test_what_cannot_be_encoded_is_replaced_by_its_reason_and_ends_nothing(
+    hub: Hub, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(messages_module, "MOST_TEXT", 1_000_000)
+    hub.on_event(started())
+    for topic, value in HOSTILE:
+        hub.on_event(Published(0.5, 7, "a/Look", topic, value))
+    hub.on_event(StateChanged(0.6, 8, "running", ""))
+    hub.on_event(started())  # the next run
+    hub.on_event(Published(0.0, 0, "a/Look", "number", float("nan")))
+    hub.close()
+    later = waiting(hub.join())
+    assert [message["event"] for message in later] == ["RunStarted", "Published"]
+    assert later[1]["value"] is None
+
+    other = Hub()
+    other.on_event(started())
+    for topic, value in HOSTILE:
+        other.on_event(Published(0.5, 7, "a/Look", topic, value))
+    other.close()
+    told = [message for message in waiting(other.join()) if message["event"] == "ErrorRaised"]
+    assert [message["error"] for message in told] == ["UnencodableError"] * len(HOSTILE)
+    assert {(message["node"], message["t"], message["tick"]) for message in told} == {("a/Look", 0.5, 7)}
+    words = [message["message"] for message in told]
+    assert words[3] == "'evil' of a/Look cannot be encoded: SystemExit: evil"
+    assert words[4] == "'big' of a/Look cannot be encoded: 2 MB of text; at most 1 MB are shown"
+    assert words[5] == "what was published of a/Look cannot be encoded: its topic is no text but list"
+
+
+def test_numbers_that_are_none_reach_no_browser() -> None:
+    def refuse(name: str) -> Any:
+        raise AssertionError(f"{name} is no JSON")
+
+    for text in (message("Pong", ping=float("nan")), message("Beat", ages={"arm": float("inf")})):
+        assert None in [*json.loads(text, parse_constant=refuse).values(), *json.loads(text).get("ages", {}).values()]

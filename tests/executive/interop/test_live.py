@@ -22,7 +22,7 @@ from pomona.executive.errors import UsageError
 from pomona.executive.interop import live as live_module
 from pomona.executive.interop.live import MOST, Live, plain_content
 from pomona.executive.recording.schemas import Schema
-from pomona.executive.running.events import NodeChanged
+from pomona.executive.running.events import NodeChanged, Published
 from pomona.executive.views import ImageView
 
 BEGAN = 10**18
@@ -108,6 +108,45 @@ def test_a_view_that_fails_is_left_alone_and_the_others_go_on(caplog: pytest.Log
     live.close()
     assert len(shown.messages) > 20
     assert caplog.text.count("Fails shows no more: the viewer is gone") == 1
+
+
+class Evil:
+    """Raises in whatever looks at it."""
+
+    def __repr__(self) -> str:
+        raise SystemExit("evil")
+
+    __str__ = __repr__
+
+
+def test_a_value_that_cannot_be_shown_is_replaced_by_its_reason_and_the_views_go_on(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    class Codes(Shown):
+        def show(self, topic: str, view: ImageView, stamp: int) -> None:
+            if view.image is None or not view.image.size:
+                raise ValueError("no pixels")
+            super().show(topic, view, stamp)
+
+    one, other = Codes(), Shown()
+    live = Live([one, other])
+    live.on_event(started())
+    live.on_event(Published(0.5, 7, "a/Look", "evil", Evil()))
+    live.on_event(Published(0.5, 7, "a/Look", "seen", ImageView(np.zeros((0, 0, 3), np.uint8))))
+    live.read(0.6, 8, {"arm": Evil()})  # type: ignore[dict-item]
+    live.on_event(NodeChanged(0.7, 9, "a/Look", "SUCCESS", "", 1))
+    live.close()
+    assert caplog.text == ""
+    both = [[m[2] for m in sink.messages if m[0] == "/events"] for sink in (one, other)]
+    assert [[m["event"] for m in told] for told in both] == [
+        ["RunStarted", "ErrorRaised", "ErrorRaised", "ErrorRaised", "NodeChanged"],
+        ["RunStarted", "ErrorRaised", "Published", "ErrorRaised", "NodeChanged"],
+    ]
+    assert [m["message"] for m in both[0] if m["event"] == "ErrorRaised"] == [
+        "'evil' of a/Look cannot be encoded: SystemExit: evil",
+        "'seen' of a/Look cannot be encoded: no pixels",
+        "measurements of the run cannot be encoded: 'Evil' object is not a mapping",
+    ]
 
 
 # ------------------------------------------------------------------------------------------------- Foxglove

@@ -82,8 +82,8 @@ def test_what_cannot_be_read_again_stands_as_an_error_that_names_it(tmp_path: Pa
     recorder.close()
     told, after = read_events(tmp_path)
     assert isinstance(told, ErrorRaised)
-    assert (told.t, told.tick, told.error) == (0.5, 7, "UnrecordableError")
-    assert told.message.startswith(f"{name} cannot be recorded: "), told.message
+    assert (told.t, told.tick, told.error) == (0.5, 7, "UnencodableError")
+    assert told.message.startswith(f"{name} cannot be encoded: "), told.message
     assert after == AFTER
     assert recorder.problem == f"the record lacks what happened at 0.50 s of the run: {told.message}"
     assert not recorder.has_ended or recorder._whole
@@ -99,7 +99,18 @@ def test_a_value_above_the_readers_limit_is_refused_with_both_sizes(
     recorder.close()
     told, _after = read_events(tmp_path)
     assert isinstance(told, ErrorRaised)
-    assert told.message == "'big' of a/Look cannot be recorded: 3 MB of text; at most 2 MB are recorded"
+    assert told.message == "'big' of a/Look cannot be encoded: 3 MB of text; at most 2 MB are recorded"
+
+
+def test_readings_that_are_none_are_an_error_and_not_the_end_of_the_record(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path)
+    recorder.read(0.5, 7, {"arm": {"q_1_rad": [0.1], "q_2_rad": [0.1, 0.2]}})
+    recorder.on_event(AFTER)
+    recorder.close()
+    told, after = read_events(tmp_path)
+    assert isinstance(told, ErrorRaised)
+    assert told.message.startswith("measurements of the run cannot be encoded: ")
+    assert after == AFTER
 
 
 def wait_until(holds: Callable[[], bool]) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 import queue
 import secrets
 import threading
@@ -18,7 +17,7 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 from pomona.executive.dashboard.connections import LiveWire, frame_of
-from pomona.executive.dashboard.messages import VERSION, encode
+from pomona.executive.dashboard.messages import encode, message
 from pomona.executive.running.breakpoints import BREAK_ACTIONS
 from pomona.executive.running.events import (
     AttemptEnded,
@@ -33,6 +32,7 @@ from pomona.executive.running.events import (
     SafeStopped,
     StateChanged,
 )
+from pomona.executive.running.unencodable import in_place_of, refuse
 from pomona.executive.views import BodiesView, ImageView, PosesView, SceneView, TableView
 
 HISTORY_BYTES = 32_000_000
@@ -103,9 +103,12 @@ class Encoder:
                 self._deliver(words)
 
     def _word(self, event: Event) -> Word:
+        """Encode an event, or what stands in its place: nothing that a skill publishes may end this thread."""
         self._seq += 1
-        slot, key = _slot(event)
-        return Word(self._seq, encode(event, self._seq), slot, key)
+        try:
+            return _word_of(event, self._seq)
+        except BaseException as error:
+            return _word_of(in_place_of(event, refuse(event, error)), self._seq)
 
 
 class Viewer:
@@ -124,7 +127,7 @@ class Viewer:
     def tell(self, event: str, **fields: Any) -> None:
         """Something for this page alone, after all that waits for it. In the server's loop."""
         if not self.lagged and len(self.waiting) < BACKLOG:
-            text = json.dumps({"v": VERSION, "event": event, **fields}, ensure_ascii=False)
+            text = message(event, **fields)
             self.hand(text, frame_of(text))
 
     def hand(self, batch: str, frame: bytes) -> None:
@@ -134,7 +137,7 @@ class Viewer:
         if len(self.waiting) >= BACKLOG:
             first = self.waiting[0]  # it may be on its way
             self.waiting.clear()
-            self.waiting.extend((first, json.dumps({"v": VERSION, "event": "Lagged"})))
+            self.waiting.extend((first, message("Lagged")))
             self.lagged = True
         else:
             self.waiting.append(batch)
@@ -187,12 +190,12 @@ class Hub:
 
     def announce(self, **control: Any) -> None:
         """Tell every viewer, and those who come later, who holds control. From any thread."""
-        self._control = json.dumps({"v": VERSION, "event": "Control", **control}, ensure_ascii=False)
+        self._control = message("Control", **control)
         self._deliver(self._control)
 
     def tell(self, event: str, **fields: Any) -> None:
         """Tell the viewers of this moment, and none who come later. From any thread."""
-        self._deliver(json.dumps({"v": VERSION, "event": event, **fields}, ensure_ascii=False))
+        self._deliver(message(event, **fields))
 
     def close(self) -> None:
         """Stop encoding; what came before is still sent."""
@@ -203,7 +206,7 @@ class Hub:
     def join(self, since: int = 0, stream: str = "", wire: LiveWire | None = None) -> Viewer:
         """A new viewer, with everything after message `since` of `stream` already waiting for it."""
         viewer = Viewer(wire)
-        viewer.waiting.append(json.dumps({"v": VERSION, "event": "Hello", "stream": self.stream}))
+        viewer.waiting.append(message("Hello", stream=self.stream))
         with self._lock:
             viewer.waiting.extend(_chunks(self._backlog(since if stream == self.stream else 0)))
             if self._control:
@@ -278,6 +281,13 @@ class Hub:
             viewers = sorted(self._viewers, key=lambda viewer: not viewer.armed)  # who may act is told first
         for viewer in viewers:
             viewer.hand(batch, frame)
+
+
+def _word_of(event: Event, seq: int) -> Word:
+    if isinstance(event, Published) and not isinstance(event.topic, str):
+        raise TypeError(f"its topic is no text but {type(event.topic).__name__}")
+    slot, key = _slot(event)
+    return Word(seq, encode(event, seq), slot, key)
 
 
 def _slot(event: Event) -> tuple[str, Hashable]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from pomona.executive.dashboard.cloud import cloud_of
 from pomona.executive.encode import plain
+from pomona.executive.errors import PomonaError
 from pomona.executive.running.events import Event, PortWritten, Published
 from pomona.executive.views import ImageView
 
@@ -24,23 +25,39 @@ MOST_SCENE_ELEMENTS = 60_000
 """Larger arrays in a view are described instead of sent: no browser draws them in time."""
 
 
+MOST_TEXT = 32_000_000
+"""Largest message [characters]."""
+
+
 def encode_number(seq: int) -> bytes:
     """How every message begins."""
     return b'{"v":%d,"seq":%d,' % (VERSION, seq)
 
 
+def message(event: str, **fields: Any) -> str:
+    """A message without number as text; numbers that are not finite are null."""
+    return json.dumps({"v": VERSION, "event": event, **plain(fields)}, ensure_ascii=False, allow_nan=False)
+
+
 def encode(event: Event, seq: int) -> str:
-    """One event as the text of one message."""
-    message: dict[str, Any] = {"v": VERSION, "seq": seq, "event": type(event).__name__}
+    """One event as the text of one message.
+
+    Raises:
+        PomonaError: it is larger than `MOST_TEXT`. What cannot be encoded may raise anything.
+    """
+    fields: dict[str, Any] = {"v": VERSION, "seq": seq, "event": type(event).__name__}
     for field in dataclasses.fields(event):
         value = getattr(event, field.name)
         if isinstance(event, Published) and field.name == "value":
-            message["value"] = _view(value)
+            fields["value"] = _view(value)
         elif isinstance(event, PortWritten) and field.name == "value":
-            message["value"] = plain(value, arrays=16, depth=4)
+            fields["value"] = plain(value, arrays=16, depth=4)
         else:
-            message[field.name] = plain(value)
-    return json.dumps(message, ensure_ascii=False, separators=(",", ":"))
+            fields[field.name] = plain(value)
+    text = json.dumps(fields, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    if len(text) > MOST_TEXT:
+        raise PomonaError(f"{len(text) / 1e6:.0f} MB of text; at most {MOST_TEXT / 1e6:.0f} MB are shown")
+    return text
 
 
 def _view(value: Any) -> Any:

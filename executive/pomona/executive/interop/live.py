@@ -12,7 +12,8 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, Protocol
 
 from pomona.executive.encode import plain
@@ -21,6 +22,7 @@ from pomona.executive.recording.recorder import message_of
 from pomona.executive.recording.schemas import EVENT, READING, Schema
 from pomona.executive.recording.well_known import samples, well_known
 from pomona.executive.running.events import Event, Published, RunStarted
+from pomona.executive.running.unencodable import in_place_of, refuse
 from pomona.executive.views import ImageView, SeriesView
 
 logger = logging.getLogger(__name__)
@@ -108,33 +110,56 @@ class Live:
         self._each(lambda sink: sink.close())
 
     def _take(self, taken: Any) -> None:
-        if not isinstance(taken, Event):
-            t, tick, readings = taken
-            stamp = self._began + round(t * 1e9)
-            for device, quantities in readings.items():
-                message = {"t": t, "tick": tick, **quantities}
-                self._each(lambda sink, d=device, m=message: sink.send(f"{DEVICES}{d}", READING, m, stamp))
-            return
+        """Show an event or readings; to a sink that fails with them, what stands in their place."""
         if isinstance(taken, RunStarted):
             self._began = round((taken.wall_time - taken.t) * 1e9)
+        try:
+            shows = self._shows(taken)
+        except BaseException as error:  # whatever it is, this thread shows what comes next
+            taken = in_place_of(taken, refuse(taken, error))
+            shows = self._shows(taken)
+        for sink in tuple(self._sinks):
+            try:
+                for show in shows:
+                    show(sink)
+            except Exception as error:
+                instead = self._shows(in_place_of(taken, refuse(taken, error)))
+                self._each(lambda sink, shows=instead: [show(sink) for show in shows], [sink])
+
+    def _shows(self, taken: Any) -> list[Callable[[Sink], None]]:
+        """What each sink is called with, in order."""
+        if not isinstance(taken, Event):
+            t, tick, readings = taken
+            messages = [
+                (f"{DEVICES}{device}", READING, {"t": t, "tick": tick, **quantities})
+                for device, quantities in readings.items()
+            ]
+            return [partial(_send, *message, self._began + round(t * 1e9)) for message in messages]
         stamp = self._began + round(max(taken.t, 0.0) * 1e9)
+        shows: list[Callable[[Sink], None]] = []
         if isinstance(taken, Published) and isinstance(taken.value, ImageView) and taken.value.image is not None:
-            topic, view = taken.topic, taken.value
-            self._each(lambda sink: sink.show(topic, view, stamp))
+            shows.append(partial(_show, taken.topic, taken.value, stamp))
         messages = [(EVENTS, EVENT, message_of(taken)), *well_known(taken, stamp)]
         if isinstance(taken, Published) and isinstance(taken.value, SeriesView):
             messages += samples(taken.topic, taken.value)
-        for name, schema, content in messages:
-            self._each(lambda sink, n=name, s=schema, c=content: sink.send(n, s, c, stamp))
+        return [*shows, *(partial(_send, *message, stamp) for message in messages)]
 
-    def _each(self, do: Any) -> None:
+    def _each(self, do: Any, sinks: Sequence[Sink] | None = None) -> None:
         """A sink that fails is told once and left alone: nothing that shows a run may end it."""
-        for sink in tuple(self._sinks):
+        for sink in tuple(self._sinks if sinks is None else sinks):
             try:
                 do(sink)
             except Exception as error:
                 self._sinks.remove(sink)
                 logger.warning("%s shows no more: %s", type(sink).__name__, error)
+
+
+def _send(topic: str, schema: Schema, content: Mapping[str, Any], stamp: int, sink: Sink) -> None:
+    sink.send(topic, schema, content, stamp)
+
+
+def _show(topic: str, view: ImageView, stamp: int, sink: Sink) -> None:
+    sink.show(topic, view, stamp)
 
 
 def plain_content(content: Mapping[str, Any]) -> Mapping[str, Any]:

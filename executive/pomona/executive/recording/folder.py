@@ -25,20 +25,6 @@ class RecordError(UsageError):
     """The record cannot be written."""
 
 
-class UnrecordableError(RecordError):
-    """An event that cannot be written so that it can be read; the record has this sentence in its place.
-
-    Attributes:
-        node: path of the node that it came from; empty for the run itself.
-        what: the event or the published topic.
-        why: the reason.
-    """
-
-    def __init__(self, node: str, what: str, why: str) -> None:
-        self.node, self.what, self.why = node, what, why
-        super().__init__(f"{what} of {node or 'the run'} cannot be recorded: {why}")
-
-
 def new_record_folder(root: Path, tree: str, now: datetime | None = None) -> Path:
     """Make `root/2026-11-21_08-41-07_tree`, with a number appended when there is one already.
 

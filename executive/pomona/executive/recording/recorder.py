@@ -31,23 +31,21 @@ from pomona.executive.encode import encoded, field_names, plain
 from pomona.executive.recording.container import LIBRARY, MOST_MESSAGE
 from pomona.executive.recording.decode import event_from
 from pomona.executive.recording.ending import EndingFile
-from pomona.executive.recording.folder import DEVICES, EVENTS, EVENTS_FILE, RecordError, UnrecordableError, hash_of
+from pomona.executive.recording.folder import DEVICES, EVENTS, EVENTS_FILE, RecordError, hash_of
 from pomona.executive.recording.interventions import INTERVENTIONS, EntryChain
 from pomona.executive.recording.order import next_number
 from pomona.executive.recording.overview import OVERVIEW, WHOLE_BYTES, Overview
 from pomona.executive.recording.schemas import EVENT, INTERVENTION, READING, Schema
 from pomona.executive.recording.well_known import Images, samples, well_known
 from pomona.executive.running.events import (
-    AttemptEnded,
     ErrorRaised,
     Event,
-    NodeChanged,
     OperatorActed,
-    PortWritten,
     Published,
     RunEnded,
     RunStarted,
 )
+from pomona.executive.running.unencodable import in_place_of, refuse
 from pomona.executive.values.sentences import sentence_of
 from pomona.executive.views import ImageView, SeriesView
 
@@ -227,12 +225,14 @@ class Recorder:
             written = [(topic, schema, _bounded(message)) for topic, schema, message in self._messages(event, stamp)]
             return event, written
         except BaseException as error:  # a value of a skill may be anything, and raise anything
-            refused = UnrecordableError(*_origin(event), sentence_of(error))
-            self._lacks = self._lacks or f"the record lacks what happened at {event.t:.2f} s of the run: {refused}"
-            told = ErrorRaised(
-                event.t, event.tick, refused.node, "recording", type(refused).__name__, str(refused), "", ""
-            )
+            told = self._refuse(event, error)
             return told, [(EVENTS, EVENT, encoded(message_of(told)))]
+
+    def _refuse(self, taken: Any, error: BaseException) -> ErrorRaised:
+        refused = refuse(taken, error)
+        told = in_place_of(taken, refused)
+        self._lacks = self._lacks or f"the record lacks what happened at {told.t:.2f} s of the run: {refused}"
+        return told
 
     def _messages(self, event: Event, stamp: int) -> Iterator[tuple[str, Schema, Any]]:
         """Messages of an event, in their order.
@@ -270,12 +270,13 @@ class Recorder:
         self._writer.add_metadata("pomona.run", {_whole(key): _whole(value) for key, value in about.items()})
 
     def _write_readings(self, t: float, tick: int, readings: Mapping[str, Mapping[str, Any]]) -> None:
-        stamp = _stamp(t)
-        for device, quantities in readings.items():
-            # All at once: rounding column by column was a sixth of the recorder's work.
-            numbers = dict(zip(quantities, np.round(np.array(list(quantities.values())), _DECIMALS), strict=True))
-            reading = {"t": round(t, _DECIMALS), "tick": tick, **numbers}
-            self._write(f"{DEVICES}{device}", READING, stamp, encoded(reading))
+        try:
+            coded = {device: _reading(t, tick, quantities) for device, quantities in readings.items()}
+        except BaseException as error:  # a driver of a third party may report anything
+            self._write_event(self._refuse((t, tick, readings), error))
+            return
+        for device, content in coded.items():
+            self._write(f"{DEVICES}{device}", READING, _stamp(t), content)
 
     def _write(self, topic: str, schema: Schema, stamp: int, content: bytes) -> None:
         if topic not in self._channels:
@@ -312,16 +313,10 @@ def _bounded(message: Any) -> bytes:
     return content
 
 
-def _origin(event: Event) -> tuple[str, str]:
-    """Path of the node that an event comes from, and a name for what it brings."""
-    match event:
-        case Published():
-            return event.node, f"'{event.topic}'" if isinstance(event.topic, str) else "what was published"
-        case PortWritten():
-            return event.writer, f"'{event.key}'"
-        case NodeChanged() | AttemptEnded():
-            return event.path, type(event).__name__
-    return "", type(event).__name__
+def _reading(t: float, tick: int, quantities: Mapping[str, Any]) -> bytes:
+    # All at once: rounding column by column was a sixth of the recorder's work.
+    numbers = dict(zip(quantities, np.round(np.array(list(quantities.values())), _DECIMALS), strict=True))
+    return _bounded({"t": round(t, _DECIMALS), "tick": tick, **numbers})
 
 
 def _stamp(t: float) -> int:
