@@ -171,7 +171,11 @@ class CaseWatcher:
         if self.case is None:
             self._branch(self)
         while self._operator_at and now >= self._operator_at[0][0]:
-            getattr(self.runner, self._operator_at.pop(0)[1])("fault matrix")
+            action = self._operator_at.pop(0)[1]
+            if action != "resume":
+                getattr(self.runner, action)("fault matrix")
+            elif self.runner.pause_number:  # else the fault has ended the pause
+                self.runner.resume(self.runner.pause_number, "fault matrix")
         if now >= self._killed_at:
             self._killed_at, self.shows_at = np.inf, now
             if isinstance(self.cell.devices["world"], VirtualWorld):
