@@ -13,6 +13,7 @@ import argparse
 import csv
 import importlib.util
 import os
+import platform
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -25,7 +26,7 @@ import torch
 from rich.console import Console
 from rich.progress import Progress
 
-from pomona.skills.perception.detection.box_evaluation import match_boxes
+from pomona.skills.perception.detection.box_evaluation import box_figures, box_intervals, match_boxes
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.dope_decode import decode_maps
 from pomona.skills.perception.detection.dope_network import DopeNetwork, dope_input
@@ -36,7 +37,7 @@ from pomona.skills.perception.detection.options import DetectorOptions
 from pomona.skills.perception.fruit import FruitModel, load_fruit
 from pomona.skills.perception.synthetic.dataset import render_dataset
 from pomona.skills.perception.synthetic.options import WITHOUT_TREES, SceneOptions
-from pomona.skills.perception.training.photo_figures import calibration_table, find_boxes, judged, photo_table
+from pomona.skills.perception.training.photo_figures import TITLES, calibration_table, find_boxes, judged, photo_table
 from pomona.skills.perception.training.photo_folder import read_photographs
 from pomona.skills.perception.training.photographs import camera_of, fruit_scale
 from pomona.skills.perception.training.samples import FrameFolder
@@ -48,8 +49,14 @@ ORCHARD_K = np.array([[917.12, 0.0, 957.72], [0.0, 916.97, 550.79], [0.0, 0.0, 1
 ORCHARD_WIDTHS = (960, 1440, 1920)
 """Widths at which 1920 px wide orchard frames are searched."""
 
+LEAST_SCORE = 0.05
+"""Least score of the finder's own in photographs with boxes."""
+
 EMPTY_WIDTHS = (320, 640)
 """Widths at which pictures without fruit are searched."""
+
+Rows = list[tuple[str, str]]
+"""Lines of the summary: figure and value."""
 
 
 def main() -> None:
@@ -83,6 +90,9 @@ def main() -> None:
         result = evaluate(detector, frames, fruit, options.frames, looked)
     print(table(result, options.score), "\n")
     print(calibration_table(*result.judged()), "\n")
+    rows: Rows = []
+    recall, precision = result.recall(options.score), result.precision(options.score)
+    rows.append((f"rendered frames ({result.frames}): recall / precision", f"{recall:.3f} / {precision:.3f}"))
     print(f"## Rendered trees, {len(trees)} frames\n")
     print(table(evaluate(detector, trees, fruit, len(trees)), options.score, brief=True), "\n")
     if not options.no_speed:
@@ -90,15 +100,30 @@ def main() -> None:
     shared = os.environ.get("SHARED_DATA")
     orchard = options.orchard or (Path(shared) / "orchard_apples" if shared else None)
     if orchard is not None and orchard.is_dir():
-        print(real_frames(weights, orchard, fruit), "\n")
+        print(real_frames(weights, orchard, fruit, options.score, rows), "\n")
     photos = options.photos or (Path(shared) / "orchard_photos" if shared else None)
     if photos is not None and (options.photos or photos.is_dir()):
-        print(photographs(detector, photos, fruit, options.score), "\n")
-    print(rendered_lookalikes(detector, options), "\n")
+        print(photographs(detector, photos, fruit, options.score, rows), "\n")
+    print(rendered_lookalikes(detector, options, rows), "\n")
     empty = pictures_of(options.empty) if options.empty is not None else []
     for paths, name in ((empty, "pictures without fruit"), (everyday_pictures(), "everyday pictures")):
         if paths:
-            print(empty_pictures(detector, paths, name, options.score), "\n")
+            print(empty_pictures(detector, paths, name, options.score, rows), "\n")
+    print(summary(rows, options.score))
+
+
+def summary(rows: Rows, score: float) -> str:
+    """All figures at one threshold, as Markdown, with the processor's name."""
+    lines = [f"## Summary at score ≥ {score:g}, {processor_name()}", "", "| figure | value |", "|---|---|"]
+    return "\n".join([*lines, *(f"| {figure} | {value} |" for figure, value in rows)])
+
+
+def processor_name() -> str:
+    """The processor's name as the system gives it."""
+    path = Path("/proc/cpuinfo")
+    text = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
+    named = (line.split(":", 1)[1].strip() for line in text.splitlines() if line.startswith("model name"))
+    return next(named, platform.processor() or "unknown processor")
 
 
 @contextmanager
@@ -152,7 +177,7 @@ def speed(detector: CompactDetector, frames: FrameFolder, fruit: FruitModel, rou
     )
 
 
-def real_frames(weights: Path, folder: Path, fruit: FruitModel) -> str:
+def real_frames(weights: Path, folder: Path, fruit: FruitModel, score: float, rows: Rows) -> str:
     """Recall and precision at IoU 0.5 on real orchard frames, at several working widths.
 
     Precision is a lower bound: only fruit of a few trees is labelled, and what is found on others counts as wrong. The
@@ -176,20 +201,22 @@ def real_frames(weights: Path, folder: Path, fruit: FruitModel) -> str:
             name: find_instances(detector, _read(folder / f"{name}_color.jpg"), ORCHARD_K, fruit)
             for name in sorted(boxes)
         }
-        for score in (0.5, 0.7, 0.9):
+        for least in sorted({score, 0.5, 0.7, 0.9}):
             right, count, labelled = 0, 0, sum(map(len, boxes.values()))
             for name, instances in found.items():
-                sure = [i for i in instances if i.score >= score]
+                sure = [i for i in instances if i.score >= least]
                 drawn = np.array([box_of(i, fruit) for i in sure]).reshape(-1, 4)
                 scores = np.array([i.score for i in sure])
                 right += int(match_boxes(drawn, scores, np.array(boxes[name]), 0.5).sum())
                 count += len(sure)
             shares = f"{right / labelled:.3f} | {right / max(1, count):.3f}"
-            lines.append(f"| {width} | {score} | {labelled} | {count} | {right} | {shares} |")
+            lines.append(f"| {width} | {least} | {labelled} | {count} | {right} | {shares} |")
+            if least == score:
+                rows.append((f"RGB-D frames, width {width}: labelled apples found", f"{right} of {labelled}"))
     return "\n".join(lines)
 
 
-def photographs(detector: CompactDetector, folder: Path, fruit: FruitModel, score: float) -> str:
+def photographs(detector: CompactDetector, folder: Path, fruit: FruitModel, score: float, rows: Rows) -> str:
     """Recall and precision against the boxes of photographs that are measured on, at the scale of training.
 
     Precision is a lower bound here too: fruit far behind is often without a box.
@@ -202,15 +229,28 @@ def photographs(detector: CompactDetector, folder: Path, fruit: FruitModel, scor
     if not sets.val:
         return f"## Photographs\n\n{folder.name} has none to measure on"
     scale = fruit_scale(sets.train)
+    # Doubtful detections lengthen the curve, from which average precision is read.
+    doubting = detector.looking(replace(detector.options, finder_threshold=LEAST_SCORE))
     with progress("looking") as looked:
-        found = find_boxes(detector, sets.val, scale, looked)
+        found = find_boxes(doubting, sets.val, scale, looked)
+    pictures = [finds.judged() for finds in found]
+    figures, bounds = box_figures(pictures), box_intervals(pictures)
+    for name in ("recall", "ap50", "ap"):
+        low, high = bounds[name]
+        value = f"{getattr(figures, name):.3f} ({low:.3f}–{high:.3f})"
+        rows.append((f"photographs ({len(found)}): {TITLES[name]}", value))
+    scores, right = judged(found)
+    sure = scores >= score
+    labelled = sum(picture.labelled for picture in pictures)
+    value = f"{right[sure].sum() / labelled:.3f} / {right[sure].mean() if sure.any() else 1.0:.3f}"
+    rows.append((f"photographs ({len(found)}): recall / precision", value))
     boxes = sum(len(photo.boxes) for photo in sets.val)
     places = len({photo.group for photo in sets.val})
     title = f"## {len(sets.val)} photographs of {places} places, {boxes} boxes, searched at {scale:.2f} of their width"
     return f"{title}\n\n{photo_table(found, score)}\n\n{calibration_table(*judged(found))}"
 
 
-def rendered_lookalikes(detector: CompactDetector, options: argparse.Namespace) -> str:
+def rendered_lookalikes(detector: CompactDetector, options: argparse.Namespace, rows: Rows) -> str:
     """How often something is found in rendered scenes with tomatoes, oranges, balls and cans, and no fruit."""
     folder, count = options.work / f"{options.fruit}_lookalikes", max(1, options.frames // 5)
     scenes = SceneOptions(instances=(0, 0), kinds=(0.6, 0.2, 0.1, 0.1), lookalikes=10)
@@ -225,6 +265,7 @@ def rendered_lookalikes(detector: CompactDetector, options: argparse.Namespace) 
         K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
         finds = detector.find(frames.picture(index, halved=False), K)
         found += sum(fruit.score >= options.score for fruit in finds)
+    rows.append((f"rendered lookalikes ({count} frames): detections per frame", f"{found / count:.3f}"))
     return (
         f"## {count} rendered frames of {things} things that are no fruit\n\n"
         f"{found} finds with score ≥ {options.score}, {found / count:.3f} per frame"
@@ -257,7 +298,7 @@ def pictures_of(folder: Path) -> list[Path]:
     return paths
 
 
-def empty_pictures(detector: CompactDetector, paths: list[Path], name: str, score: float) -> str:
+def empty_pictures(detector: CompactDetector, paths: list[Path], name: str, score: float, rows: Rows) -> str:
     """How often something is found where no fruit is, by working width."""
     lines = [f"## {len(paths)} {name}", "", "| working width | finds at score | per picture | where |"]
     lines.append("|---|---|---|---|")
@@ -271,6 +312,7 @@ def empty_pictures(detector: CompactDetector, paths: list[Path], name: str, scor
         where = ", ".join(f"{name} {count}" for name, count in found.items() if count)
         total = sum(found.values())
         lines.append(f"| {width} | {total} at {score} | {total / len(paths):.3f} | {where} |")
+        rows.append((f"{name} ({len(paths)}), width {width}: detections", str(total)))
     return "\n".join(lines)
 
 

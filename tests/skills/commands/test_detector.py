@@ -11,11 +11,11 @@ import torch
 from pomona.executive.errors import UsageError
 from pomona.skills.commands.detector import add_data, add_export, add_train
 from pomona.skills.perception.detection.annotations import read_annotation
-from pomona.skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
+from pomona.skills.perception.detection.compact_network import BeliefFinder, CloseLookNetwork
 from pomona.skills.perception.detection.weights import load_compact, save_compact
 from pomona.skills.perception.detection.weights_file import read_weights
 from pomona.skills.perception.training import recipe
-from pomona.skills.perception.training.photo_samples import PhotoCloseLookBatches
+from pomona.skills.perception.training.finder_samples import FinderBatches
 from pomona.skills.perception.training.recipe import FrameSet, Recipe, TrainingStage
 from tests.skills.perception.training.photo_folders import tables
 
@@ -73,13 +73,13 @@ def test_train_makes_weights_and_a_report_with_pictures(
 ) -> None:
     torch.set_num_threads(1)
     stages = (
-        TrainingStage("finder", 1, 1e-3, 2),
-        TrainingStage("close_look", 2, 1e-3, 4),
-        TrainingStage("finder", 1, 1e-3, 2, sets=2),
-        TrainingStage("close_look", 1, 1e-3, 4, sets=2),
+        TrainingStage("finder", 1, 1e-3, (2,)),
+        TrainingStage("close_look", 2, 1e-3, (4,)),
+        TrainingStage("finder", 1, 1e-3, (1, 1)),
+        TrainingStage("close_look", 1, 1e-3, (2, 2)),
     )
     sets = (FrameSet(8, 5), FrameSet(4, 6, (0.0, 0.0, 0.0, 1.0)))
-    monkeypatch.setattr(recipe, "SHIPPED", Recipe(sets, FrameSet(2, 7), stages))
+    monkeypatch.setattr(recipe, "SHIPPED", Recipe(sets, FrameSet(2, 7), stages, (FrameSet(2, 8),)))
     out = tmp_path / "apple.weights"
     arguments = ("--out", str(out), "--work", str(tmp_path / "work"), "--workers", "1", "--frames", "3")
     assert run("train", "detect", *arguments) == 0
@@ -103,11 +103,9 @@ def test_the_full_network_needs_frames(tmp_path: Path, capsys: pytest.CaptureFix
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """The recipe with photographs, in a few steps."""
     torch.set_num_threads(1)
-    stages = (
-        TrainingStage("finder", 3, 1e-3, 4, photos=0.5, average=0.9),
-        TrainingStage("close_look", 3, 1e-3, 8, photos=0.5, average=0.9),
-    )
-    monkeypatch.setattr(recipe, "WITH_PHOTOGRAPHS", Recipe((FrameSet(2, 5),), FrameSet(1, 7), stages))
+    stages = (TrainingStage("finder", 3, 1e-3, (2,), photos=2, average=0.9),)
+    small = Recipe((FrameSet(2, 5),), FrameSet(1, 7), stages, (FrameSet(2, 8),))
+    monkeypatch.setattr(recipe, "WITH_PHOTOGRAPHS", small)
     monkeypatch.setattr(recipe, "SAVE_EVERY", 1)
 
 
@@ -129,15 +127,15 @@ def test_train_goes_on_from_photographs_and_an_interrupted_run_ends_the_same(
     assert (tmp_path / "whole" / "report" / "photograph_worst_0.jpg").stat().st_size > 1000
     assert (tmp_path / "whole" / "report" / "curves.png").stat().st_size > 1000
 
-    original = PhotoCloseLookBatches.__getitem__
+    original = FinderBatches.__getitem__
 
-    def until_two(self: PhotoCloseLookBatches, step: int) -> tuple[torch.Tensor, ...]:
+    def until_two(self: FinderBatches, step: int) -> tuple[torch.Tensor, ...]:
         if step == 2:
             raise KeyboardInterrupt
         return original(self, step)
 
     with monkeypatch.context() as patched:
-        patched.setattr(PhotoCloseLookBatches, "__getitem__", until_two)
+        patched.setattr(FinderBatches, "__getitem__", until_two)
         with pytest.raises(KeyboardInterrupt):
             run("train", "detect", *photo_arguments(folder, tmp_path / "cut"))
     assert not (tmp_path / "cut" / "apple.weights").exists()
@@ -168,6 +166,8 @@ def test_training_on_bad_input_says_one_line_and_touches_nothing(
         ),
         ((*photo_arguments(folder, work), "--fruit", "durian"), "durian"),
         ((*photo_arguments(folder, work), "--empty", str(tmp_path / "bare")), "bare: no such folder"),
+        ((*photo_arguments(folder, work), "--trunk", str(tmp_path / "none.pth")), "none.pth: no such file"),
+        ((*photo_arguments(folder, work), "--trunk", str(old)), "old.pt: holds no _conv_stem.weight"),
         (("--empty", str(folder)), "--empty goes with --photos"),
     ):
         assert run("train", "detect", *arguments) == 2
@@ -185,7 +185,7 @@ def test_weights_are_exported_in_one_command_and_what_cannot_be_is_said_in_one_l
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     small = tmp_path / "small.weights"
-    save_compact(small, FinderNetwork((8, 8, 8, 8)), CloseLookNetwork((8, 8, 8, 8, 8)), {"fruit": "apple"})
+    save_compact(small, BeliefFinder((8, 8, 8, 8)), CloseLookNetwork((8, 8, 8, 8, 8)), {"fruit": "apple"})
     out = tmp_path / "onnx"
     assert run("export-weights", "--onnx", "--weights", str(small), "--out", str(out)) == 0
     assert sorted(path.name for path in out.iterdir()) == ["about.json", "close_look.onnx", "finder.onnx"]

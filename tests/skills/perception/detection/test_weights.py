@@ -8,16 +8,17 @@ import pytest
 import torch
 
 from pomona.skills.perception.detection.compact_detector import CompactDetector, read_stored
-from pomona.skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork, with_boxes
+from pomona.skills.perception.detection.compact_network import BeliefFinder, CloseLookNetwork
 from pomona.skills.perception.detection.errors import BadWeights, MissingPackage
-from pomona.skills.perception.detection.outputs import BOX, LEAST_OUTPUTS, USUAL_BOX
-from pomona.skills.perception.detection.scores import ScoreMap
-from pomona.skills.perception.detection.torch_engine import torch_detector
+from pomona.skills.perception.detection.finder_network import FinderNetwork
+from pomona.skills.perception.detection.fused_score import FusedScore
+from pomona.skills.perception.detection.outputs import CLOSE_LOOK_OUTPUTS
+from pomona.skills.perception.detection.scores import PowerScore, ScoreMap
 from pomona.skills.perception.detection.weights import TORCH_FORMAT, load_compact, save_compact
 
 
 def save_with_torch(
-    path: Path, finder: FinderNetwork, close_look: CloseLookNetwork, **more: object
+    path: Path, finder: BeliefFinder, close_look: CloseLookNetwork, **more: object
 ) -> dict[str, dict[str, torch.Tensor]]:
     """Write a file as earlier versions did, and return its content."""
     content: dict[str, object] = {"format": TORCH_FORMAT, "about": {"fruit": "apple"}, "widths": {}, **more}
@@ -34,13 +35,18 @@ def test_saved_networks_load_again_with_their_story(tmp_path: Path) -> None:
     torch.manual_seed(0)
     finder, close_look = FinderNetwork().eval(), CloseLookNetwork().eval()
     path = tmp_path / "apple.weights"
-    save_compact(path, finder, close_look, {"frames": "12"})
+    score = FusedScore(np.ones((2, 5)), np.array([1.0, -1.0, 0.5]))
+    save_compact(path, finder, close_look, {"frames": "12"}, score)
     assert path.stat().st_size < 10e6
+    read = read_stored(path).scores
+    assert isinstance(read, FusedScore)
+    assert np.array_equal(read.of(np.eye(4)), score.of(np.eye(4)))
     again, look_again, about = load_compact(path)
     assert about == {"frames": "12"}
-    picture, crop = torch.rand(1, 3, 64, 80) - 0.5, torch.rand(2, 3, 96, 96) - 0.5
+    picture, crop = torch.rand(1, 3, 64, 96) - 0.5, torch.rand(2, 3, 96, 96) - 0.5
     with torch.inference_mode():
-        assert torch.allclose(again(picture)[0], finder(picture)[0], atol=1e-2)
+        assert isinstance(again, FinderNetwork)
+        assert torch.allclose(again(picture), finder(picture), atol=2e-2)
         assert torch.allclose(look_again(crop), close_look(crop), atol=1e-2)
 
 
@@ -58,7 +64,7 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
 
 def test_tensors_that_do_not_fit_or_are_not_finite_are_named(tmp_path: Path) -> None:
     path = tmp_path / "apple.pt"
-    content = save_with_torch(path, FinderNetwork(), CloseLookNetwork())
+    content = save_with_torch(path, BeliefFinder(), CloseLookNetwork())
     content["finder"]["at_4.second.weight"][0] = float("nan")
     torch.save(content, path)
     with pytest.raises(BadWeights, match=r"at_4\.second\.weight holds values that are not finite"):
@@ -67,7 +73,7 @@ def test_tensors_that_do_not_fit_or_are_not_finite_are_named(tmp_path: Path) -> 
     torch.save(content, path)
     with pytest.raises(BadWeights, match=r"1 missing \(at_4\.second\.weight\)"):
         load_compact(path)
-    large = FinderNetwork((8, 8, 8, 8))
+    large = BeliefFinder((8, 8, 8, 8))
     with torch.no_grad():
         large.at_4.norm.bias[0] = 1e6
     with pytest.raises(BadWeights, match=r"at_4\.norm\.bias holds values that are not finite in half precision"):
@@ -76,11 +82,12 @@ def test_tensors_that_do_not_fit_or_are_not_finite_are_named(tmp_path: Path) -> 
 
 
 def test_networks_of_other_widths_load_as_wide_as_they_were_saved(tmp_path: Path) -> None:
-    networks = FinderNetwork((8, 12, 16, 24)), CloseLookNetwork((16, 24, 32, 8, 20))
+    networks = BeliefFinder((8, 12, 16, 24)), CloseLookNetwork((16, 24, 32, 8, 20))
     save_compact(tmp_path / "small.weights", *networks)
     content = save_with_torch(tmp_path / "small.pt", *networks)
     for name in ("small.weights", "small.pt"):
         finder, close_look, _ = load_compact(tmp_path / name)
+        assert isinstance(finder, BeliefFinder)
         assert (finder.widths, close_look.widths) == ((8, 12, 16, 24), (16, 24, 32, 8, 20))
     for widths in ([8, 12], [8, 12, 16, -1], [8, 12, 16, 10**9], None, ["a", 1, 1, 1]):
         content["widths"]["finder"] = widths
@@ -91,14 +98,13 @@ def test_networks_of_other_widths_load_as_wide_as_they_were_saved(tmp_path: Path
 
 def test_a_file_of_an_earlier_version_finds_the_same_and_keeps_its_scores(tmp_path: Path) -> None:
     torch.manual_seed(0)
-    networks = FinderNetwork((8, 8, 8, 8)), CloseLookNetwork((8, 8, 8, 8, 8))
+    networks = BeliefFinder((8, 8, 8, 8)), CloseLookNetwork((8, 8, 8, 8, 8))
     save_with_torch(tmp_path / "old.pt", *networks, scores=[0.7, -0.2])
-    save_compact(tmp_path / "new.weights", *networks, {"fruit": "apple"}, ScoreMap(0.7, -0.2))
+    save_compact(tmp_path / "new.weights", *networks, {"fruit": "apple"}, PowerScore(ScoreMap(0.7, -0.2)))
     assert read_stored(tmp_path / "old.pt") == read_stored(tmp_path / "new.weights")
     picture = np.random.default_rng(0).integers(0, 256, (96, 128, 3), dtype=np.uint8)
     old, new = (CompactDetector.load(tmp_path / name) for name in ("old.pt", "new.weights"))
-    for one, other in zip(old._maps(picture)[0], new._maps(picture)[0], strict=True):
-        assert np.array_equal(one, other)
+    assert np.array_equal(old.heat_map(picture), new.heat_map(picture))
     for wrong in ([-1.0, 0.0], [float("nan"), 0.0], [1.0], "steep"):
         save_with_torch(tmp_path / "wrong.pt", *networks, scores=wrong)
         with pytest.raises(BadWeights, match="scores"):
@@ -108,34 +114,19 @@ def test_a_file_of_an_earlier_version_finds_the_same_and_keeps_its_scores(tmp_pa
 def test_a_file_of_an_earlier_version_without_pytorch_names_the_extra(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    save_with_torch(tmp_path / "old.pt", FinderNetwork((8, 8, 8, 8)), CloseLookNetwork((8, 8, 8, 8, 8)))
+    save_with_torch(tmp_path / "old.pt", BeliefFinder((8, 8, 8, 8)), CloseLookNetwork((8, 8, 8, 8, 8)))
     monkeypatch.setitem(sys.modules, "pomona.skills.perception.detection.weights", None)
     with pytest.raises(MissingPackage, match=r"torch reads \S*old\.pt.* pip install 'pomona\[torch\]'"):
         CompactDetector.load(tmp_path / "old.pt")
 
 
-def test_a_close_look_without_boxes_learns_them_from_the_usual_one_and_says_the_rest_as_before(tmp_path: Path) -> None:
-    torch.manual_seed(0)
-    before = CloseLookNetwork((8, 8, 8, 4, 8), LEAST_OUTPUTS).eval()
-    path = tmp_path / "before.weights"
-    save_compact(path, FinderNetwork((8, 8, 8, 8)), before)
-    _, loaded, _ = load_compact(path)
-    wide = with_boxes(loaded)
-    looks = torch.rand(3, 3, 96, 96) - 0.5
-    with torch.no_grad():
-        said, says = loaded(looks), wide(looks)
-    assert said.shape == (3, LEAST_OUTPUTS)
-    assert torch.allclose(says[:, :LEAST_OUTPUTS], said, atol=1e-6)
-    assert torch.allclose(says[:, BOX], torch.tensor([0.0, 0.0, USUAL_BOX, USUAL_BOX]))
-    save_compact(path, FinderNetwork((8, 8, 8, 8)), wide)
-    finder, again, _ = load_compact(path)
-    assert torch.allclose(again(looks)[:, BOX], says[:, BOX], atol=1e-3)
-    picture, K = np.zeros((48, 64, 3), np.uint8), np.array([[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]])
-    at_border = [(np.array([60.0, 24.0]), 10.0)]
-    (boxed,) = torch_detector(finder, again)._look(picture, K, at_border, [1.0], mirrored=True)
-    assert boxed.box is not None
-    assert (boxed.box >= 0.0).all()
-    assert boxed.box[0] + boxed.box[2] <= 64.0
-    (bare,) = torch_detector(finder, loaded)._look(picture, K, at_border, [1.0], mirrored=True)
-    assert bare.box is None
-    assert bare.outline(64, 48)[2] > 0.0
+def test_a_close_look_of_an_earlier_version_loses_its_box(tmp_path: Path) -> None:
+    finder, close_look = BeliefFinder((8, 8, 8, 8)), CloseLookNetwork((8, 8, 8, 4, 8))
+    content = save_with_torch(tmp_path / "old.pt", finder, close_look)
+    last = content["close_look"]
+    for key in ("head.3.weight", "head.3.bias"):
+        last[key] = torch.cat([last[key], torch.ones_like(last[key][:4])])
+    torch.save(content, tmp_path / "old.pt")
+    _, loaded, _ = load_compact(tmp_path / "old.pt")
+    assert loaded(torch.zeros(1, 3, 96, 96)).shape == (1, CLOSE_LOOK_OUTPUTS)
+    assert torch.equal(loaded.state_dict()["head.3.bias"], last["head.3.bias"][:CLOSE_LOOK_OUTPUTS].float())

@@ -7,10 +7,12 @@ from zipfile import ZipFile
 import pytest
 
 from pomona.skills.perception.detection.errors import BadWeights
-from pomona.skills.perception.detection.scores import ScoreMap
+from pomona.skills.perception.detection.scores import PowerScore, ScoreMap
 from pomona.skills.perception.detection.weights_file import StoredDetector, is_torch_file, read_weights, write_weights
 
-STORED = StoredDetector(b"finder", b"close look", {"frames": "12"}, ScoreMap(0.7, -0.2), {"finder": [8, 8, 8, 8]})
+STORED = StoredDetector(
+    b"finder", b"close look", {"frames": "12"}, PowerScore(ScoreMap(0.7, -0.2)), {"finder": [8, 8, 8, 8]}
+)
 
 
 def about(path: Path, **changes: object) -> None:

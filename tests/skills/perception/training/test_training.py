@@ -10,19 +10,23 @@ import numpy as np
 import pytest
 import torch
 
-from pomona.skills.perception.detection.close_look import SIZE_OF_BOX
-from pomona.skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
+from pomona.skills.perception.detection.compact_network import CloseLookNetwork
 from pomona.skills.perception.detection.cuboid import MIRRORED
 from pomona.skills.perception.detection.errors import BadAnnotation, BadTraining
+from pomona.skills.perception.detection.finder_network import FinderNetwork
+from pomona.skills.perception.detection.outputs import HEAT, QUALITY, REACHES
 from pomona.skills.perception.detection.torch_engine import torch_detector
 from pomona.skills.perception.synthetic.dataset import render_dataset
 from pomona.skills.perception.synthetic.options import SceneOptions
+from pomona.skills.perception.training import targets
 from pomona.skills.perception.training.all_reduce import GradientAllReduce
+from pomona.skills.perception.training.finder_samples import FinderBatches, FrameWindows
 from pomona.skills.perception.training.loop import Progress, Schedule
 from pomona.skills.perception.training.losses import close_look_loss, dope_loss, finder_loss
 from pomona.skills.perception.training.optimiser import Optimiser
 from pomona.skills.perception.training.places import find_places, load_places, save_places
-from pomona.skills.perception.training.samples import CloseLookBatches, FinderBatches, FrameFolder
+from pomona.skills.perception.training.samples import CloseLookBatches, FrameFolder
+from pomona.skills.perception.training.targets import finder_targets
 from pomona.skills.perception.training.train import Part, TrainingRun, train_part
 
 pytestmark = pytest.mark.slow
@@ -37,7 +41,7 @@ def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def run(frames: Path, out: Path, part: Part, steps: int, **changes: float) -> TrainingRun:
     schedule = Schedule(steps, save_every=2, validate_every=3, warm_up=2, **changes)
-    return TrainingRun(part, (frames,), None, out, 4, schedule, workers=0)
+    return TrainingRun(part, ((frames, 4),), None, out, schedule, workers=0)
 
 
 @pytest.mark.parametrize("part", ["finder", "close_look"])
@@ -176,7 +180,7 @@ def test_a_late_fall_may_be_put_off_while_the_rate_is_still_high(frames: Path, t
 
 def test_progress_tells_loss_rate_and_held_out_figures(frames: Path, tmp_path: Path) -> None:
     said: list[Progress] = []
-    plan = TrainingRun("close_look", (frames,), frames, tmp_path, 4, Schedule(2, validate_every=2), workers=0)
+    plan = TrainingRun("close_look", ((frames, 4),), frames, tmp_path, Schedule(2, validate_every=2), workers=0)
     train_part(plan, said.append)
     assert said[-1].step == said[-1].steps == 2
     assert said[-1].validation is not None
@@ -190,14 +194,13 @@ def test_no_frames_is_an_error_in_words(tmp_path: Path) -> None:
 
 def test_batches_depend_on_seed_and_step_alone(frames: Path) -> None:
     folder = FrameFolder([frames])
-    for kind in (FinderBatches, CloseLookBatches):
-        first, again, other = kind(folder, 6, 3, 9)[5], kind(folder, 6, 3, 9)[5], kind(folder, 6, 4, 9)[5]
-        assert all(torch.equal(a, b) for a, b in zip(first, again, strict=True))
-        assert not torch.equal(first[0], other[0])
+    first, again, other = (CloseLookBatches(folder, 6, seed, 9)[5] for seed in (3, 3, 4))
+    assert all(torch.equal(a, b) for a, b in zip(first, again, strict=True))
+    assert not torch.equal(first[0], other[0])
 
 
 def test_close_looks_hold_the_fruit_they_are_labelled_with(frames: Path) -> None:
-    pictures, target, kind, visibility, known = CloseLookBatches(FrameFolder([frames]), 40, 0, 1, augment=False)[0]
+    pictures, target, kind, visibility = CloseLookBatches(FrameFolder([frames]), 40, 0, 1, augment=False)[0]
     fruit = kind > 0.5
     assert 8 <= int(fruit.sum()) < 40
     assert pictures.shape == (40, 96, 96, 3)
@@ -205,12 +208,6 @@ def test_close_looks_hold_the_fruit_they_are_labelled_with(frames: Path) -> None
     assert float(target[fruit][:, 2].abs().max()) < 0.8
     assert torch.allclose(target[fruit][:, 3:6].norm(dim=1), torch.ones(int(fruit.sum())), atol=1e-4)
     assert float(visibility[~fruit].abs().max()) == 0.0
-    assert bool((known[fruit][:, :5] == 1.0).all())
-    # The box lies about the fruit's middle, and is as large as a whole fruit or smaller.
-    clear = fruit & (visibility > 0.97)
-    assert float((target[clear][:, 6:8] - target[clear][:, :2]).abs().median()) < 0.05
-    longer = target[clear][:, 8:].max(dim=1).values
-    assert float((longer - target[clear][:, 2] + np.log(SIZE_OF_BOX)).abs().median()) < 0.05
 
 
 def test_places_are_kept_and_what_deceives_the_finder_is_taught_as_no_fruit(frames: Path, tmp_path: Path) -> None:
@@ -245,53 +242,71 @@ def test_a_turned_look_keeps_its_label_true(frames: Path, monkeypatch: pytest.Mo
     upright = CloseLookBatches(folder, 30, 0, 1, augment=False)
     straight, target, kind, *_ = upright[0]
     monkeypatch.setattr(upright, "_roll", lambda rng: 0.5 * np.pi)
-    turned, turned_target, _, _, known = upright[0]
+    turned, turned_target, _, _ = upright[0]
     fruit = kind > 0.5
     # A quarter turn of the camera: what pointed along y of the look points along x then.
     assert torch.allclose(turned_target[fruit, 0], target[fruit, 1], atol=1e-3)
     assert torch.allclose(turned_target[fruit, 2], target[fruit, 2], atol=1e-3)
     assert torch.allclose(turned_target[fruit, 3], target[fruit, 4], atol=1e-3)
     assert torch.allclose(turned_target[fruit, 4], -target[fruit, 3], atol=1e-3)
-    assert float(known[:, 3].max()) == 0.0  # boxes do not turn
     same = np.rot90(straight.numpy(), 1, (1, 2)).astype(float) - turned.numpy()
     assert np.abs(same).mean() < 2.0
 
 
-def test_losses_are_least_at_the_target_and_grow_away_from_it() -> None:
+def test_the_finders_loss_is_least_at_the_target_and_counts_no_doubtful_cell() -> None:
+    boxes = np.array([[4.0, 6.0, 10.0, 8.0], [20.0, 12.0, 6.0, 6.0]])
+    wanted = finder_targets(boxes, np.array([True, False]), 24, 32)
+    truth = torch.from_numpy(wanted)[None]
+    maps = torch.zeros(1, 6, 24, 32)
+    maps[:, HEAT] = torch.where(truth[:, targets.PEAK] > 0, 9.0, -9.0)
+    maps[:, REACHES] = torch.log(truth[:, targets.REACHES].clamp(min=0.1))
+    maps[:, QUALITY] = 9.0
+    least = float(finder_loss(maps, truth))
+    assert least < 0.02
+
+    def changed(row: int | slice, by: float, rows: slice, columns: slice) -> float:
+        worse = maps.clone()
+        worse[:, row, rows, columns] += by
+        return float(finder_loss(worse, truth))
+
+    everywhere = slice(None), slice(None)
+    assert changed(HEAT, 12.0, slice(0, 3), slice(0, 3)) > least + 0.1
+    assert changed(REACHES, 0.3, *everywhere) > least + 0.1
+    assert changed(QUALITY, -4.0, *everywhere) > least + 0.001
+    inside = slice(13, 17), slice(21, 25)  # of the box that is not taught
+    assert changed(HEAT, 12.0, *inside) == pytest.approx(least)
+    assert changed(REACHES, 0.3, *inside) == pytest.approx(least)
+
+
+def test_the_quality_learns_the_overlap_that_the_box_has() -> None:
+    truth = torch.from_numpy(finder_targets(np.array([[8.0, 8.0, 8.0, 8.0]]), np.array([True]), 24, 24))[None]
+    maps = torch.zeros(1, 6, 24, 24)
+    # A box of twice the area around the target's own: an IoU of one half everywhere.
+    maps[:, REACHES] = torch.log(truth[:, targets.REACHES].clamp(min=0.1))
+    maps[:, REACHES.start] = torch.log(truth[:, targets.REACHES.start] + 8.0)
+    costs = []
+    for ratio in (0.3, 0.5, 0.7):
+        maps[:, QUALITY] = float(np.log(ratio / (1.0 - ratio)))
+        costs.append(float(finder_loss(maps, truth)))
+    assert min(costs) == costs[1]
+
+
+def test_losses_of_looks_and_belief_maps_are_least_at_the_target() -> None:
     torch.manual_seed(0)
-    belief, offsets = torch.rand(2, 9, 6, 8), torch.rand(2, 17, 6, 8)
-    weight = torch.ones(2, 1, 6, 8)
-    known, labelled = torch.ones(2, 1, 1, 1), torch.zeros(2, 1, 6, 8)
-    belief[:, 8] = 0.0
-    peak, reaches, hidden = torch.zeros(2, 1, 6, 8), 1.0 + torch.rand(2, 4, 6, 8), torch.zeros(2, 1, 6, 8)
-    belief[:, 8, 3, 4] = peak[:, 0, 3, 4] = 1.0
-
-    def cost(outputs: tuple[torch.Tensor, ...], counted: torch.Tensor, fruit: torch.Tensor) -> float:
-        return float(finder_loss(outputs, belief, counted, offsets, counted, known, labelled, fruit, reaches, counted))
-
-    assert cost((belief, offsets, reaches), weight, peak) < 1e-4
-    for worse in (
-        (belief + 0.1, offsets, reaches),
-        (belief, offsets + 0.1, reaches),
-        (belief, offsets, 1.1 * reaches),
-        (belief * (1.0 - 0.2 * peak), offsets, reaches),
-    ):
-        assert cost(worse, weight, peak) > 0.01
-    assert cost((0.5 * belief, offsets + 1, 2.0 * reaches), hidden, hidden) == 0.0
-    target, kind, seen = torch.rand(3, 10), torch.tensor([1.0, 1.0, 0.0]), torch.tensor([1.0, 0.5, 0.0])
-    all_known = torch.tensor([1.0, 1.0, 1.0, 1.0, 1.0, 0.0]).repeat(3, 1)
-    output = torch.zeros(3, 15)
-    output[:, :6], output[:, 11:] = target[:, :6], target[:, 6:]
-    base = close_look_loss(output, target, kind, seen, all_known)
-    for columns in (slice(0, 2), slice(2, 3), slice(3, 6), slice(11, 15)):
+    target, kind, seen = torch.rand(3, 6), torch.tensor([1.0, 1.0, 0.0]), torch.tensor([1.0, 0.5, 0.0])
+    output = torch.zeros(3, 11)
+    output[:, :6] = target
+    base = close_look_loss(output, target, kind, seen)
+    for columns in (slice(0, 2), slice(2, 3), slice(3, 6)):
         worse, elsewhere = output.clone(), output.clone()
         worse[:2, columns] += 0.1
         elsewhere[2, columns] += 0.1
-        assert close_look_loss(worse, target, kind, seen, all_known) > base
-        assert torch.isclose(close_look_loss(elsewhere, target, kind, seen, all_known), base)
-    stages = [(belief, offsets)] * 6
-    assert float(dope_loss(stages, belief, offsets)) == 0.0
-    assert torch.isclose(dope_loss(stages, belief + 1, offsets), torch.tensor(6.0))
+        assert close_look_loss(worse, target, kind, seen) > base
+        assert torch.isclose(close_look_loss(elsewhere, target, kind, seen), base)
+    belief, affinity = torch.rand(2, 9, 6, 8), torch.rand(2, 16, 6, 8)
+    stages = [(belief, affinity)] * 6
+    assert float(dope_loss(stages, belief, affinity)) == 0.0
+    assert torch.isclose(dope_loss(stages, belief + 1, affinity), torch.tensor(6.0))
 
 
 def test_mirrored_samples_stay_consistent() -> None:
@@ -311,6 +326,6 @@ def test_a_frame_that_does_not_say_its_size_has_its_pictures_and_none_without_a_
     folder = FrameFolder([tmp_path])
     annotation = folder.annotation(0)
     assert (annotation.width, annotation.height) == (640, 480)
-    assert float(FinderBatches(folder, 2, 0, 1)[0][1].max()) > 0.9
+    assert float(FinderBatches([(FrameWindows(folder), 2)], 0, 1)[0][1][:, targets.HEAT].max()) > 0.9
     with pytest.raises(BadAnnotation, match=r"a\.json: names no camera"):
         CloseLookBatches(folder, 4, 0, 1)[0]

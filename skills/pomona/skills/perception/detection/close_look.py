@@ -70,48 +70,6 @@ class VirtualCamera:
         label[AXIS] = minimal_rotation((0.0, 0.0, 1.0), p_look / distance).T @ stem_look
         return label
 
-    def label_place(self, centre: Float64, size: float) -> Float64:
-        """What it would say of a fruit's centre [px] and size [px], as in `look_at`: in half sides, log, (3,)."""
-        u, v = self.from_picture(centre)
-        ray = np.array([(centre[0] - self.K[0, 2]) / self.K[0, 0], (centre[1] - self.K[1, 2]) / self.K[1, 1], 1.0])
-        distance = self.K[0, 0] * REFERENCE_LENGTH * float(np.linalg.norm(ray)) / size
-        touching = np.sqrt(max(distance**2 - OUTLINE_RADIUS**2, 1e-6))
-        return np.array([u, v, np.log(self.focal * REFERENCE_LENGTH / touching / (0.5 * CLOSE_LOOK_SIZE))])
-
-    def from_picture(self, point: Float64) -> Float64:
-        """A pixel of the picture in half sides from the look's middle, (2,)."""
-        ray = self.R_camera_look.T @ np.linalg.solve(self.K, np.array([point[0], point[1], 1.0]))
-        half_sides: Float64 = self.focal * ray[:2] / ray[2] / (0.5 * CLOSE_LOOK_SIZE)
-        return half_sides
-
-    def to_picture(self, half_sides: Float64) -> Float64:
-        """The pixel of the picture, (2,); the inverse of `from_picture`."""
-        ray = np.array([*(0.5 * CLOSE_LOOK_SIZE * half_sides / self.focal), 1.0])
-        seen = self.K @ self.R_camera_look @ ray
-        pixel: Float64 = seen[:2] / max(float(seen[2]), 1e-9)
-        return pixel
-
-    def label_box(self, box: Float64) -> Float64:
-        """What it would say of the box around what is seen: middle and log width and height in half sides, (4,).
-
-        Args:
-            box: x, y, w, h, with the upper left pixel's outer corner at (x, y) [px].
-        """
-        middle = box[:2] + 0.5 * box[2:] - 0.5
-        across, down = np.array([0.5 * box[2], 0.0]), np.array([0.0, 0.5 * box[3]])
-        wide = np.linalg.norm(self.from_picture(middle + across) - self.from_picture(middle - across))
-        high = np.linalg.norm(self.from_picture(middle + down) - self.from_picture(middle - down))
-        return np.array([*self.from_picture(middle), *np.log(np.maximum([wide, high], 1e-3))])
-
-    def place_box(self, label: Float64) -> Float64:
-        """The box x, y, w, h in the picture [px], (4,), from what the network says; the look must be upright."""
-        wide, high = np.exp(np.clip(label[2:], -4.0, 2.0))
-        across, down = np.array([0.5 * wide, 0.0]), np.array([0.0, 0.5 * high])
-        middle = self.to_picture(label[:2])
-        width = np.linalg.norm(self.to_picture(label[:2] + across) - self.to_picture(label[:2] - across))
-        height = np.linalg.norm(self.to_picture(label[:2] + down) - self.to_picture(label[:2] - down))
-        return np.array([middle[0] + 0.5 - 0.5 * width, middle[1] + 0.5 - 0.5 * height, width, height])
-
     def place(self, label: Float64) -> tuple[Float64, Float64]:
         """Centre of a CAD-sized fruit and stem axis in the real camera's frame, from what the network says.
 

@@ -12,40 +12,38 @@ import numpy as np
 from pomona.executive.values.arrays import Float32, Float64, UInt8
 from pomona.skills.perception.detection.close_look import REFERENCE_LENGTH, look_at
 from pomona.skills.perception.detection.errors import MissingPackage
-from pomona.skills.perception.detection.found_fruit import FoundFruit, inside
+from pomona.skills.perception.detection.finder_places import Proposal, read_places
+from pomona.skills.perception.detection.found_fruit import FoundFruit
 from pomona.skills.perception.detection.frame_check import check_picture
+from pomona.skills.perception.detection.fused_score import FEATURES
 from pomona.skills.perception.detection.onnx_runtime import onnx_network
 from pomona.skills.perception.detection.options import DetectorOptions
 from pomona.skills.perception.detection.outputs import (
-    ALL_OUTPUTS,
     AXIS,
-    BOX,
     CENTRE,
+    CLOSE_LOOK_OUTPUTS,
     CLOSE_LOOK_SIZE,
+    FINDER_MULTIPLE,
+    FINDER_STRIDE,
+    HEAT,
     KIND,
     SEEN,
     SPREAD,
     Network,
 )
-from pomona.skills.perception.detection.peaks import Peak, decode_offsets
-from pomona.skills.perception.detection.scores import ScoreMap
+from pomona.skills.perception.detection.scores import PowerScore
 from pomona.skills.perception.detection.weights_file import (
     CLOSE_LOOK,
     FINDER,
+    Score,
     StoredDetector,
     is_torch_file,
     read_weights,
 )
 
-MIRROR = np.ones(ALL_OUTPUTS)
-MIRROR[[CENTRE.start, AXIS.start, BOX.start]] = -1.0
+MIRROR = np.ones(CLOSE_LOOK_OUTPUTS)
+MIRROR[[CENTRE.start, AXIS.start]] = -1.0
 """What the close look says of a mirrored picture, times this, is true of the picture."""
-
-HOPELESS = 0.2
-"""A fruit with less score after a look is not looked at again: a quarter of the places, and hardly any fruit."""
-
-MULTIPLE = 16
-"""The finder's input sides are multiples of this [px]."""
 
 BATCH = 16
 """Looks that go through the network at once: more no longer fit into the processor's cache, and each takes longer."""
@@ -57,7 +55,7 @@ class CompactDetector:
     Args:
         finder, close_look: networks, as `onnx_network` gives them.
         options: of the search.
-        scores: from the networks' scores to the ratio of such detections that are fruit.
+        scores: from the answers of both networks to the ratio of such detections that are fruit.
     """
 
     def __init__(
@@ -65,9 +63,9 @@ class CompactDetector:
         finder: Network,
         close_look: Network,
         options: DetectorOptions | None = None,
-        scores: ScoreMap | None = None,
+        scores: Score | None = None,
     ) -> None:
-        self.options, self.scores = options or DetectorOptions(), scores or ScoreMap()
+        self.options, self.scores = options or DetectorOptions(), scores or PowerScore()
         self._finder, self._close_look = finder, close_look
 
     @classmethod
@@ -92,9 +90,9 @@ class CompactDetector:
     def warm_up(self, width: int = 640, height: int = 480) -> None:
         """Search an empty picture and take one look, so that the first picture is not slower than the rest."""
         blank = np.zeros((height, width, 3), np.uint8)
-        self.belief_maps(blank)
+        self.places(blank, 1.0)
         K = np.array([[width, 0.0, 0.5 * width], [0.0, width, 0.5 * height], [0.0, 0.0, 1.0]])
-        self._look(blank, K, [(K[:2, 2], 40.0)], [0.0], self.options.mirrored)
+        self._look(blank, K, [(K[:2, 2], 40.0)], self.options.mirrored)
 
     def find(self, colour: UInt8, K: Float64) -> list[FoundFruit]:
         """All fruit in a picture, by falling score.
@@ -106,76 +104,92 @@ class CompactDetector:
         Raises:
             BadFrame: another shape or type.
         """
-        options = self.options
-        places = self.places(colour, options.finder_threshold)[: options.most_fruit]
-        if not places:
-            return []
-        spots = [(place.keypoints[8], place.size) for place in places]
-        beliefs = [min(1.0, place.belief) for place in places]
-        seen = self._look(colour, K, spots, beliefs, options.mirrored and options.looks == 1)
-        for number in range(2, options.looks + 1):
-            again = [k for k, fruit in enumerate(seen) if fruit.score >= HOPELESS]
-            if not again:
-                break
-            spots = [(seen[k].centre, seen[k].size) for k in again]
-            better = self._look(
-                colour, K, spots, [beliefs[k] for k in again], options.mirrored and number == options.looks
-            )
-            for k, fruit in zip(again, better, strict=True):
-                seen[k] = replace(fruit, score=float(np.sqrt(seen[k].score * fruit.score)))
-        for k, place in enumerate(places):
-            if seen[k].box is None and place.box is not None:  # a close look that knows no boxes
-                seen[k] = replace(seen[k], box=inside(place.box, colour.shape[1], colour.shape[0]))
+        _, seen, _ = self.look(colour, K)
         kept: list[FoundFruit] = []
         for fruit in sorted(seen, key=lambda fruit: -fruit.score):
             if all(
-                np.linalg.norm(fruit.centre - other.centre) > options.apart * max(fruit.size, other.size)
+                np.linalg.norm(fruit.centre - other.centre) > self.options.apart * max(fruit.size, other.size)
                 for other in kept
             ):
-                kept.append(replace(fruit, score=self.scores(fruit.score)))
+                kept.append(fruit)
         return kept
 
-    def places(self, colour: UInt8, threshold: float) -> list[Peak]:
-        """Where the finder sees fruit, strongest first, in pixels of the picture.
+    def look(
+        self, colour: UInt8, K: Float64, hopeless: float | None = None
+    ) -> tuple[list[Proposal], list[FoundFruit], Float64]:
+        """Every place that the finder proposes, the fruit there, and the logits of which its score is made, (n, 4).
+
+        Args:
+            colour: (h, w, 3) uint8 RGB.
+            K: camera matrix (3, 3) [px].
+            hopeless: a place with less score after one look gets no second one; None for that of the weights.
 
         Raises:
             BadFrame: another shape or type.
         """
-        (belief, offsets, *reaches), factor = self._maps(colour)
-        return [
-            Peak(
-                (place.keypoints + 0.5) / factor - 0.5,
-                place.size / factor,
-                place.belief,
-                None if place.box is None else place.box / factor,
-            )
-            for place in decode_offsets(belief, offsets, threshold, reaches=reaches[0] if reaches else None)
+        options = self.options
+        places = self.places(colour, options.finder_threshold)[: options.most_fruit]
+        if not places:
+            return [], [], np.empty((0, FEATURES))
+        seen, kinds = self._look(
+            colour, K, [(place.centre, place.size) for place in places], options.mirrored and options.looks == 1
+        )
+        least = self.scores.hopeless if hopeless is None else hopeless
+        features = np.array(
+            [[place.heat, place.quality, kind, kind] for place, kind in zip(places, kinds, strict=True)]
+        )
+        for number in range(2, options.looks + 1):
+            again = np.nonzero(self.scores.of(features) >= least)[0].tolist()
+            if not again:
+                break
+            spots = [(seen[k].centre, seen[k].size) for k in again]
+            better, kinds = self._look(colour, K, spots, options.mirrored and number == options.looks)
+            for k, fruit, kind in zip(again, better, kinds, strict=True):
+                seen[k], features[k, 3] = fruit, kind
+        scores = self.scores.of(features)
+        found = [
+            replace(fruit, score=float(score), box=place.box)
+            for place, fruit, score in zip(places, seen, scores, strict=True)
         ]
+        return places, found, features
 
-    def belief_maps(self, colour: UInt8) -> tuple[Float32, Float32, float]:
-        """The finder's belief (9, h, w) and offsets (17, h, w), and the factor by which the picture was shrunk.
+    def places(self, colour: UInt8, threshold: float) -> list[Proposal]:
+        """Places that the finder proposes, by falling score of its own, in pixels of the picture.
 
         Raises:
             BadFrame: another shape or type.
         """
-        (belief, offsets, *_), factor = self._maps(colour)
-        return belief, offsets, factor
+        maps, (width, _) = self._maps(colour)
+        factor = colour.shape[1] / width
+        return [place.scaled(factor) for place in read_places(maps, width, colour.shape[0] / factor, threshold)]
 
-    def _maps(self, colour: UInt8) -> tuple[list[Float32], float]:
+    def heat_map(self, colour: UInt8) -> Float32:
+        """The finder's heat, 0..1, in cells of the finder's input, (h, w).
+
+        Raises:
+            BadFrame: another shape or type.
+        """
+        maps, (width, height) = self._maps(colour)
+        cells = maps[HEAT, : -(-height // FINDER_STRIDE), : -(-width // FINDER_STRIDE)]
+        return np.asarray(1.0 / (1.0 + np.exp(-cells)), np.float32)
+
+    def _maps(self, colour: UInt8) -> tuple[Float32, tuple[int, int]]:
+        """The finder's maps, and width and height of the picture in its input [px]."""
         check_picture(colour)
         height, width = colour.shape[:2]
         factor = self.options.working_width / width
         small = (self.options.working_width, max(1, round(height * factor)))
         flag = cv2.INTER_AREA if factor < 1.0 else cv2.INTER_LINEAR
         shrunk = np.asarray(cv2.resize(np.ascontiguousarray(colour), small, interpolation=flag), np.uint8)
-        below, right = -small[1] % MULTIPLE, -small[0] % MULTIPLE
+        below, right = -small[1] % FINDER_MULTIPLE, -small[0] % FINDER_MULTIPLE
         if below or right:
             shrunk = cv2.copyMakeBorder(shrunk, 0, below, 0, right, cv2.BORDER_CONSTANT, value=(114, 114, 114))
-        return [part[0] for part in self._finder(_input(shrunk[None]))], factor
+        return self._finder(_input(shrunk[None]))[0][0], small
 
     def _look(
-        self, colour: UInt8, K: Float64, places: list[tuple[Float64, float]], beliefs: list[float], mirrored: bool
-    ) -> list[FoundFruit]:
+        self, colour: UInt8, K: Float64, places: list[tuple[Float64, float]], mirrored: bool
+    ) -> tuple[list[FoundFruit], list[float]]:
+        """Fruit at centres and sizes [px], as yet without score, and the logits of being fruit."""
         side = (CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE)
         looks = [look_at(K, centre, size) for centre, size in places]
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
@@ -185,9 +199,9 @@ class CompactDetector:
         parts = np.array_split(pictures, -(-len(pictures) // BATCH))
         output = np.concatenate([self._close_look(_input(part))[0] for part in parts]).astype(np.float64)
         if mirrored:
-            output = 0.5 * (output[: len(looks)] + output[len(looks) :] * MIRROR[: output.shape[1]])
-        found, (height, width) = [], colour.shape[:2]
-        for row, look, belief in zip(output, looks, beliefs, strict=True):
+            output = 0.5 * (output[: len(looks)] + output[len(looks) :] * MIRROR)
+        found = []
+        for row, look in zip(output, looks, strict=True):
             p_camera, stem = look.place(row[: SPREAD.start])
             # A fruit beside the look cannot be placed behind the camera, however wide the look.
             p_camera[2] = max(p_camera[2], 1e-3)
@@ -195,11 +209,9 @@ class CompactDetector:
             centre = p_camera[:2] / p_camera[2] * (K[0, 0], K[1, 1]) + K[:2, 2]
             half = 0.5 * CLOSE_LOOK_SIZE * K[0, 0] / look.focal
             spreads = np.exp(np.clip(row[SPREAD], -6.0, 2.0)) * (half, 1.0, 1.0)
-            fruit, seen = 1.0 / (1.0 + np.exp(-row[[KIND, SEEN]]))
-            box = inside(look.place_box(row[BOX]), width, height) if len(row) == ALL_OUTPUTS else None
-            score = float(np.sqrt(belief * fruit))
-            found.append(FoundFruit(p_camera, stem, centre, size, spreads, score, float(seen), box))
-        return found
+            seen = float(1.0 / (1.0 + np.exp(-row[SEEN])))
+            found.append(FoundFruit(p_camera, stem, centre, size, spreads, 0.0, seen))
+        return found, output[:, KIND].tolist()
 
 
 def read_stored(path: Path | str) -> StoredDetector:

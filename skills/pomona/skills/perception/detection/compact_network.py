@@ -1,24 +1,19 @@
-"""The compact detector: a small belief-map network for the whole picture, and a second look at each fruit.
-
-`FinderNetwork` is of DOPE's family: nine belief maps (eight corners and the centroid), with centroid-to-corner offsets
-in place of DOPE's affinity fields. `CloseLookNetwork` sees one fruit at a time at full resolution.
-"""
+"""The second look at each fruit at full resolution, and the finder of earlier weights."""
 
 from __future__ import annotations
-
-import math
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from pomona.skills.perception.detection.outputs import ALL_OUTPUTS, BOX, CLOSE_LOOK_SIZE, USUAL_BOX
+from pomona.skills.perception.detection.close_look import SIZE_OF_BOX
+from pomona.skills.perception.detection.outputs import CLOSE_LOOK_OUTPUTS, CLOSE_LOOK_SIZE, OFFSET_UNIT
 
-USUAL_REACH = 5.0
-"""How far a fruit reaches from its middle before a finder has learnt boxes [cells]."""
+LEAST_BELIEF = 1e-4
+"""A belief that was learnt by squared error is cut so far from 0 and 1 before its logit is taken."""
 
-STEEPNESS, EVEN_BELIEF = 8.0, 0.4
-"""A belief of older weights b becomes the logit STEEPNESS (b - EVEN_BELIEF)."""
+LEAST_REACH = 0.05
+"""Shortest reach of a box [cells]."""
 
 
 def _convolve(inputs: int, outputs: int, kernel: int = 3, stride: int = 1) -> nn.Sequential:
@@ -41,16 +36,11 @@ class _Residual(nn.Module):
         return functional.relu_(self.norm(self.second(self.first(x))).add_(x))
 
 
-class FinderNetwork(nn.Module):
-    """Belief maps and corner offsets of all fruit in a picture.
+class BeliefFinder(nn.Module):
+    """The finder of earlier weights: belief maps and corner offsets, of which place and size are read.
 
-    Input (n, 3, h, w) in 0..1 minus 0.5, h and w multiples of 16. Output: belief maps (n, 9, h/4, w/4) and offsets
-    (n, 17, h/4, w/4): (du, dv) from the centroid to corners 0..7, and the logarithm of the corners' mean distance from
-    it, all in units of `OFFSET_UNIT` cells. The distance is learnt by itself because corners of a fruit whose turn is
-    unclear are drawn to their mean, and would make it look small.
-
-    With `boxes` there is a third output (n, 4, h/4, w/4): how far what is seen of the fruit reaches to the left, up, to
-    the right and down of this cell, in cells; and the centroid's belief is a probability. Older weights have neither.
+    Input and output are those of `FinderNetwork`: the logit of the centroid's belief as heat and as quality, and the
+    reaches of a whole fruit of the size that was found, or, with `boxes`, of its own boxes.
     """
 
     def __init__(self, widths: tuple[int, int, int, int] = (24, 48, 96, 160), boxes: bool = True) -> None:
@@ -65,45 +55,43 @@ class FinderNetwork(nn.Module):
         self.up_8 = _Residual(c)
         self.to_4 = nn.Conv2d(c, b, 1)
         self.up_4 = _Residual(b)
-        last = nn.Conv2d(b, 9 + 17, 1)
-        nn.init.normal_(last.weight, std=0.01)
-        self.head = nn.Sequential(_convolve(b, b), last)
+        self.head = nn.Sequential(_convolve(b, b), nn.Conv2d(b, 9 + 17, 1))
         if boxes:
-            reach = nn.Conv2d(b, 4, 1)
-            nn.init.normal_(reach.weight, std=0.01)
-            assert reach.bias is not None
-            nn.init.constant_(reach.bias, math.log(USUAL_REACH))
-            self.box_head = nn.Sequential(_convolve(b, b), reach)
+            self.box_head = nn.Sequential(_convolve(b, b), nn.Conv2d(b, 4, 1))
 
-    def forward(self, x: Tensor) -> tuple[Tensor, ...]:
-        """Belief maps, offsets and, where it knows them, boxes of pictures, shape (n, 3, h, w)."""
+    def forward(self, x: Tensor) -> Tensor:
+        """Maps (n, 6, h/4, w/4) of pictures (n, 3, h, w)."""
         fine = self.at_4(self.stem(x))
         middle = self.at_8(fine)
         coarse = self.to_8(self.at_16(middle))
         middle = self.up_8(middle + functional.interpolate(coarse, scale_factor=2.0, mode="nearest"))
         fine = self.up_4(fine + functional.interpolate(self.to_4(middle), scale_factor=2.0, mode="nearest"))
         maps = self.head(fine)
-        if not self.boxes:
-            return maps[:, :9], maps[:, 9:]
-        belief = torch.cat([maps[:, :8].float(), maps[:, 8:9].float().sigmoid()], dim=1)
-        return belief, maps[:, 9:], self.box_head(fine).float().clamp(-4.0, 5.0).exp()
+        belief = maps[:, 8:9]
+        if self.boxes:
+            return torch.cat([belief, self.box_head(fine), belief], dim=1)
+        belief = belief.clamp(LEAST_BELIEF, 1.0 - LEAST_BELIEF)
+        heat = torch.log(belief) - torch.log(1.0 - belief)
+        # The corners' mean is the centroid; the last map is the log of their mean distance from it.
+        across = OFFSET_UNIT * maps[:, 9:25:2].mean(dim=1, keepdim=True)
+        down = OFFSET_UNIT * maps[:, 10:25:2].mean(dim=1, keepdim=True)
+        reach = (0.5 * OFFSET_UNIT / SIZE_OF_BOX) * maps[:, 25:26].clamp(-3.0, 3.0).exp()
+        reaches = torch.cat([reach - across, reach - down, reach + across, reach + down], dim=1)
+        return torch.cat([heat, torch.log(reaches.clamp(min=LEAST_REACH)), heat], dim=1)
 
 
 class CloseLookNetwork(nn.Module):
     """Place, size and stem axis of the one fruit in the middle of a square picture.
 
-    Input (n, 3, 96, 96) in 0..1 minus 0.5. Output (n, 15), named by the constants `CENTRE` to `BOX`: the centroid
+    Input (n, 3, 96, 96) in 0..1 minus 0.5. Output (n, 11), named by the constants `CENTRE` to `SEEN`: the centroid
     relative to the middle in half sides, the logarithm of the size in half sides, the stem axis in the frame of the
-    ray through the fruit, log spreads of these three, the logit of being fruit, the logit of visibility, and of the
-    box around what is seen the middle and the logarithms of width and height, all in half sides.
+    ray through the fruit, log spreads of these three, the logit of being fruit, and the logit of visibility.
 
     The picture is folded into blocks of 4 x 4 pixels first: layers of few channels at full size take more time than
     all others together, and say no more.
     """
 
-    def __init__(
-        self, widths: tuple[int, int, int, int, int] = (64, 128, 160, 48, 192), outputs: int = ALL_OUTPUTS
-    ) -> None:
+    def __init__(self, widths: tuple[int, int, int, int, int] = (64, 128, 160, 48, 192)) -> None:
         super().__init__()
         a, b, c, squeezed, hidden = widths
         self.widths = widths
@@ -125,47 +113,12 @@ class CloseLookNetwork(nn.Module):
             nn.Flatten(),
             nn.Linear(squeezed * cells * cells, hidden),
             nn.ReLU(inplace=True),
-            nn.Linear(hidden, outputs),
+            nn.Linear(hidden, CLOSE_LOOK_OUTPUTS),
         )
 
     def forward(self, x: Tensor) -> Tensor:
         """What is said of each look, shape (n, 3, side, side)."""
         return self.head(self.trunk(x))  # type: ignore[no-any-return]
-
-
-def finder_with_boxes(network: FinderNetwork) -> FinderNetwork:
-    """A finder that knows boxes, to be taught them, with this one's weights; its belief starts as a steeper one."""
-    if network.boxes:
-        return network
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(0)  # what is new begins the same each time, so that a run can be repeated
-        twin = FinderNetwork(network.widths)
-    state = network.state_dict()
-    twin.load_state_dict(twin.state_dict() | state)
-    last = twin.head[-1]
-    assert isinstance(last, nn.Conv2d)
-    assert last.bias is not None
-    with torch.no_grad():
-        last.weight[8] *= STEEPNESS
-        last.bias[8] = STEEPNESS * (last.bias[8] - EVEN_BELIEF)
-    return twin.train(network.training)
-
-
-def with_boxes(network: CloseLookNetwork) -> CloseLookNetwork:
-    """A network that says the same as this one and, where it said none, always the usual box."""
-    wide = CloseLookNetwork(network.widths)
-    last, before = wide.head[-1], network.head[-1]
-    assert isinstance(last, nn.Linear)
-    assert isinstance(before, nn.Linear)
-    state, count = dict(network.state_dict()), before.out_features
-    if count < ALL_OUTPUTS:
-        weight, bias = torch.zeros_like(last.weight), torch.zeros_like(last.bias)
-        bias[BOX.start + 2 :] = USUAL_BOX
-        weight[:count], bias[:count] = before.weight, before.bias
-        name = f"head.{len(wide.head) - 1}"
-        state |= {f"{name}.weight": weight.detach(), f"{name}.bias": bias.detach()}
-    wide.load_state_dict(state)
-    return wide.train(network.training)
 
 
 def to_input(pictures: Tensor) -> Tensor:

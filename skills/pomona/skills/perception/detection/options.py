@@ -14,7 +14,7 @@ class DetectorOptions:
     """How the compact detector looks.
 
     Attributes:
-        finder_threshold: least belief for which a place gets a second look.
+        finder_threshold: least score of the finder for which a place is looked at closely.
         looks: how often each fruit is looked at closely; every further look is centred by the one before.
         mirrored: the last look is taken in a mirror too, and the mean of both answers is used.
         most_fruit: places that get a second look, strongest first.

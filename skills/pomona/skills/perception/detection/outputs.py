@@ -18,10 +18,13 @@ OFFSET_UNIT = 8.0
 CLOSE_LOOK_SIZE = 96
 """Side of the square picture of one fruit [px]."""
 
-CENTRE, SIZE, AXIS, SPREAD, KIND, SEEN, BOX = slice(0, 2), 2, slice(3, 6), slice(6, 9), 9, 10, slice(11, 15)
-"""Columns of the close look's output; older weights have none for the box."""
+CENTRE, SIZE, AXIS, SPREAD, KIND, SEEN = slice(0, 2), 2, slice(3, 6), slice(6, 9), 9, 10
+"""Columns of the close look's output."""
 
-LEAST_OUTPUTS, ALL_OUTPUTS = SEEN + 1, BOX.stop
+CLOSE_LOOK_OUTPUTS = SEEN + 1
 
-USUAL_BOX = 0.307
-"""Log of a whole fruit's box over the look's half side, where a network without boxes begins to learn them."""
+HEAT, REACHES, QUALITY = 0, slice(1, 5), 5
+"""Rows of the finder's maps: logit of the heat, log reaches left, up, right and down [cells], logit of the quality."""
+
+FINDER_MULTIPLE = 32
+"""Sides of the finder's input are multiples of this [px]: its coarsest features have this stride."""

@@ -1,13 +1,15 @@
-"""Scores that mean how often a find is fruit."""
+"""Scores that mean how often a detection is fruit."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
+
+HOPELESS = 0.2
+"""Least product after one look for a second one: a quarter of the places have less, and hardly any fruit."""
 
 EDGE = 1e-6
 """Scores are kept so far from 0 and 1 before their logits are taken."""
@@ -38,36 +40,29 @@ class ScoreMap:
         return np.asarray(1.0 / (1.0 + np.exp(-(self.slope * _logit(scores) + self.offset))), np.float64)
 
 
-LEAST_SLOPE = 0.05
-"""Scores that say nothing, or the contrary, still keep their order."""
+@dataclass(frozen=True, slots=True)
+class PowerScore:
+    """Score of weights without a fitted one: product of powers of heat and of the kind that both looks give.
 
-
-def fit_scores(scores: Float64, right: NDArray[np.bool_], weights: Float64 | None = None) -> ScoreMap:
-    """The map under which these finds are likeliest.
-
-    Args:
-        scores: of finds, 0..1, (n,).
-        right: whether each is fruit, (n,).
-        weights: how much each counts, (n,); None: all alike.
-
-    Returns:
-        The map; the one that changes nothing where all finds are right, or none, or there are fewer than ten.
+    Attributes:
+        line: from this product to the ratio of fruit.
     """
-    if len(scores) < 10 or right.all() or not right.any():
-        return ScoreMap()
-    x, y = np.stack([_logit(scores), np.ones(len(scores))], axis=1), right.astype(np.float64)
-    w = np.ones(len(scores)) if weights is None else weights
-    line = np.array([1.0, 0.0])
-    for _ in range(50):
-        p = 1.0 / (1.0 + np.exp(-x @ line))
-        # A weak pull towards no change keeps the curvature from vanishing where finds can be told apart exactly.
-        slope = x.T @ (w * (y - p)) - 1e-3 * (line - (1.0, 0.0))
-        bend = (x * (w * p * (1.0 - p))[:, None]).T @ x + 1e-3 * np.eye(2)
-        step = np.linalg.solve(bend, slope)
-        line = line + np.clip(step, -2.0, 2.0)
-        if np.abs(step).max() < 1e-9:
-            break
-    return ScoreMap(max(LEAST_SLOPE, float(line[0])), float(line[1]))
+
+    line: ScoreMap = ScoreMap()
+
+    @property
+    def hopeless(self) -> float:
+        """A place with less score after one look gets no second one."""
+        return self.line(HOPELESS)
+
+    def of(self, features: Float64) -> Float64:
+        """Scores of places with these features, logits as of `FusedScore` (n, 4): (n,)."""
+        heat, _, first, second = -np.logaddexp(0.0, -features.T)
+        return self.line.of(np.exp(0.5 * heat + 0.25 * (first + second)))
+
+    def content(self) -> dict[str, float]:
+        """As a weights file holds it."""
+        return {"slope": self.line.slope, "offset": self.line.offset}
 
 
 def _logit(scores: Float64) -> Float64:

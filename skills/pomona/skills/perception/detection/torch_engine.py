@@ -9,17 +9,18 @@ from torch import nn
 
 from pomona.executive.values.arrays import Float32
 from pomona.skills.perception.detection.compact_detector import CompactDetector
-from pomona.skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
+from pomona.skills.perception.detection.compact_network import CloseLookNetwork
 from pomona.skills.perception.detection.options import DetectorOptions
 from pomona.skills.perception.detection.outputs import Network
-from pomona.skills.perception.detection.scores import ScoreMap
+from pomona.skills.perception.detection.weights import Finder
+from pomona.skills.perception.detection.weights_file import Score
 
 
 def torch_detector(
-    finder: FinderNetwork,
+    finder: Finder,
     close_look: CloseLookNetwork,
     options: DetectorOptions | None = None,
-    scores: ScoreMap | None = None,
+    scores: Score | None = None,
 ) -> CompactDetector:
     """Return a detector with copies of two networks, on the CPU and in one thread."""
     return CompactDetector(_network(finder), _network(close_look), options, scores)

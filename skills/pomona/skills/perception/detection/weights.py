@@ -12,13 +12,15 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from pomona.skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
+from pomona.skills.perception.detection.compact_network import BeliefFinder, CloseLookNetwork
 from pomona.skills.perception.detection.dope_network import DopeNetwork
 from pomona.skills.perception.detection.errors import BadWeights, MissingPackage
+from pomona.skills.perception.detection.finder_network import FinderNetwork
 from pomona.skills.perception.detection.onnx_runtime import INPUT
-from pomona.skills.perception.detection.outputs import ALL_OUTPUTS, CLOSE_LOOK_SIZE, LEAST_OUTPUTS
-from pomona.skills.perception.detection.scores import ScoreMap
+from pomona.skills.perception.detection.outputs import CLOSE_LOOK_OUTPUTS, CLOSE_LOOK_SIZE
+from pomona.skills.perception.detection.scores import PowerScore
 from pomona.skills.perception.detection.weights_file import (
+    Score,
     StoredDetector,
     is_torch_file,
     read_weights,
@@ -34,6 +36,11 @@ OPSET = 18
 FINDER_EXAMPLE = (1, 3, 192, 256)
 CLOSE_LOOK_EXAMPLE = (2, 3, CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE)
 """Shapes of inputs with which the networks are traced; a graph keeps none of these sizes but that of the looks."""
+
+Finder = FinderNetwork | BeliefFinder
+
+LAST_LAYER = "head.3.weight", "head.3.bias"
+"""Parameters of the close look's last layer."""
 
 _HALF = ".half"
 """Ending of an initialiser in half precision; the graph casts it to the parameter of the name before."""
@@ -54,10 +61,10 @@ def load_weights(path: Path | str) -> DopeNetwork:
 
 def save_compact(
     path: Path,
-    finder: FinderNetwork,
+    finder: Finder,
     close_look: CloseLookNetwork,
     about: Mapping[str, str] | None = None,
-    scores: ScoreMap | None = None,
+    scores: Score | None = None,
 ) -> None:
     """Write both networks of the compact detector into a weights file, in half precision.
 
@@ -65,16 +72,16 @@ def save_compact(
         path: written atomically.
         finder, close_look: of any widths; these travel along.
         about: text that travels along: how the weights were made.
-        scores: from the networks' scores to the ratio of such detections that are fruit.
+        scores: from the answers of both networks to the ratio of such detections that are fruit.
 
     Raises:
         BadWeights: a parameter is not finite, or exceeds half precision.
         MissingPackage: without the package onnx.
     """
-    write_weights(path, _store(path, finder, close_look, about or {}, scores or ScoreMap()))
+    write_weights(path, _store(path, finder, close_look, about or {}, scores or PowerScore()))
 
 
-def load_compact(path: Path | str) -> tuple[FinderNetwork, CloseLookNetwork, dict[str, str]]:
+def load_compact(path: Path | str) -> tuple[Finder, CloseLookNetwork, dict[str, str]]:
     """Load the compact detector: both networks in evaluation mode, float32, and the text about them.
 
     Raises:
@@ -123,16 +130,17 @@ def fill(network: nn.Module, tensors: dict[str, Tensor], path: Path | str) -> No
 
 
 def _store(
-    path: Path | str, finder: FinderNetwork, close_look: CloseLookNetwork, about: Mapping[str, str], scores: ScoreMap
+    path: Path | str, finder: Finder, close_look: CloseLookNetwork, about: Mapping[str, str], scores: Score
 ) -> StoredDetector:
-    outputs = ["belief", "offsets", "reaches"][: 3 if finder.boxes else 2]
-    sizes = {0: "n", 2: "h", 3: "w"}
+    widths = {"close_look": list(close_look.widths)}
+    if isinstance(finder, BeliefFinder):
+        widths["finder"] = list(finder.widths)
     return StoredDetector(
-        _exported(path, finder, FINDER_EXAMPLE, outputs, dict.fromkeys((INPUT, *outputs), sizes)),
+        _exported(path, finder, FINDER_EXAMPLE, ["maps"], {name: {0: "n", 2: "h", 3: "w"} for name in (INPUT, "maps")}),
         _exported(path, close_look, CLOSE_LOOK_EXAMPLE, ["look"], {INPUT: {0: "n"}, "look": {0: "n"}}),
         about,
         scores,
-        {"finder": list(finder.widths), "close_look": list(close_look.widths)},
+        widths,
     )
 
 
@@ -204,26 +212,30 @@ def _onnx() -> Any:
     return onnx
 
 
-def _load_torch(path: Path | str) -> tuple[FinderNetwork, CloseLookNetwork, dict[str, str], ScoreMap]:
+def _load_torch(path: Path | str) -> tuple[Finder, CloseLookNetwork, dict[str, str], Score]:
     content = _read(path)
     if not isinstance(content, dict) or content.get("format") != TORCH_FORMAT:
         raise BadWeights(path, f"is not a '{TORCH_FORMAT}' file")
     finder, close_look = _built(path, content)
     about = {str(key): str(value) for key, value in content.get("about", {}).items()}
-    return finder, close_look, about, score_map(path, content.get("scores", (1.0, 0.0)))
+    return finder, close_look, about, PowerScore(score_map(path, content.get("scores", (1.0, 0.0))))
 
 
-def _built(path: Path | str, content: Mapping[str, Any]) -> tuple[FinderNetwork, CloseLookNetwork]:
+def _built(path: Path | str, content: Mapping[str, Any]) -> tuple[Finder, CloseLookNetwork]:
     """Both networks in evaluation mode from their widths and tensors."""
     try:
-        knows_boxes = any(str(key).startswith("box_head.") for key in content["finder"])
-        finder = FinderNetwork(_widths(content, "finder", 4), knows_boxes)
-        close_look = CloseLookNetwork(_widths(content, "close_look", 5), _outputs(content))
+        finder: Finder = FinderNetwork()
+        if "finder" in content["widths"]:
+            knows_boxes = any(str(key).startswith("box_head.") for key in content["finder"])
+            finder = BeliefFinder(_widths(content, "finder", 4), knows_boxes)
+        close_look = CloseLookNetwork(_widths(content, "close_look", 5))
     except (KeyError, TypeError, ValueError) as error:
         raise BadWeights(path, f"does not say how wide its networks are: {error!r}") from error
     for name, network in (("finder", finder), ("close_look", close_look)):
         counters = {key: value for key, value in network.state_dict().items() if key.endswith("num_batches_tracked")}
         tensors = {key: value.float() for key, value in _tensors(path, content.get(name)).items()}
+        if name == "close_look":  # some earlier ones had four outputs more, of a box
+            tensors |= {key: tensors[key][:CLOSE_LOOK_OUTPUTS] for key in LAST_LAYER if key in tensors}
         fill(network, {**counters, **tensors}, path)
     return finder.eval(), close_look.eval()
 
@@ -233,12 +245,6 @@ def _widths(content: Mapping[str, Any], name: str, count: int) -> Any:
     if len(widths) != count or not all(1 <= width <= 1024 for width in widths):
         raise ValueError(f"expected {count} widths, not {widths}")
     return widths
-
-
-def _outputs(content: Mapping[str, Any]) -> int:
-    """How much the close look says: weights made before it knew boxes have fewer outputs."""
-    count = int(content["close_look"]["head.3.bias"].shape[0])
-    return count if count in (LEAST_OUTPUTS, ALL_OUTPUTS) else ALL_OUTPUTS
 
 
 def _read(path: Path | str) -> Any:

@@ -3,8 +3,8 @@
 A weights file is a zip archive of three members:
 
 - `finder.onnx` and `close_look.onnx`: input `picture`, float32 (n, 3, h, w), RGB in 0..1 minus 0.5. The finder's h and
-  w are multiples of 16, the close look's 96. Outputs are those of `FinderNetwork` and `CloseLookNetwork`.
-- `about.json`: the file's format, how the weights were made, and the map of their scores.
+  w are multiples of 32, the close look's 96. Outputs are those of `FinderNetwork` and `CloseLookNetwork`.
+- `about.json`: the file's format, how the weights were made, and their score.
 """
 
 from __future__ import annotations
@@ -18,13 +18,17 @@ from typing import Any
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from pomona.skills.perception.detection.errors import BadWeights
-from pomona.skills.perception.detection.scores import ScoreMap
+from pomona.skills.perception.detection.fused_score import FusedScore, read_fused_score
+from pomona.skills.perception.detection.scores import PowerScore, ScoreMap
 
 FORMAT = "pomona compact detector 3"
 
 FINDER, CLOSE_LOOK, ABOUT = "finder.onnx", "close_look.onnx", "about.json"
 
 ENDING = ".weights"
+
+Score = FusedScore | PowerScore
+"""From the answers of both networks to the ratio of such detections that are fruit."""
 
 _YEAR_ZERO = (1980, 1, 1, 0, 0, 0)
 """Date of each member: equal weights give equal files."""
@@ -37,14 +41,14 @@ class StoredDetector:
     Attributes:
         finder, close_look: networks as ONNX.
         about: how the weights were made.
-        scores: from the networks' scores to the ratio of such detections that are fruit.
-        widths: of each network's layers, by its name; only training reads them.
+        scores: from the answers of both networks to the ratio of such detections that are fruit.
+        widths: of the layers of each network that comes in several; only training reads them.
     """
 
     finder: bytes
     close_look: bytes
     about: Mapping[str, str] = field(default_factory=dict)
-    scores: ScoreMap = field(default_factory=ScoreMap)
+    scores: Score = field(default_factory=PowerScore)
     widths: Mapping[str, Sequence[int]] = field(default_factory=dict)
 
     def members(self) -> dict[str, bytes]:
@@ -52,7 +56,7 @@ class StoredDetector:
         about = {
             "format": FORMAT,
             "about": dict(self.about),
-            "scores": {"slope": self.scores.slope, "offset": self.scores.offset},
+            "scores": self.scores.content(),
             "widths": {name: list(widths) for name, widths in self.widths.items()},
         }
         text = json.dumps(about, indent=2, ensure_ascii=False) + "\n"
@@ -73,7 +77,7 @@ def read_weights(path: Path | str) -> StoredDetector:
     """Read a weights file.
 
     Raises:
-        BadWeights: unreadable, another format, or a map of scores that is none.
+        BadWeights: unreadable, another format, or without a score.
     """
     members = _members(path, (FINDER, CLOSE_LOOK, ABOUT))
     try:
@@ -81,10 +85,16 @@ def read_weights(path: Path | str) -> StoredDetector:
         if about["format"] != FORMAT:
             raise BadWeights(path, f"has the format {about['format']!r}, expected {FORMAT!r}")
         told = {str(key): str(value) for key, value in about.get("about", {}).items()}
-        scores = score_map(path, (about["scores"]["slope"], about["scores"]["offset"]))
+        scores = _score(path, about["scores"])
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise BadWeights(path, f"{ABOUT} in it cannot be used: {error!r}") from error
     return StoredDetector(members[FINDER], members[CLOSE_LOOK], told, scores, about.get("widths", {}))
+
+
+def _score(path: Path | str, content: Mapping[str, Any]) -> Score:
+    if "hidden" in content:
+        return read_fused_score(content)
+    return PowerScore(score_map(path, (content["slope"], content["offset"])))
 
 
 def score_map(path: Path | str, said: Any) -> ScoreMap:

@@ -30,7 +30,7 @@ class GradientAllReduce:
     """
 
     def __init__(self, processes: int, network: nn.Module) -> None:
-        weights = sum(p.numel() for p in network.parameters())
+        weights = sum(p.numel() for p in network.parameters() if p.requires_grad)
         self._gradients = torch.zeros(processes, weights).share_memory_()  # type: ignore[no-untyped-call]
         self._met: Any = CONTEXT.Barrier(processes)
 

@@ -92,6 +92,7 @@ def train_network(
     report: Callable[[Progress], None] | None = None,
     all_reduce: GradientAllReduce | None = None,
     rank: int = 0,
+    slow: nn.Module | None = None,
 ) -> nn.Module:
     """Train until `schedule.steps`, going on from `checkpoint` where it exists; returns the averaged network.
 
@@ -110,13 +111,14 @@ def train_network(
         report: called now and then.
         together: with the processes that learn the same network; each has batches of its own.
         rank: of this process among them; only the first, 0, validates, reports and saves.
+        slow: part of the network that was trained before, as in `Optimiser`.
 
     Raises:
         BadTraining: the checkpoint belongs to another network or schedule, or the loss is no longer finite.
     """
     place = torch.device(device)
     network.to(place, memory_format=torch.channels_last).train()  # type: ignore[call-overload]
-    optimiser = Optimiser(network, schedule.method, schedule.decay)
+    optimiser = Optimiser(network, schedule.method, schedule.decay, slow)
     average = {k: v.detach().clone() for k, v in network.state_dict().items()}
     first = _resume(checkpoint, network, optimiser, average, schedule, place)
     remaining = Subset(batches, range(first, schedule.steps))

@@ -16,6 +16,12 @@ Method = Literal["muon", "adam"]
 LEAST_OUTPUTS = 32
 """A matrix with fewer is a network's answer, whose numbers have nothing to share: AdamW moves it."""
 
+SLOW = 0.3
+"""Rate of a part that was trained before, as a ratio of the others'."""
+
+BETAS = (0.9, 0.99)
+"""Decays of AdamW's averages of the gradient and of its square: runs here have hundreds of steps, not thousands."""
+
 
 class Optimiser:
     """What moves a network's weights along its gradients.
@@ -24,20 +30,28 @@ class Optimiser:
         network: its parameters are moved in place.
         method: "muon", or "adam" for AdamW alone.
         decay: weight decay, on matrices and kernels only.
+        slow: part of the network that was trained before, moved at `SLOW` of the rate; None for none.
     """
 
-    def __init__(self, network: nn.Module, method: Method, decay: float) -> None:
-        parameters = list(network.parameters())
+    def __init__(self, network: nn.Module, method: Method, decay: float, slow: nn.Module | None = None) -> None:
+        parameters = [p for p in network.parameters() if p.requires_grad]
         self._kernels = [p for p in parameters if method == "muon" and _is_hidden(p)]
         # Muon takes matrices: it moves these, and the kernels are copies of them.
         self._matrices = [nn.Parameter(p.detach().flatten(1).clone()) for p in self._kernels]
         taken = {id(p) for p in self._kernels}
+        before = set() if slow is None else {id(p) for p in slow.parameters()}
         others = [p for p in parameters if id(p) not in taken]
         groups: list[dict[str, Any]] = [
-            {"params": [p for p in others if p.ndim > 1], "weight_decay": decay},
-            {"params": [p for p in others if p.ndim <= 1], "weight_decay": 0.0},
+            {
+                "params": [p for p in others if (p.ndim > 1) == matrices and (id(p) in before) == is_slow],
+                "weight_decay": decay if matrices else 0.0,
+                "ratio": SLOW if is_slow else 1.0,
+            }
+            for matrices in (True, False)
+            for is_slow in (False, True)
         ]
-        self._parts: dict[str, torch.optim.Optimizer] = {"others": torch.optim.AdamW(groups)}
+        groups = [group for group in groups if group["params"]]
+        self._parts: dict[str, torch.optim.Optimizer] = {"others": torch.optim.AdamW(groups, betas=BETAS)}
         if self._matrices:
             self._parts["kernels"] = torch.optim.Muon(
                 self._matrices, weight_decay=decay, adjust_lr_fn="match_rms_adamw"
@@ -52,7 +66,7 @@ class Optimiser:
                 matrix.grad = kernel.grad.flatten(1)
             for part in self._parts.values():
                 for group in part.param_groups:
-                    group["lr"] = rate
+                    group["lr"] = rate * group.get("ratio", 1.0)
                 part.step()
             for matrix, kernel in zip(self._matrices, self._kernels, strict=True):
                 kernel.copy_(matrix.view(kernel.shape))

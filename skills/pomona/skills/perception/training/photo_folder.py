@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -106,7 +106,7 @@ def read_empty(folder: Path) -> tuple[Photograph, ...]:
     paths = sorted(path for path in _files(folder) if path.suffix.lower() in PICTURES)
     if not paths:
         raise BadPhotographs(folder, f"holds no pictures ({', '.join(PICTURES)})")
-    return tuple(replace(_checked(_Labelled(path, str(folder))), empty=True) for path in paths)
+    return tuple(_checked(_Labelled(path, str(folder))) for path in paths)
 
 
 def _split(folder: Path, labelled: list[_Labelled], photographs: list[Photograph]) -> PhotoSet:

@@ -11,23 +11,21 @@ from typing import Any
 import torch
 
 from pomona.skills.perception.detection.compact_detector import CompactDetector
-from pomona.skills.perception.detection.compact_network import (
-    CloseLookNetwork,
-    FinderNetwork,
-    finder_with_boxes,
-    with_boxes,
-)
+from pomona.skills.perception.detection.compact_network import CloseLookNetwork
+from pomona.skills.perception.detection.finder_network import FinderNetwork
+from pomona.skills.perception.detection.fused_score import FusedScore
 from pomona.skills.perception.detection.torch_engine import torch_detector
 from pomona.skills.perception.detection.weights import load_compact, save_compact
-from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.synthetic.dataset import render_dataset
 from pomona.skills.perception.synthetic.options import WITHOUT_TREES, SceneOptions
-from pomona.skills.perception.training.calibrate import calibrate
+from pomona.skills.perception.training.fit_score import fit_score, frame_places, photo_places
 from pomona.skills.perception.training.loop import Fall, Progress, Schedule
-from pomona.skills.perception.training.photographs import PhotoSet
-from pomona.skills.perception.training.places import find_photo_places, find_places, save_places
+from pomona.skills.perception.training.optimiser import Method
+from pomona.skills.perception.training.photographs import PhotoSet, fruit_scale
+from pomona.skills.perception.training.places import find_places, save_places
 from pomona.skills.perception.training.samples import FrameFolder
 from pomona.skills.perception.training.train import Part, TrainingRun, train_part
+from pomona.skills.perception.training.trunk import load_trunk
 
 LEAST_SHARE = 8
 """A process that learns has at least this part of a batch: statistics of fewer pictures say little."""
@@ -39,35 +37,40 @@ class TrainingStage:
 
     Attributes:
         part: which network.
-        steps, rate, batch, fall: as in `Schedule` and `TrainingRun`.
-        turned: share of the close looks that are turned by any angle about their axis.
-        sets: how many of the recipe's sets of frames are learnt from, from the first on.
-        photos: share of each batch that comes from photographs.
+        steps, rate, fall: as in `Schedule`.
+        batch: samples of a batch from each of the recipe's sets of frames, from the first on.
+        turned: ratio of the close looks that are turned by any angle about their axis.
+        photos, empty: windows of a batch from photographs, and from pictures without fruit.
         average: decay of the running average of weights, as in `Schedule`.
         warm_up: steps in which the rate rises, as in `Schedule`.
+        method, decay, clip: as in `Schedule`.
     """
 
     part: Part
     steps: int
     rate: float
-    batch: int
+    batch: tuple[int, ...]
     turned: float = 0.0
     fall: Fall = "cosine"
-    sets: int = 1
-    photos: float = 0.0
+    photos: int = 0
+    empty: int = 0
     average: float = 0.998
     warm_up: int = 60
+    method: Method = "muon"
+    decay: float = 0.05
+    clip: float = 5.0
 
 
 @dataclass(frozen=True, slots=True)
 class FrameSet:
-    """Rendered frames: how many, of which seed, and what is in them, as in `SceneOptions`."""
+    """Rendered frames: how many, of which seed, and their content, as in `SceneOptions`."""
 
     frames: int
     seed: int
     kinds: tuple[float, float, float, float] = SceneOptions().kinds
     instances: tuple[int, int] = SceneOptions().instances
     lookalikes: int = 0
+    distractors: int = SceneOptions().distractors
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,61 +81,81 @@ class Recipe:
         sets: frames to learn from.
         held_out: frames to validate on.
         stages: in order.
+        fit: frames on which the score is fitted, beside every third photograph that was learnt from.
     """
 
     sets: tuple[FrameSet, ...]
     held_out: FrameSet
     stages: tuple[TrainingStage, ...]
+    fit: tuple[FrameSet, ...]
 
+
+FIT = (
+    FrameSet(80, 53, (0.3, 0.2, 0.1, 0.4)),
+    FrameSet(40, 54, (0.5, 0.25, 0.1, 0.15), (0, 2), lookalikes=10),
+)
+"""Frames on which scores are fitted: a third of them hold lookalikes, without which lookalikes pass as fruit."""
 
 SHIPPED = Recipe(
-    # What is trained on and what is only measured on never share a seed.
+    # Sets that are trained on and sets that are only measured on never share a seed.
     sets=(FrameSet(16_000, 1, WITHOUT_TREES), FrameSet(8_000, 2, (0.25, 0.25, 0.0, 0.5))),
     held_out=FrameSet(400, 9001, WITHOUT_TREES),
     stages=(
-        TrainingStage("finder", 1600, 3e-3, 16),
-        # Upright looks alone teach where stems mostly are, not what they look like; too many turned ones turn over
+        TrainingStage("finder", 1600, 3e-3, (16,)),
+        # Upright looks alone teach where stems mostly are, not their appearance; too many turned ones turn over
         # fruit that stands (docs/decisions/detect-network.md).
-        TrainingStage("close_look", 6200, 3e-3, 192, turned=0.2, fall="late"),
+        TrainingStage("close_look", 6200, 3e-3, (192,), turned=0.2, fall="late"),
         # The same once more, with trees among the frames and more heaps, where most was still wrong.
-        TrainingStage("finder", 1500, 3e-3, 16, sets=2),
-        TrainingStage("close_look", 5900, 3e-3, 192, turned=0.2, fall="late", sets=2),
+        TrainingStage("finder", 1500, 3e-3, (11, 5)),
+        TrainingStage("close_look", 5900, 3e-3, (128, 64), turned=0.2, fall="late"),
     ),
+    fit=FIT,
 )
-"""What `make train-detect` carries out; how the weights in the repository came about is in docs/model_cards."""
+"""The recipe of `make train-detect`; docs/model_cards tells how the weights in the repository were made."""
 
 WITH_PHOTOGRAPHS = Recipe(
     sets=(
-        FrameSet(1300, 1, (0.4, 0.25, 0.1, 0.0)),
-        FrameSet(700, 2, (0.25, 0.25, 0.0, 0.5)),
-        FrameSet(500, 3, (0.5, 0.25, 0.1, 0.15), (0, 2), 10),
+        FrameSet(1060, 31, (0.3, 0.2, 0.1, 0.4)),
+        FrameSet(260, 52, (0.5, 0.25, 0.1, 0.15), (0, 2), lookalikes=10),
+        FrameSet(240, 55, (0.4, 0.25, 0.1, 0.25), (1, 5), distractors=14),
     ),
     held_out=FrameSet(60, 9001, WITHOUT_TREES),
     stages=(
-        TrainingStage("finder", 2400, 2e-3, 24, fall="late", sets=3, photos=0.6),
-        TrainingStage("close_look", 2000, 2e-3, 96, turned=0.2, fall="late", sets=3, photos=0.5),
+        TrainingStage(
+            "finder",
+            1400,
+            1.8e-3,
+            (2, 2, 1),
+            fall="late",
+            photos=9,
+            empty=2,
+            average=0.997,
+            warm_up=50,
+            method="adam",
+            decay=0.02,
+            clip=10.0,
+        ),
     ),
+    fit=FIT,
 )
-"""What `pomona train detect --photos` carries out, from weights that rendered frames gave."""
+"""The recipe of `pomona train detect --photos`: the finder learns, the close look keeps its weights."""
 
 QUICK = Recipe(
     sets=(FrameSet(160, 1, WITHOUT_TREES),),
     held_out=FrameSet(16, 9001, WITHOUT_TREES),
     stages=(
-        TrainingStage("finder", 80, 1e-3, 8, fall="late", average=0.95, warm_up=10),
-        TrainingStage("close_look", 120, 1e-3, 48, turned=0.1, fall="late", average=0.95, warm_up=10),
+        TrainingStage("finder", 80, 1e-3, (8,), fall="late", average=0.95, warm_up=10),
+        TrainingStage("close_look", 120, 1e-3, (48,), turned=0.1, fall="late", average=0.95, warm_up=10),
     ),
+    fit=(FrameSet(24, 53, WITHOUT_TREES),),
 )
 """What `pomona train detect --quick` carries out, from another fruit's weights: minutes, to see a first pick."""
 
-WARM_UP, VALIDATE_EVERY, SAVE_EVERY = 50, 100, 25
-"""Where photographs are learnt from, steps are few and dear."""
+VALIDATE_EVERY, SAVE_EVERY = 100, 25
+"""Steps between validations and checkpoints where photographs are learnt from: steps there are few and slow."""
 
-MOST_SEARCHED = 400
-"""There so many frames, and so many photographs, are searched for what deceives the finder."""
-
-CALIBRATED_ON = 120
-"""The scores' map is fitted on so many held-out frames, and on so many photographs that were learnt from."""
+FITTED = 3
+"""The score is fitted on one in so many photographs that were learnt from."""
 
 Say = Callable[[str, Progress], None]
 
@@ -149,6 +172,7 @@ def make_weights(
     say: Say | None = None,
     photographs: PhotoSet | None = None,
     start: Path | None = None,
+    trunk: Path | None = None,
 ) -> Path:
     """Carry out a recipe; what an earlier call left in `work` is kept and gone on with.
 
@@ -164,6 +188,7 @@ def make_weights(
         say: called with the stage's name and its progress.
         photographs: with boxes, for the stages that learn from them.
         start: weights to go on from; None starts from nothing.
+        trunk: published weights of EfficientNet-Lite0 for the finder's trunk, see `load_trunk`.
 
     Returns:
         `out`.
@@ -178,16 +203,35 @@ def make_weights(
     if data is None:
         for folder, frames in zip(folders, recipe.sets, strict=True):
             render_set(folder, frames, fruit, workers, rendered)
-    making = _Making(work, held_out, folders, device, workers, rendered, photographs, start)
+    making = _Making(work, held_out, folders, device, workers, rendered, photographs, start, trunk)
     for number, stage in enumerate(recipe.stages):
         name = f"{stage.part} {number + 1}/{len(recipe.stages)}"
         making.teach(number, stage, None if say is None else lambda p, name=name: say(name, p))  # type: ignore[misc]
-    detector = making.detector()
     about = {"fruit": fruit, "recipe": repr(recipe), "torch": str(torch.__version__), **_source(photographs, start)}
-    some = () if photographs is None else photographs.train[:: _every(len(photographs.train), CALIBRATED_ON)]
-    scores = calibrate(detector, FrameFolder([held_out]), load_fruit(fruit), CALIBRATED_ON, some)
-    save_compact(out, making.networks["finder"], making.networks["close_look"], about, scores)
+    if trunk is not None:
+        about["trunk"] = hashlib.sha256(trunk.read_bytes()).hexdigest()
+    score = _fitted_score(making.detector(), recipe.fit, work, fruit, workers, photographs, rendered)
+    save_compact(out, making.networks["finder"], making.networks["close_look"], about, score)
     return out
+
+
+def _fitted_score(
+    detector: CompactDetector,
+    fit: tuple[FrameSet, ...],
+    work: Path,
+    fruit: str,
+    workers: int,
+    photographs: PhotoSet | None,
+    progress: Callable[[int, int], None] | None,
+) -> FusedScore | None:
+    folders = [work / f"fit_{k}" for k in range(len(fit))]
+    for folder, frames in zip(folders, fit, strict=True):
+        render_set(folder, frames, fruit, workers)
+    domains = [frame_places(detector, FrameFolder(folders), progress)]
+    if photographs is not None:
+        some = photographs.train[::FITTED]
+        domains.append(photo_places(detector, some, fruit_scale(photographs.train), progress))
+    return fit_score(domains)
 
 
 class _Making:
@@ -203,13 +247,21 @@ class _Making:
         rendered: Callable[[int, int], None] | None,
         photographs: PhotoSet | None,
         start: Path | None,
+        trunk: Path | None,
     ) -> None:
-        self.networks: dict[str, Any] = {"finder": FinderNetwork(), "close_look": CloseLookNetwork()}
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(0)  # a run that is started again begins with the same weights
+            self.networks: dict[str, Any] = {"finder": FinderNetwork(), "close_look": CloseLookNetwork()}
         self._made_by: dict[str, int] = {}
         if start is not None:
             finder, close_look, _ = load_compact(start)
-            self.networks = {"finder": finder_with_boxes(finder), "close_look": with_boxes(close_look)}
-            self._made_by = dict.fromkeys(self.networks, -1)
+            self.networks["close_look"], self._made_by = close_look, {"close_look": -1}
+            if isinstance(finder, FinderNetwork):  # the finder of earlier weights cannot be learnt on
+                self.networks["finder"], self._made_by["finder"] = finder, -1
+        if trunk is not None:
+            load_trunk(self.networks["finder"], trunk)
+            self._made_by["finder"] = -1
+        self._trained_trunk = "finder" in self._made_by
         self._work, self._held_out, self._folders = work, held_out, folders
         self._device, self._workers = device, workers
         self._rendered, self._photographs = rendered, photographs
@@ -221,46 +273,36 @@ class _Making:
 
     def teach(self, number: int, stage: TrainingStage, say: Callable[[Progress], None] | None) -> None:
         """One stage of the recipe."""
-        learnt_from, close = self._folders[: stage.sets], stage.part == "close_look"
+        # Frames that were made before take the place of all sets.
+        counts = (sum(stage.batch),) if len(self._folders) == 1 else stage.batch
+        learnt_from = tuple(zip(self._folders, counts, strict=False))
         run = TrainingRun(
             stage.part,
             learnt_from,
             self._held_out,
             self._work / f"stage_{number}",
-            stage.batch,
             _schedule(stage),
             seed=number,
-            places=self._places(stage, learnt_from) if close else None,
+            places=self._places(tuple(folder for folder, _ in learnt_from)) if stage.part == "close_look" else None,
             start_from=self.networks[stage.part].state_dict() if stage.part in self._made_by else None,
+            trained_trunk=stage.part == "finder" and self._trained_trunk,
             device=self._device,
             # A GPU waits for its batches; on a CPU the network itself needs the cores.
             workers=self._workers if self._device == "cuda" else min(1, self._workers),
-            processes=1 if self._device == "cuda" else max(1, min(self._workers, stage.batch // LEAST_SHARE)),
+            processes=1 if self._device == "cuda" else max(1, min(self._workers, sum(stage.batch) // LEAST_SHARE)),
             turned=stage.turned,
-            photographs=self._photographs if stage.photos else None,
-            photo_share=stage.photos,
-            photo_places=self._photo_places() if close and stage.photos else None,
-            finder=self.networks["finder"] if close else None,
+            photographs=self._photographs,
+            photos=stage.photos,
+            empty=stage.empty,
         )
         self.networks[stage.part] = train_part(run, say)
         self._made_by[stage.part] = number
 
-    def _places(self, stage: TrainingStage, learnt_from: tuple[Path, ...]) -> Path:
+    def _places(self, learnt_from: tuple[Path, ...]) -> Path:
         """Where the finder sends the close look in rendered frames; found once."""
         file = self._work / f"places_{self._made_by['finder']}_{len(learnt_from)}.npz"
         if not file.is_file():
-            most = MOST_SEARCHED if stage.photos else None
-            save_places(file, find_places(self._searching(), FrameFolder(list(learnt_from)), self._rendered, most))
-        return file
-
-    def _photo_places(self) -> Path | None:
-        """The same in photographs."""
-        if self._photographs is None:
-            return None
-        file = self._work / f"places_{self._made_by['finder']}_photographs.npz"
-        if not file.is_file():
-            found = find_photo_places(self._searching(), self._photographs, self._rendered, MOST_SEARCHED)
-            save_places(file, found)
+            save_places(file, find_places(self._searching(), FrameFolder(list(learnt_from)), self._rendered))
         return file
 
     def _searching(self) -> CompactDetector:
@@ -280,20 +322,28 @@ def _source(photographs: PhotoSet | None, start: Path | None) -> dict[str, str]:
     return about
 
 
-def _every(count: int, most: int) -> int:
-    return max(1, -(-count // most))
-
-
 def _schedule(stage: TrainingStage) -> Schedule:
-    schedule = Schedule(stage.steps, stage.rate, stage.fall, stage.warm_up, average=stage.average)
-    if not stage.photos:
-        return schedule
-    return replace(schedule, warm_up=WARM_UP, validate_every=VALIDATE_EVERY, save_every=SAVE_EVERY)
+    schedule = Schedule(
+        stage.steps,
+        stage.rate,
+        stage.fall,
+        stage.warm_up,
+        method=stage.method,
+        decay=stage.decay,
+        clip=stage.clip,
+        average=stage.average,
+    )
+    return replace(schedule, validate_every=VALIDATE_EVERY, save_every=SAVE_EVERY) if stage.photos else schedule
 
 
 def render_set(
     folder: Path, frames: FrameSet, fruit: str, workers: int, rendered: Callable[[int, int], None] | None = None
 ) -> None:
     """Render a set of frames into a folder; those that are there already are kept."""
-    options = SceneOptions(kinds=frames.kinds, instances=frames.instances, lookalikes=frames.lookalikes)
+    options = SceneOptions(
+        kinds=frames.kinds,
+        instances=frames.instances,
+        lookalikes=frames.lookalikes,
+        distractors=frames.distractors,
+    )
     render_dataset(folder, frames.frames, frames.seed, fruit, options, workers=workers, progress=rendered)

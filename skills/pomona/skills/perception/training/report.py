@@ -1,4 +1,4 @@
-"""The report of a training run: figures, and pictures of belief maps and cuboids over held-out frames."""
+"""The report of a training run: figures, and pictures of cuboids and heat over held-out frames."""
 
 from __future__ import annotations
 
@@ -11,14 +11,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import UInt8
-from pomona.skills.perception.detection.box_evaluation import curve, match_boxes
+from pomona.skills.perception.detection.box_evaluation import box_figures, curve
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.evaluation import Evaluation, evaluate, table
 from pomona.skills.perception.detection.instances import find_instances
 from pomona.skills.perception.fruit import FruitModel, load_fruit
 from pomona.skills.perception.training.photo_figures import (
-    LEAST_BELIEF,
-    PRECISION,
     Finds,
     calibration,
     find_boxes,
@@ -32,6 +30,9 @@ _EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4)
 _PICTURES = 6
 FRAMES = 200
 """Held-out frames that a report measures."""
+
+LEAST_SCORE = 0.05
+"""Detections with less are left out of the plot of scores."""
 
 
 def write_report(
@@ -68,7 +69,7 @@ def write_report(
         fx, fy, cx, cy = folder.annotation(k).camera
         K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
         cv2.imwrite(str(out / name), draw(detector, folder.picture(k, halved=False), K, model)[..., ::-1])
-        lines.append(f"![Held-out frame {k}: cuboids on the left, belief on the right]({name})")
+        lines.append(f"![Held-out frame {k}: cuboids on the left, the finder's heat on the right]({name})")
     found = None
     if photographs is not None and photographs.val:
         found = find_boxes(detector, photographs.val, fruit_scale(photographs.train))
@@ -85,11 +86,12 @@ def draw_curves(rendered: Evaluation, found: Sequence[Finds] | None, path: Path)
     axes = figure.subplots(1, 2)
     sets = [("rendered frames", rendered.curve(), rendered.judged())]
     if found is not None:
-        sets.append(("photographs, IoU 0.5", curve(found), judged(found)))
+        boxes = [(finds.boxes, finds.scores, finds.labelled) for finds in found]
+        sets.append(("photographs, IoU 0.5", curve(boxes), judged(found)))
     axes[1].plot([0, 1], [0, 1], color="0.7", linewidth=1)
     for (name, line, (scores, right)), colour in zip(sets, ("#1c5bc7", "#bd2222"), strict=False):
         axes[0].plot(line.recall, line.precision, color=colour, label=name)
-        error, points = calibration(scores[scores >= LEAST_BELIEF], right[scores >= LEAST_BELIEF])
+        error, points = calibration(scores[scores >= LEAST_SCORE], right[scores >= LEAST_SCORE])
         said, shares = [point[0] for point in points], [point[1] for point in points]
         axes[1].plot(said, shares, "o-", color=colour, label=f"{name}: error {error:.3f}")
     for part, across, up in ((axes[0], "recall", "precision"), (axes[1], "score", "share that is right")):
@@ -100,29 +102,29 @@ def draw_curves(rendered: Evaluation, found: Sequence[Finds] | None, path: Path)
 
 
 def _on_photographs(found: Sequence[Finds], photographs: PhotoSet, out: Path) -> list[str]:
-    """Figures, and the photographs on which the detector does best and worst: finds yellow, boxes of people blue."""
-    right = curve(found)
-    score = right.score_for(PRECISION) or 0.5
-    lines = [f"## {len(found)} photographs with {right.labelled} boxes", "", photo_table(found, 0.6), ""]
-    errors = [  # finds of nothing and boxes that were missed
-        int((~(hit := match_boxes(boxes, scores, wanted, 0.5)) & (scores >= score)).sum())
-        + len(wanted)
-        - int((hit & (scores >= score)).sum())
-        for boxes, scores, wanted in found
-    ]
+    """Figures, and the photographs with fewest and most errors: detections yellow, boxes of people blue."""
+    pictures = [finds.judged() for finds in found]
+    threshold = box_figures(pictures).threshold
+    score = 0.5 if np.isnan(threshold) else threshold
+    labelled = sum(picture.labelled for picture in pictures)
+    lines = [f"## {len(found)} photographs with {labelled} boxes", "", photo_table(found, 0.5), ""]
+    errors = []
+    for picture in pictures:
+        right, sure = picture.right[0], picture.scores >= score
+        errors.append(int((~right & sure).sum()) + picture.labelled - int((right & sure).sum()))
     order = np.argsort(errors, kind="stable")
-    crowded = [int(k) for k in order if len(found[int(k)][2]) >= 5]
+    crowded = [int(k) for k in order if pictures[int(k)].labelled >= 5]
     for name, chosen in (("best", crowded[:3]), ("worst", [int(k) for k in order[::-1]][:3])):
         for place, k in enumerate(chosen):
-            picture = np.ascontiguousarray(photographs.val[k].picture()[..., ::-1])
-            boxes, scores, wanted = found[k]
-            for some, colour in ((wanted, (255, 160, 0)), (boxes[scores >= score], (0, 255, 255))):
+            drawn = np.ascontiguousarray(photographs.val[k].picture()[..., ::-1])
+            finds = found[k]
+            for some, colour in ((finds.labelled, (255, 160, 0)), (finds.boxes[finds.scores >= score], (0, 255, 255))):
                 for x, y, w, h in np.round(some).astype(int).tolist():
-                    cv2.rectangle(picture, (x, y), (x + w, y + h), colour, 2)
-            cv2.imwrite(str(out / f"photograph_{name}_{place}.jpg"), picture)
+                    cv2.rectangle(drawn, (x, y), (x + w, y + h), colour, 2)
+            cv2.imwrite(str(out / f"photograph_{name}_{place}.jpg"), drawn)
             lines.append(
-                f"![One of the {name} photographs, {errors[k]} errors at score ≥ {score:.2f}: finds yellow, boxes of "
-                f"people blue](photograph_{name}_{place}.jpg)"
+                f"![One of the {name} photographs, {errors[k]} errors at score ≥ {score:.2f}: detections yellow, boxes "
+                f"of people blue](photograph_{name}_{place}.jpg)"
             )
     return lines
 
@@ -130,9 +132,8 @@ def _on_photographs(found: Sequence[Finds], photographs: PhotoSet, out: Path) ->
 def draw(
     detector: CompactDetector, colour: UInt8, K: NDArray[np.float64], fruit: FruitModel, score: float = 0.5
 ) -> UInt8:
-    """A frame (h, w, 3) with its cuboids beside the same frame under its belief maps, (h, 2 w, 3) uint8 RGB."""
+    """A frame (h, w, 3) with its cuboids beside the same frame under the finder's heat, (h, 2 w, 3) uint8 RGB."""
     instances = find_instances(detector, colour, K, fruit)
-    belief, _, _ = detector.belief_maps(colour)
     cuboids = colour.copy()
     for instance in instances:
         if instance.score < score:
@@ -143,7 +144,5 @@ def draw(
             cv2.line(cuboids, points[a].tolist(), points[b].tolist(), (255, 255, 0) if top else (0, 255, 255), 1)
         cv2.circle(cuboids, points[8].tolist(), 3, (255, 0, 255), -1)
     height, width = colour.shape[:2]
-    heat = np.stack([belief[8], belief[:8].max(axis=0), np.zeros_like(belief[0])], axis=-1)
-    heat = cv2.resize(np.clip(heat, 0.0, 1.0), (width, round(width * heat.shape[0] / heat.shape[1])))[:height]
-    glowing = np.clip(0.45 * colour[: len(heat)] + 200.0 * heat, 0, 255).astype(np.uint8)
-    return np.hstack([cuboids[: len(heat)], glowing])
+    heat = cv2.resize(detector.heat_map(colour), (width, height))[..., None] * np.array([200.0, 0.0, 0.0])
+    return np.hstack([cuboids, np.clip(0.45 * colour + heat, 0, 255).astype(np.uint8)])

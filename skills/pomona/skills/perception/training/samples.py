@@ -16,24 +16,13 @@ from torch.utils.data import Dataset
 from pomona.executive.values.arrays import Float64, UInt8
 from pomona.skills.perception.detection.annotations import AnnotatedObject, Annotation, read_annotation
 from pomona.skills.perception.detection.close_look import REFERENCE_LENGTH, VirtualCamera, keypoint_size, look_at
-from pomona.skills.perception.detection.cuboid import MIRRORED
 from pomona.skills.perception.detection.dope_network import IMAGENET_MEAN, IMAGENET_STD, STRIDE
 from pomona.skills.perception.detection.errors import BadAnnotation, BadTraining
-from pomona.skills.perception.detection.outputs import CLOSE_LOOK_SIZE, FINDER_STRIDE
+from pomona.skills.perception.detection.outputs import CLOSE_LOOK_SIZE
 from pomona.skills.perception.training.augmentation import change_look, cover
-from pomona.skills.perception.training.targets import dope_targets, finder_targets
+from pomona.skills.perception.training.targets import dope_targets
 
 Sample = tuple[NDArray[np.generic], ...]
-
-CENTRED, SIZED, POSED, BOXED, SEEN_PART, UNLABELLED = range(6)
-"""Columns of what is known: 1 where a look's centre, size, stem axis and box are, and its visibility itself, not only
-that it is no higher; and 1 where what is no fruit by the labels may be fruit that nobody labelled."""
-
-MOST_ROLL = 0.3
-"""A look turned more than this no longer sees upright boxes [rad]."""
-
-FINDER_INPUT = (240, 320)
-"""Height and width of the finder's input [px]."""
 
 
 class FrameFolder:
@@ -85,60 +74,6 @@ class _FrameBatches(Dataset[tuple[Tensor, ...]]):
         return self.steps
 
 
-class FinderBatches(_FrameBatches):
-    """Batches for the finder: pictures (n, h, w, 3) uint8, and the maps of `finder_targets`."""
-
-    def __getitem__(self, step: int) -> tuple[Tensor, ...]:
-        cv2.setNumThreads(1)
-        rng = np.random.default_rng((self.seed, step))
-        samples = [self._sample(int(i), rng) for i in _indices(self, rng, step)]
-        return tuple(torch.from_numpy(np.stack(part)) for part in zip(*samples, strict=True))
-
-    def _sample(self, index: int, rng: np.random.Generator) -> Sample:
-        annotation = self.frames.annotation(index)
-        picture = self.frames.picture(index, halved=True)
-        height, width = FINDER_INPUT
-        scale = width / annotation.width
-        # Pixel centres are at integers: half a pixel of shift on halving.
-        keypoints = (
-            np.array([item.keypoints for item in annotation.objects]).reshape(-1, 9, 2) * scale + (scale - 1) / 2
-        )
-        visibility = np.array([item.visibility for item in annotation.objects])
-        boxes = scale * np.array([item.box or (0.0, 0.0, 0.0, 0.0) for item in annotation.objects]).reshape(-1, 4)
-        if picture.shape[:2] != FINDER_INPUT:
-            picture = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)
-        if self.augment:
-            picture, keypoints, visibility, boxes = _move(picture, keypoints, visibility, boxes, rng)
-            picture = cover(change_look(picture, rng), rng, 0.2, (0.03, 0.18))
-        stride = FINDER_STRIDE
-        cells = (keypoints + 0.5) / stride - 0.5
-        maps = finder_targets(cells, visibility, height // stride, width // stride, boxes / stride)
-        return (picture, *maps.parts)
-
-
-def _move(
-    picture: UInt8, keypoints: Float64, visibility: Float64, boxes: Float64, rng: np.random.Generator
-) -> tuple[UInt8, Float64, Float64, Float64]:
-    """Mirror, scale, shift; borders are filled with one colour, since reflected ones would show unlabelled fruit."""
-    h, w = picture.shape[:2]
-    if rng.random() < 0.5:
-        picture = np.ascontiguousarray(picture[:, ::-1])
-        keypoints = keypoints[:, MIRRORED, :] * (-1.0, 1.0) + (w - 1.0, 0.0)
-        boxes[:, 0] = w - boxes[:, 0] - boxes[:, 2]
-    if rng.random() < 0.6:
-        size = np.exp(rng.uniform(np.log(0.6), np.log(1.35)))
-        shift = np.array([w, h]) * (0.5 * (1.0 - size) + rng.uniform(-0.5, 0.5, 2) * abs(1.0 - size))
-        matrix = np.array([[size, 0.0, shift[0]], [0.0, size, shift[1]]])
-        colour = [int(c) for c in rng.integers(0, 256, 3)]
-        flag = cv2.INTER_AREA if size < 1.0 else cv2.INTER_LINEAR
-        picture = cv2.warpAffine(picture, matrix, (w, h), flags=flag, borderValue=colour)
-        keypoints = keypoints * size + shift
-        boxes = move_boxes(boxes, size, shift)
-        outside = (keypoints[:, 8] < 0.0).any(axis=1) | (keypoints[:, 8] > (w - 1.0, h - 1.0)).any(axis=1)
-        visibility = np.where(outside, 0.5 * visibility, visibility)
-    return picture, keypoints, visibility, cut_boxes(boxes, w, h)
-
-
 def move_boxes(boxes: Float64, size: float, shift: Float64) -> Float64:
     """Boxes x, y, w, h (n, 4) after the picture was scaled and then moved; they end at the outer sides of pixels."""
     return np.hstack([(boxes[:, :2] - 0.5) * size + shift + 0.5, boxes[:, 2:] * size])
@@ -188,9 +123,8 @@ class DopeBatches(_FrameBatches):
 class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
     """Batches for the second look.
 
-    Each holds pictures (n, 96, 96, 3) uint8; targets (n, 10): centroid and log size in half sides, stem axis in the
-    frame of the ray, box; kind (n,) with 1 fruit and 0 not fruit; visibility (n,); and what of this is known, (n, 6),
-    named by `CENTRED` to `UNLABELLED`.
+    Each holds pictures (n, 96, 96, 3) uint8; targets (n, 6): centroid and log size in half sides, stem axis in the
+    frame of the ray; kind (n,) with 1 fruit and 0 not fruit; and visibility (n,).
 
     Args:
         places: where the finder sees fruit in each frame, rightly or wrongly; empty without a finder.
@@ -239,20 +173,16 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
                 # A further look is aimed by the one before it, three times as well as the first by the finder.
                 doubt = 1.0 if rng.random() < 0.7 else 0.35
                 centre = item.keypoints[8] + rng.normal(0.0, 0.06 * doubt, 2) * size
-                roll = self._roll(rng)
-                look = look_at(K, centre, size * np.exp(rng.normal(0.0, 0.13 * doubt)), roll)
-                target, known = np.zeros(10, np.float32), np.array([1, 1, 1, 0, 1, 0], np.float32)
-                target[:6] = look.label(item.T_camera_object, item.scale)
-                if item.box is not None and abs(roll) < MOST_ROLL:
-                    target[6:], known[BOXED] = look.label_box(np.array(item.box, np.float64)), 1.0
-                samples.append(look_sample(picture, look, target, 1.0, item.visibility, known, rng, self.augment))
+                look = look_at(K, centre, size * np.exp(rng.normal(0.0, 0.13 * doubt)), self._roll(rng))
+                target = look.label(item.T_camera_object, item.scale).astype(np.float32)
+                samples.append(look_sample(picture, look, target, 1.0, item.visibility, rng, self.augment))
         for place, size in self._elsewhere(annotation, seen, self.frames.name(index), rng):
             inside = (place > -0.3 * size).all() and (
                 place < np.array([annotation.width, annotation.height]) + 0.3 * size
             ).all()
             if inside and all(not _on_fruit(place, size, item.keypoints) for item in annotation.objects):
                 look = look_at(K, place, size, self._roll(rng))
-                samples.append(no_fruit(picture, look, 0.0, rng, self.augment))
+                samples.append(look_sample(picture, look, np.zeros(6, np.float32), 0.0, 0.0, rng, self.augment))
         return samples
 
     def _roll(self, rng: np.random.Generator) -> float:
@@ -293,11 +223,10 @@ def look_sample(
     target: NDArray[np.float32],
     kind: float,
     visibility: float,
-    known: NDArray[np.float32],
     rng: np.random.Generator,
     augment: bool,
 ) -> Sample:
-    """One look with what is known of it: view, target (10,), kind, visibility, known (6,)."""
+    """One look: view, target (6,), kind, visibility."""
     colour = [int(c) for c in rng.integers(0, 256, 3)] if augment and rng.random() < 0.3 else [0, 0, 0]
     flags, side = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, (CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE)
     view = np.asarray(
@@ -305,17 +234,10 @@ def look_sample(
     )
     if augment and rng.random() < 0.5:
         view = np.ascontiguousarray(view[:, ::-1])
-        target[[0, 3, 6]] *= -1.0
+        target[[0, 3]] *= -1.0
     if augment:
         view = cover(change_look(view, rng), rng, 0.08, (0.08, 0.35))
-    return view, target, np.asarray(np.float32(kind)), np.asarray(np.float32(visibility)), known
-
-
-def no_fruit(picture: UInt8, look: VirtualCamera, unlabelled: float, rng: np.random.Generator, augment: bool) -> Sample:
-    """A look at what is no fruit, as far as is known; `unlabelled` is 1 where it may be fruit that nobody labelled."""
-    known = np.zeros(6, np.float32)
-    known[UNLABELLED] = unlabelled
-    return look_sample(picture, look, np.zeros(10, np.float32), 0.0, 0.0, known, rng, augment)
+    return view, target, np.asarray(np.float32(kind)), np.asarray(np.float32(visibility))
 
 
 def _on_fruit(place: Float64, size: float, keypoints: Float64) -> bool:

@@ -9,28 +9,33 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import torch
 from torch import Tensor, nn
 from torch.utils.data import Dataset
 
-from pomona.skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork, to_input
+from pomona.skills.perception.detection.compact_network import CloseLookNetwork, to_input
 from pomona.skills.perception.detection.dope_network import DopeNetwork
 from pomona.skills.perception.detection.errors import BadTraining
+from pomona.skills.perception.detection.finder_network import FinderNetwork
 from pomona.skills.perception.detection.outputs import AXIS, CENTRE, KIND, SIZE
 from pomona.skills.perception.training.all_reduce import CONTEXT, GradientAllReduce
+from pomona.skills.perception.training.finder_figures import finder_figures
+from pomona.skills.perception.training.finder_samples import (
+    EmptyWindows,
+    FinderBatches,
+    FrameWindows,
+    PhotoWindows,
+    Windows,
+)
 from pomona.skills.perception.training.loop import Loss, Progress, Schedule, train_network
 from pomona.skills.perception.training.losses import close_look_loss, dope_loss, finder_loss
-from pomona.skills.perception.training.photo_figures import watch
-from pomona.skills.perception.training.photo_samples import Mixed, PhotoCloseLookBatches, PhotoFinderBatches
-from pomona.skills.perception.training.photographs import PhotoSet, fruit_scale
+from pomona.skills.perception.training.photographs import PhotoSet
 from pomona.skills.perception.training.places import load_places
-from pomona.skills.perception.training.samples import CloseLookBatches, DopeBatches, FinderBatches, FrameFolder
+from pomona.skills.perception.training.samples import CloseLookBatches, DopeBatches, FrameFolder
 
 Part = Literal["finder", "close_look", "dope"]
-
-AnyBatches = FinderBatches | CloseLookBatches | DopeBatches
 
 PAPER_SCHEDULE = Schedule(
     steps=124_000, rate=1e-4, fall="constant", warm_up=0, method="adam", decay=0.0, clip=1e9, average=0.0
@@ -44,41 +49,38 @@ class TrainingRun:
 
     Attributes:
         part: which network.
-        data: folders of annotated frames.
+        data: folders of annotated frames, and how many samples of a batch come from each.
         held_out: folder of validation frames, None for none.
-        places: file of where the finder sees fruit in `data`, for the close look; None without a finder.
+        places: file of where the finder proposes fruit in `data`, for the close look; None without a finder.
         out: folder of checkpoints.
-        batch: samples a step.
         schedule: length and rates.
         seed: of batches and first weights.
         start_from: weights to begin with, None for random ones.
+        trained_trunk: the finder's trunk was trained before, and most of it is kept.
         device: "cpu" or "cuda".
         workers: processes that prepare batches, for each that learns.
         processes: that learn, each with its part of every batch.
-        turned: share of the close looks that are turned by any angle about their axis.
-        photographs: with boxes, to learn from beside the frames and to measure on; None for frames alone.
-        photo_share: part of each batch that comes from them.
-        photo_places: file of where the finder sees fruit in them, for the close look; None without a finder.
-        finder: that ships with the close look, for what is measured on photographs.
+        turned: ratio of the close looks that are turned by any angle about their axis.
+        photographs: with boxes, for the finder to learn from beside the frames, and to measure on.
+        photos, empty: windows of a batch that come from photographs, and from pictures without fruit.
     """
 
     part: Part
-    data: tuple[Path, ...]
+    data: tuple[tuple[Path, int], ...]
     held_out: Path | None
     out: Path
-    batch: int
     schedule: Schedule
     seed: int = 0
     places: Path | None = None
     start_from: dict[str, Tensor] | None = None
+    trained_trunk: bool = False
     device: str = "cpu"
     workers: int = 1
     processes: int = 1
     turned: float = 0.0
     photographs: PhotoSet | None = None
-    photo_share: float = 0.0
-    photo_places: Path | None = None
-    finder: FinderNetwork | None = None
+    photos: int = 0
+    empty: int = 0
 
 
 def train_part(run: TrainingRun, report: Callable[[Progress], None] | None = None) -> nn.Module:
@@ -89,8 +91,7 @@ def train_part(run: TrainingRun, report: Callable[[Progress], None] | None = Non
     """
     if run.processes == 1:
         return _train(run, report)
-    kind, _, _ = _PARTS[run.part]
-    all_reduce = GradientAllReduce(run.processes, kind())
+    all_reduce = GradientAllReduce(run.processes, _PARTS[run.part][0]())
     others = [CONTEXT.Process(target=_follow, args=(run, all_reduce, rank)) for rank in range(1, run.processes)]
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
@@ -135,47 +136,67 @@ def _train(
     rank: int = 0,
 ) -> nn.Module:
     torch.manual_seed(run.seed)
-    frames = FrameFolder(list(run.data))
-    kind, batches_of, loss = _PARTS[run.part]
+    kind, loss = _PARTS[run.part]
     network = kind()
-    extra, real_extra = _extras(run, run.places), _extras(run, run.photo_places)
-    seed = run.seed * run.processes + rank
-    batch, steps = run.batch // run.processes, run.schedule.steps
-    real = round(batch * run.photo_share) if run.photographs is not None else 0
-    batches: Dataset[tuple[Tensor, ...]] = batches_of(frames, batch - real, seed, steps, **extra)
-    if run.photographs is not None and real:
-        from_photos = _PHOTOS[run.part](
-            run.photographs.train, real, seed, steps, empty=run.photographs.empty, **real_extra
-        )
-        batches = Mixed([batches, from_photos], steps)
     if run.start_from is not None:
         network.load_state_dict(run.start_from)
+    slow = None
+    if isinstance(network, FinderNetwork) and run.trained_trunk:
+        network.keep_trunk()
+        slow = network.trunk
+    batches = _finder_batches(run, rank) if run.part == "finder" else _other_batches(run, rank)
     validate = _all_figures(run) if rank == 0 else None
     checkpoint = run.out / f"{run.part}.checkpoint.pt"
     return train_network(
-        network, batches, loss, run.schedule, checkpoint, validate, run.device, run.workers, report, all_reduce, rank
+        network,
+        batches,
+        loss,
+        run.schedule,
+        checkpoint,
+        validate,
+        run.device,
+        run.workers,
+        report,
+        all_reduce,
+        rank,
+        slow,
     )
 
 
-def _extras(run: TrainingRun, places: Path | None) -> dict[str, Any]:
-    """What batches for the close look are made with beside what all are."""
-    if run.part != "close_look":
-        return {}
-    return {"places": None if places is None else load_places(places), "turned": run.turned}
+def _finder_batches(run: TrainingRun, rank: int) -> FinderBatches:
+    photographs = run.photographs or PhotoSet((), ())
+    sources: list[tuple[Windows, int]] = [
+        (FrameWindows(FrameFolder([folder]), photographs.empty), count) for folder, count in run.data if count
+    ]
+    if run.photos:
+        sources.append((PhotoWindows(photographs.train), run.photos))
+    if run.empty and photographs.empty:
+        sources.append((EmptyWindows(photographs.empty), run.empty))
+    return FinderBatches(sources, run.seed, run.schedule.steps, rank, run.processes)
+
+
+def _other_batches(run: TrainingRun, rank: int) -> Dataset[tuple[Tensor, ...]]:
+    frames = FrameFolder([folder for folder, _ in run.data])
+    batch = sum(count for _, count in run.data) // run.processes
+    seed, steps = run.seed * run.processes + rank, run.schedule.steps
+    if run.part == "dope":
+        return DopeBatches(frames, batch, seed, steps)
+    places = None if run.places is None else load_places(run.places)
+    return CloseLookBatches(frames, batch, seed, steps, places=places, turned=run.turned)
 
 
 def _all_figures(run: TrainingRun) -> Callable[[nn.Module], dict[str, float]]:
     """Figures on rendered frames and on photographs, of those that the run has."""
-    parts = [] if run.held_out is None else [_validation(run)]
-    if run.photographs is not None and run.photographs.val and run.part != "dope":
-        scale = fruit_scale(run.photographs.train)
-        parts.append(watch(run.photographs.val, scale, run.finder))
-    return lambda network: {name: value for part in parts for name, value in part(network).items()}
+    if run.part == "finder":
+        return finder_figures(
+            None if run.held_out is None else FrameFolder([run.held_out]), run.photographs, run.device
+        )
+    return (lambda network: {}) if run.held_out is None else _validation(run)
 
 
 def _finder_step(network: nn.Module, batch: tuple[Tensor, ...]) -> Tensor:
-    pictures, *targets = batch
-    return finder_loss(network(to_input(pictures)), *targets)
+    pictures, targets = batch
+    return finder_loss(network(to_input(pictures)), targets)
 
 
 def _dope_step(network: nn.Module, batch: tuple[Tensor, ...]) -> Tensor:
@@ -190,16 +211,10 @@ def _close_look_step(network: nn.Module, batch: tuple[Tensor, ...]) -> Tensor:
     return close_look_loss(network(to_input(pictures)), *truth)
 
 
-_PARTS: dict[Part, tuple[type[nn.Module], Callable[..., AnyBatches], Loss]] = {
-    "finder": (FinderNetwork, FinderBatches, _finder_step),
-    "close_look": (CloseLookNetwork, CloseLookBatches, _close_look_step),
-    "dope": (DopeNetwork, DopeBatches, _dope_step),
-}
-
-
-_PHOTOS: dict[Part, Callable[..., PhotoFinderBatches | PhotoCloseLookBatches]] = {
-    "finder": PhotoFinderBatches,
-    "close_look": PhotoCloseLookBatches,
+_PARTS: dict[Part, tuple[type[nn.Module], Loss]] = {
+    "finder": (FinderNetwork, _finder_step),
+    "close_look": (CloseLookNetwork, _close_look_step),
+    "dope": (DopeNetwork, _dope_step),
 }
 
 
@@ -207,16 +222,15 @@ def _validation(run: TrainingRun) -> Callable[[nn.Module], dict[str, float]]:
     """Validation on fixed held-out batches."""
     assert run.held_out is not None
     frames = FrameFolder([run.held_out])
-    if run.part != "close_look":
-        _, batches_of, step = _PARTS[run.part]
-        batch = min(len(frames), 20 if run.part == "finder" else 2)
-        map_batches = batches_of(frames, batch, 0, min(5, len(frames) // batch), augment=False)
+    if run.part == "dope":
+        batch = min(len(frames), 2)
+        map_batches = DopeBatches(frames, batch, 0, min(5, len(frames) // batch), augment=False)
 
         def map_figures(network: nn.Module) -> dict[str, float]:
             total = 0.0
             with torch.no_grad():
                 for k in range(len(map_batches)):
-                    total += float(step(network, _on(run.device, map_batches[k])))
+                    total += float(_dope_step(network, _on(run.device, map_batches[k])))
             return {"held-out loss": total / len(map_batches)}
 
         return map_figures
@@ -228,9 +242,9 @@ def _validation(run: TrainingRun) -> Callable[[nn.Module], dict[str, float]]:
         errors = []
         with torch.no_grad():
             for batch in fixed:
-                pictures, target, kind, visibility, known = _on(run.device, batch)
+                pictures, target, kind, visibility = _on(run.device, batch)
                 output = network(to_input(pictures)).float()
-                loss += float(close_look_loss(output, target, kind, visibility, known)) / len(fixed)
+                loss += float(close_look_loss(output, target, kind, visibility)) / len(fixed)
                 clear = (kind > 0.5) & (visibility > 0.6)
                 axis = nn.functional.normalize(output[clear, AXIS], dim=1)
                 cosine = (axis * target[clear, 3:6]).sum(dim=1).clamp(-1.0, 1.0)

@@ -1,0 +1,113 @@
+"""Reads the finder's maps: the places where it proposes fruit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from pomona.executive.values.arrays import Float32, Float64
+from pomona.skills.perception.detection.box_evaluation import iou
+from pomona.skills.perception.detection.close_look import SIZE_OF_BOX
+from pomona.skills.perception.detection.errors import BadMaps
+from pomona.skills.perception.detection.outputs import FINDER_STRIDE, HEAT, QUALITY, REACHES
+
+LEAST_HEAT = 0.02
+"""Peaks with less heat are not read."""
+
+MOST_PEAKS = 200
+"""Peaks that are read, hottest first: adversarial maps must not cost unbounded time."""
+
+BORDER = 1.0
+"""A box that ends this close to the picture's border is cut by it [px of the finder's input]."""
+
+SAME_FRUIT = 0.6
+"""Of two boxes that overlap by at least this intersection over union, the less certain one is dropped."""
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A box in which the finder proposes fruit.
+
+    Attributes:
+        box: around what is visible of it, x, y, w, h (4,) [px].
+        centre: pixel of the whole fruit's middle, beside the box where the picture's border cuts the fruit, (2,).
+        heat: of the peak, logit.
+        quality: expected intersection over union of the box, logit.
+    """
+
+    box: Float64
+    centre: Float64
+    heat: float
+    quality: float
+
+    @cached_property
+    def score(self) -> float:
+        """Geometric mean of heat and quality, 0..1."""
+        return float(1.0 / np.sqrt((1.0 + np.exp(-self.heat)) * (1.0 + np.exp(-self.quality))))
+
+    @property
+    def size(self) -> float:
+        """Apparent size of the fruit, as `keypoint_size` has it, from the box's longer side [px]."""
+        return SIZE_OF_BOX * float(self.box[2:].max())
+
+    def scaled(self, factor: float) -> Place:
+        """The same place in a picture that is larger by this factor."""
+        return Place(self.box * factor, (self.centre + 0.5) * factor - 0.5, self.heat, self.quality)
+
+
+def read_places(maps: Float32, width: float, height: float, threshold: float = 0.0) -> list[Place]:
+    """Places in the finder's maps, by falling score.
+
+    Args:
+        maps: (6, h, w), rows as named in `outputs`; cells that are not finite hold no fruit.
+        width, height: of the picture in the finder's input [px]; boxes are cut there.
+        threshold: least score.
+
+    Raises:
+        BadMaps: another number of maps.
+    """
+    if maps.ndim != 3 or maps.shape[0] != QUALITY + 1:
+        raise BadMaps("finder maps (6, h, w)", f"{maps.shape}")
+    heat = np.where(np.isfinite(maps).all(axis=0), maps[HEAT], -np.inf).astype(np.float32)
+    highest = cv2.dilate(heat, np.ones((3, 3), np.uint8))
+    v, u = np.nonzero((heat >= highest) & (heat > np.log(LEAST_HEAT / (1.0 - LEAST_HEAT))))
+    order = np.argsort(-heat[v, u], kind="stable")[:MOST_PEAKS]
+    v, u = v[order], u[order]
+    reaches = np.exp(np.clip(maps[REACHES, v, u].astype(np.float64), -6.0, 6.0))
+    middles = np.stack([u + 0.5, v + 0.5])
+    limits = np.array([[width], [height]])
+    low = np.clip(FINDER_STRIDE * (middles - reaches[:2]), 0.0, limits)
+    high = np.clip(FINDER_STRIDE * (middles + reaches[2:]), 0.0, limits)
+    boxes, centres = np.concatenate([low, high - low]).T, _whole_middles(low, high, limits).T - 0.5
+    places = [
+        Place(box, centre, float(heat[y, x]), float(maps[QUALITY, y, x]))
+        for box, centre, y, x in zip(boxes, centres, v.tolist(), u.tolist(), strict=True)
+        if box[2:].min() > 0.0
+    ]
+    places = sorted((place for place in places if place.score >= threshold), key=lambda place: -place.score)
+    return _without_doubles(places)
+
+
+def _whole_middles(low: Float64, high: Float64, limits: Float64) -> Float64:
+    """Middles of round fruit with these boxes, (2, n) [px]: where one border cuts, the side along it is whole."""
+    before, behind = low < BORDER, high > limits - BORDER
+    cut, extent = before | behind, high - low
+    along = extent[::-1]
+    completed = cut & ~cut[::-1] & (extent < along)
+    whole = np.where(before, high - 0.5 * along, low + 0.5 * along)
+    return np.where(completed, whole, 0.5 * (low + high))
+
+
+def _without_doubles(places: list[Place]) -> list[Place]:
+    if not places:
+        return []
+    boxes = np.stack([place.box for place in places])
+    overlaps = iou(boxes, boxes)
+    kept: list[int] = []
+    for k in range(len(places)):
+        if not kept or overlaps[k, kept].max() < SAME_FRUIT:
+            kept.append(k)
+    return [places[k] for k in kept]
