@@ -19,14 +19,16 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.fault_executive import Leftovers, SteppedBack
 from benchmarks.fault_table import Case, CaseVerdict
 from benchmarks.strands import use_strands
 from pomona.drivers.cell import Cell
 from pomona.drivers.cell_file import read_cell_file
 from pomona.drivers.device import ConnectContext
 from pomona.drivers.emulators.virtual_world import VirtualWorld
-from pomona.drivers.faults import FaultPlan, PlannedFault
+from pomona.drivers.faults import FaultPlan, FaultSwitch, PlannedFault
 from pomona.drivers.interfaces import Arm, Gripper
+from pomona.drivers.sim.scene import TIMESTEP
 from pomona.drivers.sim.world import SimWorld
 from pomona.executive import one_process
 from pomona.executive.execute import Executed, RunOrder, execute
@@ -37,7 +39,7 @@ from pomona.executive.recording.read import read_events
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.registry import Registry
 from pomona.executive.running.compute import Computations
-from pomona.executive.running.events import Event, EventStream, NodeChanged, RunEnded, SafeStopped
+from pomona.executive.running.events import ErrorRaised, Event, EventStream, NodeChanged, RunEnded, SafeStopped
 from pomona.executive.running.runner import Runner
 from pomona.skills.grip.hold import take_over
 
@@ -111,6 +113,9 @@ class CaseWatcher:
         self.rest_z = float(self.world.state.body("fruit_0").xpos[2])
         self._operator_at: list[tuple[float, str]] = []
         self._killed_at = np.inf
+        self.leftovers = Leftovers(runner, cell)
+        self._clock = SteppedBack(self.world.clock, TIMESTEP)
+        self.switches: dict[str, FaultSwitch] = {**cell.switches, "executive": self.leftovers, "clock": self._clock}
         self.world.after_step.append(self._step)
 
     def take(self, case: Case) -> None:
@@ -122,14 +127,19 @@ class CaseWatcher:
         planned = PlannedFault(
             case.switch, case.kind, phase.after, phase.node, case.lasts if np.isfinite(case.lasts) else None
         )
-        self._plan = FaultPlan([planned], self.cell.switches)
+        self._plan = FaultPlan([planned], self.switches)
         begun = self.began_at[phase.node]
         self._plan.begin(phase.node, begun)
         if phase.operator:
             self._operator_at = [(begun + ACTS, phase.operator)]
         if phase.operator == "pause":
             self._operator_at.append((begun + ACTS + RESUMES, "resume"))
-        self._turn(self.world.clock.now())
+        self._turn(self.now)
+
+    @property
+    def now(self) -> float:
+        """The world's time, also when its clock has been set back [s]."""
+        return self.world.clock.now() + self._clock.back
 
     def _turn(self, now: float) -> None:
         assert self._plan is not None
@@ -154,10 +164,11 @@ class CaseWatcher:
     def on_event(self, event: Event) -> None:
         """Phases begin with their nodes; the end is noted on the world's clock."""
         self.events.append(event)
-        now = self.world.clock.now()
+        now = self.now
         if isinstance(event, NodeChanged):
             node = event.path.rsplit("/", 1)[-1].split("#")[0]
             if event.status == "RUNNING":
+                self.leftovers.remember(event.path)
                 self.began_at.setdefault(node, now)
             if event.status == "FAILURE" and np.isnan(self.failed_at) and self.injected:
                 self.failed_at = now
@@ -167,11 +178,16 @@ class CaseWatcher:
             self.safe_at = now
 
     def _step(self) -> None:
-        now, state = self.world.clock.now(), self.world.state
+        self.leftovers.step()
+        now, state = self.now, self.world.state
         if self.case is None:
             self._branch(self)
         while self._operator_at and now >= self._operator_at[0][0]:
-            getattr(self.runner, self._operator_at.pop(0)[1])("fault matrix")
+            action = self._operator_at.pop(0)[1]
+            if action != "resume":
+                getattr(self.runner, action)("fault matrix")
+            elif self.runner.pause_number:  # else the fault has ended the pause
+                self.runner.resume(self.runner.pause_number, "fault matrix")
         if now >= self._killed_at:
             self._killed_at, self.shows_at = np.inf, now
             if isinstance(self.cell.devices["world"], VirtualWorld):
@@ -183,6 +199,7 @@ class CaseWatcher:
         if self.case is not None and self._plan is not None:
             before = self.injected
             self._turn(now)
+            now = self.now
             if self.injected and not before:
                 self.width_held = width if min(forces) > PRESSED else None
         if not np.isnan(self.safe_at):
@@ -221,6 +238,9 @@ def judge(watcher: CaseWatcher, executed: Executed, verdict: CaseVerdict) -> Non
     if case.ends == "success":
         if result.outcome != "success" or watcher.hung is not True:
             wrong.append(f"ended as {result.outcome}")
+        named = any(isinstance(event, ErrorRaised) and event.error == "NotOwnerError" for event in watcher.events)
+        if watcher.leftovers.fault is not None and not (watcher.leftovers.refused and named):
+            wrong.append("no refused command is recorded")
     elif np.isnan(verdict.noticed):
         wrong.append(f"ended as {result.outcome}, not as {case.ends}")
     elif verdict.noticed > case.within + 1e-9:
@@ -250,7 +270,7 @@ def judge_afterwards(watcher: CaseWatcher, verdict: CaseVerdict) -> None:
         verdict.wrong.append("the arm does not come to rest")
     elif verdict.rested > slowing + under_way + 0.05:
         verdict.wrong.append(f"at rest only after {verdict.rested:.2f} s")
-    cell.switches[verdict.case.switch].clear_fault()
+    watcher.switches[verdict.case.switch].clear_fault()
     if trouble := _acknowledge(cell):
         verdict.wrong.append(f"not clean after an acknowledgement: {trouble}")
     if watcher.speed > RESTING:

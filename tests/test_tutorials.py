@@ -2,7 +2,7 @@
 
 A fence with a `title="file"` writes a file, the lines of `bash` are typed (`exit=2`: they end so, `exit=any`: anyhow),
 and those of `text` are, in this order, within what the commands before them printed. What a page marks `long=yes` is
-typed by `make test-long`, as are the how-to pages: their commands are those of the tutorials.
+typed by `make test-long`, as are the how-to pages and the two tutorials that make whole campaigns of picks.
 """
 
 from __future__ import annotations
@@ -18,18 +18,21 @@ import pytest
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 TUTORIALS, HOW_TO = (sorted((DOCS / folder).glob("*.md")) for folder in ("tutorials", "how_to"))
-WITH_LONG_STEPS = [page for page in TUTORIALS if "long=yes" in page.read_text("utf-8")]
+CAMPAIGNS = {"another_arm", "campaign"}
+"""Tutorials that take some two minutes of both processors."""
+QUICK = [page for page in TUTORIALS if page.stem not in CAMPAIGNS]
+LONG = [page for page in TUTORIALS if page not in QUICK or "long=yes" in page.read_text("utf-8")]
 FENCE = re.compile(r"^```(\w+)(?: ([^\n]*))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tutorial", TUTORIALS, ids=lambda page: page.stem)
+@pytest.mark.parametrize("tutorial", QUICK, ids=lambda page: page.stem)
 def test_a_tutorial_runs_as_it_is_written(tutorial: Path, tmp_path: Path) -> None:
     assert follow(tutorial, tmp_path, long=False) >= 3
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("page", [*HOW_TO, *WITH_LONG_STEPS], ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [*HOW_TO, *LONG], ids=lambda page: page.stem)
 def test_a_page_runs_as_it_is_written_with_all_that_takes_long(page: Path, tmp_path: Path) -> None:
     follow(page, tmp_path, long=True)
 

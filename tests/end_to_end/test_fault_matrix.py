@@ -7,7 +7,9 @@ import sys
 
 import pytest
 
+from benchmarks.fault_executive import Leftovers, SteppedBack
 from benchmarks.fault_table import read_table
+from pomona.drivers.faults import FaultSwitch
 from pomona.drivers.sim.arm import SimArm
 from pomona.drivers.sim.camera import SimCamera
 from pomona.drivers.sim.fingers import SimFingers
@@ -17,7 +19,11 @@ TRIED = [
     "arm.frozen@following",
     "arm.stall@paused",
     "camera.old@holding",
+    "clock.steps_back@lifting",
     "executive.killed@lifting",
+    "executive.commands_arm@closing",
+    "executive.opens_fingers@lifting",
+    "executive.opens_latched@holding",
     "fingers.both_press_more@lifting",
     "fingers.dead_right@holding",
     "fingers.not_a_number@lifting",
@@ -30,7 +36,10 @@ TRIED = [
 
 
 def test_the_table_has_every_fault_of_every_simulated_device() -> None:
-    devices = {"arm": SimArm, "camera": SimCamera, "fingers": SimFingers, "gripper": SimGripper}
+    devices: dict[str, type[FaultSwitch]] = {
+        "arm": SimArm, "camera": SimCamera, "fingers": SimFingers, "gripper": SimGripper,
+        "executive": Leftovers, "clock": SteppedBack,
+    }  # fmt: skip
     known = {(name, kind) for name, device in devices.items() for kind in device.known_faults}
     cases = read_table("sim")
     assert {(case.switch, case.kind) for case in cases if case.ends != "recovered"} == known

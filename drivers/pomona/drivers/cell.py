@@ -62,6 +62,7 @@ class Cell:
         self._latched: str | None = None
         self._lock = threading.Lock()
         self._paused = False
+        self._checked_at = clock.now()
         fingers = self._find(ForceSensor)
         memory = None if fingers is None else fingers.hand_memory
         self._watch = HoldWatch(self._find(Arm), fingers, self._find(Gripper), memory)
@@ -101,8 +102,11 @@ class Cell:
         """Look after every device; called each tick.
 
         Raises:
-            DeviceLost, DeviceFault: from the first device that has a problem.
+            DeviceLost, DeviceFault: from the first device that has a problem, or of a clock that went back.
         """
+        before, self._checked_at = self._checked_at, self.clock.now()
+        if self._checked_at < before:  # no deadline and no age of a sample can be trusted
+            raise DeviceFault("clock", f"the cell's time went back by {before - self._checked_at:.3g} s")
         for device in self.devices.values():
             device.check()
             if device.distrusted:

@@ -80,7 +80,7 @@ class MotionSupervisor:
 
     def due(self, now: float) -> bool:
         """Whether it is time to look again, for callers that are called more often than every `PERIOD`."""
-        if now - self._looked_at < PERIOD - 1e-9:
+        if 0.0 <= now - self._looked_at < PERIOD - 1e-9:
             return False
         self._looked_at = now
         return True

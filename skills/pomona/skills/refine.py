@@ -19,7 +19,7 @@ from pomona.skills.perception.refinement.depth_image import RendererName
 from pomona.skills.perception.refinement.errors import RefineError
 from pomona.skills.perception.refinement.measure import measure, outline
 from pomona.skills.perception.refinement.refinement import refine
-from pomona.skills.perception.refinement.render import render_depth
+from pomona.skills.perception.refinement.render import render_depth, usable_renderer
 from pomona.skills.perception.refinement.result import Limits
 
 _SMALL_CAMERA = Intrinsics(400.0, 400.0, 100.0, 100.0, 201, 201)
@@ -43,14 +43,19 @@ class Refine(Skill):
     moves = ()
     failures = ("NO_DEPTH", "TOO_FEW_INLIERS", "SIZE_OUT_OF_RANGE", "AT_BOUND", "NOT_ITS_SHAPE", "RENDER_FAILED")
 
+    def __init__(self, name: str = "") -> None:
+        super().__init__(name)
+        self._reported = False
+
     def prepare(self) -> None:
-        """Importing and compiling what measures takes seconds. A renderer that fails says so when it is used."""
+        """Open the renderer, and import and compile the measurement, which takes seconds."""
+        using, _ = usable_renderer(self.known("renderer") or "pyrender")
         with suppress(RefineError):
             T = transform(translation=(0.0, 0.0, 0.5))
-            virtual_depth, box = render_depth(_SOMETHING, T, _SMALL_CAMERA)
+            virtual_depth, box = render_depth(_SOMETHING, T, _SMALL_CAMERA, using=using)
             depth = np.zeros((_SMALL_CAMERA.height, _SMALL_CAMERA.width), np.float32)
             depth[box.slices] = virtual_depth
-            refine(depth, _SMALL_CAMERA, T, _SOMETHING)
+            refine(depth, _SMALL_CAMERA, T, _SOMETHING, using=using)
 
     def run(
         self,
@@ -75,15 +80,22 @@ class Refine(Skill):
         largest: Annotated[
             Ratio, Port(min=1.0, max=10.0, help="greatest accepted size relative to the CAD model")
         ] = 1.6,
-        renderer: Annotated[Literal["pyrender", "zbuffer"], Port(help="renderer of the virtual depth")] = "pyrender",
+        renderer: Annotated[
+            Literal["pyrender", "zbuffer"],
+            Port(help="of the virtual depth; zbuffer also where pyrender fails"),
+        ] = "pyrender",
     ) -> Work[Refined]:
         table_z = self.device(Workspace).table_z
         limits = Limits(inlier_band, min_inliers, (smallest, largest))
+        using, note = usable_renderer(renderer)
+        if note and not self._reported:  # once in a run, not at each look
+            self._reported = True
+            yield note
         try:
-            measured = yield from self.compute(measure, detection, method, limits, renderer, table_z, earlier)
+            measured = yield from self.compute(measure, detection, method, limits, using, table_z, earlier)
         except RefineError as problem:
             raise self.failure(problem.code, str(problem), **vars(problem)) from problem
-        self.publish("refine", _picture(detection, measured, renderer))
+        self.publish("refine", _picture(detection, measured, using))
         if measured.doubt:
             yield measured.doubt
         return Refined(measured)

@@ -10,7 +10,7 @@ from pomona.drivers.device import Device
 from pomona.drivers.errors import DeviceFault, MotionRefused
 from pomona.drivers.interfaces import Arm, Gripper, MotionState, Trajectory, WrenchSample
 from pomona.drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
-from pomona.executive.clock import SystemClock
+from pomona.executive.clock import ManualClock, SystemClock
 
 
 class Stubborn(Device):
@@ -313,3 +313,14 @@ def test_a_slower_cell_moves_no_finger():
     cell.set_speed(1.0, (Arm, Gripper))
     clock.advance(0.2)
     assert gripper.state().width == before
+
+
+def test_a_clock_that_goes_back_is_a_fault_that_is_named():
+    clock = ManualClock(10.0)
+    cell = Cell("test", "mock", clock, {})
+    clock.advance(1.0)
+    cell.check()
+    clock._now -= 5.0
+    with pytest.raises(DeviceFault, match=r"clock: the cell's time went back by 5 s"):
+        cell.check()
+    cell.check()

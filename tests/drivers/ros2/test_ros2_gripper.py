@@ -145,6 +145,30 @@ def test_a_streamed_speed_moves_and_ends_when_it_is_not_renewed(setting: Setting
     setting.gripper.check()
 
 
+class SetBack(ManualClock):
+    """A clock behind another one."""
+
+    def __init__(self, clock: ManualClock, back: float) -> None:
+        self._clock, self._back = clock, back
+
+    def now(self) -> float:
+        return self._clock.now() - self._back
+
+
+@pytest.mark.parametrize("back", [0.05, 5.0])
+def test_a_clock_that_steps_back_neither_reverses_the_fingers_nor_keeps_their_speed(
+    setting: Setting, back: float
+) -> None:
+    setting.serve(0.3, each=lambda: setting.gripper.set_speed(-0.04))
+    commanded = setting.fingers.set_point
+    setting.gripper._clock = SetBack(setting.clock, back)
+    said = len(setting.fingers.said)
+    setting.serve(8.0)
+    since = [position for _, position in setting.fingers.said[said:]]
+    assert max([commanded, *since]) <= commanded + 1e-6
+    assert min([commanded, *since]) >= commanded - 0.5 * 0.04 * (0.1 + 0.03)  # the joint moves one finger
+
+
 def test_a_safe_stop_keeps_the_grip_and_lets_nothing_open(setting: Setting) -> None:
     setting.fingers.fruit = 0.05
     setting.serve(0.6, each=lambda: setting.gripper.set_speed(-0.03))

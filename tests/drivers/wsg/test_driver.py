@@ -12,7 +12,7 @@ from pomona.drivers.emulators.wsg import WsgEmulator
 from pomona.drivers.errors import DeviceFault, DeviceLost, MotionRefused, StopFailed
 from pomona.drivers.interfaces import GripperState, MotionState
 from pomona.drivers.wire import Nonsense
-from pomona.drivers.wsg.codec import Command, Plain, SystemState, encode
+from pomona.drivers.wsg.codec import Command, Plain, Script, SystemState, encode
 from pomona.drivers.wsg.driver import WsgGripper
 from pomona.drivers.wsg.handshake import WsgOptions
 from pomona.drivers.wsg.jaws import RECONNECT
@@ -175,6 +175,35 @@ def test_a_speed_that_is_not_renewed_becomes_zero_after_the_watchdog(wire: Wire)
     serve(gripper, wire, 0.5)
     assert wire.fingers.state().speed == 0.0
     assert 0.0639 - 3e-4 < gripper.state().width < 0.0641 + 3e-4
+
+
+class SteppedClock:
+    """The driver's clock, which a test sets back."""
+
+    simulated = True
+
+    def __init__(self, clock: ManualClock) -> None:
+        self.clock, self.back = clock, 0.0
+
+    def now(self) -> float:
+        return self.clock.now() - self.back
+
+    def advance(self, duration: float) -> None:
+        self.clock.advance(duration)
+
+
+def test_a_clock_that_steps_back_does_not_keep_a_streamed_speed(wire: Wire) -> None:
+    clock = SteppedClock(wire.clock)
+    gripper = WsgGripper(wire.open, clock, WsgOptions(finger_offset=OFFSET))  # type: ignore[arg-type]
+    gripper.connect()
+    serve(gripper, wire, 0.05, renew=-0.01)
+    clock.back = 5.0
+    began, zero = len(wire.sent), encode(Script(Command.SCRIPT_SPEED, 0.0, 0.0))
+    serve(gripper, wire, 0.09)
+    assert zero not in wire.sent[began:]
+    serve(gripper, wire, 0.05)
+    assert zero in wire.sent[began:]
+    assert wire.fingers.state().speed == 0.0
 
 
 def test_a_speed_ends_a_move(wire: Wire) -> None:

@@ -16,6 +16,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 from pomona.executive.dashboard.control_lock import ControlLock, RefusedError
 from pomona.executive.registry import Registry
 from pomona.executive.running.events import ErrorRaised, OperatorActed
+from pomona.executive.running.requests import AnswerRefusedError
 from pomona.executive.running.run_state import RunResult
 
 TREES = (
@@ -104,8 +105,19 @@ class RunnerMachine(RuleBasedStateMachine):
     def ask(self, action: str) -> None:
         if action == "acknowledge" and self.result is not None:
             return  # that is another rule's, which waits for what becomes of it
-        getattr(self.runner, action)()
+        self._ask(action)
         self._step()
+
+    def _ask(self, action: str) -> None:
+        """Ask the runner, for the present pause where that must be named; outside a pause it refuses."""
+        present = (self._number(action),) if action in ("resume", "step") else ()
+        with contextlib.suppress(AnswerRefusedError):
+            getattr(self.runner, action)(*present)
+
+    def _number(self, action: str, detail: str = "") -> int:
+        """Of the pause that is on, or of the question that is asked."""
+        question = self.runner._questions.get(detail.rpartition(" ← ")[2])
+        return question.starts if question is not None else self.runner.pause_number
 
     @rule(page=st.sampled_from(["first", "second"]), action=st.sampled_from(["take", "release"]))
     def hand_over(self, page: str, action: str) -> None:
@@ -119,7 +131,7 @@ class RunnerMachine(RuleBasedStateMachine):
     def click(self, page: str, click: tuple[str, str]) -> None:
         held = self.desk.holder.viewer
         with contextlib.suppress(RefusedError):
-            self.desk.act(page, *click)
+            self.desk.act(page, *click, number=self._number(*click) if self.started else 0)
             assert held == page, "somebody acted who did not hold control"
             assert self.result is None or click[0] == "fail", "something was asked of a run that has ended"
         self._step()
@@ -155,7 +167,7 @@ class RunnerMachine(RuleBasedStateMachine):
             pass
         self.refuses = refuses
         if between:
-            getattr(self.runner, between)()  # of a run that has ended: recorded, and carried out by nobody
+            self._ask(between)  # of a run that has ended: recorded, and carried out by nobody
         self.runner.acknowledge()
         assert self.answered.acquire(timeout=PATIENCE), "nobody takes the acknowledgement"
         assert (self.cell.latched is not None) == refuses

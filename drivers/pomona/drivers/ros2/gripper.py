@@ -22,6 +22,7 @@ from pomona.drivers.interfaces import Gripper, GripperLimits, GripperState, Moti
 from pomona.drivers.owner import Owner
 from pomona.drivers.registration import Settings, driver
 from pomona.drivers.ros2.joints import JointFeed, JointSample, RosNode
+from pomona.drivers.watchdog import Watchdog
 from pomona.executive.clock import Clock
 from pomona.executive.ros2.peer import ADDRESS, Ros2Peer
 from pomona.executive.ros2.types import coder
@@ -100,7 +101,8 @@ class Ros2Gripper(Device):
         self._widths: list[tuple[float, float]] = []
         self._set_point: float | None = None  # None: nothing was commanded yet, or the last command is no longer known
         self._move: GripperMotion | None = None
-        self._speed, self._speed_at = 0.0, -math.inf
+        self._speed = 0.0
+        self._watchdog = Watchdog(options.watchdog)
         self._stepped_at = self._sent_at = clock.now()
         self._sent: float | None = None
         self._off_target_since = math.inf
@@ -178,13 +180,13 @@ class Ros2Gripper(Device):
         """Advance the set-point and publish it."""
         if self._set_point is None:
             return
-        elapsed = min(now - self._stepped_at, 2.0 * SET_POINT_PERIOD)  # no jump after a stall of this thread
+        elapsed = min(max(now - self._stepped_at, 0.0), 2.0 * SET_POINT_PERIOD)  # no jump after a stall of this thread
         move = self._move
         if move is not None and move.state is MotionState.RUNNING:
             way = move.width - self._set_point
             wanted = self._set_point + math.copysign(min(abs(way), move.speed * elapsed), way)
         else:
-            if now - self._speed_at > self.options.watchdog:
+            if self._watchdog.has_expired(now):
                 self._stream(0.0)
             wanted = self._set_point + self._speed * elapsed
         wanted = min(max(wanted, self.limits.width_min), self.limits.width_max)
@@ -248,7 +250,7 @@ class Ros2Gripper(Device):
         if self._move is not None and not self._move.ended:
             self._stop(self._move)
         self._set_point = self._state.width if self._set_point is None else self._set_point
-        self._speed_at = self._clock.now()
+        self._watchdog.renew(self._clock.now())
         self._stream(wanted)
 
     def _watch_move(self, state: GripperState) -> None:

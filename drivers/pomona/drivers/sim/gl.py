@@ -1,4 +1,4 @@
-"""Off-screen OpenGL for the simulated camera: EGL, and one thread that owns every context made here.
+"""Off-screen OpenGL for the simulated camera: EGL (on macOS CGL), and one thread that owns every context made here.
 
 A context is current in one thread only, so nothing that another library (pyrender) makes current elsewhere is
 disturbed, and callers may come from any thread. Both libraries work in one process in either order.
@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import ctypes
 import os
+import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from importlib import import_module
 from types import ModuleType
 from typing import Any, TypeVar
 
@@ -40,12 +42,12 @@ def open_renderer(model: Any, height: int, width: int) -> Any:
     """
     mujoco = load_mujoco()
     try:
-        _prepare_egl()
-        from mujoco.egl import GLContext
+        if sys.platform != "darwin":
+            _prepare_egl()
         from mujoco.rendering.classic import gl_context
 
-        # MuJoCo chose its backend when it was first imported, perhaps by somebody who renders nothing.
-        gl_context.GLContext = GLContext
+        # MuJoCo chose its backend when it was first imported, perhaps by a caller that renders nothing.
+        gl_context.GLContext = import_module("mujoco.cgl" if sys.platform == "darwin" else "mujoco.egl").GLContext
         return mujoco.Renderer(model, height, width)
     except Exception as error:  # a missing library shows as ImportError, AttributeError, OSError or an EGL error
         raise DeviceFault(

@@ -11,6 +11,7 @@ from pomona.drivers.interfaces import Gripper, GripperLimits, GripperState, Moti
 from pomona.drivers.sim.faults import FaultyDevice
 from pomona.drivers.sim.scene import TIMESTEP
 from pomona.drivers.sim.world import PhysicsWorld
+from pomona.drivers.watchdog import Watchdog
 
 ACCELERATION = 2.0
 """Of the opening, during moves [m/s²]."""
@@ -26,8 +27,6 @@ STALE = 0.045
 """A state that is older than this is none [s]; as of a WSG."""
 RUNAWAY, FAST_STOP = 0.03, 0.2
 """Speed of fingers that run away [m/s]; so long after a safe stop a fast stop ends that [s], as a real driver does."""
-YIELD = 1e-3
-"""How far force control may open while latched [m]: the grip is kept, and never opened."""
 
 MOTOR_STEP = 0.5
 """The grasp force by the motor's current comes in steps of so much [N]."""
@@ -83,7 +82,7 @@ class SimGripper(FaultyDevice):
         supervision: GripperSupervision | None = None,
     ) -> None:
         super().__init__("gripper")
-        self._world, self._watchdog = world, watchdog
+        self._world, self._watchdog = world, Watchdog(watchdog)
         model = world.model
         self._closed = _opening_when_closed(world)
         self._fingers = [model.joint(name) for name in ("finger_left", "finger_right")]
@@ -93,12 +92,12 @@ class SimGripper(FaultyDevice):
         model.actuator_forcerange[self._actuator] = [-2.0 * force_max, 2.0 * force_max]
         self._address = [int(finger.qposadr[0]) for finger in self._fingers]
         self._dof = [int(finger.dofadr[0]) for finger in self._fingers]
-        self._speed, self._commanded_at, self._rate = 0.0, -math.inf, 0.0
+        self._speed, self._rate = 0.0, 0.0
         self._move: GripperMove | None = None
         self._blocked_for = 0.0
         self._paused = False
         self._latched: str | None = None
-        self._latched_width = self._latched_at = 0.0
+        self._latched_at = 0.0
         self._estranged = False  # lost since the last acknowledgement
         self._frozen = GripperState(0.0, 0.0, 0.0, False)
         self._supervisor = GripperSupervisor(self.limits, ACCELERATION, supervision)
@@ -141,10 +140,11 @@ class SimGripper(FaultyDevice):
         if self._estranged:
             raise DeviceLost(self.name, "does not answer" if self.fault == "lost" else ESTRANGED)
         self._end_move()
-        limit = self.limits.speed_max
-        self._speed = min(max(speed, -limit), limit) if math.isfinite(speed) else 0.0
-        self._commanded_at = self._world.clock.now()
-        self._supervisor.stream(self._commanded_at, self._speed, self._watchdog)
+        limit, now = self.limits.speed_max, self._world.clock.now()
+        wanted = min(max(speed, -limit), limit) if math.isfinite(speed) else 0.0
+        self._speed = wanted if self._latched is None else min(wanted, 0.0)  # as of a WSG: latched it does not open
+        self._watchdog.renew(now)
+        self._supervisor.stream(now, self._speed, self._watchdog.limit)
 
     def check(self) -> None:
         now, state = self._world.clock.now(), self.state()
@@ -152,8 +152,6 @@ class SimGripper(FaultyDevice):
             raise DeviceLost(self.name, "does not answer")
         if now - state.stamp > STALE:
             raise DeviceLost(self.name, f"has not sent its width for {1e3 * (now - state.stamp):.0f} ms")
-        if self._speed and now - self._commanded_at > self._watchdog:
-            self._supervisor.stream(now, 0.0, self._watchdog)
         wrong = self._supervisor.look(now, state)
         if wrong:
             raise DeviceFault(self.name, wrong)
@@ -165,9 +163,10 @@ class SimGripper(FaultyDevice):
 
     def safe_stop(self, reason: str) -> None:
         if self._latched is None:
-            self._latched_width, self._latched_at = self._measure().width, self._world.clock.now()
+            self._latched_at = self._world.clock.now()
         self._latched, self._paused = reason, False  # a pause ends with it
         self._end_move()
+        self._speed = min(self._speed, 0.0)
 
     def acknowledge(self) -> None:
         self._latched = None
@@ -200,15 +199,11 @@ class SimGripper(FaultyDevice):
     def _command(self) -> None:
         """The opening's rate for this step, shared between the fingers."""
         set_point = self._closed + 2.0 * float(self._world.state.act[0])
-        move = self._move
-        if move is not None and not move.settled:
-            wanted = self._rate_of_move(move, set_point)
-        elif self._world.clock.now() - self._commanded_at <= self._watchdog:
-            wanted = self._speed
-        else:
-            wanted = 0.0
-        if self._latched is not None and wanted > 0.0 and set_point > self._latched_width + YIELD:
-            wanted = 0.0
+        move, now = self._move, self._world.clock.now()
+        if self._watchdog.has_expired(now) and self._speed:
+            self._speed = 0.0
+            self._supervisor.stream(now, 0.0, self._watchdog.limit)
+        wanted = self._rate_of_move(move, set_point) if move is not None and not move.settled else self._speed
         if self.fault in ("jam", "lost", "busy"):
             wanted = 0.0
         elif self.fault == "runaway" and self._runs_away():

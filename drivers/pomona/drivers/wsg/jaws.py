@@ -15,6 +15,7 @@ from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, StopFail
 from pomona.drivers.gripper_motion import GripperMotion
 from pomona.drivers.gripper_supervisor import GripperSupervisor
 from pomona.drivers.interfaces import GripperLimits, GripperState, MotionState
+from pomona.drivers.watchdog import Watchdog
 from pomona.drivers.wire import Link
 from pomona.drivers.wsg.codec import Command, Move, Plain, Reply, Script, Status, SystemState
 from pomona.drivers.wsg.handshake import WsgIdentity, WsgOptions, shake_hands
@@ -80,7 +81,8 @@ class Jaws:
         self._updated: dict[Command, float] = {}
         self._motion: GripperMotion | None = None
         self._waiting: GripperMotion | None = None  # to be started when the stop before it is answered
-        self._wanted, self._wanted_at, self._sent_at, self._sent = 0.0, -math.inf, -math.inf, 0.0
+        self._wanted, self._sent_at, self._sent = 0.0, -math.inf, 0.0
+        self._watchdog = Watchdog(options.watchdog)
         self._arriving: float | None = None  # the gripper says it has arrived; deadline for its width to confirm it
         self._grace_until = -math.inf
         self._obey_by: float | None = None  # deadline for coming to rest after a stop
@@ -198,7 +200,8 @@ class Jaws:
         if self._motion is not None and not self._motion.ended:
             self.stop_motion(self._motion)
         now = self._clock.now()
-        self._wanted, self._wanted_at = wanted, now
+        self._wanted = wanted
+        self._watchdog.renew(now)
         if now - self._sent_at >= STREAM_PERIOD or (wanted == 0.0 and self._sent != 0.0):
             self._send_speed(wanted)
 
@@ -297,9 +300,9 @@ class Jaws:
         return min(max(self._sent_at + STREAM_PERIOD - self._clock.now(), 0.0), PATIENCE)
 
     def _keep_streaming(self, now: float) -> None:
-        if now - self._wanted_at > self.options.watchdog:
+        if self._watchdog.has_expired(now):
             self._wanted = 0.0
-        changed = self._wanted != self._sent and now - self._sent_at >= STREAM_PERIOD
+        changed = self._wanted != self._sent and (self._wanted == 0.0 or now - self._sent_at >= STREAM_PERIOD)
         # Renewing feeds the finger script's own watchdog.
         if changed or (self._wanted != 0.0 and now - self._sent_at >= 2.0 * STREAM_PERIOD):
             self._send_speed(self._wanted)

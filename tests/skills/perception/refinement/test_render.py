@@ -229,3 +229,26 @@ def test_lives_beside_mujoco_in_either_order(order):
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
     assert done.stdout.strip() == "both work", done.stderr[-2000:]
     assert done.returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("hidden", "says"),
+    [("pyrender", "import of pyrender halted"), ("OpenGL", "pyrender cannot be imported"), ("context", "no display")],
+)
+def test_a_renderer_that_does_not_import_or_open_is_replaced(hidden: str, says: str) -> None:
+    """In a process of its own: libraries that were imported before stay."""
+    hide = {
+        "context": "import pomona.skills.perception.refinement.gl as gl\n"
+        "def refuse(self): raise OSError('no display')\n"
+        "gl._GlRenderer.__init__ = refuse\n",
+    }.get(hidden, f"import sys\nsys.modules[{hidden!r}] = None\n")
+    code = hide + (
+        "from pomona.skills.perception.refinement.render import usable_renderer\n"
+        "print(*usable_renderer('pyrender'), sep=': ')\n"
+        "print(*usable_renderer('zbuffer'))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    said, plain = done.stdout.splitlines()
+    assert said.startswith("zbuffer: virtual depth comes from the z-buffer: pyrender")
+    assert says in said
+    assert plain.strip() == "zbuffer"

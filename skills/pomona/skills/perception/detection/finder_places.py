@@ -28,7 +28,7 @@ SAME_FRUIT = 0.6
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class Proposal:
     """A box in which the finder proposes fruit.
 
     Attributes:
@@ -53,12 +53,12 @@ class Place:
         """Apparent size of the fruit, as `keypoint_size` has it, from the box's longer side [px]."""
         return SIZE_OF_BOX * float(self.box[2:].max())
 
-    def scaled(self, factor: float) -> Place:
+    def scaled(self, factor: float) -> Proposal:
         """The same place in a picture that is larger by this factor."""
-        return Place(self.box * factor, (self.centre + 0.5) * factor - 0.5, self.heat, self.quality)
+        return Proposal(self.box * factor, (self.centre + 0.5) * factor - 0.5, self.heat, self.quality)
 
 
-def read_places(maps: Float32, width: float, height: float, threshold: float = 0.0) -> list[Place]:
+def read_places(maps: Float32, width: float, height: float, threshold: float = 0.0) -> list[Proposal]:
     """Places in the finder's maps, by falling score.
 
     Args:
@@ -83,7 +83,7 @@ def read_places(maps: Float32, width: float, height: float, threshold: float = 0
     high = np.clip(FINDER_STRIDE * (middles + reaches[2:]), 0.0, limits)
     boxes, centres = np.concatenate([low, high - low]).T, _whole_middles(low, high, limits).T - 0.5
     places = [
-        Place(box, centre, float(heat[y, x]), float(maps[QUALITY, y, x]))
+        Proposal(box, centre, float(heat[y, x]), float(maps[QUALITY, y, x]))
         for box, centre, y, x in zip(boxes, centres, v.tolist(), u.tolist(), strict=True)
         if box[2:].min() > 0.0
     ]
@@ -101,7 +101,7 @@ def _whole_middles(low: Float64, high: Float64, limits: Float64) -> Float64:
     return np.where(completed, whole, 0.5 * (low + high))
 
 
-def _without_doubles(places: list[Place]) -> list[Place]:
+def _without_doubles(places: list[Proposal]) -> list[Proposal]:
     if not places:
         return []
     boxes = np.stack([place.box for place in places])

@@ -55,7 +55,7 @@ def load_pyrender() -> ModuleType:
         from OpenGL import EGL
     except Exception as error:  # a missing system library shows as ImportError, AttributeError or OSError
         raise RenderFailed(
-            f"pyrender cannot use EGL ({error}): install libegl1, or render with the z-buffer (renderer: zbuffer)"
+            f"pyrender cannot be imported ({error}); it needs EGL: apt install libegl1 libopengl0"
         ) from error
     if not hasattr(EGL, "EGLDeviceEXT"):
         EGL.EGLDeviceEXT = ctypes.c_void_p  # absent in PyOpenGL 3.1.0; MuJoCo's EGL import needs it

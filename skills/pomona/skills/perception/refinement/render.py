@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.values.arrays import Float64
+from pomona.skills.perception.fruit import Mesh
 from pomona.skills.perception.refinement.depth_image import (
     NEAR,
     DepthImage,
@@ -32,6 +35,24 @@ def renderer(name: RendererName) -> DepthRenderer:
 
         return render_with_zbuffer
     raise RenderFailed(f"there is no renderer named {name!r}: choose pyrender or zbuffer")
+
+
+_PROBE_CAMERA = Intrinsics(40.0, 40.0, 10.0, 10.0, 21, 21)
+_PROBE = Mesh(np.array([[-0.1, -0.1, 0.5], [0.1, -0.1, 0.5], [0.0, 0.1, 0.5]]), np.array([[0, 1, 2]], dtype=np.int32))
+"""A triangle in front of the camera [m]."""
+
+
+@cache
+def usable_renderer(name: RendererName) -> tuple[RendererName, str]:
+    """Return a renderer that works in this process: the named one, or the z-buffer with the reason why.
+
+    It is tried once, since a library that cannot be imported, or a context that does not open, stays so.
+    """
+    try:
+        render_depth(_PROBE, np.eye(4), _PROBE_CAMERA, using=name)
+    except RenderFailed as error:
+        return "zbuffer", f"virtual depth comes from the z-buffer: {error}"
+    return name, ""
 
 
 def image_box(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, margin: int = 2) -> ImageBox:
