@@ -127,12 +127,13 @@ def loaded(arguments, *heavy):
         assert name not in sys.modules, f"{arguments[0]} imports {name}"
 
 compiled = ("torch", "numba", "mujoco", "matplotlib", "scipy", "trimesh", "cv2", "ompl")
-for arguments in (["check"], ["show"], ["export"]):
+for arguments in (["show"], ["export"]):
     loaded([*arguments, "pick_apple"], *compiled, "numpy", "rich", "pomona.executive.execute")
 loaded(["skills"], *compiled, "numpy")
 loaded(["schema"], *compiled, "numpy")
 running = "pomona.executive.execute", "pomona.executive.recording.recorder"
 loaded(["runs", "list", "--record", "nowhere"], *compiled, "numpy", *running)
+loaded(["check", "pick_apple"], "torch", "matplotlib", "ompl", "pomona.executive.execute")
 """
 
 

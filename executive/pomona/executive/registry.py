@@ -82,6 +82,15 @@ class Registry(Mapping[str, type[Skill]]):
     def __len__(self) -> int:
         return len(self._skills)
 
+    def giving(self, found: PortType) -> list[tuple[str, str]]:
+        """Skill and port of every output of a type."""
+        return [
+            (name, port)
+            for name, skill in self._skills.items()
+            for port, it in skill.outputs.items()
+            if it.type == found
+        ]
+
     def listing(self) -> tuple[SkillListing, ...]:
         """All skills, by name."""
         return tuple(_list_skill(name, self._skills[name]) for name in sorted(self._skills))

@@ -141,7 +141,7 @@ class Lift(MovingSkill):
 
     def run(
         self,
-        height: Annotated[Length, Port(min="1 mm", help="how far up")] = LENGTH("150 mm"),
+        height: Annotated[Length, Port(min="1 mm", max="1 m", help="how far up")] = LENGTH("150 mm"),
         hold: Annotated[Hold | None, Port(help="the grip that goes on while lifting")] = None,
         grasp: Annotated[
             Grasp | None, Port(help="of the held fruit, which is then checked for collision as part of the robot")

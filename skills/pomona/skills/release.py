@@ -89,7 +89,9 @@ class Release(MovingSkill):
             str | None, Port(help="a pose of the cell file to go to first, above where the fruit is put")
         ] = None,
         variation: Annotated[int, Port(min=1, help="1 is the pose itself, 2 its pose_2 and so on, around")] = 1,
-        depth: Annotated[Length, Port(min="1 mm", help="how far down to search for a support")] = LENGTH("150 mm"),
+        depth: Annotated[Length, Port(min="1 mm", max="1 m", help="how far down to search for a support")] = LENGTH(
+            "150 mm"
+        ),
         grasp: Annotated[
             Grasp | None, Port(help="the grasp by which the fruit is held: it is then part of the robot on the way")
         ] = None,

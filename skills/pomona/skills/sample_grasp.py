@@ -57,7 +57,7 @@ class SampleGrasp(Skill):
         around: Annotated[MeasuredFruit, Port(help="the refined fruit")],
         map: Annotated[OccupancyMap | None, Port(help="what is in the way; the target is left out of it")] = None,
         tried: Annotated[Grasp | None, Port(help="the candidate of the previous attempt")] = None,
-        radius: Annotated[Length, Port(min="20 mm", help="the paper's r_o")] = LENGTH("120 mm"),
+        radius: Annotated[Length, Port(min="20 mm", max="1 m", help="the paper's r_o")] = LENGTH("120 mm"),
         theta_min: Annotated[Angle, Port(min="0 deg", max="90 deg", help="tilt of the approach")] = ANGLE("0 deg"),
         theta_max: Annotated[Angle, Port(min="0 deg", max="90 deg")] = ANGLE("45 deg"),
         thetas: Annotated[int, Port(min=1)] = 4,

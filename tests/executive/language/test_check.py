@@ -404,9 +404,9 @@ class TestOverrides:
 def test_a_finding_reads_like_a_compilers(findings_of):
     text = format_finding(findings_of(sequence(DETECT.replace("Detect", "Detekt")))[0])
     assert text == (
-        "t.yaml:5:7: error[unknown-skill]: no skill named 'Detekt'\n"
+        "t.yaml:5:7: error[unknown-skill]: no skill named 'Detekt'; did you mean 'Detect'?\n"
         '    5 |     - Detekt: {fruit: apple, detection: "{detection}"}\n'
-        "      |       ^^^^^^ did you mean 'Detect'?"
+        "      |       ^^^^^^"
     )
 
 
@@ -444,8 +444,8 @@ def test_what_was_meant_is_looked_for_while_few_words_are_wrong(findings_of, mon
     root = "root:\n  sequence:\n" + "".join(f"    - sabtree{i}: {{}}\n" for i in range(300))
     found = [f for f in findings_of(f"subtrees:\n{subtrees}{root}") if f.code == "unknown-type-of-node"]
     assert len(found) == 300
-    assert found[0].hint
-    assert not found[-1].hint
+    assert "did you mean" in found[0].hint
+    assert "did you mean" not in found[-1].hint
     assert sum(compared) < 2000
 
 

@@ -307,6 +307,27 @@ def test_a_real_editor_speaks_with_the_command(tmp_path):
             assert {place: len(changes) for place, changes in edit.changes.items()} == {uri: 1, elsewhere: 2}
         hover = await editor.text_document_hover_async(lsp.HoverParams(document, lsp.Position(6, 8)))
         assert "Move to a named pose" in hover.contents.value
+        editor.change(uri, 4, TREE.replace("retry: 3", "retries: 3"))
+        await editor.until(uri, "unknown-key")
+        (action,) = await editor.text_document_code_action_async(
+            lsp.CodeActionParams(document, lsp.Range(at, at), lsp.CodeActionContext([]))
+        )
+        assert action.title == "no modifier named 'retries'; did you mean 'retry'?"
+        (change,) = action.edit.changes[uri]
+        assert (change.range.start, change.range.end, change.new_text) == (at, lsp.Position(7, 13), "retry")
+        editor.change(uri, 5, TREE)
+        await editor.until(uri)
+        places = await editor.text_document_references_async(
+            lsp.ReferenceParams(
+                lsp.ReferenceContext(include_declaration=True),
+                document,
+                lsp.Position(10, TREE.split("\n")[10].index("seen")),
+            )
+        )
+        assert [place.range.start.line for place in places] == [8, 10]
+        outline = await editor.text_document_document_symbol_async(lsp.DocumentSymbolParams(document))
+        assert [tree.name for tree in outline] == ["t", "look"]
+        assert [node.name for node in outline[0].children] == ["MoveTo", "look", "fallback", "check"]
         await editor.shutdown_async(None)
         editor.exit(None)
         await editor.stop()

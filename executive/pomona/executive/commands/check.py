@@ -10,15 +10,17 @@ from pathlib import Path
 from typing import Any
 
 from pomona.executive.file_kinds import FileKind, file_kind, kind_names
-from pomona.executive.files import find_cell, find_tree, read_text
+from pomona.executive.files import default_name, find_cell, find_tree, read_text
 from pomona.executive.judging import judge
-from pomona.executive.language.documents import read_document, with_declarations
+from pomona.executive.language.documents import read_document
 from pomona.executive.registry import Registry
 from pomona.executive.settings import parse_settings
 from pomona.executive.terminal.filtered import write_json
-from pomona.executive.values.findings import Finding, Findings, Source, format_findings
+from pomona.executive.values.findings import Finding, Findings, Source, format_findings, mended, place_of, said
 from pomona.executive.values.yaml_nodes import YamlMapping, read_yaml
 
+MOST_ROUNDS = 20
+"""Times that a file is mended and checked again: one mistake may hide the next."""
 _ROOT = re.compile(r"^root\s*:", re.MULTILINE)
 
 
@@ -29,9 +31,14 @@ def add(subparsers: Any) -> None:
     )
     about = "a tree, a scenario, a cell, a campaign … or the name of an installed tree"
     parser.add_argument("files", nargs="+", metavar="FILE", help=about)
-    parser.add_argument("--cell", help="also check that trees can run on this cell: its devices and what it names")
+    about = (
+        "check trees against this cell: its devices, and the poses and fruit that it has (default: the one of `run`)"
+    )
+    parser.add_argument("--cell", help=about)
     about = "a parameter of the tree, or an option of the cell"
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=about)
+    about = "apply the hints that name what to write, and write the files"
+    parser.add_argument("--fix", action="store_true", help=about)
     parser.add_argument("--json", action="store_true", help="print the findings as JSON, for editors")
     parser.set_defaults(main=main)
 
@@ -46,7 +53,8 @@ def main(options: argparse.Namespace) -> int:
     cell = find_cell(options.cell) if options.cell else None
     found: list[Finding] = []
     for name in options.files:
-        found += _check(find_tree(name), cell, settings)
+        path = find_tree(name)
+        found += _fix(path, cell, settings) if options.fix else _check(path, cell, settings)
     if options.json:
         write_json([dataclasses.asdict(finding) for finding in found])
     elif found:
@@ -54,6 +62,20 @@ def main(options: argparse.Namespace) -> int:
     else:
         sys.stdout.write(f"{len(options.files)} file{'s' if len(options.files) > 1 else ''}: nothing is wrong\n")
     return 2 if any(finding.severity == "error" for finding in found) else 0
+
+
+def _fix(path: Path, cell: Path | None, settings: dict[str, str]) -> list[Finding]:
+    """What is still wrong with a file after the hints that name what to write were applied to it."""
+    found = _check(path, cell, settings)
+    for _ in range(MOST_ROUNDS):
+        text, applied = mended(path.read_bytes().decode(), (finding for finding in found if finding.path == str(path)))
+        if not applied:
+            break
+        path.write_bytes(text.encode())
+        for finding in applied:
+            sys.stderr.write(f"{place_of(finding)}: mended: {said(finding)}\n")
+        found = _check(path, cell, settings)
+    return found
 
 
 def _kind(path: Path) -> FileKind | None:
@@ -72,9 +94,18 @@ def _check(path: Path, cell: Path | None, settings: dict[str, str]) -> list[Find
     kind = _kind(path)
     if kind is None:
         document = read_document(path)
-        if cell is not None:
-            return judge(document, Registry.installed(), settings, cell).findings.sorted()
-        return with_declarations(lambda registry: judge(document, registry, settings, None).findings.sorted())
+        skills = Registry.installed()
+        usual = find_cell(default_name("cell"))
+        found = judge(document, skills, settings, cell or usual).findings.sorted()
+        lacking = next((finding for finding in found if finding.code == "no-device"), None)
+        if cell is not None or lacking is None:
+            return found
+        found = judge(document, skills, settings, None).findings.sorted()
+        message = f"poses and fruit are not checked on the cell '{usual.stem}': {lacking.message}"
+        return [
+            *found,
+            dataclasses.replace(lacking, severity="warning", message=message, hint="name another: --cell …"),
+        ]
     findings = Findings()
     kind.check(path, findings)
     return findings.sorted()

@@ -10,6 +10,9 @@ from typing import Any
 from pomona.executive.errors import UsageError
 from pomona.executive.files import read_text
 from pomona.executive.language.format import FormatError, formatted
+from pomona.executive.nodes.catalogue import NodeTypes
+from pomona.executive.values.findings import Findings, Source, format_findings
+from pomona.executive.values.yaml_nodes import read_yaml
 
 
 def add(subparsers: Any) -> None:
@@ -47,4 +50,7 @@ def _formatted(path: str, text: str) -> str:
     try:
         return formatted(text)
     except FormatError as error:
-        raise UsageError(f"{path}: {error}. Nothing was changed; `pomona check` says what is wrong.") from error
+        findings = Findings()
+        read_yaml(Source(path, text), findings, "this file", NodeTypes.installed().beside)
+        reason = format_findings(findings.sorted()) or f"{path}: {error}."
+        raise UsageError(f"{reason} Nothing was changed.") from error

@@ -127,7 +127,7 @@ class _Checker:
     # ------------------------------------------------------------------------------------------- definitions
 
     def definition(self, definition: Definition) -> None:
-        scope = self.analysis.scopes[id(definition)] = Scope(definition, renamed_failures=self.skills.renamed_failures)
+        scope = self.analysis.scopes[id(definition)] = Scope(definition, skills=self.skills)
         self.declared_names(definition, scope)
         checker = NodeChecker(
             self.findings, self.skills, scope, self.document.types, self.called, self.outcomes,

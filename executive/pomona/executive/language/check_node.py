@@ -15,16 +15,19 @@ from pomona.executive.language.outcomes import LayerOutcome, Outcomes
 from pomona.executive.language.scope import ComputedValue, Given, Named, Resolved, Scope
 from pomona.executive.language.value_types import ANY, ValueType, can_flow, describe, element_type
 from pomona.executive.language.values import ValueReader, static_type
+from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.nodes.node_type import NodeType, Stage
 from pomona.executive.nodes.surroundings import COUNTERS, Around
 from pomona.executive.nodes.takes import NAME
 from pomona.executive.ports import Port, Ports
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill
-from pomona.executive.values.findings import Findings, did_you_mean
-from pomona.executive.values.yaml_nodes import YamlNode, YamlScalar
+from pomona.executive.values.findings import Edit, Findings, Instead, did_you_mean
+from pomona.executive.values.yaml_errors import moved
+from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
 
 _WIRE = re.compile(r"\s*\{\s*([A-Za-z_][A-Za-z0-9_]*)\s*\}\s*")
+_SIMPLE = (bool, int, float, str, object)
 _EVERYTHING = Around(frozenset(COUNTERS), frozenset())
 
 
@@ -35,7 +38,7 @@ class NodeChecker:
     findings: Findings
     skills: Registry
     scope: Scope
-    words: Mapping[str, NodeType]
+    words: NodeTypes
     called: Mapping[int, Definition]
     outcomes: Outcomes
     interfaces: Mapping[int, PortDeclared]
@@ -99,7 +102,9 @@ class NodeChecker:
             if name in self.skills.problems:
                 self.findings.error(node.key, "broken-skill", f"skill '{name}': {self.skills.problems[name]}")
             else:
+                foreign = self.words.of_tag(name)
                 hint = did_you_mean(name, chain(self.skills, self.known_types()))
+                hint = f"BehaviorTree.CPP's is the {foreign.role} '{foreign.key}' here" if foreign is not None else hint
                 hint = hint or "'pomona skills' lists what is installed"
                 self.findings.error(node.key, "unknown-skill", f"no skill named '{name}'", hint)
             return None
@@ -226,6 +231,7 @@ class LayerCheck:
 
     def wires(self, inputs: Mapping[str, Port], outputs: Mapping[str, Port]) -> None:
         node, who, reader, ports = self.node, self.node.key.text, self.reader, dict(inputs.items())
+        meant: set[str] = set()
         for name, (key, value) in node.ports.items():
             port = ports.get(name)
             if port is not None:
@@ -233,16 +239,35 @@ class LayerCheck:
                 if read is not None:
                     self.found.inputs[name] = read
             elif name not in outputs:
-                known = [*inputs, *outputs]
-                renamed = [f"it is called '{new}' now" for new, port in inputs.items() if port.was == name]
-                hint = "".join(renamed) or did_you_mean(name, known) or f"ports of {who}: {', '.join(known) or 'none'}"
-                self.findings.error(key, "unknown-port", f"{who} has no port '{name}'", hint)
+                meant.add(self.unknown_port(key, value, inputs, outputs))
         needed = inputs.needed if isinstance(inputs, Ports) else [n for n, port in inputs.items() if port.required]
         for name in needed:
-            if name in node.ports:
+            if name in node.ports or name in meant:
                 continue
-            message = f"{who} needs '{name}', {describe(static_type(inputs[name]))}"
-            self.findings.error(node.key, "missing-port", message, f'wire it: {name}: "{{…}}"')
+            of = inputs[name].type
+            there = [f'"{{{known}}}"' for known, named in self.whole.scope.names.items() if named.type == of]
+            writers = self.whole.skills.giving(of) if isinstance(of, type) and of not in _SIMPLE else []
+            gives = f": {' and '.join(dict.fromkeys(skill for skill, _ in writers[:2]))} writes one" if writers else ""
+            message = f"{who} needs '{name}', {describe(static_type(inputs[name]))}{gives}"
+            example = there[0] if there else f'"{{{writers[0][1]}}}"' if writers else "…"
+            self.findings.error(node.key, "missing-port", message, f"write {name}: {example}")
+
+    def unknown_port(
+        self, key: YamlScalar, value: YamlNode, inputs: Mapping[str, Port], outputs: Mapping[str, Port]
+    ) -> str:
+        """Report a port that the node does not have; return the one that is meant, or an empty text."""
+        node, name, who = self.node, key.text, self.node.key.text
+        known = [*inputs, *outputs]
+        modifier = self.whole.words.get(name)
+        if modifier is not None and modifier.role == "modifier":
+            message = f"'{name}' is a modifier: write it beside {who}, at column {node.key.column}, and not in it"
+            self.findings.error(key, "unknown-port", message, edits=_moved_out(node, key, value))
+            return ""
+        renamed = next((new for new, port in inputs.items() if port.was == name), "")
+        hint = Instead(f"it is called '{renamed}' now", name, renamed) if renamed else did_you_mean(name, known)
+        said = hint or f"ports of {who}: {', '.join(known) or 'none'}"
+        self.findings.error(key, "unknown-port", f"{who} has no port '{name}'", said)
+        return hint.right if isinstance(hint, Instead) else ""
 
     # --------------------------------------------------------------------------------------- names
 
@@ -276,6 +301,9 @@ class LayerCheck:
         if name in self.whole.scope.definition.file.unread:
             return
         hint = did_you_mean(name, chain(self.whole.known_types(), self.whole.skills))
+        hint = (
+            hint or f"declare the subtree: 'subtrees: {{{name}: {{root: …}}}}', or with 'file: other.yaml' for a tree"
+        )
         self.findings.error(self.node.key, "unknown-type-of-node", f"nothing is named '{name}'", hint)
 
     def wired_outputs(self, outputs: Mapping[str, Port]) -> None:
@@ -291,9 +319,12 @@ class LayerCheck:
                     self.whole.writes(target, static_type(port), self.node.label, who)
 
     def perhaps_writes(self) -> None:
-        if self.found.skill is not None or self.found.subtree is not None:
-            return
+        found = self.found
+        called = self.whole.interfaces[id(found.subtree)] if found.subtree is not None else found.skill
+        known = {*called.inputs, *called.outputs} if called is not None else ()
         for name, (_, value) in self.node.ports.items():
+            if name in known:
+                continue
             match = _WIRE.fullmatch(value.text) if isinstance(value, YamlScalar) else None
             if match is not None:
                 self.found.outputs[name] = match[1]
@@ -322,3 +353,23 @@ class LayerCheck:
 
     def devices(self, index: int) -> Mapping[str, str]:
         return self.whole.devices(self.node.children[index])
+
+
+def _moved_out(node: TreeNode, key: YamlScalar, value: YamlNode) -> list[Edit]:
+    """The edits that put a node's last port beside the node, as a modifier; none where that takes more than that."""
+    ports, source = node.value, key.source
+    if not isinstance(ports, YamlMapping) or [*ports.entries][-1] != key.text or node.key.line != node.at.line:
+        return []
+    if source.excerpt(ports.line)[ports.column - 1] != "{":
+        return [*moved(source, key.line, node.key.column - key.column)]
+    line = source.excerpt(key.line)
+    if (
+        ports.line != ports.end_line
+        or line[ports.end_column - 1 :].strip()
+        or source.excerpt(node.at.line)[node.at.column - 1] == "{"
+    ):
+        return []
+    before = [entry[1].end_column for name, entry in ports.entries.items() if name != key.text]
+    start = before[-1] if before else ports.column + 1
+    beside = f"}}\n{' ' * (node.key.column - 1)}{line[key.column - 1 : ports.end_column - 2]}"
+    return [Edit(key.line, start, ports.end_column - start, beside)]

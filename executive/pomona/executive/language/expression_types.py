@@ -31,7 +31,10 @@ from pomona.executive.language.value_types import (
     is_numeric,
 )
 from pomona.executive.ports import Quantity
-from pomona.executive.values.findings import did_you_mean
+from pomona.executive.values.findings import Instead, did_you_mean
+
+MAX_TOLD = 8
+"""Fields that a message lists."""
 
 
 class TypeScope(Protocol):
@@ -43,6 +46,10 @@ class TypeScope(Protocol):
 
     def failure_codes(self) -> Iterable[str] | None:
         """Codes that `failure.code` can have here; None when any."""
+        ...
+
+    def failed(self) -> str:
+        """The node of whose failure `failure` tells."""
         ...
 
     def renamed_failures(self) -> Mapping[str, str]:
@@ -98,11 +105,25 @@ def _field(expression: Member, scope: TypeScope) -> ValueType:
     if fields is None or (isinstance(of, type) and issubclass(of, Mapping)):
         return ANY
     if expression.name not in fields:
-        known = ", ".join(fields)
+        known = _told(fields)
         hint = did_you_mean(expression.name, fields) or (f"it has {known}" if known else "")
         scope.report(expression, "unknown-field", f"{describe(of)} has no field '{expression.name}'", hint)
         return ANY
     return fields[expression.name]
+
+
+def _told(fields: Mapping[str, ValueType]) -> str:
+    """The first fields with their types, those that can be compared before the others."""
+
+    def place(name: str) -> int:
+        found = fields[name]
+        if isinstance(found, ListType):
+            return 1 if isinstance(found.element, Quantity) else 3
+        return 0 if is_numeric(found) else 2
+
+    first = sorted(fields, key=place)
+    said = [f"{name} ({describe(fields[name]).removeprefix('a ').removeprefix('an ')})" for name in first[:MAX_TOLD]]
+    return ", ".join(said) + (f" and {len(first) - MAX_TOLD} more" if len(first) > MAX_TOLD else "")
 
 
 def _index(expression: Index, scope: TypeScope) -> ValueType:
@@ -173,7 +194,9 @@ def _binary(expression: Binary, scope: TypeScope) -> ValueType:
         return bool
     for side, kind in ((expression.left, left), (expression.right, right)):
         if not is_numeric(kind):
-            scope.report(side, "expression-type", f"'{operator}' compares numbers, this is {describe(kind)}")
+            whole = side.name if isinstance(side, (Member, Reference)) else "…"
+            hint = f"take one element: {whole}[0]" if element_type(kind) is not None else ""
+            scope.report(side, "expression-type", f"'{operator}' compares numbers, this is {describe(kind)}", hint)
             return bool
     if not comparable(left, right):
         message = f"{describe(left)} and {describe(right)} cannot be compared"
@@ -231,10 +254,13 @@ def _check_symbols(value: Expression, value_type: ValueType, other: Expression, 
         return
     for word in other.items if isinstance(other, Items) else (other,):
         if isinstance(word, Constant) and isinstance(word.value, str) and word.value not in known:
-            new = scope.renamed_failures().get(word.value)
-            renamed = f"it is called '{new}' now" if new in known else ""
-            hint = renamed or did_you_mean(word.value, known) or "it can be " + ", ".join(sorted(known))
-            scope.report(word, "unknown-code", f"this is never {word.value}", hint)
+            new = scope.renamed_failures().get(word.value, "")
+            renamed = Instead(f"it is called '{new}' now", word.value, new) if new in known else ""
+            message, can = f"{scope.failed() or 'the node before'} cannot fail with {word.value}", "it can with"
+            if isinstance(value_type, type) and issubclass(value_type, Enum):
+                message, can = f"this is never {word.value}", "it can be"
+            hint = renamed or did_you_mean(word.value, known) or f"{can} {', '.join(sorted(known))}"
+            scope.report(word, "unknown-code", message, hint)
 
 
 def _call(expression: Call, scope: TypeScope) -> ValueType:

@@ -10,7 +10,7 @@ from pomona.executive.language.expression import SPECIAL
 from pomona.executive.language.model import Declared, Definition, Document, TreeFile
 from pomona.executive.language.read_node import NodeReader, is_word
 from pomona.executive.nodes.catalogue import NodeTypes
-from pomona.executive.values.findings import Finding, Findings, Source, few_hints
+from pomona.executive.values.findings import Edit, Finding, Findings, Source, few_hints
 from pomona.executive.values.plain_text import read_plain_text
 from pomona.executive.values.shape import ShapeCheck
 from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar, read_yaml
@@ -90,7 +90,7 @@ class _Reader:
     def file(self, text: str, shown: str, resolved: Path) -> TreeFile:
         source = Source(shown, text)
         file = self.files[resolved] = TreeFile(source)
-        root = read_yaml(source, self.findings)
+        root = read_yaml(source, self.findings, modifiers=self.types.beside)
         if root is None:
             return file
         shape = ShapeCheck(self.findings)
@@ -100,8 +100,15 @@ class _Reader:
         file.top = top
         shape.known_keys(top, _TOP, "a tree file")
         self.version(top)
-        name = shape.text(top.get("tree"))
-        if "tree" not in top.entries:
+        written_name = top.get("tree")
+        nodes_as_name = isinstance(written_name, (YamlMapping, YamlList))
+        name = None if nodes_as_name else shape.text(written_name)
+        if nodes_as_name:
+            message = "'tree' is the tree's name: write 'tree: my_tree', and its nodes below 'root:'"
+            key = top.entries["tree"][0]
+            edits = [Edit(key.line, key.column, key.length, "tree: my_tree\nroot")] if "root" not in top.entries else ()
+            self.findings.error(key, "shape", message, edits=edits)
+        elif "tree" not in top.entries:
             self.findings.error(_start(top), "missing-key", "the tree has no name", "write 'tree: my_tree'")
         elif name is not None and not _NAME.fullmatch(name.text):
             hint = "use lower-case letters, digits and _, such as open_the_door"
@@ -119,9 +126,9 @@ class _Reader:
         self.interface(shape, top, main)
         self.read_subtrees(shape, top, file, resolved.parent)
         root_node = top.get("root")
-        if root_node is None:
+        if root_node is None and not nodes_as_name:
             self.findings.error(_start(top), "missing-key", "the file has no 'root': nothing would run")
-        else:
+        elif root_node is not None:
             main.root = self.nodes(file).node(root_node)
         for subtree in file.subtrees.values():
             if subtree.file is file and isinstance(subtree.at, YamlMapping):

@@ -8,11 +8,13 @@ from pomona.executive.language.model import Entry, TreeFile, TreeNode
 from pomona.executive.nodes.calls import SKILL, SUBTREE
 from pomona.executive.nodes.catalogue import RESERVED, NodeTypes
 from pomona.executive.nodes.node_type import NodeType
-from pomona.executive.values.findings import Findings, did_you_mean
+from pomona.executive.values.findings import Edit, Findings, Instead, did_you_mean
 from pomona.executive.values.shape import ShapeCheck, shape_of
-from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
+from pomona.executive.values.yaml_errors import moved
+from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
 
 _SKILL = re.compile(r"[A-Z][A-Za-z0-9_]*")
+_UNSPACED = re.compile(r"\w+:(?=\S)")
 _BAD_IN_NAMES = re.compile(r"[/:#{}\x00-\x1f]")
 
 
@@ -36,8 +38,8 @@ class NodeReader:
     def node(self, written: YamlNode) -> TreeNode | None:
         """The node, or None when it has no type that could be guessed."""
         if not isinstance(written, YamlMapping):
-            hint = ""
-            if isinstance(written, YamlScalar) and not written.is_null:
+            hint = "write 'sequence:' above it, and the list two columns further right"
+            if isinstance(written, YamlScalar):
                 hint = f"write '{written.text}: {{}}'" if _SKILL.fullmatch(written.text) else "write 'Skill: {port: …}'"
             self.findings.error(written, "shape", f"a node is a mapping, this is {shape_of(written)}", hint)
             return None
@@ -48,7 +50,7 @@ class NodeReader:
         if problem is not None:
             self.findings.error(entry[0], "broken-node", f"'{entry[0].text}' cannot be used: {problem}")
             return None
-        node = TreeNode(self.type_named(entry[0].text), *entry, written)
+        node = TreeNode(self.type_meant(*entry), *entry, written)
         node.comment = self.comment(written.line)
         if len(written.entries) > 1:
             self.modifiers(node)
@@ -76,18 +78,41 @@ class NodeReader:
             return found
         return SUBTREE if word in self.file.subtrees or not _SKILL.fullmatch(word) else SKILL
 
+    def type_meant(self, key: YamlScalar, value: YamlNode) -> NodeType:
+        """The node type of a key; reports `Sequence:` with a list below, which no skill takes."""
+        if isinstance(value, YamlList) and self.type_named(key.text) is SKILL:
+            meant = did_you_mean(key.text, self.types.composites)
+            if isinstance(meant, Instead):
+                self.findings.error(key, "unknown-type-of-node", f"no node is named '{key.text}'", meant)
+                return self.types[meant.right]
+        return self.type_named(key.text)
+
     def type_of(self, written: YamlMapping) -> Entry | None:
+        """The entry that says what a node is, or None; reports what belongs to no node."""
         candidates = [entry for name, entry in written.entries.items() if name not in self.words]
         if not candidates:
-            types = (*self.types.composites, *self.types.leaves)
-            hint = "name a skill, a subtree or one of " + ", ".join(types)
-            self.findings.error(self.first_key(written), "no-type", "this node does not say what it does", hint)
+            first = self.first_key(written)
+            message, hint = (
+                "this node has no type",
+                "name a skill, a subtree, or a word such as sequence, check or wait",
+            )
+            if isinstance(first, YamlScalar) and first.text in self.types.beside:
+                message = f"'{first.text}' is a modifier and no node of its own"
+                hint = "write it beside the node that it belongs to, at the same column"
+            self.findings.error(first, "no-type", message, hint)
+            return None
+        unspaced = _UNSPACED.match(candidates[0][0].text)
+        if unspaced is not None and candidates[0][0].plain:
+            key = candidates[0][0]
+            edits = [Edit(key.line, key.column + len(unspaced[0]), 0, " ")]
+            self.findings.error(key, "yaml", f"a space is missing behind '{unspaced[0]}'", edits=edits)
             return None
         if len(candidates) == 1:
             return candidates[0]
         known = [e for e in candidates if self.is_type(e[0].text)] or candidates[:1]
         chosen = known[0]
-        for key, _ in candidates:
+        ports: dict[str, Entry] = {}
+        for key, value in candidates:
             if key is chosen[0]:
                 continue
             if any(key is other[0] for other in known):
@@ -99,9 +124,20 @@ class NodeReader:
             else:
                 own = self.types.get(chosen[0].text)
                 allowed = (*self.beside, *(own.fields if own is not None else ()))
-                hint = did_you_mean(key.text, allowed) or "modifiers are " + ", ".join(allowed)
+                meant = did_you_mean(key.text, allowed)
+                if not meant and own is None and isinstance(chosen[1], YamlScalar) and chosen[1].is_null:
+                    ports[key.text] = key, value
+                    message = (
+                        f"'{key.text}' is no modifier; a port of {chosen[0].text} starts at column {key.column + 2}"
+                    )
+                    self.findings.error(key, "unknown-key", message, edits=[*moved(key.source, key.line, 2)])
+                    continue
+                hint = meant or "modifiers are " + ", ".join(allowed)
                 self.findings.error(key, "unknown-key", f"no modifier named '{key.text}'", hint)
-        return chosen
+        if not ports:
+            return chosen
+        at = chosen[1]
+        return chosen[0], YamlMapping(at.source, at.line, at.column, at.end_line, at.end_column, ports)
 
     def is_type(self, word: str) -> bool:
         """Whether a word can stand for a node."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
 from pomona.executive.language.expression import Expression
 from pomona.executive.language.model import Definition, TreeNode
 from pomona.executive.language.value_types import ValueType
+from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill
 from pomona.executive.values.findings import Located
 from pomona.executive.values.yaml_nodes import YamlNode
@@ -93,13 +94,13 @@ class Scope:
         definition: whose names.
         names: what each means.
         looks: whether a node looks at a condition.
-        renamed_failures: failure codes of the version before, with what each is called now.
+        skills: that the tree may use.
     """
 
     definition: Definition
     names: dict[str, Named] = field(default_factory=dict)
     looks: bool = False
-    renamed_failures: Mapping[str, str] = field(default_factory=dict)
+    skills: Registry = field(default_factory=lambda: Registry({}))
 
     def written(self) -> Iterator[tuple[str, Named]]:
         return ((name, named) for name, named in self.names.items() if named.origin == "written")

@@ -57,9 +57,20 @@ def describe(value_type: ValueType) -> str:
         return value_type.value
     if isinstance(value_type, ListType):
         if value_type.array:
-            return "an array"
+            return f"an array of {_counted(value_type)}"
         return "a list" if value_type.element is ANY else f"a list of {_bare(value_type.element)}"
     return with_article(type_name(value_type))
+
+
+def _counted(value_type: ListType) -> str:
+    """The elements of an array: `3 lengths`, `4 × 4 numbers`."""
+    sizes, element = [value_type.length], value_type.element
+    while isinstance(element, ListType):
+        sizes.append(element.length)
+        element = element.element
+    noun = "number" if element is SI_NUMBER else _bare(element)
+    plural = noun if noun.endswith("pixels") else f"{noun}{'es' if noun.endswith('s') else 's'}"
+    return f"{' × '.join('…' if size is None else str(size) for size in sizes)} {plural}"
 
 
 def _bare(value_type: ValueType) -> str:

@@ -18,7 +18,7 @@ from pomona.executive.language.value_types import ANY, ValueType, can_flow, desc
 from pomona.executive.nodes.ends import UNKNOWN
 from pomona.executive.nodes.surroundings import COUNTERS, Around, LastFailure
 from pomona.executive.ports import RATIO, Port, Quantity
-from pomona.executive.values.findings import Findings, Located, Spot, Within, did_you_mean
+from pomona.executive.values.findings import Edit, Findings, Located, Spot, Within, did_you_mean
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
 
 _IN_BRACES = re.compile(r"\{\s*([A-Za-z_][A-Za-z0-9_]*)")
@@ -49,8 +49,11 @@ class _Stand:
         codes = self.around.failure
         return None if codes is None or UNKNOWN in codes else codes | ALWAYS_POSSIBLE
 
+    def failed(self) -> str:
+        return self.around.failed
+
     def renamed_failures(self) -> Mapping[str, str]:
-        return self.reader.scope.renamed_failures
+        return self.reader.scope.skills.renamed_failures
 
     def type_of(self, reference: Reference) -> ValueType:
         name = reference.name
@@ -94,8 +97,11 @@ class _Stand:
             hint = (
                 f"a subtree sees only its own names: add '{reference.name}' to its 'in' and wire it where it is called"
             )
-        elif not hint and scope.names:
-            hint = "known names: " + ", ".join(islice(scope.names, 12))
+        elif not hint:
+            writers = [skill for skill, there in scope.skills.items() if reference.name in there.outputs]
+            known = "known names: " + ", ".join(islice(scope.names, 12)) if scope.names else ""
+            wire = f'{reference.name}: "{{{reference.name}}}"'
+            hint = f"{' and '.join(writers[:2])} writes one: put it before this node, with {wire}" if writers else known
         self.report(reference, "unknown-port", f"nothing writes '{reference.name}' and nothing declares it", hint)
 
 
@@ -141,7 +147,10 @@ class ValueReader:
             return self._computed(slot, node, port, around, who)
         if isinstance(node, YamlMapping) and _forgot_quotes(node):
             name = next(iter(node.entries), "name")
-            self.findings.error(node, "shape", f"{who} is wired without quotes", f'write "{{{name}}}"')
+            if name in self.scope.names:  # one mistake, one finding
+                self.scope.names[name].read = True
+            edits = [Edit(node.line, node.column, node.length, f'"{{{name}}}"')] if node.line == node.end_line else []
+            self.findings.error(node, "shape", f"{who} is wired without quotes", f'write "{{{name}}}"', edits)
             return None
         if isinstance(node, YamlScalar) and not port.required and (node.is_null or node.text == "none"):
             return Given(None, node)
@@ -150,8 +159,7 @@ class ValueReader:
         except LiteralError as error:
             self.findings.error(error.where, "value", f"{who}: {error.message}", error.hint)
             return None
-        self.check_range(node, value, port, who)
-        return Given(value, node)
+        return Given(value, node) if self.in_range(node, value, port, who) else None
 
     def _computed(self, slot: str, node: YamlScalar, port: Port, around: Around, who: str) -> Value | None:
         expression = self.parsed(node)
@@ -167,18 +175,18 @@ class ValueReader:
             self.findings.error(node, "port-type", message)
             return None
         if named is not None and named.origin in ("parameter", "constant"):
-            self.check_range(node, named.value, port, who)
-            return Given(named.value, node)
+            return Given(named.value, node) if self.in_range(node, named.value, port, who) else None
         if named is not None and named.may_be_none and port.required:
             message = f"{who} must have a value, and '{node.text}' may have none"
             self.findings.error(node, "unset", message, f"give the input '{node.text.strip('{}')}' a default")
         return ComputedValue(expression, found, node.text, node)
 
-    def check_range(self, where: Located, value: Any, port: Port, who: str) -> None:
-        """Report a value that is out of a port's range."""
+    def in_range(self, where: Located, value: Any, port: Port, who: str) -> bool:
+        """Return whether a value is in a port's range; report one that is not."""
         problem = out_of_range(value, port)
         if problem:
             self.findings.error(where, "range", f"{who} {problem}")
+        return not problem
 
 
 def out_of_range(value: Any, port: Port) -> str:

@@ -20,8 +20,9 @@ from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.language.format import FormatError, formatted
 from pomona.executive.language_server.renaming import RenameRefused
 from pomona.executive.language_server.service import Offer, TreeService
+from pomona.executive.nodes.node_type import TreeNode
 from pomona.executive.registry import Registry
-from pomona.executive.values.findings import Finding, Located
+from pomona.executive.values.findings import Finding, Located, said
 
 KINDS = {
     "skill": lsp.CompletionItemKind.Function,
@@ -161,6 +162,28 @@ def serve(cell: Path | None = None, *, load: bool = True) -> TreeServer:
             changes.setdefault(_uri(spot, uri, service), []).append(lsp.TextEdit(_range(spot), params.new_name))
         return lsp.WorkspaceEdit(changes=changes)
 
+    @server.feature(lsp.TEXT_DOCUMENT_REFERENCES)
+    def _(params: lsp.ReferenceParams) -> list[lsp.Location]:
+        service, uri = server.service(params.text_document.uri), params.text_document.uri
+        try:
+            _, spots = service.spots(params.position.line, _column(service, params.position))
+        except RenameRefused:
+            return []
+        return [lsp.Location(_uri(spot, uri, service), _range(spot)) for spot in spots]
+
+    @server.feature(
+        lsp.TEXT_DOCUMENT_CODE_ACTION, lsp.CodeActionOptions(code_action_kinds=[lsp.CodeActionKind.QuickFix])
+    )
+    def _(params: lsp.CodeActionParams) -> list[lsp.CodeAction]:
+        uri, rows = params.text_document.uri, params.range
+        service = server.service(uri)
+        return [_mending(finding, uri, service.text) for finding in service.mending(rows.start.line, rows.end.line)]
+
+    @server.feature(lsp.TEXT_DOCUMENT_DOCUMENT_SYMBOL)
+    def _(params: lsp.DocumentSymbolParams) -> list[lsp.DocumentSymbol]:
+        outline = server.service(params.text_document.uri).outline()
+        return [_symbol(definition.root, definition.name) for definition in outline if definition.root is not None]
+
     @server.feature(lsp.TEXT_DOCUMENT_FORMATTING)
     def _(params: lsp.DocumentFormattingParams) -> list[lsp.TextEdit]:
         text = server.workspace.get_text_document(params.text_document.uri).source
@@ -205,6 +228,27 @@ def _diagnostic(finding: Finding, text: str) -> lsp.Diagnostic:
     severity = lsp.DiagnosticSeverity.Error if finding.severity == "error" else lsp.DiagnosticSeverity.Warning
     message = f"{finding.message}\n{finding.hint}" if finding.hint else finding.message
     return lsp.Diagnostic(lsp.Range(start, end), message, severity, finding.code, source="pomona")
+
+
+def _mending(finding: Finding, uri: str, text: str) -> lsp.CodeAction:
+    """The quick fix that applies a finding's edits."""
+    lines, edits = text.split("\n"), []
+    for line, column, length, new in finding.edits:
+        start, end = (_units(lines[line - 1], at) for at in (column - 1, column - 1 + length))
+        edits.append(lsp.TextEdit(lsp.Range(lsp.Position(line - 1, start), lsp.Position(line - 1, end)), new))
+    return lsp.CodeAction(
+        said(finding), lsp.CodeActionKind.QuickFix, [_diagnostic(finding, text)], edit=lsp.WorkspaceEdit({uri: edits})
+    )
+
+
+def _symbol(node: TreeNode, name: str) -> lsp.DocumentSymbol:
+    """A node with all below, for an editor's outline."""
+    at, key = node.at, node.key
+    whole = lsp.Range(lsp.Position(at.line - 1, 0), lsp.Position(at.end_line - 1, at.end_column))
+    children = [_symbol(below, below.label) for below in node.below()]
+    kind = lsp.SymbolKind.Function if node.type.calls else lsp.SymbolKind.Object
+    detail = " ".join(node.decorators)
+    return lsp.DocumentSymbol(name, kind, whole, _range(key), detail, children=children)
 
 
 def _item(offer: Offer) -> lsp.CompletionItem:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum, EnumType
 from pathlib import Path
 
@@ -92,10 +92,11 @@ class TreeService:
     analysis: Analysis | None = None
     document: Document | None = None
     cell_file: CellFile | None = None
+    findings: list[Finding] = field(default_factory=list)
 
     def update(self, text: str) -> list[Finding]:
         """Take a new text; returns everything that is wrong with it."""
-        self.text = text
+        self.text, self.findings = text, []
         if not is_tree(text):
             self.analysis = None
             return []
@@ -110,7 +111,18 @@ class TreeService:
             analysis = judged.analysis
         if document.main.main is not None and document.main.main.root is not None:
             self.analysis = analysis
-        return [finding for finding in findings if finding.path == str(self.path)]
+        self.findings = [finding for finding in findings if finding.path == str(self.path)]
+        return self.findings
+
+    def mending(self, first: int, last: int) -> list[Finding]:
+        """Findings of these rows (from 0) whose hints name what to write."""
+        return [f for f in self.findings if f.edits and first <= f.line - 1 <= last]
+
+    def outline(self) -> Iterator[Definition]:
+        """The file's trees, whose nodes an editor lists."""
+        if self.analysis is not None:
+            document = self.analysis.document
+            yield from (d for d in document.definitions() if d.file is document.main and d.root is not None)
 
     def calls(self, path: Path) -> bool:
         """Whether the tree was read together with another file."""
@@ -324,35 +336,51 @@ class TreeService:
     # ------------------------------------------------------------------------------------------- renaming
 
     def rename(self, row: int, column: int, new: str) -> list[Spot]:
-        """Every place of the wiring, port or subtree at a position, also in the files that are called or that call.
+        """Every place that a new name changes.
 
         Raises:
             RenameRefused: there is nothing to rename, or the new name cannot be given.
+        """
+        if not NAME.fullmatch(new):
+            raise RenameRefused(f"'{new}' is not a valid name: use lower-case letters, digits and _")
+        definition, spots = self.spots(row, column)
+        taken = (
+            new in self.subtrees() or self.is_kind(new) or new in self.types
+            if definition is None
+            else new in self.scope(definition) or new in SPECIAL
+        )
+        if taken:
+            raise RenameRefused(f"'{new}' is taken")
+        path = str(self.path) if definition is None else definition.file.source.path
+        if path != str(self.path) and Path(path).resolve().is_relative_to(installed_trees().resolve()):
+            raise RenameRefused(f"this name is defined in {path}, which is installed and not to be changed")
+        return spots
+
+    def spots(self, row: int, column: int) -> tuple[Definition | None, list[Spot]]:
+        """Every place of the wiring or port at a position, also in the files that are called or that call.
+
+        Returns:
+            the definition whose name it is, or None for a subtree's own name; and the places.
+
+        Raises:
+            RenameRefused: no name of the file stands there.
         """
         word, start = word_at(self.lines[row] if row < len(self.lines) else "", column)
         place = place_at(self.lines, row, start)
         if self.analysis is None or self.analysis.document.text != self.text:
             raise RenameRefused("the file cannot be parsed: correct its errors first")
-        if not NAME.fullmatch(new):
-            raise RenameRefused(f"'{new}' is not a valid name: use lower-case letters, digits and _")
         definition, around = self.definition_around(place), self.called(place.parent)
         if place.braces is None and around is not None and not place.key and declared_in(around, word) is not None:
             definition = around
         elif place.braces is None and self.called(word) is not None:
-            if new in self.subtrees() or self.is_kind(new) or new in self.types:
-                raise RenameRefused(f"'{new}' is taken")
-            return sorted(spots_of_subtree(self.analysis.document, word), key=order)
+            return None, sorted(spots_of_subtree(self.analysis.document, word), key=order)
         if definition is None or word not in self.scope(definition):
             raise RenameRefused(f"'{word}' is not a name that this file defines")
-        if new in self.scope(definition) or new in SPECIAL:
-            raise RenameRefused(f"'{new}' is taken")
         path = definition.file.source.path
-        if path != str(self.path) and Path(path).resolve().is_relative_to(installed_trees().resolve()):
-            raise RenameRefused(f"'{word}' is defined in {path}, which is installed and not to be changed")
         spots = list(spots_of_name(self.analysis, definition, word))
         for caller in self.callers(Path(path)) if definition.main and declared_in(definition, word) else ():
             spots += spots_in_calls(caller, path, word)
-        return sorted({order(spot): spot for spot in spots}.values(), key=order)
+        return definition, sorted({order(spot): spot for spot in spots}.values(), key=order)
 
     def callers(self, path: Path) -> Iterator[Document]:
         """Other trees that call a file: those that are open, and those beside it."""

@@ -89,7 +89,7 @@ class FallbackType(Composite):
     def around(self, at: Checking, index: int) -> Around:
         if index == 0:
             return at.around
-        before, codes = at.outcomes.child(index - 1), NO_CODES
+        before, codes, failed = at.outcomes.child(index - 1), NO_CODES, at.node.children[index - 1].label
         if not (before.codes or before.skips):
             message = (
                 f"{at.node.children[index].label} is never reached: {at.node.children[index - 1].label} cannot fail"
@@ -98,7 +98,7 @@ class FallbackType(Composite):
         while index and before.skips:
             codes, index = codes | before.codes, index - 1
             before = at.outcomes.child(index - 1) if index else Outcome(at.around.failure or NO_CODES)
-        return Around(at.around.counters, codes | before.codes, at.around.items)
+        return Around(at.around.counters, codes | before.codes, at.around.items, failed)
 
     def outcome(self, at: Ending) -> Outcome:
         outcomes = at.children()

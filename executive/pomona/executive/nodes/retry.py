@@ -174,12 +174,12 @@ class RetryType(Modifier):
 
     def after(self, at: Checking) -> Around:
         """What `retry_if` and `on_failure` see around them."""
-        return replace(self.around(at, 0), failure=at.outcomes.inside().codes)
+        return replace(self.around(at, 0), failure=at.outcomes.inside().codes, failed=at.node.label)
 
     def around(self, at: Checking, index: int) -> Around:
         if index > 0:
             return self.after(at)
-        return Around(at.around.counters | {"retry"}, at.around.failure, at.around.items)
+        return replace(at.around, counters=at.around.counters | {"retry"})
 
     def outcome(self, at: Ending) -> Outcome:
         inside, after = at.inside(), at.part("on_failure")

@@ -17,11 +17,13 @@ class Around:
         counters: which of `retry`, `repeat` and `for_each` count here.
         failure: codes of the last failure; None when there is none.
         items: names of the items of all for_each around.
+        failed: label of the node that has failed, for messages.
     """
 
     counters: frozenset[str] = frozenset()
     failure: frozenset[str] | None = None
     items: frozenset[str] = frozenset()
+    failed: str = ""
 
 
 @dataclass(slots=True)

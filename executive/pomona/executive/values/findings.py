@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
-from difflib import get_close_matches
+from difflib import SequenceMatcher, get_close_matches
 from functools import lru_cache
 from typing import Literal, NamedTuple, Protocol
 
@@ -15,9 +15,22 @@ from pomona.executive.errors import UsageError
 Severity = Literal["error", "warning"]
 
 
+class Edit(NamedTuple):
+    """Characters of one line to replace by a text; line and column count from 1."""
+
+    line: int
+    column: int
+    length: int
+    text: str
+
+
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that is wrong. Lines and columns count from 1; `length` characters of the excerpt are meant."""
+    """One thing that is wrong. Lines and columns count from 1; `length` characters of the excerpt are meant.
+
+    Attributes:
+        edits: changes of the file that follow the hint; `pomona check --fix` and editors apply them.
+    """
 
     path: str
     line: int
@@ -28,6 +41,22 @@ class Finding:
     hint: str = ""
     excerpt: str = ""
     length: int = 1
+    edits: tuple[Edit, ...] = ()
+
+
+class Instead(str):
+    """A hint that names the text to write: `wrong`, which stands in the underlined part, becomes `right`."""
+
+    __slots__ = ("right", "wrong")
+
+    def __new__(cls, hint: str, wrong: str, right: str) -> Instead:
+        """Make a hint of its sentence and the two texts."""
+        made = super().__new__(cls, hint)
+        made.wrong, made.right = wrong, right
+        return made
+
+    wrong: str
+    right: str
 
 
 class TreeFileError(UsageError):
@@ -123,9 +152,9 @@ class Findings:
     def __init__(self) -> None:
         self._found: dict[tuple[str, int, int, str, str], Finding] = {}
 
-    def error(self, where: Located, code: str, message: str, hint: str = "") -> None:
+    def error(self, where: Located, code: str, message: str, hint: str = "", edits: Sequence[Edit] = ()) -> None:
         """Report what keeps the file from being used."""
-        self._add(where, "error", code, message, hint)
+        self._add(where, "error", code, message, hint, edits)
 
     def warning(self, where: Located, code: str, message: str, hint: str = "") -> None:
         """Report what is probably not meant."""
@@ -141,12 +170,15 @@ class Findings:
         for finding in findings:
             self.add(finding)
 
-    def _add(self, where: Located, severity: Severity, code: str, message: str, hint: str) -> None:
-        source = where.source
-        excerpt = source.excerpt(where.line)
-        self.add(
-            Finding(source.path, where.line, where.column, severity, code, message, hint, excerpt, max(where.length, 1))
-        )
+    def _add(
+        self, where: Located, severity: Severity, code: str, message: str, hint: str, edits: Sequence[Edit] = ()
+    ) -> None:
+        source, line, column, length = where.source, where.line, where.column, max(where.length, 1)
+        excerpt = source.excerpt(line)
+        if isinstance(hint, Instead):
+            at = excerpt.rfind(hint.wrong, column - 1, column - 1 + length)
+            edits = [Edit(line, at + 1, len(hint.wrong), hint.right)] if at >= 0 else []
+        self.add(Finding(source.path, line, column, severity, code, message, str(hint), excerpt, length, tuple(edits)))
 
     def sorted(self) -> list[Finding]:
         """In reading order; findings without a line (a file that cannot be opened, `--set`) come first."""
@@ -175,6 +207,24 @@ def few_hints() -> Iterator[None]:
         _left.reset(token)
 
 
+def mended(text: str, findings: Iterable[Finding]) -> tuple[str, list[Finding]]:
+    """The text with the edits of findings applied, and the findings whose edits were.
+
+    Of findings whose edits touch the same line the first is mended; the next check shows whether the other remains.
+    """
+    lines, touched, applied = text.splitlines(keepends=True), set[int](), list[Finding]()
+    for finding in findings:
+        at = {edit.line for edit in finding.edits}
+        if not at or at & touched or max(at) > len(lines):
+            continue
+        for line, column, length, new in finding.edits:
+            old = lines[line - 1]
+            lines[line - 1] = old[: column - 1] + new + old[column - 1 + length :]
+        touched |= at
+        applied.append(finding)
+    return "".join(lines), applied
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """`did you mean 'Refine'?`, or an empty text when nothing is close."""
     left = _left.get()
@@ -188,11 +238,14 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 @lru_cache(maxsize=256)
 def _close_to(word: str, candidates: tuple[str, ...]) -> str:
-    close = get_close_matches(word, candidates, n=1, cutoff=0.6)
+    close = get_close_matches(word, candidates, n=3, cutoff=0.6)
     if not close:
         lower = {candidate.lower(): candidate for candidate in candidates}
-        close = [lower[match] for match in get_close_matches(word.lower(), list(lower), n=1, cutoff=0.6)]
-    return f"did you mean '{close[0]}'?" if close else ""
+        close = [lower[match] for match in get_close_matches(word.lower(), list(lower), n=3, cutoff=0.6)]
+    if not close:
+        return ""
+    best = max(close, key=lambda one: (round(SequenceMatcher(None, one, word).ratio(), 2), -len(one)))
+    return Instead(f"did you mean '{best}'?", word, best)
 
 
 MAX_WORD = 60
@@ -209,16 +262,19 @@ def place_of(finding: Finding) -> str:
     return f"{finding.path}:{finding.line}:{finding.column}" if finding.line else finding.path
 
 
+def said(finding: Finding) -> str:
+    """What is wrong, and what to write instead."""
+    return f"{finding.message}; {finding.hint}" if finding.hint else finding.message
+
+
 def format_finding(finding: Finding) -> str:
-    """The finding as a compiler would print it, with its line and a marker under the place."""
-    lines = [f"{place_of(finding)}: {finding.severity}[{finding.code}]: {finding.message}"]
+    """The finding with its hint as a compiler would print it, with its line and a marker under the place."""
+    lines = [f"{place_of(finding)}: {finding.severity}[{finding.code}]: {said(finding)}"]
     if finding.excerpt.strip() and len(finding.excerpt) <= MAX_EXCERPT:
         shown = "".join(c if c.isprintable() else "·" for c in finding.excerpt.replace("\t", " "))
         marker = "^" * max(1, min(finding.length, len(shown) - finding.column + 1))
         lines.append(f"{finding.line:>5} | {shown}")
-        lines.append(f"      | {' ' * (finding.column - 1)}{marker} {finding.hint}".rstrip())
-    elif finding.hint:
-        lines.append(f"      {finding.hint}")
+        lines.append(f"      | {' ' * (finding.column - 1)}{marker}")
     return "\n".join(lines)
 
 

@@ -6,22 +6,18 @@ and not a boolean, and `1:30` is not 90.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import yaml
 
 from pomona.executive.values.findings import Findings, Source
+from pomona.executive.values.yaml_errors import MAX_DEPTH, TOO_DEEP, report_unreadable
 
 MAX_CHARACTERS = 512 * 1024
-MAX_DEPTH = 80
 MAX_NODES = 100_000
 
-_TOO_DEEP = f"nested more than {MAX_DEPTH} levels deep"
-_FLOW = re.compile(r"""(?<!\w)"(?:\\.|[^"\\])*(?:"|\Z)|(?<!\w)'(?:''|[^'])*(?:'|\Z)|(?<!\S)#.*|[\[\]{}]""")
-"""A quoted scalar (closed or not), a comment, or a bracket of a flow collection."""
 _SCALAR, _MAPPING_END = yaml.ScalarEvent, yaml.MappingEndEvent
 LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -88,13 +84,16 @@ class Unreadable(Exception):
     """Stops reading; the finding has been made."""
 
 
-def read_yaml(source: Source, findings: Findings, what: str = "a tree file") -> YamlNode | None:
+def read_yaml(
+    source: Source, findings: Findings, what: str = "a tree file", modifiers: Collection[str] = ()
+) -> YamlNode | None:
     """The file's only document, or None when it cannot be read; every reason is a finding.
 
     Args:
         source: of the file.
         findings: get the reasons.
         what: the file is, for messages.
+        modifiers: words that stand beside a node's type, for messages.
     """
     start = YamlScalar(source, 1, 1, 1, 2, "", True)
     if len(source.text) > MAX_CHARACTERS:
@@ -108,49 +107,13 @@ def read_yaml(source: Source, findings: Findings, what: str = "a tree file") -> 
     except Unreadable:
         return None
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        line, column = (mark.line + 1, mark.column + 1) if mark is not None else (1, 1)
-        tab = _tab_at(source, line, column)
-        if tab:
-            message = "a tab indents this line, and YAML indents with spaces only"
-            where = YamlScalar(source, line, tab, line, tab + 1, "", True)
-            findings.error(where, "tab", message, "put spaces in its place; your editor can show it")
-            return None
-        deep = _too_deep_at(source.text)
-        if deep is not None:
-            findings.error(YamlScalar(source, *deep, deep[0], deep[1] + 1, "", True), "too-deep", _TOO_DEEP)
-            return None
-        context = f"{error.context}, " if error.context else ""
-        where = YamlScalar(source, line, column, line, column + 1, "", True)
-        hint = 'values with braces, colons or # stand in quotes: "{name}"' if "{" in source.excerpt(line) else ""
-        findings.error(where, "yaml", f"not YAML: {context}{error.problem or 'cannot be read'}", hint)
+        report_unreadable(source, error, findings, modifiers)
     except (yaml.YAMLError, UnicodeError, ValueError) as error:
         findings.error(start, "yaml", f"not YAML: {str(error).splitlines()[0] if str(error) else 'cannot be read'}")
     finally:
         if loader is not None:
             loader.dispose()
     return None
-
-
-def _too_deep_at(text: str) -> tuple[int, int] | None:
-    """Return line and column of the first flow bracket below `MAX_DEPTH`, or None.
-
-    libyaml reads ahead of the events that it delivers and refuses 1 000 nested flows itself since PyYAML 6.0.4.
-    """
-    depth = 0
-    for match in _FLOW.finditer(text):
-        depth += {"[": 1, "{": 1, "]": -1, "}": -1}.get(match[0], 0)
-        if depth > MAX_DEPTH:
-            line_start = text.rfind("\n", 0, match.start()) + 1
-            return text.count("\n", 0, line_start) + 1, match.start() - line_start + 1
-    return None
-
-
-def _tab_at(source: Source, line: int, column: int) -> int:
-    """Column of a tab in the line's indentation, at which reading stopped; 0 when there is none."""
-    text = source.excerpt(line)
-    at = text.find("\t") + 1
-    return at if at and not text[: at - 1].strip(" -") and at >= column - 1 else 0
 
 
 class Composer:
@@ -192,7 +155,7 @@ class Composer:
         if kind is _SCALAR and event.tag is None and self.count < MAX_NODES and depth <= MAX_DEPTH:
             return self._scalar(event)  # nearly every node is one
         if depth > MAX_DEPTH:
-            raise self._refuse(event, "too-deep", _TOO_DEEP)
+            raise self._refuse(event, "too-deep", TOO_DEEP)
         if self.count >= MAX_NODES:
             raise self._refuse(event, "too-large", f"more than {MAX_NODES} values in one file")
         if kind is yaml.AliasEvent:
@@ -238,7 +201,8 @@ class Composer:
                 self.findings.error(key, "key", "a key must be a word", hint)
             elif key.text in entries:
                 first = entries[key.text][0].line
-                self.findings.error(key, "duplicate-key", f"'{key.text}' is given twice, first in line {first}")
+                message = f"'{key.text}' is given twice, first in line {first}: keep one of them"
+                self.findings.error(key, "duplicate-key", message)
             else:
                 entries[key.text] = (key, value)
         return entries, event.end_mark

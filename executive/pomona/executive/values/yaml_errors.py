@@ -1,0 +1,226 @@
+"""A YAML parser's error in the words of the file: which line stands where, where it belongs, what is not closed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator
+from typing import Any, NamedTuple
+
+from pomona.executive.values.findings import Edit, Findings, Source, Spot
+
+MAX_DEPTH = 80
+"""Levels of lists and mappings in one file."""
+TOO_DEEP = f"nested more than {MAX_DEPTH} levels deep"
+_FLOW = re.compile(r"""(?<!\w)"(?:\\.|[^"\\])*(?:"|\Z)|(?<!\w)'(?:''|[^'])*(?:'|\Z)|(?<!\S)#.*|[\[\]{}]""")
+"""A quoted scalar (closed or not), a comment, or a bracket of a flow collection."""
+_CLOSING = {"{": "}", "[": "]"}
+_KEY = re.compile(r"""("[^"]*"|'[^']*'|[^\s\-"'#\[\]{}][^:#]*?)\s*:(?=\s|$)""")
+_WIRE = re.compile(r"""["']\{[A-Za-z_]\w*\}""")
+_BLOCK_SCALAR = re.compile(r":\s+[|>][-+0-9]*\s*(#.*)?$")
+
+
+class _Block(NamedTuple):
+    """A list or a mapping that is open: its column, its newest key, and the key in whose value a list stands."""
+
+    column: int
+    is_list: bool
+    name: str
+
+
+def report_unreadable(source: Source, error: Any, findings: Findings, modifiers: Collection[str] = ()) -> None:
+    """Report why a text is not YAML.
+
+    Args:
+        source: of the file.
+        error: the parser's, with marks.
+        findings: get the reason.
+        modifiers: words that stand beside a node's type in this kind of file.
+    """
+    mark = error.problem_mark or error.context_mark
+    line, column = (mark.line + 1, mark.column + 1) if mark is not None else (1, 1)
+    tab = _tab_at(source, line, column)
+    if tab:
+        message = "a tab indents this line, and YAML indents with spaces only"
+        hint = "put spaces in its place; your editor can show it"
+        findings.error(Spot(source, line, tab), "tab", message, hint)
+        return
+    deep = _too_deep_at(source.text)
+    if deep is not None:
+        findings.error(Spot(source, *deep), "too-deep", TOO_DEEP)
+        return
+    opened = error.context_mark if error.context and "block" not in error.context else None
+    first = opened.line + 1 if opened is not None else line
+    for found in (
+        _unclosed_quote(source, first, line),
+        _unclosed_bracket(source, opened, line) if opened is not None else None,
+        _missing_mark(source, first, line, column),
+        _misplaced(source, line, modifiers),
+    ):
+        if found is not None:
+            spot, message, edits = found
+            findings.error(spot, "yaml", message, edits=edits)
+            return
+    context = f"{error.context}, " if error.context else ""
+    hint = 'values with braces, colons or # stand in quotes: "{name}"' if "{" in source.excerpt(line) else ""
+    problem = f"not YAML: {context}{error.problem or 'cannot be read'}"
+    findings.error(Spot(source, line, column), "yaml", problem, hint)
+
+
+_Found = tuple[Spot, str, list[Edit]]
+
+
+def _unclosed_quote(source: Source, first: int, last: int) -> _Found | None:
+    """A quote that is open at the end of one of these lines."""
+    for line in range(first, last + 1):
+        text = source.excerpt(line)
+        for match in _FLOW.finditer(text):
+            quote = match[0][0]
+            if quote in "\"'" and (len(match[0]) == 1 or not match[0].endswith(quote)):
+                wire = _WIRE.match(match[0])
+                edits = [Edit(line, match.start() + wire.end() + 1, 0, quote)] if wire is not None else []
+                where = f"add {quote} behind {wire[0][1:]}" if wire is not None else "add one where the text ends"
+                message = f"the {quote} that opens here is not closed: {where}"
+                return Spot(source, line, match.start() + 1, len(match[0])), message, edits
+    return None
+
+
+def _unclosed_bracket(source: Source, opened: Any, line: int) -> _Found | None:
+    """The bracket that a collection opens with and whose end is not found before a line."""
+    start, text = opened.line + 1, source.excerpt(opened.line + 1)
+    bracket = text[opened.column : opened.column + 1]
+    if bracket not in _CLOSING or start == line:
+        return None
+    missing, end = "", len(text.rstrip())
+    for match in _FLOW.finditer(text):
+        if match[0][0] == "#":
+            end = len(text[: match.start()].rstrip())
+        elif match[0] in _CLOSING:
+            missing = _CLOSING[match[0]] + missing
+        elif match[0] in "]}":
+            missing = missing[1:]
+    here = line == start + 1 and missing and not text[:end].endswith(",")
+    edits = [Edit(start, end + 1, 0, missing)] if here else []
+    where = f"add {missing} at the end of the line" if here else f"add {_CLOSING[bracket]} where it ends"
+    message = f"the {bracket} that opens here is not closed: {where}"
+    return Spot(source, start, opened.column + 1), message, edits
+
+
+def _missing_mark(source: Source, first: int, line: int, column: int) -> _Found | None:
+    """A colon that is missing behind a word, a space behind a colon, or quotes around a value with a colon."""
+    for number in (first, _line_before(source, line)):
+        text = source.excerpt(number)
+        match = re.match(r"(\s*(?:- +)*)(\w+)(:(?=[^\s:])|\s+(?=\S)|\s*$)", text)
+        if match is None or _KEY.search(text) is not None:
+            continue
+        at, word = match.end(2) + 1, match[2]
+        if match[3] == ":":
+            message, edit = f"a space is missing behind '{word}:'", Edit(number, at + 1, 0, " ")
+        elif number == line or not match[3].strip():
+            message, edit = f"a colon is missing behind '{word}': write '{word}: …'", Edit(number, at, 0, ":")
+        else:
+            continue
+        return Spot(source, number, match.start(2) + 1, len(word)), message, [edit]
+    text = source.excerpt(line)
+    key = _KEY.match(text, len(text) - len(text.lstrip(" -")))
+    value = text[key.end() + 1 :].strip() if key is not None else ""
+    if key is None or column <= key.end() or ": " not in value or value[0] in "\"'{[":
+        return None
+    start = text.index(value, key.end()) + 1
+    message = f"the value of '{key[1]}' holds a colon: put it in quotes"
+    return Spot(source, line, start, len(value)), message, [Edit(line, start, len(value), f'"{value}"')]
+
+
+def _misplaced(source: Source, line: int, modifiers: Collection[str]) -> _Found | None:
+    """A line that stands at a column at which nothing can stand, with the column at which it belongs."""
+    text = source.excerpt(line)
+    stands = len(text) - len(text.lstrip()) + 1
+    is_item = text[stands - 1 :].startswith("- ")
+    key = _KEY.match(text, stands - 1)
+    blocks = [block for block in _open_blocks(source, line) if block.is_list == is_item]
+    if not blocks or not (is_item or key is not None):
+        return None
+    word = "this item" if key is None else f"'{key[1]}'"
+    if key is not None and key[1] in modifiers:
+        blocks = [block for block in blocks if block.name[:1].isupper() or block.name not in modifiers] or blocks
+    nearest = min(abs(block.column - stands) for block in blocks)
+    fits = [block for block in reversed(blocks) if abs(block.column - stands) == nearest]
+    if nearest == 0:
+        return None
+
+    def place(block: _Block) -> str:
+        if block.is_list:
+            return f"items of {block.name or 'the list'} start at column {block.column}"
+        what = "modifiers of" if key is not None and key[1] in modifiers else "keys beside"
+        return f"{what} {block.name} start at column {block.column}, under the {block.name[0]}"
+
+    others = "".join(f"; those of {block.name} at column {block.column}" for block in fits[1:])
+    message = f"{word} is at column {stands}; {place(fits[0])}{others}"
+    edits = [*moved(source, line, fits[0].column - stands)] if len(fits) == 1 else []
+    return Spot(source, line, stands, len(key[1]) if key is not None else 1), message, edits
+
+
+def moved(source: Source, line: int, by: int) -> Iterator[Edit]:
+    """The edits that move a line and all that stands in it sideways."""
+    first = len(source.excerpt(line)) - len(source.excerpt(line).lstrip())
+    for number in range(line, len(source.lines) + 1):
+        text = source.excerpt(number)
+        indent = len(text) - len(text.lstrip())
+        if text.strip() and number > line and indent <= first:
+            return
+        if text.strip():
+            yield Edit(number, 1, indent, " " * max(0, indent + by))
+
+
+def _open_blocks(source: Source, line: int) -> list[_Block]:
+    """The lists and mappings of the lines before that may go on in a line, from the outside to the inside."""
+    blocks: list[_Block] = []
+    brackets, verbatim = 0, 0
+    for text in source.lines[: line - 1]:
+        indent = len(text) - len(text.lstrip())
+        content = text.strip()
+        if not content or content.startswith("#") or (verbatim and indent >= verbatim):
+            continue
+        verbatim, inside = 0, brackets > 0
+        brackets += sum({"[": 1, "{": 1, "]": -1, "}": -1}.get(match[0], 0) for match in _FLOW.finditer(text))
+        if inside:
+            continue
+        at = indent
+        blocks = [block for block in blocks if block.column <= at + 1]
+        while text[at : at + 2] == "- ":
+            owner = next((block.name for block in reversed(blocks) if not block.is_list), "")
+            if not any(block.is_list and block.column == at + 1 for block in blocks):
+                blocks.append(_Block(at + 1, True, owner))
+            at += 1 + len(text[at + 1 :]) - len(text[at + 1 :].lstrip())
+        key = _KEY.match(text, at)
+        if key is not None:
+            blocks = [block for block in blocks if block.column < at + 1 or (block.is_list and block.column == at + 1)]
+            blocks.append(_Block(at + 1, False, key[1].strip("\"'")))
+        if _BLOCK_SCALAR.search(text):
+            verbatim = indent + 1
+    return blocks
+
+
+def _line_before(source: Source, line: int) -> int:
+    """The nearest line above that says something; the line itself when there is none."""
+    return next((number for number in range(line - 1, 0, -1) if source.excerpt(number).strip()), line)
+
+
+def _too_deep_at(text: str) -> tuple[int, int] | None:
+    """Return line and column of the first flow bracket below `MAX_DEPTH`, or None.
+
+    libyaml reads ahead of the events that it delivers and refuses 1 000 nested flows itself since PyYAML 6.0.4.
+    """
+    depth = 0
+    for match in _FLOW.finditer(text):
+        depth += {"[": 1, "{": 1, "]": -1, "}": -1}.get(match[0], 0)
+        if depth > MAX_DEPTH:
+            line_start = text.rfind("\n", 0, match.start()) + 1
+            return text.count("\n", 0, line_start) + 1, match.start() - line_start + 1
+    return None
+
+
+def _tab_at(source: Source, line: int, column: int) -> int:
+    """Column of a tab in the line's indentation, at which reading stopped; 0 when there is none."""
+    text = source.excerpt(line)
+    at = text.find("\t") + 1
+    return at if at and not text[: at - 1].strip(" -") and at >= column - 1 else 0
