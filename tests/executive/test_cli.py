@@ -133,7 +133,7 @@ loaded(["skills"], *compiled, "numpy")
 loaded(["schema"], *compiled, "numpy")
 running = "pomona.executive.execute", "pomona.executive.recording.recorder"
 loaded(["runs", "list", "--record", "nowhere"], *compiled, "numpy", *running)
-loaded(["check", "pick_apple"], "torch", "matplotlib", "ompl", "pomona.executive.execute")
+loaded(["check", "pick_apple"], "torch", "matplotlib", "pomona.executive.execute")
 """
 
 
