@@ -48,6 +48,8 @@ SETTINGS = {"fruit": "apple_4", "place": "2", "distractors": "0"}
 
 FORCE_MAX = 14.0
 """What the tree allows for both fingers together [N]: SlipAvoidGrasp's default."""
+CONTACT_MAX = 25.0
+"""Largest force between the robot and the table, a fruit or a fixed thing in any step of the world [N]."""
 OVERSHOOT = 1.05
 """The arm's deceleration and the grip's force, as measured in the world, over their limits."""
 OPENED = 1.5e-3
@@ -108,6 +110,10 @@ class CaseWatcher:
         self._plan: FaultPlan | None = None
         self._wrenches = [self.world.sensor(f"wrench_{pad}") for pad in ("pad_left", "pad_right")]
         model = self.world.model
+        self.contact = 0.0, ""
+        names = [model.sensor(i).name for i in range(model.nsensor)]
+        touched = [name for name in names if name.startswith("robot_") and name != "robot_robot"]
+        self._contacts = {name.removeprefix("robot_"): self.world.sensor(name) for name in touched}
         self._qvel = model.jnt_dofadr[self.world.arm_joints]
         self._finger = model.joint("finger_left").qposadr[0]
         self.rest_z = float(self.world.state.body("fruit_0").xpos[2])
@@ -195,6 +201,9 @@ class CaseWatcher:
             raise Killed("the executive was killed")
         forces = self.forces
         self.peak = max(self.peak, sum(forces))
+        for name, view in self._contacts.items():
+            if view[0] > 0.0:
+                self.contact = max(self.contact, (float(np.linalg.norm(view[1:4])), name))
         width = 2.0 * float(state.qpos[self._finger])
         if self.case is not None and self._plan is not None:
             before = self.injected
@@ -226,7 +235,7 @@ def judge(watcher: CaseWatcher, executed: Executed, verdict: CaseVerdict) -> Non
     case, wrong, result = verdict.case, verdict.wrong, executed.result
     verdict.outcome = result.outcome
     verdict.reason = f"{result.reason.code}: {result.reason.message}" if result.reason else ""
-    verdict.peak, verdict.hung = watcher.peak, watcher.hung
+    verdict.peak, verdict.contact, verdict.hung = watcher.peak, watcher.contact, watcher.hung
     verdict.noticed = float(watcher.safe_at - watcher.shows_at)
     if case.ends == "recovered":
         return
@@ -235,7 +244,10 @@ def judge(watcher: CaseWatcher, executed: Executed, verdict: CaseVerdict) -> Non
         return
     ended = np.fmin(watcher.safe_at, watcher.failed_at) if case.ends == "failure" else watcher.safe_at
     verdict.noticed = float(ended - np.fmin(watcher.shows_at, ended))  # some show before they must
-    if case.ends == "success":
+    if case.ends == "harmless":
+        if result.outcome == "success" and watcher.hung is not True:
+            wrong.append("FALSE SUCCESS: the fruit did not hang")
+    elif case.ends == "success":
         if result.outcome != "success" or watcher.hung is not True:
             wrong.append(f"ended as {result.outcome}")
         named = any(isinstance(event, ErrorRaised) and event.error == "NotOwnerError" for event in watcher.events)
@@ -247,12 +259,16 @@ def judge(watcher: CaseWatcher, executed: Executed, verdict: CaseVerdict) -> Non
         wrong.append(f"noticed after {1e3 * verdict.noticed:.0f} ms, not within {1e3 * case.within:.0f} ms")
     elif case.ends == "safe" and case.device not in verdict.reason and result.outcome == "error":
         wrong.append(f"does not name the {case.device}")
+    if case.says not in verdict.reason:
+        wrong.append(f"does not say {case.says}")
     if watcher.hung is False:
         wrong.append("FALSE SUCCESS: Lift said that the fruit hangs")
     if case.spoils:
         return
     if watcher.peak > OVERSHOOT * FORCE_MAX:
         wrong.append(f"pressed {watcher.peak:.1f} N")
+    if watcher.contact[0] > CONTACT_MAX:
+        wrong.append("pressed the {1} with {0:.1f} N".format(*watcher.contact))
     if watcher.width_held is not None and watcher.widest > watcher.width_held + OPENED:
         wrong.append(f"opened {1e3 * (watcher.widest - watcher.width_held):.1f} mm while fruit was held")
     if (result.truth or {}).get("drops", 0):

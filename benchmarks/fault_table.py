@@ -12,7 +12,7 @@ import yaml
 from pomona.executive.values.units import TIME
 
 TABLE = Path(__file__).with_name("fault_matrix.yaml")
-ENDS = ("safe", "failure", "success", "recovered")
+ENDS = ("safe", "failure", "success", "harmless", "recovered")
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +37,7 @@ class Case:
             at once.
         lasts: seconds until the fault goes by itself; infinite for good.
         spoils: the fruit may fall, or be pressed: no program can stop what this fault does.
+        says: a word that the reason must contain.
     """
 
     switch: str
@@ -47,6 +48,7 @@ class Case:
     shows: str = ""
     lasts: float = np.inf
     spoils: bool = False
+    says: str = ""
 
     @property
     def device(self) -> str:
@@ -66,6 +68,7 @@ class CaseVerdict:
         noticed: from when the fault can show to the safe state, or to the failure of a skill [s]; NaN without either.
         rested: from the safe state to an arm that stands [s].
         peak: the largest force of both pads together [N].
+        contact: the largest force between the robot and the table, a fruit or a fixed thing [N], and its name.
         hung: whether the fruit hung when Lift said so; None when it did not say so.
     """
 
@@ -75,6 +78,7 @@ class CaseVerdict:
     noticed: float = np.nan
     rested: float = np.nan
     peak: float = 0.0
+    contact: tuple[float, str] = (0.0, "")
     hung: bool | None = None
     wrong: list[str] = field(default_factory=list)
 
@@ -100,19 +104,19 @@ def read_table(cell: str, path: Path = TABLE) -> list[Case]:
             raise ValueError(f"{row['fault']}: a run ends {', '.join(ENDS)}, not {row['ends']}")
         within = TIME(row["within"]) if "within" in row else np.inf
         lasts = TIME(row["lasts"]) if "lasts" in row else np.inf
-        said = row["ends"], within, row.get("shows", ""), lasts, row.get("spoils", False)
+        said = row["ends"], within, row.get("shows", ""), lasts, row.get("spoils", False), row.get("says", "")
         cases += [Case(switch, kind, phases[name], *said) for name in names]
     return cases
 
 
 def report(verdicts: Sequence[CaseVerdict]) -> str:
     """Case by case, then each row of the table with its deadline, the median and the worst, then the sums."""
-    lines = [f"{'fault':26}{'phase':13}{'ended':9}{'noticed':>9}{'rest':>9}{'peak N':>8}  "]
+    lines = [f"{'fault':26}{'phase':13}{'ended':9}{'noticed':>9}{'rest':>9}{'peak N':>8}{'contact N':>11}  "]
     for v in verdicts:
         said = "WRONG " + "; ".join(v.wrong) + " – " if v.wrong else ""
         lines.append(
-            f"{v.case.name:26}{v.case.phase.name:13}{v.outcome:9}{_ms(v.noticed):>9}{_ms(v.rested):>9}{v.peak:8.1f}  "
-            f"{said}{v.reason}"[:240]
+            f"{v.case.name:26}{v.case.phase.name:13}{v.outcome:9}{_ms(v.noticed):>9}{_ms(v.rested):>9}"
+            f"{v.peak:8.1f}{v.contact[0]:11.1f}  {said}{v.reason}"[:240]
         )
     rows: dict[tuple[str, str, float], list[CaseVerdict]] = {}
     for v in verdicts:
@@ -129,7 +133,8 @@ def report(verdicts: Sequence[CaseVerdict]) -> str:
     lines.append(
         f"{len(verdicts)} cases: {len(verdicts) - bad} as they must be, {bad} wrong, "
         f"{sum(v.hung is False for v in verdicts)} false successes, "
-        f"at most {max((v.peak for v in verdicts if not v.case.spoils), default=0.0):.1f} N"
+        f"pads at most {max((v.peak for v in verdicts if not v.case.spoils), default=0.0):.1f} N, "
+        f"contact at most {max((v.contact[0] for v in verdicts if not v.case.spoils), default=0.0):.1f} N"
     )
     return "\n".join(lines)
 

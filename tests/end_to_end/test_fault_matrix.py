@@ -18,7 +18,10 @@ from pomona.drivers.sim.gripper import SimGripper
 TRIED = [
     "arm.frozen@following",
     "arm.stall@paused",
+    "camera.depth_mirrored@moving",
+    "camera.moved_x@preparing",
     "camera.old@holding",
+    "camera.turned_y@preparing",
     "clock.steps_back@lifting",
     "executive.killed@lifting",
     "executive.commands_arm@closing",
@@ -44,7 +47,7 @@ def test_the_table_has_every_fault_of_every_simulated_device() -> None:
     cases = read_table("sim")
     assert {(case.switch, case.kind) for case in cases if case.ends != "recovered"} == known
     assert len(cases) >= 250
-    assert not [case.name for case in cases if case.ends != "success" and case.within == float("inf")]
+    assert not [case.name for case in cases if case.ends not in ("success", "harmless") and case.within == float("inf")]
 
 
 @pytest.mark.slow

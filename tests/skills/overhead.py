@@ -9,7 +9,7 @@ import numpy as np
 
 from pomona.drivers.interfaces import Cameras, Frame, Intrinsics, PathWatchSettings, Workspace
 from pomona.executive.clock import Clock
-from pomona.skills.geometry import inverse
+from pomona.skills.geometry import inverse, rot_y, transform
 from tests.skills.picking_scene import TABLE_Z, PickingScene
 
 LENS = Intrinsics(305.0, 305.0, 159.5, 119.5, 320, 240)
@@ -50,24 +50,43 @@ def _around(c: np.ndarray, radius: float) -> tuple[slice, slice]:
     return ends(c[1], LENS.fy, LENS.cy, LENS.height), ends(c[0], LENS.fx, LENS.cx, LENS.width)
 
 
+def untrue_frame(stamp: float, code: str) -> Frame:
+    """A frame of the empty table: POSE_MISMATCH states a tilted pose, DEPTH_MISMATCH mirrors depth."""
+    T_tilted = T_BASE_CAMERA @ transform(rot_y(np.radians(5.0)))
+    depth = depth_of()
+    if code == "DEPTH_MISMATCH":
+        u = np.broadcast_to((np.arange(LENS.width) - LENS.cx) / LENS.fx, depth.shape)
+        above = T_tilted[2, 3] - TABLE_Z
+        depth = (-above / (T_tilted[2, 0] * u + T_tilted[2, 2])).astype(np.float32)[:, ::-1]
+    return Frame(stamp, round(30 * stamp), BLACK, depth, LENS, None, T_tilted, "above")
+
+
 def frame(stamp: float, *balls: Ball) -> Frame:
     return Frame(stamp, round(30 * stamp), BLACK, depth_of(*balls), LENS, None, T_BASE_CAMERA, "above")
 
 
 class Overhead:
-    """A camera that is asked for depth alone; `balls` are what it sees from the next frame on."""
+    """A camera that is asked for depth alone; `balls` are what it sees from the next frame on.
+
+    Attributes:
+        untrue: a failure code; its frames are then those of `untrue_frame`.
+    """
 
     def __init__(self, clock: Clock) -> None:
         self.clock = clock
         self.balls: tuple[Ball, ...] = ()
+        self.untrue = ""
         self.frames = 0
 
     def latest(self) -> Frame | None:
-        raise AssertionError("nobody asks for colour")
+        """With colour, which only an obstacle asks for: it may be the camera's error."""
+        assert self.balls or self.untrue
+        return self.latest_depth()
 
     def latest_depth(self) -> Frame | None:
         self.frames += 1
-        return frame(self.clock.now(), *self.balls)
+        now = self.clock.now()
+        return untrue_frame(now, self.untrue) if self.untrue else frame(now, *self.balls)
 
 
 def watched(scene: PickingScene) -> tuple[dict[type, object], Overhead]:

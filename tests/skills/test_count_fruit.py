@@ -31,7 +31,9 @@ LABELS = ("one", "two", "three")
 def frame(label: str, placed: bool = True) -> Frame:
     colour = np.full((120, 160, 3), 90, np.uint8)
     depth = np.full((120, 160), 0.8, np.float32)
-    return replace(apple_at(1, 3).frame, colour=colour, depth=depth, label=label, placed=placed)
+    shown = apple_at(1, 3).frame
+    lens = replace(shown.intrinsics, width=160, height=120)
+    return replace(shown, colour=colour, depth=depth, intrinsics=lens, label=label, placed=placed)
 
 
 def looked(label: str, apples: dict[int, int], placed: bool = True, lost: tuple[int, ...] = ()):

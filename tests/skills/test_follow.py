@@ -1,6 +1,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from py_trees.common import Status
 
 from pomona.executive.skill_testing import drive
@@ -86,6 +87,18 @@ def test_what_a_camera_sees_coming_stops_the_arm_on_its_path_and_is_told():
     assert scene.arm.settled()
     assert np.abs(scene.arm.q - HOME).max() > 0.1
     assert min(np.abs(scene.arm.q - q).max() for q in planned.q) < 0.01
+
+
+@pytest.mark.parametrize("code", ["POSE_MISMATCH", "DEPTH_MISMATCH"])
+def test_a_camera_that_shows_the_table_elsewhere_starts_no_motion(code):
+    scene = PickingScene()
+    devices, camera = watched(scene)
+    camera.untrue = code
+    outcome = drive(Follow(), {"path": path(scene)}, devices, clock=scene.clock)
+    assert outcome.reason.code == code
+    assert outcome.reason.data["tilt_rad"] > 0.08
+    assert "above: " in outcome.reason.message
+    assert scene.arm.followed == []
 
 
 def test_where_nothing_is_new_a_watched_path_takes_no_longer():

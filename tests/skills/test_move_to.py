@@ -150,3 +150,15 @@ def test_what_a_camera_sees_coming_stops_the_arm():
     outcome = drive(MoveTo(), {"pose": "home"}, devices, clock=scene.clock, each_tick=come)
     assert outcome.reason.code == "PATH_BLOCKED"
     assert scene.arm.settled()
+
+
+@pytest.mark.parametrize("code", ["POSE_MISMATCH", "DEPTH_MISMATCH"])
+def test_a_camera_that_shows_the_table_elsewhere_starts_no_motion(code):
+    scene = PickingScene()
+    devices, camera = watched(scene)
+    camera.untrue = code
+    outcome = drive(MoveTo(), {"pose": "home"}, devices, clock=scene.clock)
+    assert outcome.reason.code == code
+    assert outcome.reason.data["tilt_rad"] > 0.08
+    assert "above: " in outcome.reason.message
+    assert scene.arm.followed == []

@@ -101,16 +101,39 @@ def test_no_depth_from_a_colour_camera(detection):
     assert reason_of(with_depth(detection, None)).code == "NO_DEPTH"
 
 
+def on_table(detection: Detection, T_base_camera: np.ndarray) -> Detection:
+    """The fruit before a table that stands where a camera at this pose has it, 0.6 m below the real pose."""
+    lens, above = detection.frame.intrinsics, T_base_camera[2, 3] + 0.12
+    v, u = np.indices((lens.height, lens.width))
+    rays = np.stack([(u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy, np.ones(u.shape)], axis=-1)
+    table = (above / -(rays @ T_base_camera[2, :3])).astype(np.float32)
+    depth = detection.frame.depth
+    return with_depth(detection, np.where(depth < 0.74, depth, table))
+
+
+def test_pose_mismatch(detection):
+    assert measure({"detection": on_table(detection, T_BASE_CAMERA)}, table_z=-0.12).status is Status.SUCCESS
+    turned = T_BASE_CAMERA @ transform(rot_y(np.radians(2.0)), (0.0, 0.0, 0.004))
+    outcome = measure({"detection": on_table(detection, turned)}, table_z=-0.12)
+    assert outcome.reason.code == "POSE_MISMATCH"
+    assert outcome.reason.data["tilt_rad"] == pytest.approx(np.radians(2.0), abs=3e-3)
+    assert "calibrate hand-eye" in outcome.reason.message
+    assert "measured" not in outcome.outputs
+
+
+def test_depth_mismatch(detection):
+    tilted = T_BASE_CAMERA @ transform(rot_y(np.radians(6.0)))
+    stated = replace(detection, T_base_camera=tilted)
+    mirrored = with_depth(stated, on_table(detection, tilted).frame.depth[:, ::-1].copy())
+    outcome = measure({"detection": mirrored}, table_z=-0.12)
+    assert outcome.reason.code == "DEPTH_MISMATCH"
+    assert "mirrored left to right" in outcome.reason.message
+
+
 def test_no_depth_in_metres(detection):
     reason = reason_of(with_depth(detection, 1000.0 * detection.frame.depth))
     assert reason.code == "NO_DEPTH"
     assert "millimetres" in reason.message
-
-
-def test_no_depth_of_this_camera(detection):
-    reason = reason_of(with_depth(detection, detection.frame.depth[::2, ::2]))
-    assert reason.code == "NO_DEPTH"
-    assert "shape" in reason.message
 
 
 def test_too_few_inliers(detection):
@@ -181,7 +204,7 @@ def test_a_wall_is_not_its_shape(detection):
     assert reason.data["curvature"] == pytest.approx(0.0, abs=0.05)
 
 
-def test_a_table_that_is_seen_elsewhere_than_the_cell_says_is_told(detection):
+def test_a_tray_under_the_fruit_is_reported_where_the_table_is_seen_beside_it(detection):
     T_camera_base = inverse(T_BASE_CAMERA)
     K = detection.frame.intrinsics
     v, u = np.indices(detection.frame.depth.shape)
@@ -189,8 +212,10 @@ def test_a_table_that_is_seen_elsewhere_than_the_cell_says_is_told(detection):
     normal = T_camera_base[:3, 2]  # of the table
     lowest = T_BASE_CAMERA @ np.r_[detection.T_camera_object[:3, 3] * SCALE, 1.0]
     seen_z, told_z = lowest[2] - 0.035, lowest[2] - 0.06
-    offset = T_camera_base[:3, 3] @ normal + seen_z
-    table = offset / (rays @ normal)
+    table, tray = ((T_camera_base[:3, 3] @ normal + z) / (rays @ normal) for z in (told_z, seen_z))
+    apple = np.argwhere(detection.frame.depth < 0.74)
+    middle, reach = apple.mean(axis=0), np.ptp(apple, axis=0).max()
+    table = np.where(np.hypot(v - middle[0], u - middle[1]) < reach, tray, table)
     depth = np.where(detection.frame.depth < 0.74, detection.frame.depth, table).astype(np.float32)
     depth = np.where(np.isfinite(depth) & (depth > 0.0) & (depth < 3.0), depth, 0.0).astype(np.float32)
     end = measure({"detection": with_depth(detection, depth), "method": "uniform"}, table_z=told_z)

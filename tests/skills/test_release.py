@@ -275,6 +275,18 @@ def test_what_a_camera_sees_coming_stops_the_arm():
     assert scene.arm.settled()
 
 
+@pytest.mark.parametrize("code", ["POSE_MISMATCH", "DEPTH_MISMATCH"])
+def test_a_camera_that_shows_the_table_elsewhere_starts_no_motion(code):
+    scene = over_ground(None)
+    devices, camera = watched(scene)
+    camera.untrue = code
+    outcome = drive(Release(), {"into": "home"}, devices, clock=scene.clock)
+    assert outcome.reason.code == code
+    assert outcome.reason.data["tilt_rad"] > 0.08
+    assert "above: " in outcome.reason.message
+    assert scene.arm.followed == []
+
+
 def test_a_pose_that_would_tilt_the_fruit_is_told_and_it_stays_held():
     scene = over_ground(None)
     inputs = {"into": "home", "grasp": a_grasp(), "upright": np.radians(2.0)}

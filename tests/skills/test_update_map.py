@@ -21,7 +21,7 @@ from pomona.drivers.interfaces import (
 from pomona.executive.clock import ManualClock
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.executive.views import SceneView
-from pomona.skills.geometry import transform
+from pomona.skills.geometry import rot_y, transform
 from pomona.skills.motion.collision import fruit_points
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.robot import RobotModel
@@ -153,6 +153,22 @@ def test_a_measurement_whose_camera_was_elsewhere_is_refused() -> None:
     assert outcome.reason is not None
     assert outcome.reason.code == "POSE_MISMATCH"
     assert "10.0 mm" in outcome.reason.message
+
+
+def test_depth_that_is_mirrored_makes_no_map() -> None:
+    frame, _ = table_with_apple()
+    assert frame.depth is not None
+    turned = frame.T_mount_camera @ transform(rot_y(np.radians(6.0)))
+    above = (robot.fk(OBSERVE) @ turned)[2]
+    v, u = np.indices(frame.depth.shape)
+    rays = np.stack([(u - LENS.cx) / LENS.fx, (v - LENS.cy) / LENS.fy, np.ones(u.shape)], axis=-1)
+    table = ((above[3] + 0.12) / -(rays @ above[:3])).astype(np.float32)
+    sound = run(replace(frame, depth=table, T_mount_camera=turned), resolution=0.02)
+    assert sound.status is Status.SUCCESS
+    outcome = run(replace(frame, depth=table[:, ::-1].copy(), T_mount_camera=turned), resolution=0.02)
+    assert outcome.reason is not None
+    assert outcome.reason.code == "DEPTH_MISMATCH"
+    assert "map" not in outcome.outputs
 
 
 def test_interrupted_it_gives_up_and_the_previous_map_stays_as_it_was() -> None:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.drivers.depth_model import D4XX, DepthModel
+from pomona.drivers.errors import DeviceFault
 from pomona.executive.lease import command
 from pomona.executive.values.arrays import Float64
 
@@ -56,6 +57,9 @@ class Frame:
         depth_model: error model of `depth`, from the camera's driver; its offset and scale are corrected already.
         placed: whether `q` and `T_mount_camera` say where the camera stood; if not, positions in two frames cannot be
             compared.
+
+    Raises:
+        DeviceFault: colour, depth and intrinsics are not of one size.
     """
 
     stamp: float
@@ -68,6 +72,16 @@ class Frame:
     label: str = ""
     depth_model: DepthModel = D4XX
     placed: bool = True
+
+    def __post_init__(self) -> None:
+        lens = self.intrinsics
+        sizes = {"colour": self.colour.shape[1::-1], "intrinsics": (lens.width, lens.height)}
+        if self.depth is not None:
+            sizes["depth"] = self.depth.shape[::-1]
+        if len(set(sizes.values())) > 1:
+            words = ", ".join(f"{of} {' x '.join(map(str, size))} px" for of, size in sizes.items())
+            remedy = "register depth to colour, and give the intrinsics of that size"
+            raise DeviceFault(self.label or "camera", f"its images are not of one size: {words}; {remedy}")
 
 
 @runtime_checkable

@@ -257,19 +257,22 @@ class FrameGuard:
     def restart(self) -> None:
         """The camera was started anew: its next frame has no past."""
         self._last = (-math.inf, -1)
-        self._picture: tuple[bytes, float] | None = None
+        self._images: dict[str, tuple[bytes, float]] = {}
         self._flaw, self._flawed = "", 0
         self._believed_at = self._clock.now()
 
-    def judge(self, stamp: float, number: int, picture: bytes | None = None) -> bool:
-        """Whether a frame may be believed.
+    def judge(self, stamp: float, number: int, colour: bytes = b"", depth: bytes = b"") -> bool:
+        """Return True for a frame that is new and plausible.
 
         Args:
-            stamp: when it was taken, on the cell's clock [s].
+            stamp: time of exposure on the cell's clock [s].
             number: the camera's own.
-            picture: some of its pixels; a live camera never sees the same twice, to the last bit.
+            colour, depth: some pixels of either image. A live sensor never repeats both, nor any measured depth,
+                exactly.
         """
-        self._flaw = self._flaw_of(stamp, number) or self._frozen(picture)
+        self._flaw = self._flaw_of(stamp, number) or self._repeated("picture", colour + depth)
+        if depth.strip(b"\0"):
+            self._flaw = self._flaw or self._repeated("depth image", depth)
         if self._flaw:
             self._flawed += 1
             return False
@@ -299,9 +302,11 @@ class FrameGuard:
             return "delivers its frames out of order"
         return ""
 
-    def _frozen(self, picture: bytes | None) -> str:
+    def _repeated(self, name: str, pixels: bytes) -> str:
+        """The flaw of an image that equals the one before it; empty otherwise."""
         now = self._clock.now()
-        if picture is None or self._picture is None or picture != self._picture[0]:
-            self._picture = None if picture is None else (picture, now)
+        before, since = self._images.get(name, (b"", now))
+        if not pixels or pixels != before:
+            self._images[name] = pixels, now
             return ""
-        return f"shows the same picture for {now - self._picture[1]:.2g} s, to the last bit"
+        return f"shows the same {name} for {now - since:.2g} s, to the last bit"

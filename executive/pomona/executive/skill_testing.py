@@ -43,7 +43,7 @@ class _Finished:
         self.cancelled = True
 
 
-@dataclass
+@dataclass(eq=False)
 class BenchContext:
     """A `SkillContext` whose computations run at once, in the caller; `computing` ticks later they are done."""
 

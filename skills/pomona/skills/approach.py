@@ -19,7 +19,7 @@ from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.motion.straight_line import straight_line
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
-from pomona.skills.shared.live_watch import BLOCKED, KnownAround, prepare_watch
+from pomona.skills.shared.live_watch import WATCH_FAILURES, KnownAround, prepare_watch
 from pomona.skills.shared.touch import Touch
 from pomona.skills.shared.usable_map import usable_field
 from pomona.skills.shared.warm_motion import prepare_moving
@@ -41,7 +41,7 @@ class Approach(MovingSkill):
     moves = (Arm, Gripper)
     failures = (
         *MOTION_FAILURES,
-        BLOCKED,
+        *WATCH_FAILURES,
         "NOT_AT_PRE_GRASP",
         "NO_STRAIGHT_LINE",
         "IN_COLLISION",

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from pomona.drivers.interfaces import Intrinsics, Workspace
 from pomona.executive.ports import LENGTH, Length, Outputs, Port, Ratio
 from pomona.executive.skill import Skill, Work
+from pomona.executive.values.arrays import Float64
 from pomona.executive.views import ImageView, Line2
 from pomona.skills.geometry import transform
 from pomona.skills.perception.detection.detection import Detection
+from pomona.skills.perception.frame_check import MISMATCHES, FrameProblem, frame_problem
 from pomona.skills.perception.fruit import Mesh
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.perception.refinement.depth_image import RendererName
@@ -21,6 +24,7 @@ from pomona.skills.perception.refinement.measure import measure, outline
 from pomona.skills.perception.refinement.refinement import refine
 from pomona.skills.perception.refinement.render import render_depth, usable_renderer
 from pomona.skills.perception.refinement.result import Limits
+from pomona.skills.shared.frame_trust import earlier_poses, mismatch, note_pose
 
 _SMALL_CAMERA = Intrinsics(400.0, 400.0, 100.0, 100.0, 201, 201)
 _SOMETHING = Mesh(
@@ -37,11 +41,22 @@ class Refined(Outputs):
 
 
 class Refine(Skill):
-    """Correct a detection's position and size from the depth image."""
+    """Correct a detection's position and size from the depth image.
+
+    The table in the depth image is compared with the cell file's first, and depth with colour.
+    """
 
     devices = (Workspace,)
     moves = ()
-    failures = ("NO_DEPTH", "TOO_FEW_INLIERS", "SIZE_OUT_OF_RANGE", "AT_BOUND", "NOT_ITS_SHAPE", "RENDER_FAILED")
+    failures = (
+        *MISMATCHES,
+        "NO_DEPTH",
+        "TOO_FEW_INLIERS",
+        "SIZE_OUT_OF_RANGE",
+        "AT_BOUND",
+        "NOT_ITS_SHAPE",
+        "RENDER_FAILED",
+    )
 
     def __init__(self, name: str = "") -> None:
         super().__init__(name)
@@ -85,20 +100,33 @@ class Refine(Skill):
             Port(help="of the virtual depth; zbuffer also where pyrender fails"),
         ] = "pyrender",
     ) -> Work[Refined]:
-        table_z = self.device(Workspace).table_z
+        workspace = self.device(Workspace)
         limits = Limits(inlier_band, min_inliers, (smallest, largest))
         using, note = usable_renderer(renderer)
         if note and not self._reported:  # once in a run, not at each look
             self._reported = True
             yield note
+        past = tuple(earlier_poses(self, detection.frame))
+        how = method, limits, using, workspace.table_z, earlier
         try:
-            measured = yield from self.compute(measure, detection, method, limits, using, table_z, earlier)
+            measured = yield from self.compute(_measure, detection, workspace, past, how)
         except RefineError as problem:
             raise self.failure(problem.code, str(problem), **vars(problem)) from problem
+        note_pose(self, detection.frame, detection.T_base_camera)
+        if isinstance(measured, FrameProblem):
+            raise mismatch(self, detection.frame, measured)
         self.publish("refine", _picture(detection, measured, using))
         if measured.doubt:
             yield measured.doubt
         return Refined(measured)
+
+
+def _measure(
+    detection: Detection, workspace: Workspace, earlier: Sequence[tuple[float, Float64]], how: tuple[Any, ...]
+) -> MeasuredFruit | FrameProblem:
+    """The measured fruit, or what cannot be true of its frame; `how` holds the other arguments of `measure`."""
+    problem = frame_problem(detection.frame, detection.T_base_camera, workspace, earlier)
+    return problem or measure(detection, *how)
 
 
 def _picture(detection: Detection, measured: MeasuredFruit, using: RendererName) -> ImageView:

@@ -19,7 +19,9 @@ from pomona.skills.motion.occupancy.integrate import Sensing, integrate
 from pomona.skills.motion.occupancy.occupancy_map import HIDDEN, OCCUPIED, OccupancyMap
 from pomona.skills.motion.robot import BadJoints, RobotModel
 from pomona.skills.perception.detection.detection import Detection
+from pomona.skills.perception.frame_check import MISMATCHES
 from pomona.skills.perception.measured_fruit import MeasuredFruit
+from pomona.skills.shared.frame_trust import require_true_look
 
 
 class Mapped(Outputs):
@@ -37,7 +39,7 @@ class UpdateMap(Skill):
 
     devices = (Camera, Arm, Gripper, Workspace)
     moves = ()
-    failures = ("NO_FRAME", "NO_DEPTH", "STALE_FRAME", "POSE_MISMATCH")
+    failures = (*MISMATCHES, "NO_FRAME", "NO_DEPTH", "STALE_FRAME")
 
     def prepare(self) -> None:
         _warm_up()
@@ -72,6 +74,8 @@ class UpdateMap(Skill):
         try:
             T_base_camera = look.T_base_camera if look is not None else pose_of_camera(frame, model)
             check_camera_pose(frame, T_base_camera, model, state)
+            if measured is None:  # Refine has compared the look already
+                yield from require_true_look(self, frame, T_base_camera, workspace)
             q = state.q if frame.q is None else frame.q
             robot = RobotShape.of(model).spheres(q, self.device(Gripper).state().width)
             lower, upper = workspace.lower, workspace.upper

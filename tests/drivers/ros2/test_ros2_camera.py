@@ -60,6 +60,7 @@ def messages(t: float, red: int = 200, metres: float = 0.5) -> dict[str, bytes]:
     colour[..., 0] = red
     depth = np.full((H, W), metres, np.float32)
     depth[0, :2] = np.nan, -1.0
+    depth[16, 16] += 1e-5 * red  # noise: no sensor repeats its depth exactly
     roi = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
     k = np.array([60.0, 0, 20, 0, 61, 15, 0, 0, 1])
     info = types[INFO](head, H, W, "plumb_bob", np.zeros(5), k, np.eye(3).reshape(-1), np.zeros(12), 0, 0, roi)

@@ -127,6 +127,7 @@ def test_a_frozen_camera_keeps_its_frame_and_is_noticed(open_cell):
         ("old", "delivers frames that are 30 s old"),
         ("early", "stamps its frames 10 s in the future"),
         ("repeated", "repeats its frame 0"),
+        ("depth_stale", "shows the same depth image for 0.54 s, to the last bit"),
     ],
 )
 @pytest.mark.parametrize("looked_before", [True, False])
@@ -148,6 +149,48 @@ def test_frames_that_cannot_be_the_present_are_told_within_a_second_and_never_sh
     camera.clear_fault()
     cell.check()
     assert camera.latest().stamp == cell.clock.now()
+
+
+@pytest.mark.parametrize("kind", ["depth_transposed", "depth_halved", "colour_halved"])
+def test_images_of_different_sizes_are_a_fault_that_names_both(open_cell, kind):
+    camera = open_cell(seed=3).device(Camera)
+    camera.inject_fault(kind)
+    for look in (camera.latest, camera.latest_depth):
+        with pytest.raises(
+            DeviceFault, match=r"camera: its images are not of one size: colour \d+ x \d+ px, intrinsics"
+        ):
+            look()
+    camera.clear_fault()
+    assert camera.latest().depth.shape == camera.latest().colour.shape[:2]
+
+
+@pytest.mark.parametrize("kind", ["moved_x", "turned_y_back", "focal_long", "depth_short", "depth_mirrored"])
+def test_a_wrong_calibration_changes_what_a_frame_states_and_not_its_colour(open_cell, kind):
+    camera = open_cell(seed=3).device(Camera)
+    sound = camera.latest()
+    camera.inject_fault(kind)
+    wrong = camera.latest()
+    assert wrong.colour is sound.colour
+    assert camera.latest() is wrong
+    moved = np.linalg.inv(sound.T_mount_camera) @ wrong.T_mount_camera
+    assert np.isclose(np.linalg.norm(moved[:3, 3]), 0.015 if kind == "moved_x" else 0.0)
+    turned = np.arccos(np.clip((np.trace(moved[:3, :3]) - 1.0) / 2.0, -1.0, 1.0))
+    assert np.isclose(np.degrees(turned), 3.0 if kind == "turned_y_back" else 0.0, atol=1e-6)
+    assert np.isclose(wrong.intrinsics.fx / sound.intrinsics.fx, 1.05 if kind == "focal_long" else 1.0)
+    assert np.array_equal(wrong.depth, sound.depth) == (not kind.startswith("depth"))
+
+
+def test_depth_of_the_frame_before_follows_one_frame_behind(open_cell):
+    cell = open_cell(seed=3)
+    camera = cell.device(Camera)
+    camera.inject_fault("depth_late")
+    first = camera.latest()
+    cell.clock.advance(0.04)
+    camera.latest()
+    own = camera._frame
+    cell.clock.advance(0.04)
+    assert np.array_equal(camera.latest().depth, own.depth)
+    assert not np.array_equal(own.depth, first.depth)
 
 
 @pytest.mark.parametrize("pose", ["observe", "observe_2", "observe_3"])

@@ -7,7 +7,9 @@ camera that sends nothing else is lost, is reopened, and stays latched.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Protocol
+
+from numpy.typing import NDArray
 
 from pomona.drivers.depth_model import D4XX, DepthModel
 from pomona.drivers.device import Device
@@ -147,7 +149,7 @@ class StreamingCamera(Device):
         if pair is not None:
             self._last_seen = now
             stamp = self._stamps.stamp(pair)
-            if self._guard.judge(stamp, pair.number, _some_pixels(pair)):
+            if self._guard.judge(stamp, pair.number, _some_pixels(pair.colour), _some_pixels(pair.depth)):
                 self._newest = self._frame(pair, min(stamp, now))
             self._guard.check(self.name)
         elif now - self._last_seen > self._silence:
@@ -180,9 +182,9 @@ class StreamingCamera(Device):
             source.close()
 
 
-def _some_pixels(pair: Pair) -> bytes:
-    colour, depth = pair.colour[::PIXELS, ::PIXELS], pair.depth[::PIXELS, ::PIXELS]
-    return colour.tobytes() + depth.tobytes()
+def _some_pixels(image: NDArray[Any]) -> bytes:
+    some: bytes = image[::PIXELS, ::PIXELS].tobytes()
+    return some
 
 
 def _words(problem: DeviceError | None) -> str:

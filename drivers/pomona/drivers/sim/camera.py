@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pomona.drivers.camera_options import scaled
 from pomona.drivers.errors import DeviceLost
 from pomona.drivers.interfaces import Camera, Frame, Intrinsics
+from pomona.drivers.sim.camera_faults import CHANGES, FrameChanger
 from pomona.drivers.sim.faults import FaultyDevice
 from pomona.drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
 from pomona.drivers.sim.stereo_depth import Stereo, measure_depth
@@ -21,19 +22,23 @@ from pomona.executive.values.arrays import Float64
 
 SILENCE = 0.5
 """A camera of which no frame can be believed for so long, or that shows the same one, is lost [s]; as a real one."""
-LIES = {"old": -30.0, "early": 10.0, "repeated": 0.0}
+LIES = {"old": -30.0, "early": 10.0, "repeated": 0.0, "depth_stale": 0.0}
 """Faults of a camera that goes on sending, and by how much its stamps are wrong [s]."""
+
+SILENT = ("freeze", "lost")
+"""Faults of a camera that sends nothing new."""
 
 
 class SimCamera(FaultyDevice):
     """Renders the present state of the world, at most once per frame period. Depth is registered to colour.
 
-    Faults: `freeze` (the newest frame stays the same), `lost` (no frame), and frames that are `old`, `early` (of the
-    future) or `repeated` (with the number of the one before).
+    Faults: `freeze` (the newest frame stays the same), `lost` (no frame), frames that are `old`, `early` (of the
+    future) or `repeated` (with the number of the one before), `depth_stale` (new colour with the same depth), and those
+    of `camera_faults.CHANGES`.
     """
 
     interfaces = (Camera,)
-    known_faults = ("freeze", "lost", "old", "early", "repeated")
+    known_faults = ("freeze", "lost", *LIES, *CHANGES)
 
     def __init__(
         self,
@@ -60,23 +65,31 @@ class SimCamera(FaultyDevice):
         self._depth_renderer: Any = None
         self._frame: Frame | None = None
         self._watched: Frame | None = None
-        self._fault_since = 0.0
+        self._changer = FrameChanger()
+        self._fault_since, self._judged = 0.0, 0
         self._guard = FrameGuard(world.clock, SILENCE)
 
     def latest(self) -> Frame | None:
         """The view of this moment. Two calls within one frame period get the same frame."""
+        return self._changer.delivered(self._newest())
+
+    def _newest(self) -> Frame | None:
         if self.fault == "lost":
             return None
         stamp, sequence = self._next()
         if self.fault == "freeze" or (self._frame is not None and self._frame.sequence == sequence):
             return self._frame
-        if self._guard.judge(stamp, sequence):
+        if self._judge():
+            self._world.looked()
             self._frame = self._expose(stamp, sequence)
         return self._frame
 
     def latest_depth(self) -> Frame | None:
         """The depth of this moment with half the pixels each way; not a look that is scored."""
-        if self.fault is not None:
+        return self._changer.delivered(self._newest_depth())
+
+    def _newest_depth(self) -> Frame | None:
+        if self.fault is not None and self.fault not in CHANGES:
             return None if self.fault == "lost" else self._watched
         stamp, sequence = self._next()
         if self._watched is None or self._watched.sequence != sequence:
@@ -96,25 +109,41 @@ class SimCamera(FaultyDevice):
             return now, self._frame.sequence if self._frame is not None else 0
         return now + LIES.get(self.fault or "", 0.0), sequence
 
+    def _judge(self) -> bool:
+        """Judge the frame of this moment without taking it: a picture is a look that is scored."""
+        stamp, sequence = self._next()
+        depth = b"stale" if self.fault == "depth_stale" else b""
+        self._judged += 1
+        return self._guard.judge(stamp, sequence, str(self._judged).encode(), depth)
+
     def last_seen(self) -> float | None:
         """Every moment has its view, and asking for its stamp takes no picture: a picture is a look that is scored."""
-        if self.fault is None:
+        if self.fault is None or self.fault in CHANGES:
             return self._world.clock.now()
         return None if self._frame is None else self._frame.stamp
 
     def check(self) -> None:
-        if self.fault in LIES:  # judged without taking a picture: a picture is a look that is scored
-            self._guard.judge(*self._next())
+        if self.fault in LIES:
+            self._judge()
             self._guard.check(self.name)
-        elif self.fault is not None and self._world.clock.now() - self._fault_since > SILENCE:
+        elif self.fault in SILENT and self._world.clock.now() - self._fault_since > SILENCE:
             raise DeviceLost(self.name, f"no new frame for {self._world.clock.now() - self._fault_since:.1f} s")
 
     def inject_fault(self, kind: str) -> None:
+        before = () if kind not in CHANGES else (self._expose(*self._next()), self._newest_depth())
         super().inject_fault(kind)
+        if before:
+            self._changer.begin(kind, tuple(frame for frame in before if frame is not None))
+            return
         self._guard.restart()
-        if self._frame is not None:
-            self._guard.judge(self._frame.stamp, self._frame.sequence)
+        if self._frame is not None or kind == "depth_stale":
+            newest = self._next() if self._frame is None else (self._frame.stamp, self._frame.sequence)
+            self._guard.judge(*newest, depth=b"stale")
         self._fault_since = self._world.clock.now()
+
+    def clear_fault(self) -> None:
+        super().clear_fault()
+        self._changer.end()
 
     def close(self) -> None:
         for renderer in (self._renderer, self._depth_renderer):
@@ -123,7 +152,6 @@ class SimCamera(FaultyDevice):
         self._renderer = self._depth_renderer = None
 
     def _expose(self, now: float, sequence: int) -> Frame:
-        self._world.looked()
         colour, depth = in_gl_thread(self._render)
         rng = np.random.default_rng([self._world.seed, 4, sequence])
         photograph = _photograph(colour, rng)

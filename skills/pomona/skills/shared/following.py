@@ -75,8 +75,9 @@ class MovingSkill(Skill):
         Args:
             trajectory: to follow.
             watch: as in `follow_motion`.
-            around: what is known to be there; the cell's cameras then watch the way, and what is not known and too near
-                fails with PATH_BLOCKED, which the skill must declare. Without it nobody looks.
+            around: what is known to be there. The cell's cameras then watch the path: an unknown obstacle too near
+                fails with PATH_BLOCKED, and a camera whose frames cannot be true with POSE_MISMATCH or DEPTH_MISMATCH.
+                The skill must declare these.
             carrying: the grasp by which a fruit is held.
 
         Raises:
@@ -87,6 +88,9 @@ class MovingSkill(Skill):
         if entered:
             raise self.failure("REFUSED", f"{entered}; nothing has moved", device="zones")
         eyes = None if around is None else LiveWatch.of(self, arm, trajectory, around)
+
+        if eyes is not None:
+            eyes.check_cameras()
 
         def start() -> Motion:
             motion = arm.follow(trajectory)

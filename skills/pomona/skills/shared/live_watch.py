@@ -37,11 +37,16 @@ from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap, pose_of_camera
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.motion.watch import Ahead, PathWatch
+from pomona.skills.perception.frame_check import MISMATCHES, frame_problem
 from pomona.skills.perception.measured_fruit import MeasuredFruit
+from pomona.skills.shared.frame_trust import earlier_poses, mismatch, note_pose, require_sound_pose
 from pomona.skills.shared.optional import found_device
 
 BLOCKED = "PATH_BLOCKED"
 """The code with which a motion fails that was stopped by what a camera saw."""
+
+WATCH_FAILURES = (BLOCKED, *MISMATCHES)
+"""Codes of every skill whose motions are watched: an obstacle, or a camera whose frames cannot be true."""
 
 TOO_OLD = 0.3
 """A frame older than this says nothing about now [s]; a camera that sends no others is lost, which its driver says."""
@@ -68,11 +73,19 @@ class KnownAround:
 
 
 class LiveWatch:
-    """Watches one motion of a skill that declares `BLOCKED`; made by `of`."""
+    """Watches one motion of a skill that declares `WATCH_FAILURES`; made by `of`."""
 
-    def __init__(self, skill: Skill, arm: Arm, cameras: tuple[Camera, ...], watch: PathWatch, duration: float) -> None:
+    def __init__(
+        self,
+        skill: Skill,
+        arm: Arm,
+        cameras: tuple[Camera, ...],
+        workspace: Workspace,
+        watch: PathWatch,
+        duration: float,
+    ) -> None:
         self._skill, self._arm, self._cameras, self._watch = skill, arm, cameras, watch
-        self._robot = RobotModel.load(arm.description)
+        self._robot, self._workspace = RobotModel.load(arm.description), workspace
         self._duration = duration
         self._stamps: dict[int, float] = {}
         self._states: deque[ArmState] = deque(maxlen=KEPT)
@@ -93,7 +106,18 @@ class LiveWatch:
         width = shape.model.width_max if gripper is None else gripper.state().width
         fruit = [Convex.of_fruit(measured) for measured in around.fruit]
         watch = PathWatch(shape, trajectory, arm.limits, width, workspace, around.map, fruit)
-        return LiveWatch(skill, arm, cameras.all, watch, trajectory.duration)
+        return LiveWatch(skill, arm, cameras.all, workspace, watch, trajectory.duration)
+
+    def check_cameras(self) -> None:
+        """Compare the table in every camera's newest frame with the cell file's, before the motion starts.
+
+        Raises:
+            SkillFailure: POSE_MISMATCH or DEPTH_MISMATCH; nothing has moved.
+        """
+        for camera in self._cameras:
+            frame = _newest(camera)
+            if frame is not None and abs(self._skill.clock.now() - frame.stamp) < TOO_OLD:
+                require_sound_pose(self._skill, frame, pose_of_camera(frame, self._robot), self._workspace)
 
     def begin(self, motion: Motion) -> None:
         """The motion has been started."""
@@ -103,7 +127,7 @@ class LiveWatch:
         """Compare what is new with the rest of the path; words when something is ahead that is not near yet.
 
         Raises:
-            SkillFailure: PATH_BLOCKED; the caller stops the motion.
+            SkillFailure: PATH_BLOCKED, or POSE_MISMATCH or DEPTH_MISMATCH where the camera's frames cannot be true.
         """
         motion = self._motion
         self._states.append(self._arm.state())
@@ -121,11 +145,12 @@ class LiveWatch:
                 continue
             self._stamps[number] = frame.stamp
             q = self._posture(frame.stamp) if frame.q is None else frame.q
-            ahead = self._watch.look(
-                frame, pose_of_camera(frame, self._robot), q, max(age, 0.0), motion.progress * self._duration, number
-            )
+            T_base_camera = pose_of_camera(frame, self._robot)
+            ahead = self._watch.look(frame, T_base_camera, q, max(age, 0.0), motion.progress * self._duration, number)
             if ahead is not None and ahead.stop:
-                self._refuse(ahead, frame)
+                motion.stop()
+                self._refuse(ahead, camera, frame)
+            note_pose(self._skill, frame, T_base_camera)
             if ahead is not None:
                 said = f"something new is on the way, {ahead.after:.1f} s ahead"
         return said
@@ -141,7 +166,8 @@ class LiveWatch:
         q: Float64 = before.q + share * (after.q - before.q)
         return q
 
-    def _refuse(self, ahead: Ahead, frame: Frame) -> None:
+    def _refuse(self, ahead: Ahead, camera: Camera, frame: Frame) -> None:
+        self._refuse_untrue(camera, frame)
         x, y, z = ahead.point
         spot = Points3(np.array([ahead.point]), "what is in the way", "occupied", 0.04)
         words = "something has come in" if ahead.moved else "something unknown stands"
@@ -157,6 +183,17 @@ class LiveWatch:
             moved=ahead.moved,
             camera=frame.label,
         )
+
+    def _refuse_untrue(self, camera: Camera, frame: Frame) -> None:
+        """Depth that is no depth of its frame shows obstacles where nothing is: name the camera instead."""
+        looked = camera.latest() if isinstance(camera, DepthCamera) else frame
+        for shown in (frame, looked):
+            if shown is None or shown.depth is None:
+                continue
+            T_base_camera = pose_of_camera(shown, self._robot)
+            earlier = tuple(earlier_poses(self._skill, shown))
+            if problem := frame_problem(shown, T_base_camera, self._workspace, earlier):
+                raise mismatch(self._skill, shown, problem)
 
 
 def prepare_watch(skill: Skill) -> None:

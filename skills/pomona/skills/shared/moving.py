@@ -18,7 +18,7 @@ from pomona.skills.motion.planning.upright_space import UprightSpace
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.following import MovingSkill, Watching
-from pomona.skills.shared.live_watch import BLOCKED, KnownAround
+from pomona.skills.shared.live_watch import WATCH_FAILURES, KnownAround
 from pomona.skills.shared.named_pose import named_pose
 from pomona.skills.shared.planning import PLANNING_FAILURES, patience, planned
 from pomona.skills.shared.usable_map import usable_field
@@ -29,7 +29,7 @@ POSE_TOLERANCE = 1e-3
 CARRIED_ACCELERATION = 2.0
 """A held fruit is accelerated by no more than this [m/s²]: every bit of it must be held by friction."""
 
-POSE_FAILURES = (*PLANNING_FAILURES, "UNKNOWN_POSE", "MAP_STALE", "WOULD_TILT", BLOCKED)
+POSE_FAILURES = (*PLANNING_FAILURES, "UNKNOWN_POSE", "MAP_STALE", "WOULD_TILT", *WATCH_FAILURES)
 """Codes of every skill that moves to a named pose."""
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import fft2, ifft2, irfft2, rfft2
 
 from pomona.drivers.interfaces import Frame
 from pomona.executive.values.arrays import Float32, Float64, UInt8
@@ -55,6 +56,16 @@ def misplaced_depth(frame: Frame) -> str:
     Args:
         frame: one without depth says nothing.
     """
+    return depth_elsewhere(frame, or_nowhere=True)
+
+
+def depth_elsewhere(frame: Frame, or_nowhere: bool = False) -> str:
+    """How depth lies beside its colour where it fits better shifted, mirrored or turned; else empty.
+
+    Args:
+        frame: one without depth gives an empty text.
+        or_nowhere: also report depth that fits nowhere. A view of few things does so at times.
+    """
     if frame.depth is None or not frame.depth.any():
         return ""
     colour, edges = _of_colour(frame.colour), _of_depth(frame.depth)
@@ -68,7 +79,7 @@ def misplaced_depth(frame: Frame) -> str:
     if score >= SURE and here < 0.5 * score:
         return f"depth {words} against colour"
     telling = float(np.abs(edges).mean()) >= LEAST_EDGES and score > 0.0
-    return "depth's edges lie nowhere on colour's" if telling and max(here, score) < NOWHERE else ""
+    return "depth's edges lie nowhere on colour's" if or_nowhere and telling and max(here, score) < NOWHERE else ""
 
 
 def _lies(shift: tuple[int, int], scale: float) -> str:
@@ -112,8 +123,9 @@ def _scores(colour: Complex, depth: Complex) -> tuple[float, float, tuple[int, i
     """The score of depth as it is or hardly beside, the best score, and its shift (right, down) [px of `WIDTH`]."""
     height, width = colour.shape
     size = 2 * height, 2 * width
-    agree = np.fft.ifft2(np.fft.fft2(colour, size) * np.conj(np.fft.fft2(depth, size))).real
-    weight = np.fft.ifft2(np.fft.fft2(np.ones(colour.shape), size) * np.conj(np.fft.fft2(np.abs(depth), size))).real
+    agree = ifft2(fft2(colour, size) * np.conj(fft2(depth, size))).real
+    ones = np.ones(colour.shape, np.float32)
+    weight = irfft2(rfft2(ones, size) * np.conj(rfft2(np.abs(depth), size)), size)
     there = weight > OVERLAP * max(float(np.abs(depth).sum()), 1e-6)
     mean: Float64 = np.where(there, agree / np.sqrt(np.maximum(weight, 1.0)), -np.inf)
     spread = float(mean[there].std()) if there.any() else 0.0

@@ -1,0 +1,73 @@
+"""Frames that skills use are checked: sizes by `Frame` itself, depth and the camera's pose here."""
+
+from __future__ import annotations
+
+from collections import deque
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from pomona.drivers.interfaces import Frame, Workspace
+from pomona.executive.skill import Skill, SkillFailure, Work
+from pomona.executive.values.arrays import Float64
+from pomona.skills.geometry import angle_between
+from pomona.skills.perception.frame_check import FrameProblem, frame_problem, pose_problem
+from pomona.skills.perception.table_view import frame_view
+
+KEPT = 12
+"""Number of earlier poses of each camera that stale depth is compared with."""
+APART, TURNED = 5e-3, np.radians(0.5)
+"""Poses nearer to each other than this are one [m, rad]."""
+
+Poses = deque[tuple[float, Float64]]
+_EARLIER: WeakKeyDictionary[object, dict[str, Poses]] = WeakKeyDictionary()
+
+
+def earlier_poses(skill: Skill, frame: Frame) -> Poses:
+    """Times [s] and poses of a frame's camera at earlier frames of this run."""
+    return _EARLIER.setdefault(skill.context, {}).setdefault(frame.label, deque(maxlen=KEPT))
+
+
+def note_pose(skill: Skill, frame: Frame, T_base_camera: Float64) -> None:
+    """Remember where the camera was, for `earlier_poses`."""
+    poses = earlier_poses(skill, frame)
+    if poses:
+        before = poses[-1][1]
+        apart = float(np.linalg.norm(before[:3, 3] - T_base_camera[:3, 3]))
+        if apart < APART and angle_between(before[:3, :3], T_base_camera[:3, :3]) < TURNED:
+            return
+    poses.append((frame.stamp, T_base_camera))
+
+
+def require_true_look(skill: Skill, frame: Frame, T_base_camera: Float64, workspace: Workspace) -> Work[None]:
+    """Compare a look with the table, its colour and earlier poses, beside the tick.
+
+    Raises:
+        SkillFailure: POSE_MISMATCH or DEPTH_MISMATCH, which the skill must declare.
+    """
+    earlier = tuple(earlier_poses(skill, frame))
+    problem = yield from skill.compute(frame_problem, frame, T_base_camera, workspace, earlier)
+    note_pose(skill, frame, T_base_camera)
+    if problem is not None:
+        raise mismatch(skill, frame, problem)
+
+
+def require_sound_pose(skill: Skill, frame: Frame, T_base_camera: Float64, workspace: Workspace) -> None:
+    """Compare the table in a depth image with the cell file's; takes 2 ms.
+
+    Raises:
+        SkillFailure: POSE_MISMATCH or DEPTH_MISMATCH, which the skill must declare.
+    """
+    view = frame_view(frame, T_base_camera, workspace)
+    if view is not None and not view.sound:
+        earlier = tuple(earlier_poses(skill, frame))
+        problem = frame_problem(frame, T_base_camera, workspace, earlier) or pose_problem(view)
+        assert problem is not None
+        raise mismatch(skill, frame, problem)
+    note_pose(skill, frame, T_base_camera)
+
+
+def mismatch(skill: Skill, frame: Frame, problem: FrameProblem) -> SkillFailure:
+    """The failure of a skill whose frame has a problem."""
+    name = frame.label or "camera"
+    return skill.failure(problem.code, f"{name}: {problem.message}", camera=frame.label, **problem.data)
