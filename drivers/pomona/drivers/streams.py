@@ -210,7 +210,7 @@ class WrenchStream:
             return f"repeats its sample {sample.sequence}"
         if age < -EARLY:
             return f"stamps its samples {-age:.3g} s in the future"
-        if age > self._silence:
+        if age > self._silence + 1e-9:
             return f"delivers samples that are {age:.3g} s old"
         if sample.sequence < sequence or sample.stamp < stamp:
             return "delivers its samples out of order"

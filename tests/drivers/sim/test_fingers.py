@@ -1,13 +1,15 @@
 """The simulated force fingers read the engine's contacts in the pad's frame, and fail like real ones."""
 
+from collections import deque
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from pomona.drivers.errors import DeviceFault, DeviceLost
 from pomona.drivers.interfaces import ForceSensor, WrenchSample
-from pomona.drivers.sim.finger_faults import LIES
+from pomona.drivers.sim.finger_faults import DELAYS, LIES
 from pomona.drivers.sim.fingers import SimFingers
 from pomona.drivers.sim.gl import load_mujoco
 
@@ -226,3 +228,18 @@ def test_every_way_to_lie_that_could_be_true_changes_what_arrives_until_it_is_cl
         changed = [not np.allclose(s.wrenches, truth, atol=0.4) for s in lying]
         still = len({s.wrenches[i].tobytes() for s in lying for i in range(2)}) < 20
         assert all(changed) or still
+
+
+@pytest.mark.parametrize("kind", DELAYS)
+def test_a_delay_line_delivers_old_samples_in_order_once(kind):
+    delay, line = DELAYS[kind], deque()
+    sent = [WrenchSample(0.002 * n, n, np.full((2, 6), float(n))) for n in range(400)]
+    came = [(sample, late) for sample in sent if (late := delay.pass_on(line, sample)) is not None]
+    values = [int(late.wrenches[0, 0]) for _, late in came]
+    assert values == list(range(len(values)))
+    assert max(b.sequence - a.sequence for (a, _), (b, _) in pairwise(came)) == 2  # it fills without a gap
+    ages = [sample.stamp - late.stamp for sample, late in came]
+    true_ages = [0.002 * (sample.sequence - value) for (sample, _), value in zip(came, values, strict=True)]
+    assert true_ages[-1] == pytest.approx(delay.duration)
+    assert max(np.diff(true_ages)) < 0.0021
+    assert ages == pytest.approx([0.0] * len(ages) if delay.hidden else true_ages)

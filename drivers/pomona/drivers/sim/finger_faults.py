@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -82,6 +84,34 @@ def _stamped(offset: float) -> Lie:
         sample.stamp + offset, sample.sequence, sample.wrenches, sample.saturated
     )
 
+
+@dataclass(frozen=True, slots=True)
+class Delay:
+    """Samples that arrive late, through a line that begins empty: each second one waits until the line is full.
+
+    Attributes:
+        duration: from the measurement to the arrival, once the line is full [s].
+        hidden: the samples arrive with the stamps and numbers of their arrival.
+    """
+
+    duration: float
+    hidden: bool = False
+
+    def pass_on(self, line: deque[WrenchSample], sample: WrenchSample) -> WrenchSample | None:
+        """Put a sample into the line; the one that leaves it, or None where none does."""
+        line.append(sample)
+        if sample.stamp - line[0].stamp < self.duration - 1e-9 and sample.sequence % 2:
+            return None
+        late = line.popleft()
+        return replace(late, stamp=sample.stamp, sequence=sample.sequence) if self.hidden else late
+
+
+DELAYS = {
+    "late_40": Delay(0.04),
+    "late_120": Delay(0.12),
+    "hidden_late_40": Delay(0.04, hidden=True),
+    "hidden_late_120": Delay(0.12, hidden=True),
+}
 
 LIES: dict[str, Lie] = {
     "stuck_left": _changed(_left),

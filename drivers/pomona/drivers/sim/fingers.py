@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 
 import numba
@@ -10,7 +11,7 @@ import numpy as np
 from pomona.drivers.errors import DeviceLost
 from pomona.drivers.interfaces import ForceSensor, Subscription, WrenchSample
 from pomona.drivers.sim.faults import FaultyDevice
-from pomona.drivers.sim.finger_faults import LIES
+from pomona.drivers.sim.finger_faults import DELAYS, LIES
 from pomona.drivers.sim.robot import PADS
 from pomona.drivers.sim.scene import TIMESTEP
 from pomona.drivers.sim.world import PhysicsWorld
@@ -46,11 +47,11 @@ def pad_wrench(contact: Float64, site_position: Float64, site_rotation: Float64,
 class SimFingers(FaultyDevice):
     """Two pads. Errors: a constant bias per channel, white noise, and the range's end.
 
-    Faults: `lost` (no more samples), and every way to lie in `finger_faults.LIES`.
+    Faults: `lost` (no more samples), and every one of `finger_faults.LIES` and `DELAYS`.
     """
 
     interfaces = (ForceSensor,)
-    known_faults = ("lost", *LIES)
+    known_faults = ("lost", *LIES, *DELAYS)
     rate = 1.0 / TIMESTEP
 
     def __init__(
@@ -70,6 +71,7 @@ class SimFingers(FaultyDevice):
         self._passing = WrenchStream(world.clock, belief=belief)
         self._lost: WrenchSample | None = None
         self._before: WrenchSample | None = None
+        self._line: deque[WrenchSample] = deque()
         self._passed = -1  # the step whose sample was measured last
         world.after_step.append(self._stream)
 
@@ -104,6 +106,7 @@ class SimFingers(FaultyDevice):
         newest = self._measure()
         super().inject_fault(kind)
         self._before = newest
+        self._line.clear()
         self._lost = newest if kind == "lost" else None
 
     def clear_fault(self) -> None:
@@ -121,6 +124,11 @@ class SimFingers(FaultyDevice):
             return
         self._passed = step
         sample = self._measure()
+        if self.fault in DELAYS:
+            arrived = DELAYS[self.fault].pass_on(self._line, sample)
+            if arrived is None:
+                return
+            sample = arrived
         if self.fault in LIES and self._before is not None:
             sample = LIES[self.fault](sample, self._before)
         self._passing.deliver(sample)
