@@ -97,6 +97,7 @@ def test_a_pick_whose_process_is_killed_is_recovered(tmp_path: Path, capsys: pyt
             if "Follow" in line:
                 process.send_signal(signal.SIGKILL)
                 break
+        process.stdout.read()  # until the run has died, too: it holds the other end
         process.wait(60)
     (folder,) = (path for path in tmp_path.iterdir() if path.is_dir())
     assert digest(folder).state == "cut off"

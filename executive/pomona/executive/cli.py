@@ -16,10 +16,13 @@ from typing import Any
 
 from pomona.executive.commands.command_line import make_parser
 from pomona.executive.errors import UsageError
+from pomona.executive.running.launcher import in_child
 from pomona.executive.running.signals import WORDS, raising, signalled, status_of
 
 PATIENCE = 2.0
 """Seconds that threads and processes may go on when the work is done."""
+REPORTED = ("run", "rerun")
+"""Commands whose status 0 says that a task succeeded: a process of their own reports it."""
 INTERRUPTED = 128
 """A signal ends the process with a status above this."""
 
@@ -30,7 +33,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         the exit status.
     """
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    if arguments is not None:
+        return _main(list(arguments))
+    words = sys.argv[1:]
+    return in_child(lambda: _process(words)) if _command(words) in REPORTED else _process(words)
+
+
+def _process(words: Sequence[str]) -> int:
+    """Run one subcommand in a process that is there for it alone."""
+    status = _main(words)
+    _leave_quietly()
+    _end_without(_left(), status)
+    return status
+
+
+def _main(words: Sequence[str]) -> int:
     # A notebook names a backend for all its processes that may not be installed here; figures go into files alone.
     os.environ["MPLBACKEND"] = "agg"
     try:
@@ -48,10 +65,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if ended_by is None:
             raise
         status = status_of(ended_by)
-    if arguments is None:
-        _leave_quietly()
-        _end_without(_left(), status)
     return status
+
+
+def _command(words: Sequence[str]) -> str:
+    """The name of the subcommand; empty when there is none."""
+    return next((words[index] for index in range(0, len(words), 2) if words[index] != "--skill"), "")
 
 
 def _run(words: Sequence[str]) -> int:
@@ -64,8 +83,7 @@ def _run(words: Sequence[str]) -> int:
 
 
 def _run_filtered(words: Sequence[str]) -> int:
-    command = next((index for index in range(0, len(words), 2) if words[index] != "--skill"), 0)
-    options = make_parser(words[command : command + 1]).parse_args(words)
+    options = make_parser([_command(words)]).parse_args(words)
     try:
         status: int = options.main(options)
     except UsageError as error:

@@ -9,8 +9,11 @@ thread only.
 
 from __future__ import annotations
 
+import contextlib
+import os
 import queue
 import signal
+import struct
 import sys
 import threading
 import time
@@ -38,6 +41,36 @@ AGAIN = 0.1
 
 CLOSING = 5.0
 """Seconds for which closing the record and the cell is not disturbed."""
+
+
+REPORT = struct.Struct("<Bd")
+"""A message to the launcher: a signal's number and when it was taken [s, monotonic]; or 0 and the exit status."""
+
+
+Report = Callable[[int, float], None]
+_launcher: Report | None = None
+
+
+def report_to(file: int) -> Report:
+    """Report each signal that this process takes, and what the caller adds, to the launcher behind a pipe."""
+    global _launcher
+    process = os.getpid()
+
+    def report(number: int, value: float) -> None:
+        if os.getpid() == process:  # a forked child has no launcher
+            with contextlib.suppress(OSError):
+                os.write(file, REPORT.pack(number, value))
+
+    _launcher = report
+    return report
+
+
+def _report(number: int) -> float:
+    """Tell the launcher that a signal was taken; returns when [s, monotonic]."""
+    now = time.monotonic()
+    if _launcher is not None:
+        _launcher(number, now)
+    return now
 
 
 class Terminated(KeyboardInterrupt):
@@ -79,6 +112,7 @@ def raising() -> Iterator[None]:
 
     def handle(number: int, _frame: FrameType | None) -> None:
         global _raised, _came
+        _report(number)
         _raised, _came = number, True
         raise error_of(number)
 
@@ -204,7 +238,7 @@ class RunSignals:
 
     def _handle(self, number: int, _frame: FrameType | None) -> None:
         global _came
-        before, self._last = self._last, time.monotonic()
+        before, self._last = self._last, _report(number)
         if self._phase is _Phase.RAISING:
             self._raised, _came = number, True
             raise error_of(number)

@@ -1,0 +1,133 @@
+"""The process that a shell waits for while a child of it carries the command out.
+
+Its exit status is 0 only if the command came to its own end and reported 0. A run that was replaced by another program
+(`os.exec*`), or ended by `exit(0)` in compiled code or `os._exit(0)`, has reported nothing and counts as failed.
+
+The child belongs to the same process group, so what a terminal sends reaches both. A signal that was sent to this
+process alone is passed on. The child is killed when this process dies.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import resource
+import select
+import signal
+import sys
+import time
+from collections.abc import Callable
+
+from pomona.executive.running.signals import REPORT, WORDS, report_to
+
+LEFT = 3
+"""Exit status of a command whose process ended with 0 before the command did."""
+
+HEARD = 0.05
+"""Time in which the child takes a signal that was sent to the whole group [s]; then the signal is passed on."""
+
+ECHO = 0.5
+"""Time within which the same signal is one request [s]: `timeout` sends it to a process and to its group."""
+
+_LEFT_WORDS = b"""the process of the run ended with status 0 before the run did: no success.
+It was replaced (os.exec), or a skill or a library ended it. The record, if any, is cut off there.
+"""
+
+_FOLLOWED = frozenset({*WORDS, signal.SIGCHLD})
+_END = 0
+_DEATH_SIGNAL = 1
+"""PR_SET_PDEATHSIG of Linux' prctl."""
+
+
+def in_child(work: Callable[[], int]) -> int:
+    """Carry a command out in a child process, where this returns; in the parent it returns when the child has ended.
+
+    Returns:
+        the exit status.
+    """
+    if sys.platform != "linux":
+        return work()
+    reading, writing = os.pipe()
+    before, parent = signal.pthread_sigmask(signal.SIG_BLOCK, _FOLLOWED), os.getpid()
+    child = os.fork()
+    if child:
+        os.close(writing)
+        return _Follower(child, reading).status()
+    os.close(reading)
+    ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGKILL)
+    if os.getppid() != parent:
+        os._exit(LEFT)
+    report = report_to(writing)
+    signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    try:
+        status = work()
+    except SystemExit as ended:
+        report(_END, ended.code if isinstance(ended.code, int) else int(ended.code is not None))
+        raise
+    report(_END, status)
+    return status
+
+
+class _Follower:
+    """The parent's side."""
+
+    def __init__(self, child: int, reading: int) -> None:
+        self._child, self._reading = child, reading
+        self._end: int | None = None
+        self._heard: dict[int, float] = {}
+        os.set_blocking(reading, False)
+
+    def status(self) -> int:
+        """Wait for the child's end, and pass signals on."""
+        if signal.getsignal(signal.SIGCHLD) is signal.SIG_IGN:  # then there would be no status to wait for
+            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+        ended = 0
+        while not ended:
+            told = signal.sigwaitinfo(_FOLLOWED)
+            if told.si_signo == signal.SIGCHLD:
+                ended, how = os.waitpid(self._child, os.WNOHANG)
+            elif told.si_code <= 0 and not self._has_heard(told.si_signo):  # sent by a process, not by the terminal
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(self._child, told.si_signo)
+        self._read()
+        code = os.waitstatus_to_exitcode(how)
+        if code < 0:
+            _die_by(-code)
+        if code == 0 and self._end is None:
+            with contextlib.suppress(OSError):
+                os.write(2, _LEFT_WORDS)
+            return LEFT
+        return code or self._end or 0
+
+    def _has_heard(self, number: int) -> bool:
+        """Return True when the child has taken this signal by itself just now."""
+        since, until = time.monotonic() - ECHO, time.monotonic() + HEARD
+        while True:
+            self._read()
+            if self._heard.get(number, 0.0) >= since:
+                return True
+            left = until - time.monotonic()
+            if left <= 0.0:
+                return False
+            select.select([self._reading], [], [], left)
+            if self._end is not None:
+                return True
+
+    def _read(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            while message := os.read(self._reading, REPORT.size):
+                number, value = REPORT.unpack(message)
+                if number == _END:
+                    self._end = int(value)
+                else:
+                    self._heard[number] = value
+
+
+def _die_by(number: int) -> None:
+    """End as the child did: a shell tells a crash by it. The child has left its core, if any."""
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    if number != signal.SIGKILL:
+        signal.signal(number, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {number})
+    os.kill(os.getpid(), number)
