@@ -7,11 +7,11 @@ import math
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.errors import PomonaError
+from pomona.executive.images import from_file
 from pomona.executive.recording.container import HEAD, MESSAGE_HEAD
 from pomona.executive.recording.folder import EVENTS
 from pomona.executive.recording.image_size import size_of_image
@@ -77,13 +77,12 @@ def _unpacked(image: bytes, depth: bytes, pinhole: Any) -> dict[str, str]:
     size = size_of_image(jpeg)
     if size_of_image(png) != size or not 0 < math.prod(size) <= MOST_PIXELS:
         return {}  # before anything is unpacked
-    colour = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
-    millimetres = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
-    if colour is None or millimetres is None or millimetres.ndim != 2 or colour.shape[:2] != millimetres.shape:
+    colour, millimetres = from_file(jpeg), from_file(png)
+    if colour.ndim != 3 or millimetres.ndim != 2 or colour.shape[:2] != millimetres.shape:
         return {}
     fx, fy, cx, cy = (float(pinhole[name]) for name in ("fx", "fy", "cx", "cy"))
     lens = Pinhole(fx, fy, cx, cy, np.asarray(pinhole["T_base_camera"], np.float64).reshape(4, 4))
-    return _packed(colour[..., ::-1], millimetres.astype(np.float32) * np.float32(1e-3), lens) or {}
+    return _packed(colour, millimetres.astype(np.float32) * np.float32(1e-3), lens) or {}
 
 
 def _coded(message: bytes) -> bytes:

@@ -11,12 +11,12 @@ import dataclasses
 import json
 from typing import Any
 
-import cv2
 import numpy as np
 
 from pomona.executive.dashboard.cloud import cloud_of
 from pomona.executive.encode import plain
 from pomona.executive.errors import PomonaError
+from pomona.executive.images import shrunk, to_jpeg
 from pomona.executive.running.events import Event, PortWritten, Published
 from pomona.executive.views import ImageView
 
@@ -86,6 +86,5 @@ def _rounded(value: Any) -> Any:
 def _data_url(image: np.ndarray[Any, Any]) -> str:
     scale = 960 / max(image.shape[1], 960)
     if scale < 1.0:
-        image = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    _ok, coded = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 80])
-    return "data:image/jpeg;base64," + base64.b64encode(coded.tobytes()).decode()
+        image = shrunk(image, scale)
+    return "data:image/jpeg;base64," + base64.b64encode(to_jpeg(image, 80)).decode()

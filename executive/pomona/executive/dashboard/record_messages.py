@@ -15,7 +15,6 @@ from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from pathlib import Path
 
-import cv2
 import orjson
 
 from pomona.executive.dashboard.cloud import cloud_in_record
@@ -133,7 +132,7 @@ def cloud(folder: Path, at: int) -> dict[str, str]:
     path = folder / EVENTS_FILE
     try:
         return cloud_in_record(path, at, _verdict(path)) if image(folder, at) is not None else {}
-    except (PomonaError, ValueError, KeyError, TypeError, AttributeError, cv2.error):
+    except (PomonaError, ValueError, KeyError, TypeError, AttributeError):
         return {}
 
 

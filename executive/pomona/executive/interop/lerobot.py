@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from pomona.executive.errors import UsageError
 from pomona.executive.extras import need
+from pomona.executive.images import from_file
 from pomona.executive.interop.episode import Episode, read_episode
 from pomona.executive.recording.new_place import made_whole
 
@@ -223,19 +224,18 @@ def _stats(values: NDArray[Any]) -> dict[str, Any]:
 
 def _image_stats(episode: Episode) -> Iterator[tuple[str, dict[str, Any]]]:
     """Of a few looks, by channel: colour from 0 to 1, depth in millimetres, shape (c, 1, 1)."""
-    import cv2  # who exports a run without images needs none
-
     for key, looks, unit in ((COLOUR, episode.colour, 255.0), (DEPTH, episode.depth, 1.0)):
         if looks is None:
             continue
         seen = sorted(set(looks[0].tolist()))
         pixels = []
         for k in seen[:: -(-len(seen) // STATED_LOOKS)]:
-            image = cv2.imdecode(np.frombuffer(looks[1][k], np.uint8), cv2.IMREAD_UNCHANGED)
-            if image is None:
-                raise UsageError(f"{episode.name}: an image cannot be decoded")
+            try:
+                image = from_file(looks[1][k])
+            except ValueError as error:
+                raise UsageError(f"{episode.name}: {error}") from error
             small = image[::STATED_STEP, ::STATED_STEP]
-            pixels.append((small[..., ::-1] if small.ndim == 3 else small[..., None]).reshape(-1, image.ndim * 2 - 3))
+            pixels.append((small if small.ndim == 3 else small[..., None]).reshape(-1, image.ndim * 2 - 3))
         rows = np.concatenate(pixels).astype(np.float64) / unit
         yield key, _described(rows, len(pixels), lambda row: row.reshape(-1, 1, 1))
 

@@ -20,10 +20,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from pomona.executive.errors import UsageError
+from pomona.executive.images import to_png
 from pomona.executive.recording.folder import DEVICES, events_file
 from pomona.executive.recording.json_text import parse_object
 from pomona.executive.recording.read import read_events
@@ -52,7 +52,7 @@ def extract(record: Path, folder: Path) -> dict[str, str]:
         return {**taken.finish(), **_measurements(record, folder)}
     except OSError as error:
         raise UsageError(f"{error.filename or folder}: {error.strerror or error}") from error
-    except (ValueError, TypeError, KeyError, AttributeError, IndexError, cv2.error) as error:
+    except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
         raise UsageError(f"{record}: what it holds cannot be taken apart: {error}") from error
 
 
@@ -86,10 +86,10 @@ class _Taken:
         label = f"{len(self._frames) + self._images + 1:04d}_{plain_name(topic)}"
         if view.depth is None:
             self._images += 1
-            _write_png(self._folder / "images" / f"{label}.png", view.image[..., ::-1])
+            _write_png(self._folder / "images" / f"{label}.png", view.image)
             return
         frames = self._folder / "frames"
-        _write_png(frames / f"{label}_color.png", view.image[..., ::-1])
+        _write_png(frames / f"{label}_color.png", view.image)
         _write_png(frames / f"{label}_depth_mm.png", np.rint(view.depth * 1e3).astype(np.uint16))
         height, width = view.image.shape[:2]
         frame: dict[str, Any] = {"label": label, "t": t, "caption": view.caption, "width": width, "height": height}
@@ -162,8 +162,7 @@ def _write_csv(path: Path, samples: Sequence[Mapping[str, Any]]) -> None:
 
 def _write_png(path: Path, image: np.ndarray[Any, Any]) -> None:
     path.parent.mkdir(exist_ok=True)
-    _ok, coded = cv2.imencode(".png", image)
-    path.write_bytes(coded.tobytes())
+    path.write_bytes(to_png(image))
 
 
 def _write_json(path: Path, content: Any) -> None:

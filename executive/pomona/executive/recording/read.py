@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from pomona.executive.errors import UsageError
+from pomona.executive.images import from_file
 from pomona.executive.recording.decode import ForeignRecordError, event_from
 from pomona.executive.recording.folder import EVENTS, events_file
 from pomona.executive.recording.image_size import size_of_image
@@ -67,13 +68,4 @@ def decode_image(text: str) -> np.ndarray[Any, Any]:
     width, height = size_of_image(coded)
     if not 0 < width * height <= MOST_PIXELS:
         raise ValueError(f"an image of {width} × {height} pixels is not read")
-    import cv2  # who lists records reads no images
-
-    try:
-        image = cv2.imdecode(np.frombuffer(coded, np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error as error:
-        raise ValueError("an image cannot be decoded") from error
-    if image is None:
-        raise ValueError("an image cannot be decoded")
-    rgb: np.ndarray[Any, Any] = image[..., ::-1] if image.ndim == 3 else image
-    return rgb
+    return from_file(coded)

@@ -12,10 +12,10 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pomona.executive.images import to_jpeg, to_png
 from pomona.executive.palette import MUTED, SCENE, rgb
 from pomona.executive.reasons import Reason
 from pomona.executive.recording.schemas import (
@@ -99,19 +99,18 @@ class Images:
         frame = f"camera/{topic}"
         if view.image is not None:
             if view.image is not self._last[0]:
-                self._last = view.image, _coded(".jpg", view.image[..., ::-1], JPEG)
-            if self._last[1]:
-                yield f"{IMAGES}{topic}", COMPRESSED_IMAGE, _image(stamp, frame, self._last[1], "jpeg")
+                self._last = view.image, _text(to_jpeg(view.image, QUALITY))
+            yield f"{IMAGES}{topic}", COMPRESSED_IMAGE, _image(stamp, frame, self._last[1], "jpeg")
         if view.depth is not None:
             metres = np.where(np.isfinite(view.depth), view.depth, np.float32(0.0))
             millimetres = np.rint(np.clip(metres * np.float32(1e3), 0, 65535)).astype(np.uint16)
-            if data := _coded(".png", millimetres, PNG):
-                yield f"{DEPTH}{topic}", COMPRESSED_IMAGE, _image(stamp, frame, data, "png")
+            yield f"{DEPTH}{topic}", COMPRESSED_IMAGE, _image(stamp, frame, _text(to_png(millimetres, LEVEL)), "png")
 
 
-JPEG = [cv2.IMWRITE_JPEG_QUALITY, 90]
-PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1]
-"""Fast: a record must not cost the run anything."""
+QUALITY = 90
+"""Of JPEG."""
+LEVEL = 1
+"""Of PNG's compression: fast, since a record must not cost the run anything."""
 
 
 def samples(topic: str, view: SeriesView) -> Iterator[Message]:
@@ -137,10 +136,8 @@ def time_of(stamp: int) -> dict[str, int]:
 # ------------------------------------------------------------------------------------------------- images
 
 
-def _coded(form: str, pixels: NDArray[Any], how: list[int]) -> str:
-    """The image file in base 64; empty where it cannot be coded."""
-    ok, coded = cv2.imencode(form, pixels, how)
-    return base64.b64encode(coded.tobytes()).decode() if ok else ""
+def _text(content: bytes) -> str:
+    return base64.b64encode(content).decode()
 
 
 def _image(stamp: int, frame: str, data: str, form: str) -> dict[str, Any]:

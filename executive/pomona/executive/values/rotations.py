@@ -1,6 +1,6 @@
-"""Rotations as files and messages write them, to and from matrices: one place, over scipy's Rotation.
+"""Rotations as files and messages write them, to and from matrices.
 
-numpy and scipy are imported where they are needed: a command that only reads a tree without poses waits for neither.
+numpy is imported where it is needed: a command that only reads a tree without poses does not wait for it.
 """
 
 from __future__ import annotations
@@ -16,10 +16,17 @@ if TYPE_CHECKING:
 
 def from_rpy(rpy: ArrayLike) -> Float64:
     """Rotation matrix, shape (3, 3), of turns about the fixed axes x, y, z, in this order, shape (3,) [rad]."""
-    from scipy.spatial.transform import Rotation
+    import numpy as np
 
-    R: Float64 = Rotation.from_euler("xyz", rpy).as_matrix()
-    return R
+    angles = np.asarray(rpy, np.float64)
+    (cr, cp, cy), (sr, sp, sy) = np.cos(angles), np.sin(angles)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
 
 
 def from_quaternion(q_xyzw: ArrayLike) -> Float64:
@@ -28,10 +35,20 @@ def from_quaternion(q_xyzw: ArrayLike) -> Float64:
     Raises:
         ValueError: its length is zero.
     """
-    from scipy.spatial.transform import Rotation
+    import numpy as np
 
-    R: Float64 = Rotation.from_quat(q_xyzw).as_matrix()
-    return R
+    q = np.asarray(q_xyzw, np.float64)
+    length = float(np.linalg.norm(q))
+    if not length > 0.0:
+        raise ValueError("a quaternion of norm zero is no rotation")
+    x, y, z, w = q / length
+    return np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+            [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+    )
 
 
 def to_quaternion(R: ArrayLike) -> Float64:
@@ -40,10 +57,22 @@ def to_quaternion(R: ArrayLike) -> Float64:
     Raises:
         ValueError: the matrix mirrors or flattens: it is no rotation.
     """
-    from scipy.spatial.transform import Rotation
+    import numpy as np
 
-    q_xyzw: Float64 = Rotation.from_matrix(R).as_quat(canonical=True)
-    return q_xyzw
+    M = np.asarray(R, np.float64)
+    if not np.linalg.det(M) > 0.0:
+        raise ValueError("a matrix with a determinant that is not positive is no rotation")
+    # Bar-Itzhack 2000: the eigenvector of the largest eigenvalue is the nearest rotation's, also where M is inexact.
+    K = np.array(
+        [
+            [M[0, 0] - M[1, 1] - M[2, 2], 0.0, 0.0, 0.0],
+            [M[0, 1] + M[1, 0], M[1, 1] - M[0, 0] - M[2, 2], 0.0, 0.0],
+            [M[0, 2] + M[2, 0], M[1, 2] + M[2, 1], M[2, 2] - M[0, 0] - M[1, 1], 0.0],
+            [M[2, 1] - M[1, 2], M[0, 2] - M[2, 0], M[1, 0] - M[0, 1], np.trace(M)],
+        ]
+    )
+    q: Float64 = np.linalg.eigh(K)[1][:, 3]
+    return -q if q[3] < 0.0 else q
 
 
 def is_rigid(T: Float64) -> bool:
