@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import re
@@ -142,7 +143,7 @@ def test_whatever_events_say_no_command_ends_in_a_traceback(
 def test_a_row_of_the_index_with_anything_in_it_is_read_from_its_record(tmp_path: Path, change: str) -> None:
     write(tmp_path / "a", RUN[:1])
     before = RunIndex(tmp_path).read()
-    with sqlite3.connect(tmp_path / INDEX_FILE) as file:
+    with contextlib.closing(sqlite3.connect(tmp_path / INDEX_FILE, isolation_level=None)) as file:
         file.execute(f"UPDATE runs SET {change}")
     index = RunIndex(tmp_path)
     found = index.read()

@@ -82,7 +82,7 @@ def test_the_wrong_reply_id_is_a_gripper_that_does_not_answer(tmp_path: Path, bu
         ("can: {interface: socketcan, channel: can77}", r"CAN interfaces of this machine"),
         ("can: {interface: carrier-pigeon}", "carrier-pigeon"),
         ("can: {reply_id: 4711}", "must be between 0 and 2047"),
-        ("{}", "not YAML|either 'tcp' or 'can'"),
+        ("{}", "either 'tcp' or 'can'|not YAML"),
         ("tcp: h\ncan: {}", "either 'tcp' or 'can'"),
         ("tcp: h\nsoft_limits: [10 mm, 90 mm]", "cannot lie below finger_offset"),
         ("tcp: h\nwatchdog: 100 mm", "'mm' is no unit of time"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sqlite3
 from pathlib import Path
 
@@ -91,7 +92,7 @@ def test_an_older_index_is_brought_to_the_schema_of_today(runs: Path) -> None:
     added = "ALTER TABLE runs ADD COLUMN note TEXT; UPDATE runs SET stamp = 0"
     entries = RunIndex(runs, (*MIGRATIONS, added)).read()
     assert len(entries) == 2
-    with sqlite3.connect(runs / INDEX_FILE) as file:
+    with contextlib.closing(sqlite3.connect(runs / INDEX_FILE, isolation_level=None)) as file:
         assert file.execute("PRAGMA user_version").fetchone() == (len(MIGRATIONS) + 1,)
         assert [row[0] for row in file.execute("SELECT note FROM runs")] == [None, None]
 
@@ -101,7 +102,7 @@ def test_a_newer_index_is_left_alone(runs: Path) -> None:
     index = RunIndex(runs)
     assert len(index.read()) == 2
     assert f"version {len(MIGRATIONS) + 1}, this Pomona knows {len(MIGRATIONS)}" in index.problem
-    with sqlite3.connect(runs / INDEX_FILE) as file:
+    with contextlib.closing(sqlite3.connect(runs / INDEX_FILE, isolation_level=None)) as file:
         assert file.execute("PRAGMA user_version").fetchone() == (len(MIGRATIONS) + 1,)
 
 

@@ -153,6 +153,7 @@ def test_a_device_has_one_owner_under_all_its_names() -> None:
 
     cell = FakeCell()
     cell.wheel.interfaces = (Wheel, Spin)  # type: ignore[attr-defined]
+    cell.interfaces = lambda: (Wheel, Spin)  # type: ignore[method-assign, assignment, return-value]
     cell.device = lambda _interface: cell.wheel  # type: ignore[method-assign, assignment, return-value]
     computations = Computations()
     context = RunContext(cell, computations, 0, lambda *_: None)

@@ -319,7 +319,7 @@ def test_a_million_steps_leave_nothing_behind() -> None:
         controller.step(1.0 + 0.002 * i, 500 + i, wrenches)
     grown = tracemalloc.get_traced_memory()[0] - before
     tracemalloc.stop()
-    assert grown < 8000  # less than three bytes a step: other threads of the test run allocate, too
+    assert grown < 12_000  # four bytes a step: other threads of the test run allocate, too
 
 
 def test_a_pushed_fruit_that_hops_from_one_finger_to_the_other_is_still_grasped() -> None:

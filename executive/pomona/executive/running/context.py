@@ -162,7 +162,10 @@ class RunContext:
 
     def _offered(self, interfaces: Sequence[type]) -> tuple[type, ...]:
         """All interfaces of the devices that have one of these: a device has one owner, whatever it is called."""
-        found = [(one, *getattr(self._cell.device(one), "interfaces", ())) for one in interfaces]
+        there = self._cell.interfaces() if interfaces else ()  # a dry run has no device
+        found = [
+            (one, *getattr(self._cell.device(one), "interfaces", ())) if one in there else (one,) for one in interfaces
+        ]
         return tuple(dict.fromkeys(interface for offered in found for interface in offered))
 
     def _note_refusal(self, error: NotOwnerError) -> None:

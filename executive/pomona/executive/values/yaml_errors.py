@@ -53,6 +53,7 @@ def report_unreadable(source: Source, error: Any, findings: Findings, modifiers:
     for found in (
         _unclosed_quote(source, first, line),
         _unclosed_bracket(source, opened, line) if opened is not None else None,
+        _item_among_keys(source, line),
         _missing_mark(source, first, line, column),
         _misplaced(source, line, modifiers),
     ):
@@ -98,7 +99,9 @@ def _unclosed_bracket(source: Source, opened: Any, line: int) -> _Found | None:
             missing = _CLOSING[match[0]] + missing
         elif match[0] in "]}":
             missing = missing[1:]
-    here = line == start + 1 and missing and not text[:end].endswith(",")
+    if not missing:
+        return None
+    here = line == start + 1 and not text[:end].endswith(",")
     edits = [Edit(start, end + 1, 0, missing)] if here else []
     where = f"add {missing} at the end of the line" if here else f"add {_CLOSING[bracket]} where it ends"
     message = f"the {bracket} that opens here is not closed: {where}"
@@ -128,6 +131,20 @@ def _missing_mark(source: Source, first: int, line: int, column: int) -> _Found 
     start = text.index(value, key.end()) + 1
     message = f"the value of '{key[1]}' holds a colon: put it in quotes"
     return Spot(source, line, start, len(value)), message, [Edit(line, start, len(value), f'"{value}"')]
+
+
+def _item_among_keys(source: Source, line: int) -> _Found | None:
+    """An item of a list at the column of a mapping's keys."""
+    text = source.excerpt(line)
+    stands = len(text) - len(text.lstrip()) + 1
+    blocks = _open_blocks(source, line)
+    if not text[stands - 1 :].startswith("- ") or any(block.is_list for block in blocks):
+        return None
+    above = next((block for block in blocks if block.column == stands), None)
+    if above is None or source.excerpt(_line_before(source, line)).rstrip().endswith(":"):
+        return None
+    message = f"this list item stands among keys, below '{above.name}': a list belongs under a key of its own"
+    return Spot(source, line, stands), message, []
 
 
 def _misplaced(source: Source, line: int, modifiers: Collection[str]) -> _Found | None:

@@ -76,7 +76,7 @@ def test_unknown_name_lists_what_there_is() -> None:
         ("symmetry_axis: [0, 0, 0]", "zero vector"),
         ("colour: [2, 0, 0]", "between 0 and 1"),
         ("taste: sweet", r"fruit.yaml:5:1.*no setting 'taste'"),
-        ("- a list", "not YAML"),
+        ("- a list", "list item stands among keys, below 'symmetry_axis'"),
         ("name: " + "[" * 100 + "]" * 100, "levels deep"),
     ],
 )
