@@ -189,7 +189,8 @@ root:
     - check: "{measured.inlier_ratio} > 0.6"
 """,
         "8:34: error[unknown-code]: Refine cannot fail with TOO_HEAVY; it can with AT_BOUND, BAD_VALUE, "
-        "NOT_ITS_SHAPE, NO_DEPTH, RENDER_FAILED, SIZE_OUT_OF_RANGE, TOO_FEW_INLIERS",
+        "DEPTH_MISMATCH, NOT_ITS_SHAPE, NO_DEPTH, POSE_MISMATCH, RENDER_FAILED, SIZE_OUT_OF_RANGE, "
+        "TOO_FEW_INLIERS",
     ),
     "btcpp": WrongTree(
         """\
