@@ -120,15 +120,20 @@ DECISION = re.compile(r"^\*Decision (\d+) · (\d{4}-\d\d-\d\d) · ([^*\n]+)\*$",
 
 
 def decisions(pages: list[Path]) -> str:
-    """The index of decisions: number, title, date and status, the newest first."""
-    rows = []
+    """Return the index of decisions, the newest first: those in force, then the archive."""
+    tables: dict[bool, list[tuple[int, str]]] = {True: [], False: []}
     for page in pages:
         number, date, status = DECISION.search(page.read_text("utf-8")).groups()  # type: ignore[union-attr]
         link = f"[{title_of(page)}](../{page.relative_to(DOCS).as_posix()})"
-        rows.append((int(number), f"| {number} | {link} | {date} | {status} |"))
-    table = "\n".join(row for _number, row in sorted(rows, reverse=True))
-    intro = "What was tried, measured and chosen, and why."
-    return f"# Decisions\n\n{intro}\n\n| | decision | taken | status |\n|---|---|---|---|\n{table}\n"
+        tables[status == "in force"].append((int(number), f"| {number} | {link} | {date} | {status} |"))
+    head = "| | decision | taken | status |\n|---|---|---|---|\n"
+    force, archive = (
+        head + "\n".join(row for _number, row in sorted(tables[key], reverse=True)) for key in (True, False)
+    )
+    return (
+        f"# Decisions\n\nDesign decisions with their measurements.\n\n{force}\n\n## Archive\n\n"
+        f"Approaches that were tried and not kept, and decisions that a later one replaced.\n\n{archive}\n"
+    )
 
 
 write("index.md", first_page())
