@@ -1,1 +1,1 @@
-"""Many runs: what varies, in a file; local processes; results that survive a kill; a report."""
+"""Campaigns: many runs from one file, results that survive a kill, a report."""

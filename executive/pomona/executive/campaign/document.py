@@ -74,7 +74,7 @@ class SvgPlot:
 
 @dataclass(frozen=True, slots=True)
 class PagePicture:
-    """A picture in a file, by its path from the document; `about` says what it shows to who cannot see it."""
+    """A picture file, by its path from the document; `about` is its alternative text."""
 
     path: str
     about: str

@@ -1,21 +1,21 @@
-"""What a campaign file may hold.
+"""Schema of campaign files.
 
 pomona: 1
 campaign: paper
 tree: pick_apple
 cell: sim
-seeds: 3                          # a count: each combination has seeds of its own, all arms the same; or a list: these
+seeds: 3                          # a count: each combination has its own seeds, equal for all arms; or a list of seeds
 vary:                             # every combination; keys as for --set: parameters of the tree, options of the cell
   fruit: [apple_1, apple_2]
   place: [1, 2, 3]
 set: {others: 0}                  # the same for every run
-arms:                             # what is compared
+arms:                             # variants to compare
   refined:   {}
   unrefined: {set: {refine: none}, seeds: 1, only: {fruit: [apple_2]}}
   the paper: {tree: pick_apple_paper}
-score:                            # beside what the cell counts
-  success: [lifted]               # what the simulated world must say, beside the tree's success
-  figures: [slip_mm]              # of the world's truth, in the report before the cell's
+score:                            # in addition to the cell's own score
+  success: [lifted]               # ground truth that a success also needs
+  figures: [slip_mm]              # of the ground truth, first in the report
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ class OrNothing(Section["ArmSection"]):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmSection:
-    """What one arm has of its own."""
+    """Settings of one arm."""
 
     tree: YamlScalar | None = value(AsWritten(), None, "a tree: a file, or the name of an installed one")
     cell: YamlScalar | None = value(AsWritten(), None, "a cell: a file, or the name of an installed one")
@@ -123,7 +123,7 @@ class ArmSection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CampaignSection:
-    """Many runs: what varies, what is compared, what counts."""
+    """A campaign: values to vary, arms to compare, the score."""
 
     pomona: str = value(Text("1"), "1", "version of the language")
     campaign: str = value(Text(), help="the campaign's name")

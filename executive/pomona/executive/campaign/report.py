@@ -1,4 +1,4 @@
-"""What a campaign showed: success by what was varied, arms compared, figures with their spread, failures by code."""
+"""Report of a campaign: success rates, arms compared, figures with their spread, failures by code."""
 
 from __future__ import annotations
 
@@ -254,7 +254,7 @@ def failures(campaign: Campaign, results: Sequence[Result]) -> list[Table | Para
 
 
 def failure_code(run: Result, conditions: tuple[str, ...]) -> str:
-    """The code of what went wrong; NOT_ and what the world denies when the tree was content, as in NOT_LIFTED."""
+    """Return the failure code. If only the ground truth denies the success: NOT_ and its name, as in NOT_LIFTED."""
     reason = run.get("reason")
     if reason:
         return str(reason.get("code"))
@@ -263,7 +263,7 @@ def failure_code(run: Result, conditions: tuple[str, ...]) -> str:
 
 
 def failure_message(run: Result) -> str:
-    """What went wrong, in words."""
+    """Return the reason as a sentence."""
     reason = run.get("reason")
     return str(reason.get("message")) if reason else "the tree succeeded, the simulated world says otherwise"
 

@@ -57,11 +57,11 @@ def run_order(order: RunOrder) -> Result:
 
 
 def read_results(folder: Path, on_problem: Callable[[str], None] = lambda _problem: None) -> dict[str, Result]:
-    """Finished runs by name. A last line that was cut off by a kill is left out.
+    """Return finished runs by name, without a last line that a kill cut off.
 
     Args:
         folder: of the campaign.
-        told: is told of each line that is no result, or not the one that was written; such runs are made again.
+        told: receives a sentence for each invalid or changed line; such runs are made again.
     """
     path = folder / RESULTS
     if not path.is_file():
@@ -87,10 +87,10 @@ def line_of(result: Result) -> bytes:
 
 
 def result_of(line: bytes) -> Result:
-    """A line's result.
+    """Return the result of a line.
 
     Raises:
-        ValueError: it is no result, or its checksum says that it is not the one that was written.
+        ValueError: the line is no result, or its checksum is wrong.
     """
     result = parse_object(line)
     text, found, crc = line.rstrip().removesuffix(b'"}').rpartition(b',"crc32":"')
@@ -121,7 +121,7 @@ def _mapping(result: Result, key: str) -> Mapping[str, Any]:
 def finished_runs(
     campaign: Campaign, folder: Path, on_problem: Callable[[str], None] = lambda _problem: None
 ) -> dict[str, Result]:
-    """Results of this campaign's runs, in its order; `told` is told of lines that do not count.
+    """Return the results of this campaign's runs in its order; `told` receives the invalid lines.
 
     Raises:
         UsageError: the folder holds results of runs of the same name with another tree, cell or setting.
@@ -144,21 +144,21 @@ def run_campaign(
     progress: Progress = lambda _result, _done, _of: None,
     record: bool = False,
 ) -> dict[str, Result]:
-    """Run what is not done yet.
+    """Make the runs that have no result yet.
 
     Args:
         campaign: planned.
         folder: where results are kept.
-        engine: what runs them.
+        engine: runs them.
         progress: called with each result, the number done and the number of all.
-        record: keep a record of every run, too, in the folder's `records`.
+        record: also keep a record of each run, in the folder's `records`.
 
     Returns:
         the results of the campaign's runs by name.
 
     Raises:
-        UsageError: the folder holds results of another campaign, another process is writing there, or the disk is full:
-            what was written stays, and the same command goes on from there.
+        UsageError: the folder holds results of another campaign, another process writes there, or the disk is full.
+            Written results stay, and the same command continues.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with _append(folder / RESULTS) as stream:
@@ -200,7 +200,7 @@ def _write(stream: FileIO, line: bytes) -> None:
 
 @contextmanager
 def _append(path: Path) -> Iterator[FileIO]:
-    """The file of results, for this process alone; what a kill or a full disk left of a last line is cut off."""
+    """Open the file of results for this process alone; an incomplete last line is removed."""
     with FileIO(path, "a+") as stream:
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)

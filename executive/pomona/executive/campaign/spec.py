@@ -35,11 +35,11 @@ class CampaignRun:
     """One run of a campaign.
 
     Attributes:
-        name: the same whenever the campaign is planned again.
-        arm, varied: what it compares, and the values of what varies.
-        number: of its seed among those of its combination, from 0.
+        name: stable when the campaign is planned again.
+        arm, varied: its arm, and its values of the varied settings.
+        number: of its seed within its combination, from 0.
         order: for `execute`.
-        fingerprint: of tree, cell, seed and settings; a result counts for this run only when it has the same.
+        fingerprint: of tree, cell, seed and settings; a result belongs to this run only if its fingerprint is equal.
     """
 
     name: str
@@ -63,7 +63,7 @@ class Campaign:
 
     @property
     def conditions(self) -> tuple[str, ...]:
-        """What a simulated world must say of a success."""
+        """Names of the ground truth that a success needs."""
         return self.score.success or ()
 
     def only(self, runs: Sequence[CampaignRun]) -> Campaign:
@@ -95,10 +95,10 @@ class _Arm:
 
 
 def read_campaign(path: Path) -> Campaign:
-    """Read and plan a campaign file, and judge its runs: nothing is wrong with what is returned.
+    """Read, plan and check a campaign file.
 
     Raises:
-        UsageError: everything that is wrong, with line and column.
+        UsageError: lists all mistakes with line and column.
     """
     findings = Findings()
     campaign = judge_campaign(path, findings)
@@ -151,7 +151,7 @@ class _Planner:
         return Campaign(said.campaign, said.description, vary, tuple(arm.name for arm in arms), runs, score)
 
     def arms(self, whole: _Arm) -> list[_Arm]:
-        """What is compared."""
+        """The arms."""
         written = self.placed.node.get("arms")
         arms = []
         for name, said in self.placed.values.arms.items():
@@ -188,7 +188,7 @@ class _Planner:
                 self.findings.error(key, "unknown-setting", message, hint)
 
     def known(self, arm: _Arm) -> frozenset[str]:
-        """What can be set there."""
+        """Return the settings of tree and cell."""
         return frozenset(self.document(arm.tree).main.parameters) | self.options_of(arm.cell)
 
     def check_only(self, only: Mapping[str, tuple[YamlScalar, ...]], keys: Mapping[str, YamlScalar]) -> None:
@@ -203,9 +203,9 @@ class _Planner:
                     self.findings.error(value, "unknown-value", f"'{name}' is never '{value.text}'", hint)
 
     def judge(self, arm: _Arm) -> bool:
-        """Each value of what varies, with the first values of the others, as each run will be judged again.
+        """Yield each varied value with the first values of the others, as each run will be checked again.
 
-        What nobody knows, or is never so, has a finding already and is left out.
+        Unknown settings have a finding already and are left out.
         """
         vary = {
             key: [value for value in values if key not in arm.only or value.text in arm.only[key]] or [*values]

@@ -1,6 +1,6 @@
-"""A record as an episode to learn from: what was observed and done at equal steps of time.
+"""A record as an episode for learning: observations and actions at equal steps of time.
 
-Each value is the newest that had been measured by then, as it stands in the record: nothing is interpolated.
+Each value is the newest measurement at that time, without interpolation.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ class Channel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Episode:
-    """What a policy could have seen and done in one run.
+    """Observations and actions of one run.
 
     Attributes:
         name: of the record; tree: of the run.
         succeeded: how the run ended.
         times: of the steps, shape (n,) [s of the run's clock], at equal distances.
-        state: joints [rad] and openings [m], shape (n, m); `state_names` says which.
+        state: joints [rad] and openings [m], shape (n, m); named by `state_names`.
         wrench: forces [N] and torques [N·m] of the fingers, shape (n, k), or None.
         colour, depth: the newest look's JPEG and 16-bit PNG [mm] at each step as indices into a list of files, or None.
         size: width and height of both [px].
@@ -67,19 +67,19 @@ class Episode:
 
     @property
     def action(self) -> Float64:
-        """What was done: the state one step later, shape and units of `state`; at the end it holds."""
+        """The actions: the state one step later, in the shape and units of `state`; the last one repeats."""
         return np.concatenate([self.state[1:], self.state[-1:]])
 
 
 def read_episode(record: Path, rate: float) -> Episode:
-    """The episode of a record.
+    """Return the episode of a record.
 
     Args:
         record: a record's folder or file.
         rate: steps a second.
 
     Raises:
-        UsageError: the record cannot be read, or holds nothing to learn from; says what is missing.
+        UsageError: the record cannot be read, or lacks joints or openings.
     """
     try:
         return _Taken(record).episode(rate)

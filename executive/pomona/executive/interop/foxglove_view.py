@@ -1,7 +1,6 @@
-"""A run in Foxglove while it goes on: its WebSocket protocol, by its own SDK (the extra `foxglove`).
+"""A running run in Foxglove, through its SDK (extra `foxglove`).
 
-It shows and takes nothing: nobody can act through it. It listens on this machine's own address only; others reach it
-through a tunnel.
+The view accepts no commands. It listens on the local address only; use a tunnel for other machines.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ BACKLOG = 256
 """Messages that wait for a slow viewer; of more, the oldest are dropped."""
 
 KEPT = (SCENE_UPDATE.name, CAMERA_CALIBRATION.name, "foxglove.CompressedImage", "foxglove.PointCloud")
-"""What is said once and stays: who comes later gets the newest."""
+"""Latched topics: a later subscriber receives the newest message."""
 
 
 class FoxgloveView:
@@ -77,7 +76,7 @@ class FoxgloveView:
         self._server.stop()
 
     def _again(self, channel_id: int) -> None:
-        """Somebody has subscribed: what stays is said again."""
+        """Send the latched message to a new subscriber."""
         with self._lock:
             kept = self._kept.get(channel_id)
         if kept is not None:
@@ -95,7 +94,7 @@ class _Listener:
         self._say_again(channel.id)
 
     def __getattr__(self, name: str) -> Any:
-        """What else the SDK may call is of no interest."""
+        """Ignore the other callbacks of the SDK."""
         if name.startswith("on_"):
             return lambda *_arguments: None
         raise AttributeError(name)

@@ -23,7 +23,7 @@ from pomona.executive.recording.new_place import made_whole
 EXTRA = "lerobot"
 VERSION = "v3.0"
 RATE = 10
-"""Steps a second, unless somebody says otherwise."""
+"""Default step rate [1/s]."""
 MOST = 1000
 """Steps a second: no device of a record measures more often."""
 
@@ -50,14 +50,15 @@ def export_lerobot(records: Sequence[Path], folder: Path, rate: int = RATE, task
         records: folders or files.
         folder: of the dataset; there must be none yet.
         rate: steps a second.
-        task: what was to be done, in words; by default the tree's name.
+        task: description of the task; by default the tree's name.
 
     Returns:
-        for each feature, what it holds.
+        a description of each feature.
 
     Raises:
-        UsageError: the extra is not installed, the rate is none, the folder is there already or cannot be written, or a
-            record cannot be read or holds other things than the first.
+        UsageError: the extra is missing, the rate is invalid, the folder exists or cannot be written, or a record
+        cannot
+            be read or has other features than the first.
     """
     pyarrow = need("pyarrow", EXTRA, "a dataset of LeRobot")
     need("pyarrow.parquet", EXTRA, "a dataset of LeRobot")
@@ -134,7 +135,7 @@ class _Dataset:
         self._write(meta / "episodes" / "chunk-000" / "file-000.parquet", pa.Table.from_pylist(self._episodes))
 
     def told(self) -> Mapping[str, str]:
-        """What was written, for people."""
+        """Return the features as text for the operator."""
         shown = {
             key: f"{about['dtype']} {' × '.join(map(str, about['shape']))}" for key, about in self._features.items()
         }

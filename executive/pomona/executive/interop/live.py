@@ -1,8 +1,8 @@
-"""A run to viewers while it goes on: a thread of its own translates what happens and hands it to every sink.
+"""Live views: a thread translates the events of a run and passes them to every sink.
 
-The tick only puts events into a queue and never waits: what the sinks cannot follow is dropped, oldest first, counted,
-and said at the end. The messages are those of a record (`pomona.executive.recording.well_known`), so live and recorded
-views agree; times are nanoseconds since 1970.
+The tick puts events into a queue and never waits. If the sinks are slow, the oldest events are dropped and counted; the
+run reports the count at its end. The messages are those of a record (`pomona.executive.recording.well_known`), so live
+and recorded views agree; times are nanoseconds since 1970.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ EVERY = 0.01
 MOST = 2000
 """Events that wait; some seconds of a run."""
 CLOSING = 2.0
-"""Seconds that the sinks have for what still waits at the end."""
+"""Time for the remaining events at the end [s]."""
 
 
 class Sink(Protocol):
@@ -70,7 +70,7 @@ class Live:
 
     @property
     def dropped(self) -> int:
-        """Events and readings that nobody saw, since the sinks were too slow."""
+        """Number of events and readings that were dropped because the sinks were too slow."""
         return max(self._put - self._taken - len(self._queue), 0)
 
     def on_event(self, event: Event) -> None:
@@ -81,13 +81,13 @@ class Live:
             self._wake.set()
 
     def read(self, t: float, tick: int, readings: Mapping[str, Mapping[str, Any]]) -> None:
-        """Take what the cell's devices measured; returns at once."""
+        """Queue readings of the cell's devices; returns at once."""
         if readings:
             self._put += 1
             self._queue.append((t, tick, readings))
 
     def close(self) -> None:
-        """Show what is left, for a while, and let go of the sinks."""
+        """Show the remaining events for `CLOSING`, then close the sinks."""
         self._closing = True
         self._wake.set()
         self._thread.join(CLOSING + 1.0)
@@ -110,7 +110,7 @@ class Live:
         self._each(lambda sink: sink.close())
 
     def _take(self, taken: Any) -> None:
-        """Show an event or readings; to a sink that fails with them, what stands in their place."""
+        """Show an event or readings; a sink that fails receives the error in their place."""
         if isinstance(taken, RunStarted):
             self._began = round((taken.wall_time - taken.t) * 1e9)
         try:
@@ -127,7 +127,7 @@ class Live:
                 self._each(lambda sink, shows=instead: [show(sink) for show in shows], [sink])
 
     def _shows(self, taken: Any) -> list[Callable[[Sink], None]]:
-        """What each sink is called with, in order."""
+        """Yield the calls for each sink, in order."""
         if not isinstance(taken, Event):
             t, tick, readings = taken
             messages = [
@@ -145,7 +145,7 @@ class Live:
         return [*shows, *(partial(_send, *message, stamp) for message in messages)]
 
     def _each(self, do: Any, sinks: Sequence[Sink] | None = None) -> None:
-        """A sink that fails is told once and left alone: nothing that shows a run may end it."""
+        """Report a failed sink once and stop using it: a view never ends a run."""
         for sink in tuple(self._sinks if sinks is None else sinks):
             try:
                 do(sink)

@@ -11,7 +11,7 @@ from pomona.executive.values.octree import OCCUPIED, octree
 
 
 def octomap(points: Any, resolution: float) -> Mapping[str, Any]:
-    """The fields of octomap_msgs/Octomap but its header. What is not occupied is unknown.
+    """Return the fields of octomap_msgs/Octomap without its header. Cells that are not occupied are unknown.
 
     Args:
         points: centres of occupied cells, shape (n, 3) [m].

@@ -1,7 +1,6 @@
-"""What happened, as one page that can be sent to somebody: it needs nothing but a browser.
+"""A run as one self-contained HTML page.
 
-Everything is in the file: what happened in sentences, the tables, and the looks as they were recorded, with what was
-drawn over them.
+The file holds the explanation, the tables and the recorded images with their overlays.
 """
 
 from __future__ import annotations
@@ -55,7 +54,7 @@ _HEAD = """<!doctype html>
 
 @dataclass(frozen=True, slots=True)
 class _Look:
-    """A picture as it was recorded, and what was drawn over it last."""
+    """A recorded picture with its last overlay."""
 
     topic: str
     jpeg: str
@@ -89,11 +88,10 @@ def write_failures(records: Sequence[Path], file: Path) -> int:
 
 
 def write_run(record: Path, file: Path) -> None:
-    """Write the page of one run: what happened in sentences, the run in one picture, its tables, and every look with
-    what was drawn over it last.
+    """Write the page of one run: explanation, picture, tables, and every image with its last overlay.
 
     Raises:
-        UsageError: the file is there already or cannot be written, or the record cannot be believed.
+        UsageError: the file exists or cannot be written, or the record is damaged.
     """
     refuse_taken(file)
     body = f"{_whole(record)}{''.join(_tables(record))}"

@@ -1,7 +1,7 @@
-"""A run on ROS 2 while it goes on: topics of what happens, services that act, an action that runs a tree.
+"""A running run on ROS 2: topics of its events, services that act, an action that runs a tree.
 
-Who acts needs what the dashboard's page needs: the token of this start, and, for all but a safe stop, control, which
-one operator has at a time. Bound to another address than this machine's, it shows and lets nobody act.
+A caller needs the token of this start and, except for a safe stop, control, which one operator has at a time. At
+another address than the local one the bridge accepts no commands.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from pomona.executive.views import ImageView
 ACT, RUN_TREE = "pomona_msgs/srv/Act", "pomona_msgs/action/RunTree"
 ACTIONS = ("take", "release", "pause", "resume", "step", "stop", "speed", "safe_stop", "acknowledge")
 AGAIN = 1.0
-"""Seconds after which the diagnostics are said again: who comes late knows how the devices are."""
+"""Period of the diagnostics, for late subscribers [s]."""
 EXECUTING, SUCCEEDED, CANCELED, ABORTED = 2, 4, 5, 6
 """action_msgs/GoalStatus."""
 MOST_NAME = 60
@@ -62,7 +62,7 @@ class Ros2Bridge:
         Args:
             peer: our node.
             control: what acts on the run, one operator at a time.
-            acts_with: whether who shows this token may act.
+            acts_with: returns True if a token may act.
             start: begins runs, where that can be done.
         """
         self._peer, self._control, self._start = peer, control, start
@@ -143,7 +143,7 @@ class Ros2Bridge:
         """The viewer's id and the operator's name.
 
         Raises:
-            RefusedError: the token is wrong, or nobody says who acts.
+            RefusedError: the token is wrong, or the operator's name is missing.
         """
         if not self._acts_with(asked.token):
             raise RefusedError("acting needs the token that was printed at the start, on this machine")
@@ -172,7 +172,7 @@ class Ros2Bridge:
         """Begin its run. It is the goal before that: a run may be over before this returns.
 
         Raises:
-            RefusedError: a run is going on, or what starts runs refuses it.
+            RefusedError: a run is going on, or the launcher refuses the start.
             UsageError: the tree or cell cannot be used.
         """
         assert self._start is not None
@@ -268,7 +268,7 @@ def _number(detail: str) -> int:
 
 
 def _form(asked: Any, viewer: str, who: str) -> dict[str, Any]:
-    """What the page's form would hold.
+    """Return the start form's values.
 
     Raises:
         UsageError: names and values do not belong together.

@@ -165,7 +165,7 @@ def _maps(topic: str, clouds: Any, at: int) -> Iterator[RosMessage]:
 
 
 def diagnostics(at: int, states: Mapping[str, str]) -> RosMessage:
-    """The devices' state by name: 'ok', or what is wrong."""
+    """Return the devices' state by name: 'ok', or the problem."""
     status = [
         {"level": 0 if state == "ok" else 2, "name": f"pomona: {name}", "message": state, "hardware_id": name}
         for name, state in states.items()

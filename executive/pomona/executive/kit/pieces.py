@@ -1,4 +1,4 @@
-"""A skill, a node type, and a tree that uses them, as somebody would begin them."""
+"""Templates of a skill, a node type, and a tree that uses them."""
 
 from __future__ import annotations
 

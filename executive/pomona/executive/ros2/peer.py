@@ -34,7 +34,7 @@ _HEAD = struct.Struct("<qqB")
 
 Reply = Callable[[Mapping[str, Any]], None]
 Handler = Callable[[Any, Reply], None]
-"""Takes a request's message and what answers it with fields, now or later."""
+"""Receives a request and the function that answers it with fields, now or later."""
 
 WAITING = 16
 """Requests to a service that wait to be handled; more are refused at once."""
@@ -46,10 +46,10 @@ class Ros2Peer:
     def __init__(self, address: str = ADDRESS, node: str = "pomona", domain: int = 0, insist: bool = False) -> None:
         """
         Args:
-            address: HOST:PORT; listened at as a router, or connected to when somebody does already.
+            address: HOST:PORT; listened at as a router, or connected to if a router listens there.
             node: its name; domain: ROS_DOMAIN_ID.
-            insist: somebody who listens there already must answer now; else it is tried again and again, as devices
-                need it, which have deadlines of their own.
+            insist: a listening router must answer now; otherwise the connection is retried, as devices with deadlines
+                of their own need it.
 
         Raises:
             UsageError: the extra is not installed, or the address cannot be used.
@@ -97,7 +97,7 @@ class Ros2Peer:
         return config
 
     def publish(self, topic: str, kind: str, coded: Any, stamp: int) -> None:
-        """Send a message. Never waits for a subscriber: what a slow one cannot take is dropped.
+        """Send a message without waiting; messages for a slow subscriber are dropped.
 
         Args:
             topic, kind: `/joint_states`, `sensor_msgs/msg/JointState`.
@@ -115,7 +115,7 @@ class Ros2Peer:
         publisher.put(bytes(coded), attachment=self._attachment(number, stamp))
 
     def subscribe(self, topic: str, kind: str, take: Callable[[bytes], None]) -> Any:
-        """Call `take` with the CDR of every message; `undeclare()` what is returned to end it."""
+        """Call `take` with the CDR of every message; `undeclare()` on the result ends it."""
         self._token("MS", topic, kind)
         subscriber = self._session.declare_subscriber(
             self._key(topic, kind), lambda sample: take(sample.payload.to_bytes())
@@ -174,10 +174,10 @@ class Ros2Peer:
         self._token("SS", name, kind)
 
     def call(self, name: str, kind: str, fields: Mapping[str, Any], timeout: float = 5.0) -> Any:
-        """Ask a service.
+        """Call a service.
 
         Raises:
-            TimeoutError: nobody answered.
+            TimeoutError: no answer came.
         """
         asked = bytes(coder(f"{kind}_Request").coded(fields))
         replies = self._session.get(
@@ -199,7 +199,7 @@ class Ros2Peer:
         return f"{self._domain}/{name.strip('/')}/{_dds(kind)}/{type_hash(kind)}"
 
     def _token(self, entity: str, name: str, kind: str = "") -> None:
-        """What tells others that there is a node, a publisher, a subscription, a service."""
+        """Return the liveliness token of a node, a publisher, a subscription or a service."""
         with self._lock:
             number = self._entities
             self._entities += 1

@@ -1,7 +1,7 @@
 """Messages of ROS 2 as Python objects and as bytes (CDR), by the library `rosbags`: the extra `ros2`.
 
-A message is written by its fields as plain values: mappings for messages, lists for arrays. What is missing has its
-zero, as in ROS 2 itself.
+A message is written by its fields as plain values: mappings for messages, lists for arrays. A missing field is
+zero, as in ROS 2.
 """
 
 from __future__ import annotations
