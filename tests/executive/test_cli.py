@@ -268,3 +268,11 @@ def test_figures_are_drawn_where_a_notebook_names_a_backend_that_is_not_here() -
     environment = os.environ | {"MPLBACKEND": "module://matplotlib_inline.backend_inline"}
     done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("folder", ["", " "])
+def test_a_folder_of_records_has_a_name(folder: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["runs", "list", "--record", folder])
+    assert ended.value.code == 2
+    assert "a folder has a name" in capsys.readouterr().err

@@ -25,6 +25,12 @@ def test_a_breakpoint_at_no_node_is_refused_with_what_is_near() -> None:
         execute(order(("Refin", "after")))
 
 
+@pytest.mark.parametrize("seed", [-1, 2**63])
+def test_a_seed_that_no_record_holds_is_refused(seed: int) -> None:
+    with pytest.raises(UsageError, match=f"the seed {seed} is not from 0 to 9223372036854775807"):
+        RunOrder(find_tree("pick_apple"), find_cell("sim"), seed)
+
+
 def test_breakpoints_of_an_order_hold_the_run_from_its_start() -> None:
     runners: list[Runner] = []
     held: list[str] = []

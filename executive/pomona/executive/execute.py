@@ -55,6 +55,9 @@ RECOVERY_SETTINGS = ("release", "home")
 NO_RECORD = "NO_RECORD"
 """Failure code of a run whose tree has ended, but whose record is incomplete although its cell requires one."""
 
+MOST_SEED = 2**63 - 1
+"""Largest seed: records hold whole numbers of 64 bits."""
+
 PERIOD = 0.02
 """Tick period [s]."""
 
@@ -97,6 +100,14 @@ class RunOrder:
     attended: bool = False
     speed: float = 1.0
     speeds: tuple[OperatorActed, ...] = ()
+
+    def __post_init__(self) -> None:
+        """
+        Raises:
+            UsageError: the seed is negative, or greater than a record holds.
+        """
+        if not 0 <= self.seed <= MOST_SEED:
+            raise UsageError(f"the seed {self.seed} is not from 0 to {MOST_SEED}")
 
 
 @dataclass(frozen=True, slots=True)

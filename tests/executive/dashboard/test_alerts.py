@@ -31,17 +31,26 @@ class Hook:
 
     def __init__(self) -> None:
         self.posted: list[dict[str, Any]] = []
+        self.fetched: list[str] = []
+        self.moved_to = ""
         self.asked = threading.Semaphore(0)
         self.silent = threading.Event()
         hook = self
 
         class Handler(BaseHTTPRequestHandler):
+            def do_GET(self) -> None:
+                hook.fetched.append(self.path)
+                self.send_response(204)
+                self.end_headers()
+
             def do_POST(self) -> None:
                 hook.posted.append(json.loads(self.rfile.read(int(self.headers["content-length"]))))
                 hook.asked.release()
                 if hook.silent.is_set():
                     hook.go.wait(LONG)
-                self.send_response(204)
+                self.send_response(302 if hook.moved_to else 204)
+                if hook.moved_to:
+                    self.send_header("location", hook.moved_to)
                 self.end_headers()
 
             def log_message(self, format: str, *args: Any) -> None:
@@ -122,6 +131,17 @@ def test_a_webhook_that_does_not_answer_is_asked_again_and_then_given_up(
     for _ in range(2):
         assert hook.asked.acquire(timeout=LONG)
     assert len(hook.posted) == 2
+
+
+def test_an_alert_follows_no_redirect(
+    hook: Hook, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(module, "TRIES", 1)
+    hook.moved_to = hook.address.replace("/hook", "/inside")  # of the network behind the address
+    assert feed(Alerts(AlertRule(hook.address, below=1.0, over=1)), "-") == 1
+    assert (len(hook.posted), hook.fetched) == (1, [])
+    assert "the alert was not taken" in caplog.text
+    assert "302" in caplog.text
 
 
 @pytest.mark.parametrize("said", ["HTTP/1.1 500 no\r\ncontent-length: 0\r\n\r\n", "hello?\r\n\r\n", ""])

@@ -171,7 +171,7 @@ def test_the_live_stream_answers_pings_arms_a_page_and_takes_its_presses(tmp_pat
 
     with client.websocket_connect("/live", headers={"host": HOST}) as socket:
         before = now()
-        for odd in ("[]", "not JSON", '{"ping": {"deep": [1]}}', "[" * 9_000):
+        for odd in ("[]", "not JSON", '{"ping": {"deep": [1]}}', "[" * 9_000, '{"ping": NaN}', '{"token": "\\ud800"}'):
             socket.send_text(odd)
         socket.send_json({"ping": 7})
         pong = answer(socket, "Pong")

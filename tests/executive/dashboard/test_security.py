@@ -76,7 +76,8 @@ def test_bound_to_all_addresses_the_link_leads_here() -> None:
 
 
 @pytest.mark.parametrize(
-    "headers", [{"host": "evil.example:8420"}, {"origin": "http://evil.example"}, {"origin": "null"}]
+    "headers",
+    [{"host": "evil.example:8420"}, {"origin": "http://evil.example"}, {"origin": "null"}, {"origin": "http://["}],
 )
 def test_a_foreign_page_cannot_open_the_live_stream(client: TestClient, headers: dict[str, str]) -> None:
     with pytest.raises(WebSocketDisconnect) as refused, client.websocket_connect("/live", headers=headers):
@@ -96,18 +97,27 @@ def test_acting_needs_our_origin_and_json(client: TestClient, dashboard: Dashboa
     token = {"x-pomona-token": dashboard.access.token}
     foreign = client.post("/api/act", json={}, headers={**token, "origin": "http://evil.example"})
     assert foreign.status_code == 403
+    for origin in ("http://[", "http://[::1", "http://127.0.0.1:8420:8420", "//"):
+        assert client.post("/api/act", json={}, headers={**token, "origin": origin}).status_code == 403
     form = client.post("/api/act", content="action=take", headers={**token, "content-type": "text/plain"})
     assert form.status_code == 415
 
 
 @pytest.mark.parametrize(
-    ("body", "status"), [(b"{", 400), (b"[]", 400), (b'"x"', 400), (b'{"a":"' + b"x" * 20_000 + b'"}', 413)]
-)
+    ("body", "status"),
+    [
+        (b"{", 400), (b"[]", 400), (b'"x"', 400), (b'{"a":"' + b"x" * 20_000 + b'"}', 413),
+        (b'{"a":' * 2000 + b"1" + b"}" * 2000, 400), (b'{"a":' * 300 + b"1" + b"}" * 300, 400), (b"\xff", 400),
+        (b'{"action": "take", "viewer": "\\ud800"}', 400), (b'{"action": "take", "viewer": "v", "pressed": NaN}', 400),
+        (b'{"action": "take", "viewer": "v", "number": 1e999}', 400),
+    ],
+)  # fmt: skip
 def test_a_body_that_is_no_object_or_too_long_is_refused(
     client: TestClient, dashboard: Dashboard, body: bytes, status: int
 ) -> None:
     headers = {"x-pomona-token": dashboard.access.token, "content-type": "application/json"}
     assert client.post("/api/act", content=body, headers=headers).status_code == status
+    assert dashboard.control.holder.who == ""  # nothing was carried out
 
 
 def test_another_address_watches_with_the_token_and_does_not_act(tmp_path: Path) -> None:
@@ -214,7 +224,9 @@ def test_only_offered_files_can_be_started(dashboard: Dashboard, client: TestCli
     assert client.post("/api/start", json=form, headers=headers).status_code == 409  # nobody holds control
     client.post("/api/act", json=form, headers=headers)
     for change in (
-        {"tree": "/etc/passwd"}, {"tree": "../pick_apple"}, {"cell": "/dev/zero"}, {"seed": "1"}, {"settings": [1]}
+        {"tree": "/etc/passwd"}, {"tree": "../pick_apple"}, {"cell": "/dev/zero"}, {"seed": "1"}, {"settings": [1]},
+        {"seed": -1}, {"seed": 2**63}, {"seed": True}, {"seed": None}, {"seed": 1.5},
+        {"tree": None}, {"tree": ["pick_apple"]},
     ):  # fmt: skip
         answer = client.post("/api/start", json=form | change, headers=headers)
         assert answer.status_code == 409
@@ -266,6 +278,16 @@ def test_the_page_builds_no_markup_from_text() -> None:
         text = script.read_text(encoding="utf-8")
         for sink in ("innerHTML", "outerHTML", "insertAdjacentHTML", "document.write", "eval("):
             assert sink not in text, f"{script.name} uses {sink}"
+
+
+def test_a_viewer_that_sends_bytes_is_told_why_it_is_closed(show: Show) -> None:
+    address = show.dashboard.access.address.replace("http", "ws") + "live"
+    with connect(address) as viewer:
+        viewer.recv()
+        viewer.send(b"\0\1")
+        with pytest.raises(ConnectionClosedError):
+            list(viewer)
+    assert (viewer.close_code, viewer.close_reason) == (1003, "send text")
 
 
 def test_a_viewer_that_sends_too_much_is_cut_off(show: Show) -> None:

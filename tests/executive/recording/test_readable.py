@@ -7,6 +7,7 @@ import json
 import os
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ from pomona.executive.running.events import (
     PortWritten,
     Published,
     RunEnded,
+    RunStarted,
     StateChanged,
 )
 from pomona.executive.skill import Skill, Work
@@ -52,6 +54,9 @@ def pixels(*shape: int) -> ImageView:
     return ImageView(np.zeros(shape, np.uint8))
 
 
+STARTED = RunStarted(
+    0.0, 0, "r", "t", "t.yaml", "", "", "c", "mock", "c.yaml", "", 0, {}, (), {}, 1.0, 0.02
+)  # fmt: skip
 LOST = Reason("a/Look", "LOST", ANY)
 LABELLED = ImageView(None, (Line2(np.zeros((2, 2)), ANY),))
 FLAT = PosesView(np.zeros(3), np.zeros(3))
@@ -147,6 +152,21 @@ def test_a_process_without_handles_still_writes_why_its_record_ends(
         recorder.close()
     assert "Too many open files" in recorder.problem
     assert why_cut(tmp_path) == "it could not be written: Too many open files"
+
+
+@pytest.mark.parametrize("t", [1e13, 1e308])
+def test_a_time_that_no_run_has_is_refused_in_a_short_sentence(tmp_path: Path, t: float) -> None:
+    ended = RunEnded(0.5, 7, "success", None, 7, 0.5, 0.5, None)
+    recorder = Recorder(tmp_path)
+    for event in (STARTED, replace(ended, time=t)):
+        recorder.on_event(event)
+    recorder.close()
+    told = [event for event in read_events(tmp_path) if isinstance(event, ErrorRaised)]
+    assert [event.message for event in told] == [
+        f"RunEnded of the run cannot be encoded: an event RunEnded cannot be read: '{t}' stands where a number is "
+        "expected, 1e+12 at most"
+    ]
+    assert digest(tmp_path).state == "cut off"
 
 
 SHORT = "pomona: 1\ntree: short\nroot: {wait: 100 ms}\n"

@@ -57,8 +57,14 @@ class _Choose(argparse.Action):
 def add_records_folder(parser: argparse.ArgumentParser) -> None:
     """`--record DIR`, the same for every subcommand that writes or reads records."""
     parser.add_argument(
-        "--record", type=Path, default=Path("runs"), metavar="DIR", help="folder of records (default: runs)"
+        "--record", type=_folder, default=Path("runs"), metavar="DIR", help="folder of records (default: runs)"
     )
+
+
+def _folder(text: str) -> Path:
+    if not text.strip():  # Path("") is the working folder
+        raise argparse.ArgumentTypeError("a folder has a name; '.' is the working folder")
+    return Path(text)
 
 
 def command_names() -> list[str]:

@@ -119,7 +119,7 @@ class Alerts:
         asked = urllib.request.Request(self._rule.address, body, {"content-type": "application/json"}, method="POST")
         for _ in range(TRIES):
             try:
-                with urllib.request.urlopen(asked, timeout=PATIENCE):  # http or https: the rule is judged
+                with _OPENER.open(asked, timeout=PATIENCE):  # http or https: the rule is judged
                     return
             except HTTPError as error:
                 error.close()  # it holds the connection
@@ -127,6 +127,16 @@ class Alerts:
             except (OSError, HTTPException, ValueError) as error:  # whatever it answers, it may be no HTTP at all
                 problem = error
         logger.warning("the alert was not taken by %s: %s", self._rule.address, problem)
+
+
+class _NoRedirect(urllib.request.HTTPRedirectHandler):
+    """Refuses redirects: an alert goes to the address that was given, and nowhere inside the network behind it."""
+
+    def redirect_request(self, *_arguments: object, **_named: object) -> None:
+        """No request: the redirect is an error of the address."""
+
+
+_OPENER = urllib.request.build_opener(_NoRedirect)
 
 
 def _unusable(address: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import math
 import time
 from collections import OrderedDict
@@ -11,7 +10,10 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+import orjson
+
 from pomona.executive.dashboard.control_lock import RefusedError, RunControl
+from pomona.executive.recording.json_text import is_deep
 from pomona.executive.running.requests import LATE
 
 SAFE_STOP_PATIENCE = 10.0
@@ -111,10 +113,11 @@ def number_of(body: dict[str, Any]) -> int:
     return value if isinstance(value, int) and not isinstance(value, bool) else 0
 
 
-def object_of(said: str) -> dict[str, Any]:
-    """A message as an object; whatever else was sent says nothing."""
+def object_of(said: str | bytes) -> dict[str, Any]:
+    """A message as an object; empty for anything that is no JSON object, also for NaN, half characters and depth."""
+    coded = said.encode(errors="replace") if isinstance(said, str) else said
     try:
-        content = json.loads(said)
-    except (ValueError, RecursionError):
+        content = {} if is_deep(coded) else orjson.loads(coded)
+    except ValueError:
         return {}
     return content if isinstance(content, dict) else {}

@@ -95,7 +95,10 @@ class Access:
         origin = headers.get("origin")
         if origin is None:
             return True
-        origin_host = urlsplit(origin).netloc.lower()
+        try:
+            origin_host = urlsplit(origin).netloc.lower()
+        except ValueError:  # a bracket that is not closed
+            return False
         return origin_host == headers.get("host", "").lower() or _without_port(origin_host) in self._given
 
     @property

@@ -52,6 +52,9 @@ KNOWN_VIEWERS = 50
 MOST_PRESSES = 16
 """Button presses of one page that may be pending."""
 
+UNSUPPORTED = 1003
+"""Close code of a stream that sends bytes (RFC 6455, section 7.4.1)."""
+
 BODY_DEADLINE = 5.0
 """Seconds within which the body of an acting request must arrive."""
 
@@ -299,7 +302,13 @@ class Dashboard:
         pressed: set[asyncio.Task[None]] = set()
         with contextlib.suppress(WebSocketDisconnect, RuntimeError):
             while True:
-                said = object_of(await stream.receive_text())
+                received = await stream.receive()
+                if received["type"] == "websocket.disconnect":
+                    return
+                if received.get("text") is None:
+                    await stream.close(UNSUPPORTED, "send text")
+                    return
+                said = object_of(received["text"])
                 if isinstance(said.get("ping"), (int, float)):
                     viewer.last_seen = now()
                     viewer.tell("Pong", ping=said["ping"], now=viewer.last_seen)  # it follows everything sent before
@@ -364,11 +373,7 @@ class Dashboard:
                         return JSONResponse({"error": "too long"}, 413)
         except TimeoutError:
             return JSONResponse({"error": "sent too slowly"}, 408)
-        try:
-            content = json.loads(body)
-        except ValueError:
-            return JSONResponse({"error": "not JSON"}, 400)
-        return content if isinstance(content, dict) else JSONResponse({"error": "not an object"}, 400)
+        return object_of(body) or JSONResponse({"error": "send a JSON object"}, 400)
 
 
 class _Server(uvicorn.Server):

@@ -6,7 +6,6 @@ A record may come from anywhere: every field must have its type, so that nobody 
 from __future__ import annotations
 
 import dataclasses
-import math
 import types
 import typing
 from collections.abc import Callable, Mapping
@@ -18,6 +17,7 @@ import numpy as np
 from pomona.executive import views
 from pomona.executive.errors import PomonaError
 from pomona.executive.reasons import DEEPEST_CAUSE, MOST_CAUSES, Reason
+from pomona.executive.recording.json_text import LONGEST
 from pomona.executive.running import events
 from pomona.executive.running.events import Event
 
@@ -89,8 +89,8 @@ def _number(value: Any) -> float:
     """A float; what was not finite was written as null, and zero is as good as any other time of it."""
     if value is None:
         return 0.0
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise TypeError(f"{str(value)[:40]!r} stands where a number is expected")
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= LONGEST:
+        raise TypeError(f"{str(value)[:40]!r} stands where a number is expected, {LONGEST:g} at most")
     return float(value)
 
 

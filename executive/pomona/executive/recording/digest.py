@@ -17,7 +17,7 @@ from pomona.executive.errors import UsageError
 from pomona.executive.recording.ending import why_cut
 from pomona.executive.recording.folder import EVENTS, events_file, hash_of
 from pomona.executive.recording.interventions import INTERVENTIONS, read_log
-from pomona.executive.recording.json_text import parse_object
+from pomona.executive.recording.json_text import LONGEST, parse_object
 from pomona.executive.recording.plain_file import is_plain
 from pomona.executive.recording.scan import DamagedRecordError, Verdict, believed, scan
 
@@ -208,8 +208,8 @@ def _number(value: Any) -> float | None:
     """A finite number; None for what was not finite when it was written."""
     if value is None:
         return None
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise UsageError(f"{str(value)[:40]!r} stands where a number is expected")
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= LONGEST:
+        raise UsageError(f"{str(value)[:40]!r} stands where a number is expected, {LONGEST:g} at most")
     return float(value)
 
 

@@ -10,6 +10,9 @@ from typing import Any
 MOST_DEPTH = 200
 """Objects and lists within one another. A chain of reasons takes two for each node on its way up a tree."""
 
+LONGEST = 1e12
+"""Largest time, of a run or since 1970, that is believed [s]: 30 000 years."""
+
 _STRINGS = re.compile(rb'"(?:[^"\\]|\\.)*"', re.DOTALL)
 _HUGE = re.compile(rb"[eE]\+?\d{3}")
 _HALF = re.compile(rb"\\u[dD][89a-fA-F]")
