@@ -261,12 +261,12 @@ def test_a_double_click_answers_one_question(show: Show, open_page: Open, monkey
     runner = show.run("pomona: 1\ntree: demo\nroot:\n  ask: Is it ripe?\n  repeat: 2\n")
     take_control(page, "ada")
     question = page.locator("#questions")
+    question.get_by_role("button", name="yes").click()
+    page.wait_for_function("() => document.getElementById('questions').dataset.key.includes('\"demo\",2,')")
     box = question.get_by_role("button", name="yes").bounding_box()
     page.mouse.move(box["x"] + 5, box["y"] + 5)
-    for clicks in (1, 2):
-        page.mouse.down(click_count=clicks)
-        page.mouse.up(click_count=clicks)
-        page.wait_for_function("() => document.getElementById('questions').dataset.key.includes('\"demo\",2,')")
+    page.mouse.down(click_count=2)  # the second click of a double click, on the button of the next question
+    page.mouse.up(click_count=2)
     question.get_by_role("button", name="no").click()
     expect(page.locator("#state")).to_have_text("✓ success")
     answers = [event.detail for event in told if isinstance(event, OperatorActed) and event.action == "answer"]
