@@ -174,7 +174,7 @@ def test_colour_waits_for_its_depth_and_no_longer_than_it_may(setting: Setting) 
     setting.wire.takers["/colour"](messages(now, red=7)["/colour"])
     setting.camera.step()
     assert setting.camera.latest().colour[3, 3, 0] == 200
-    setting.wire.takers["/depth"](messages(now + 0.01)["/depth"])
+    setting.wire.takers["/depth"](messages(now + 0.01, red=7)["/depth"])
     setting.camera.step()
     assert setting.camera.latest().colour[3, 3, 0] == 7
 

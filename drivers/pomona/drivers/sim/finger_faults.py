@@ -86,7 +86,7 @@ def _stamped(offset: float) -> Lie:
 
 
 @dataclass(frozen=True, slots=True)
-class Delay:
+class DelayedSamples:
     """Samples that arrive late, through a line that begins empty: each second one waits until the line is full.
 
     Attributes:
@@ -107,10 +107,10 @@ class Delay:
 
 
 DELAYS = {
-    "late_40": Delay(0.04),
-    "late_120": Delay(0.12),
-    "hidden_late_40": Delay(0.04, hidden=True),
-    "hidden_late_120": Delay(0.12, hidden=True),
+    "late_40": DelayedSamples(0.04),
+    "late_120": DelayedSamples(0.12),
+    "hidden_late_40": DelayedSamples(0.04, hidden=True),
+    "hidden_late_120": DelayedSamples(0.12, hidden=True),
 }
 
 LIES: dict[str, Lie] = {

@@ -64,6 +64,9 @@ PAGE_SILENT = 4.0
 MAX_CLOSING_TURNS = 8
 """Turns of the event loop in which remaining connections can notice that they are closed."""
 
+CLOSING = 0.05
+"""Time in which connections can end by themselves when the server ends [s]."""
+
 BEAT = 0.5
 """Period of a run's heartbeat [s]."""
 
@@ -389,7 +392,11 @@ class _Server(uvicorn.Server):
         closing = {connection for connection in connections if connection.transport.is_closing()}
         connections -= closing
         hang_up(closing)
-        await super().shutdown(sockets)
+        ending = asyncio.ensure_future(super().shutdown(sockets))
+        while not ending.done():  # since Python 3.12 it waits until all connections have ended
+            await asyncio.wait({ending}, timeout=CLOSING)
+            hang_up(connections)
+        await ending
         for _turn in range(MAX_CLOSING_TURNS):
             hang_up(connections)
             await asyncio.sleep(0)
