@@ -4,11 +4,14 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
+from pomona.drivers.path_motion import PathMotion
 from pomona.executive.skill_testing import drive
-from pomona.skills.approach import Approach
-from pomona.skills.geometry import transform
+from pomona.skills.approach import SLOW, UNSEEN, Approach
+from pomona.skills.geometry import apply, inverse, transform
+from pomona.skills.motion.collision import fruit_points
+from pomona.skills.motion.grasps.gripper_shape import gripper_shape
 from tests.skills.overhead import comes_near, watched
-from tests.skills.picking_scene import PickingScene, a_grasp, seen_map
+from tests.skills.picking_scene import ROBOT_MODEL, PickingScene, a_grasp, seen_map
 
 GRASP = a_grasp(theta=np.pi / 12.0)
 
@@ -38,7 +41,7 @@ def test_it_opens_first_and_then_goes_straight_to_the_grasp():
     assert outcome.status is Status.SUCCESS
     assert opened_at[-1] == pytest.approx(GRASP.width, abs=1e-3)
     np.testing.assert_allclose(scene.tcp, GRASP.T_base_grasp, atol=1e-6)
-    assert outcome.duration < 1.5
+    assert outcome.duration < 1.7
 
 
 def test_a_touch_stops_the_arm_and_says_where():
@@ -51,6 +54,35 @@ def test_a_touch_stops_the_arm_and_says_where():
     assert scene.arm.settled()
     left = np.linalg.norm(scene.tcp[:3, 3] - GRASP.T_base_grasp[:3, 3])
     assert outcome.reason.data["before_grasp_m"] - 0.06 < left < outcome.reason.data["before_grasp_m"]
+
+
+def test_a_touch_stops_the_arm_before_the_next_tick(monkeypatch):
+    scene = at_pre_grasp()
+    touch_after(scene, 0.7, 2.0)
+    stopped, plain = [], PathMotion.stop
+
+    def stop(motion: PathMotion) -> None:
+        stopped.append(scene.clock.now())
+        plain(motion)
+
+    monkeypatch.setattr(PathMotion, "stop", stop)
+    outcome = drive(Approach(), {"grasp": GRASP}, scene.devices, clock=scene.clock)
+    assert outcome.reason.code == "CONTACT"
+    assert 0.7 < stopped[0] < 0.71  # three samples of 2 ms; the next tick is at 0.72 s
+
+
+def test_near_the_fruit_it_is_slow_where_a_displaced_fruit_may_be_touched():
+    scene = at_pre_grasp()
+    assert drive(Approach(), {"grasp": GRASP}, scene.devices, clock=scene.clock).status is Status.SUCCESS
+    trajectory = scene.arm.followed[-1]
+    tcp = np.array([ROBOT_MODEL.tcp(q)[:3, 3] for q in trajectory.q])
+    before = np.linalg.norm(tcp - GRASP.T_base_grasp[:3, 3], axis=1)
+    speed = np.linalg.norm(np.gradient(tcp, trajectory.t, axis=0), axis=1)
+    fruit = apply(inverse(GRASP.T_base_grasp), fruit_points(GRASP.fruit))
+    zone = gripper_shape(ROBOT_MODEL).first_touch(fruit, GRASP.width, UNSEEN)
+    assert 0.03 < zone < 0.06
+    assert speed[before < zone].max() < 1.02 * SLOW
+    assert speed.max() > 2.0 * SLOW
 
 
 def test_an_offset_of_the_sensor_and_a_single_spike_are_no_touch():

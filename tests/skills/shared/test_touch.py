@@ -46,6 +46,20 @@ def test_values_that_are_not_finite_are_no_touch():
     assert touch.change == 0.0
 
 
+def test_a_change_beyond_the_limit_acts_once_in_the_sensors_own_loop():
+    scene = PickingScene()
+    scene.clock.advance(0.01)
+    acted: list[float] = []
+    with Touch(scene.fingers) as touch:
+        touch.at_change(1.5, lambda: acted.append(scene.clock.now()))
+        feel(scene, (0.0, 0.0, 0.0), (1.4, 0.0, 0.0))
+        assert acted == []
+        begun = scene.clock.now()
+        feel(scene, (0.0, 0.0, 0.0), (1.6, 0.0, 0.0))
+        feel(scene, (0.0, 0.0, 0.0), (5.0, 0.0, 0.0))
+    assert acted == [pytest.approx(begun + 0.006, abs=1e-3)]  # three samples: one may be a spike
+
+
 def test_nothing_is_heard_after_the_end():
     scene = PickingScene()
     scene.clock.advance(0.01)

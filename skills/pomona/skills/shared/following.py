@@ -69,6 +69,7 @@ class MovingSkill(Skill):
         watch: Callable[[], str | None] | None = None,
         around: KnownAround | None = None,
         carrying: Grasp | None = None,
+        started: Callable[[Motion], None] | None = None,
     ) -> Watching:
         """Let the arm follow a trajectory to its end.
 
@@ -79,6 +80,7 @@ class MovingSkill(Skill):
                 fails with PATH_BLOCKED, and a camera whose frames cannot be true with POSE_MISMATCH or DEPTH_MISMATCH.
                 The skill must declare these.
             carrying: the grasp by which a fruit is held.
+            started: called with the motion, once it has been started.
 
         Raises:
             SkillFailure: REFUSED, where the way leads through a zone of the cell, or begins in one.
@@ -88,7 +90,6 @@ class MovingSkill(Skill):
         if entered:
             raise self.failure("REFUSED", f"{entered}; nothing has moved", device="zones")
         eyes = None if around is None else LiveWatch.of(self, arm, trajectory, around)
-
         if eyes is not None:
             eyes.check_cameras()
 
@@ -96,6 +97,8 @@ class MovingSkill(Skill):
             motion = arm.follow(trajectory)
             if eyes is not None:
                 eyes.begin(motion)
+            if started is not None:
+                started(motion)
             return motion
 
         def look() -> str | None:

@@ -65,6 +65,7 @@ class Touch:
         self._felt: deque[Float64] = deque(maxlen=max(1, round(AVERAGED * sensor.rate)))
         self.change = 0.0
         self.finger = ""
+        self._limit, self._act = np.inf, _nothing
         self._subscription = sensor.subscribe(self._on_sample)
 
     def __enter__(self) -> Touch:
@@ -72,6 +73,13 @@ class Touch:
 
     def __exit__(self, *_: object) -> None:
         self._subscription.close()
+
+    def at_change(self, limit: float, act: Callable[[], None]) -> None:
+        """Call `act` once in the sensor's own loop when a lasting change exceeds a limit [N].
+
+        A skill looks once in a tick; an arm that must stop has moved on by then.
+        """
+        self._limit, self._act = limit, act
 
     @property
     def present(self) -> float:
@@ -113,6 +121,13 @@ class Touch:
             if lasting.max() > self.change:
                 self.change = float(lasting.max())
                 self.finger = ("left", "right")[int(lasting.argmax())] if len(lasting) == 2 else ""
+                if self.change > self._limit:
+                    act, self._limit = self._act, np.inf
+                    act()
+
+
+def _nothing() -> None:
+    """For a touch that nothing answers."""
 
 
 def pressing_forces(sensor: ForceSensor) -> tuple[float, float]:

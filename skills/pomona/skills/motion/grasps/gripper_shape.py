@@ -42,6 +42,25 @@ class GripperShape:
         lowest = int(heights.argmin())
         return float(heights[lowest]), self.bodies[lowest]
 
+    def first_touch(self, points_tcp: Float64, width: float, error: float) -> float:
+        """Distance before the grasp at which a finger may touch an object that is displaced by an error, >= 0 [m].
+
+        Args:
+            points_tcp: points of the object's surface in the TCP frame at the grasp, shape (n, 3) [m].
+            width: opening of the gripper on the way [m].
+            error: largest displacement of the object in any direction [m].
+        """
+        corners = self.points + (width - self.closed) * self.slides
+        before = 0.0
+        for body in set(self.bodies):
+            own = np.array([name == body for name in self.bodies])
+            around = self.radii[own, None] + error
+            lower, upper = (corners[own] - around).min(axis=0), (corners[own] + around).max(axis=0)
+            beside = ((points_tcp >= lower) & (points_tcp <= upper))[:, :2].all(axis=1)
+            if beside.any():
+                before = max(before, float(upper[2] - points_tcp[beside, 2].min()))
+        return before
+
 
 @lru_cache(maxsize=16)
 def gripper_shape(robot: RobotModel) -> GripperShape:

@@ -23,6 +23,8 @@ PERIOD = 0.008
 
 _SPEED_SHARES = (1.4, 1.2, 1.0, 0.8, 0.62, 0.48, 0.36, 0.26, 0.18, 0.12, 0.07, 0.04)
 _WHOLE = 1.0 - 1e-9
+_STEP = 1e-3
+"""Spacing of the knots with which a ramp of speed becomes piecewise linear [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +81,10 @@ class _Filtered:
 
 
 def time_polyline(
-    waypoints: ArrayLike, limits: ArmLimits, dwells: ArrayLike | None = None, period: float = PERIOD
+    waypoints: ArrayLike,
+    limits: ArmLimits,
+    dwells: ArrayLike | None = None,
+    period: float = PERIOD,
 ) -> Trajectory:
     """The quickest of a family of jerk-limited motions from rest to rest along a joint polyline, corners rounded.
 
@@ -101,11 +106,16 @@ def time_polyline(
         still = np.zeros((2, q.shape[1]))
         return Trajectory(np.array([0.0, period]), np.repeat(q, 2, axis=0), still, still)
     best = min((_fit(q - q[0], limits, stay, share) for share in _SPEED_SHARES), key=lambda f: f.duration)
-    t = _sample_times(best.duration, period)
-    p, v, a = best.at(t)
+    return _sampled(best, q[0], q[-1], period)
+
+
+def _sampled(motion: _Filtered, start: Float64, end: Float64, period: float) -> Trajectory:
+    """A filtered motion from start to end, shape (dof,), as samples."""
+    t = _sample_times(motion.duration, period)
+    p, v, a = motion.at(t)
     v[[0, -1]] = 0.0
-    p += q[0]
-    p[0], p[-1] = q[0], q[-1]
+    p += start
+    p[0], p[-1] = start, end
     return Trajectory(t, p, v, a)
 
 
@@ -146,6 +156,7 @@ def time_curve(
     acceleration: float,
     jerk: float,
     period: float = PERIOD,
+    slow_end: tuple[float, float] = (0.0, np.inf),
 ) -> Trajectory:
     """A jerk-limited motion from rest to rest along a smooth joint curve, such as a straight line of the tool.
 
@@ -155,13 +166,14 @@ def time_curve(
         limits: of the arm; where they bind, the whole motion is slowed down.
         speed, acceleration, jerk: along the curve [m/s, m/s², m/s³].
         period: spacing of the samples [s].
+        slow_end: length at the end of the curve [m], and the speed there [m/s].
     """
     q = np.asarray(points, dtype=np.float64)
     if length < 1e-9:
         return time_polyline(q[:1], limits, period=period)
     curve = CubicSpline(np.linspace(0.0, length, len(q)), q, bc_type="natural" if len(q) < 4 else "not-a-knot")
     along = ArmLimits(*(np.array([value]) for value in (0.0, length, speed, acceleration, jerk)))
-    profile = time_polyline([[0.0], [length]], along, period=period)
+    profile = _slowing_profile(length, along, slow_end, period)
     first, second, third = (curve(profile.q[:, 0], order) for order in (1, 2, 3))
     s1, s2 = profile.qd, profile.qdd
     s3 = np.gradient(s2[:, 0], profile.t)[:, None]
@@ -177,8 +189,42 @@ def time_curve(
     )
     if stretch > 1.0:
         slower = stretch * 1.02
-        return time_curve(q, length, limits, speed / slower, acceleration / slower**2, jerk / slower**3, period)
+        return time_curve(
+            q, length, limits, speed / slower, acceleration / slower**2, jerk / slower**3, period, slow_end
+        )
     return Trajectory(profile.t, curve(profile.q[:, 0]), qd, qdd)
+
+
+def _slowing_profile(length: float, limits: ArmLimits, slow_end: tuple[float, float], period: float) -> Trajectory:
+    """Distance over time [m] along a curve of one dimension that is slower at its end.
+
+    Ramps of constant acceleration are averaged over a window, as in the module's text: the speed follows half a window
+    later. So the slow speed is reached half a window's distance before the end's length.
+    """
+    ending, slow = slow_end
+    speed, a = float(limits.velocity[0]), float(limits.acceleration[0])
+    window = a / float(limits.jerk[0])
+    before = length - ending - slow * window / 2.0
+    if ending <= 0.0 or slow >= speed or before <= slow * (slow / a + window):
+        whole = ArmLimits(
+            limits.lower,
+            limits.upper,
+            np.minimum(limits.velocity, slow if ending > 0.0 else np.inf),
+            limits.acceleration,
+            limits.jerk,
+        )
+        return time_polyline([[0.0], [length]], whole, period=period)
+    room = before + slow**2 / (2.0 * a)  # for two ramps with a cruise of a window between them
+    quick = min(speed, float(a / 2.0 * (np.sqrt(window**2 + 4.0 * room / a) - window)))
+    cruise = (before - (2.0 * quick**2 - slow**2) / (2.0 * a)) / quick
+    creep = (length - before - slow**2 / (2.0 * a)) / slow
+    times = np.cumsum([0.0, quick / a, cruise, (quick - slow) / a, max(creep, 0.0), slow / a])
+    speeds = np.array([0.0, quick, quick, slow, slow, 0.0])
+    t = np.append(np.arange(0.0, times[-1], _STEP), times[-1])
+    v = np.interp(t, times, speeds)
+    p = np.append(0.0, np.cumsum((v[1:] + v[:-1]) / 2.0 * np.diff(t)))
+    motion = _Filtered(t, (p * length / p[-1])[:, None], _STEP, window)
+    return _sampled(motion, np.zeros(1), np.array([length]), period)
 
 
 def stretched(trajectory: Trajectory, factor: float) -> Trajectory:
