@@ -28,7 +28,7 @@ def test_a_table_elsewhere_is_the_poses_or_the_cell_files_error_with_the_remedy(
     assert problem.code == POSE_MISMATCH
     assert "18 mm below" in problem.message
     assert "depth that is 3.0 % too long does the same" in problem.message
-    assert "calibrate hand-eye or depth" in problem.message
+    assert "`pomona calibrate hand-eye` or `pomona calibrate depth`" in problem.message
     assert problem.data["height_m"] == pytest.approx(-0.018, abs=5e-4)
     turned = T_BASE_CAMERA @ transform(rot_y(np.radians(3.0)))
     problem = frame_problem(looked(plane_depth(T_BASE_CAMERA, TABLE_Z)), turned, WORKSPACE)

@@ -81,7 +81,7 @@ def pose_problem(view: SeenTable) -> FrameProblem | None:
         POSE_MISMATCH,
         f"{view.sentence}; the camera's pose or the table's height in the cell file is wrong"
         f"{scale if view.tilt < 0.5 * view.allowed_tilt else ''}. "
-        "Measure them with `pomona run check_camera`, then calibrate hand-eye or depth",
+        "Measure the table, or run `pomona calibrate hand-eye` or `pomona calibrate depth`",
         _data(view),
     )
 
