@@ -1,4 +1,4 @@
-"""Make a release: judge the repository, build wheel and sdist, try both in clean environments, tag.
+"""Make a release: judge the repository, build both wheels and the sdist, try all in clean environments, tag.
 
     python scripts/release.py            # everything but the tag
     python scripts/release.py --tag      # the tag, too: v and the version of pyproject.toml; nothing is pushed
@@ -24,7 +24,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PLACEHOLDER = "example.org"
 """Address in the project's files until the public one is decided."""
 TRIED = (("--version",), ("check", "pick_apple"), ("run", "pick_apple", "--seed", "3"))
-"""Commands of an installed Pomona that must end with 0."""
+TRIED_ALONE = (("--version",), ("check", "count_down"), ("run", "count_down"))
+"""Commands of an installed Pomona, and of `pomona-executive`, that must end with 0."""
 
 
 def problems(root: Path, version: str) -> Iterator[str]:
@@ -54,14 +55,17 @@ def git(root: Path, *words: str) -> str:
 
 
 def build(folder: Path) -> list[Path]:
-    """The wheel and the sdist, made in a folder."""
-    subprocess.run([sys.executable, "-m", "hatchling", "build", "-d", str(folder)], cwd=ROOT, check=True)
+    """The wheel, the sdist and the wheel of the executive alone, made in a folder."""
+    build = [sys.executable, "-m", "hatchling", "build", "-d", str(folder.resolve())]
+    subprocess.run(build, cwd=ROOT, check=True)
+    subprocess.run([*build, "-t", "wheel"], cwd=ROOT / "executive", check=True)
     return sorted(folder.iterdir())
 
 
 def try_out(package: Path, folder: Path, shared: bool) -> bool:
     """Install a package in an environment of its own and use it there."""
-    environment = folder / f"env_{package.suffix.removeprefix('.')}"
+    environment = folder / f"env_{package.name}"
+    tried_here = TRIED_ALONE if package.name.startswith("pomona_executive") else TRIED
     venv.create(environment, symlinks=True, with_pip=True)
     words = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
     if shared:
@@ -69,7 +73,7 @@ def try_out(package: Path, folder: Path, shared: bool) -> bool:
         places = [place for place in sys.path if place.endswith("site-packages")]
         (site / "shared.pth").write_text("\n".join(places))
         words += ["--no-deps", "--no-build-isolation"]
-    commands = [("python", *words, str(package)), *(("pomona", *tried) for tried in TRIED)]
+    commands = [("python", *words, str(package)), *(("pomona", *tried) for tried in tried_here)]
     for command, *rest in commands:
         sys.stdout.write(f"  {package.name}: {command} {' '.join(rest)}\n")
         sys.stdout.flush()

@@ -16,6 +16,7 @@ from typing import Any
 
 from pomona.executive.commands.command_line import make_parser
 from pomona.executive.errors import UsageError
+from pomona.executive.extras import remedy
 from pomona.executive.running.launcher import in_child
 from pomona.executive.running.signals import WORDS, raising, signalled, status_of
 
@@ -58,7 +59,7 @@ def _main(words: Sequence[str]) -> int:
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] == "pomona":
             raise
-        sys.stderr.write(f"{error}: this installation is not whole; `pomona doctor` says what is missing\n")
+        sys.stderr.write(f"{error}: this installation lacks it: {remedy(error.name)}\n")
         status = 2
     except Exception as error:
         ended_by = signalled(error)
@@ -83,8 +84,8 @@ def _run(words: Sequence[str]) -> int:
 
 
 def _run_filtered(words: Sequence[str]) -> int:
-    options = make_parser([_command(words)]).parse_args(words)
     try:
+        options = make_parser([_command(words)]).parse_args(words)
         status: int = options.main(options)
     except UsageError as error:
         _print_error(str(error))

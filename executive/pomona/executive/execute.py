@@ -16,6 +16,7 @@ from pathlib import Path
 
 from pomona.executive.board import Board
 from pomona.executive.errors import UsageError
+from pomona.executive.extras import distribution
 from pomona.executive.files import read_text
 from pomona.executive.judging import judge, split_settings
 from pomona.executive.language import BuiltTree, Document, Mocks, build, format_findings
@@ -467,7 +468,7 @@ def versions() -> Mapping[str, str]:
     commit = commit_here()
     found = {"git": commit} if commit else {}
     found |= {"python": platform.python_version(), "platform": platform.platform(terse=True)}
-    for package in ("pomona", "py-trees", "numpy", "onnxruntime", "ompl", "mujoco-core"):
+    for package in (distribution(), "py-trees", "numpy", "onnxruntime", "ompl", "mujoco-core"):
         with contextlib.suppress(PackageNotFoundError):
             found[package] = version(package)
     return found

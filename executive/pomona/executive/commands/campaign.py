@@ -10,13 +10,14 @@ from typing import Any
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from pomona.executive.campaign.report import failure_code, failure_message, report
 from pomona.executive.campaign.run import RESULTS, finished_runs, run_campaign, succeeded
 from pomona.executive.campaign.spec import Campaign, CampaignRun, read_campaign
 from pomona.executive.commands.alerting import add_alerts, alerts_of
 from pomona.executive.dashboard.alerts import Alerts
 from pomona.executive.engine import add_engine_options, open_engine
 from pomona.executive.errors import UsageError
+from pomona.executive.extras import need
+from pomona.executive.images import EXTRA
 from pomona.executive.terminal.screen import Screen
 
 
@@ -43,6 +44,10 @@ def main(options: argparse.Namespace) -> int:
     Returns:
         the exit status.
     """
+    for package in ("matplotlib", "scipy"):
+        need(package, EXTRA, "pomona campaign")
+    from pomona.executive.campaign.report import report
+
     console = Screen()
     planned = read_campaign(options.file)
     campaign = planned.only(subset(planned, options.seeds, options.only))
@@ -119,6 +124,8 @@ class _Shown:
         self._bar.stop()
 
     def ended(self, result: dict[str, Any], done: int, of: int) -> None:
+        from pomona.executive.campaign.report import failure_code, failure_message  # over scipy and matplotlib
+
         good = succeeded(result, self._campaign.conditions)
         self._good += good
         if self._alerts is not None:

@@ -7,12 +7,14 @@ import os
 import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from importlib.metadata import EntryPoint, entry_points, version
+from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from pomona.executive.commands.examples import examples
+from pomona.executive.errors import UsageError
+from pomona.executive.extras import ALONE, WHOLE, distribution, installed_version
 
 COMMANDS = "pomona.commands"
 """Entry point group of subcommands: functions that add one parser to argparse's subparsers and set its `main`.
@@ -32,7 +34,7 @@ class _Version(argparse.Action):
     """Looks the version up when it is asked for."""
 
     def __call__(self, *_arguments: object, **_options: object) -> None:
-        sys.stdout.write(f"pomona {version('pomona')}\n")
+        sys.stdout.write(f"{distribution()} {installed_version()}\n")
         sys.exit(0)
 
 
@@ -69,7 +71,23 @@ def _folder(text: str) -> Path:
 
 def command_names() -> list[str]:
     """Every installed subcommand."""
-    return sorted(entry.name for entry in entry_points(group=COMMANDS))
+    return [entry.name for entry in _commands()]
+
+
+def _commands() -> list[EntryPoint]:
+    """The installed subcommands, by name.
+
+    Raises:
+        UsageError: both distributions of Pomona are installed here.
+    """
+    entries = sorted(entry_points(group=COMMANDS), key=lambda entry: entry.name)
+    owners = {entry.dist.name for entry in entries if entry.dist is not None}
+    if {WHOLE, ALONE} <= owners:
+        raise UsageError(
+            f"{WHOLE} and {ALONE} are both installed here and hold the same files: pip uninstall {ALONE}, then "
+            f"pip install --force-reinstall --no-deps {WHOLE}"
+        )
+    return entries
 
 
 def make_parser(wanted: Iterable[str]) -> argparse.ArgumentParser:
@@ -85,7 +103,7 @@ def make_parser(wanted: Iterable[str]) -> argparse.ArgumentParser:
         "--skill", action=_Choose, metavar="NAME=PACKAGE", help="whose skill NAME is, when several packages offer one"
     )
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
-    for entry in sorted(entry_points(group=COMMANDS), key=lambda entry: entry.name):
+    for entry in _commands():
         if entry.name in wanted:
             entry.load()(subparsers)
             _add_examples(subparsers.choices[entry.name], entry.name)

@@ -6,10 +6,10 @@ import argparse
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib.metadata import version
 from typing import Any
 
 from pomona.executive.commands.command_line import children, command_names, make_parser
+from pomona.executive.extras import distribution, installed_version
 from pomona.executive.terminal.filtered import Filtered
 from pomona.executive.values.shipped import installed_trees
 
@@ -147,7 +147,7 @@ def _quoted(text: str) -> str:
 def man(parser: argparse.ArgumentParser) -> str:
     """The manual page, in roff."""
     lines = [
-        f'.TH POMONA 1 "" "pomona {version("pomona")}"',
+        f'.TH POMONA 1 "" "{distribution()} {installed_version()}"',
         ".SH NAME",
         "pomona \\- " + _roff(parser.description or ""),
     ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from pomona.executive.errors import UsageError
+from pomona.executive.extras import need
 from pomona.executive.files import find_cell
 
 
@@ -22,9 +22,8 @@ def main(options: argparse.Namespace) -> int:
     Returns:
         0.
     """
-    try:
-        from pomona.executive.language_server.server import serve
-    except ModuleNotFoundError as missing:
-        raise UsageError(f"{missing.name} is not installed: pip install 'pomona[lsp]'") from missing
+    need("pygls", "lsp", "pomona lsp")
+    from pomona.executive.language_server.server import serve
+
     serve(find_cell(options.cell) if options.cell else None).start_io()
     return 0

@@ -13,6 +13,7 @@ from string import Template
 from typing import Any
 
 from pomona.executive.errors import UsageError
+from pomona.executive.extras import distribution
 from pomona.executive.kit.package import PACKAGE, TREE
 from pomona.executive.values.piece import Piece
 
@@ -83,7 +84,7 @@ def begin(folder: Path, module: str, *, example: bool = True) -> list[Path]:
     Raises:
         UsageError: there is something already.
     """
-    words = {"name": module, "Name": _capitals(module), "module": module}
+    words = {"name": module, "Name": _capitals(module), "module": module, "distribution": distribution()}
     written = _write(PACKAGE, words, folder)
     if example:
         (point,) = entry_points(group=GROUP, name="skill")

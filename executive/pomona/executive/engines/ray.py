@@ -14,6 +14,7 @@ from typing import Any
 
 from pomona.executive.engine import ONE_THREAD, RENEWED_AFTER, TRIES, Engine, OrderLost, OrderTooLong, one_per_core
 from pomona.executive.errors import UsageError
+from pomona.executive.extras import need
 
 LOOK = 1.0
 """Time limits are looked at this often [s]."""
@@ -77,10 +78,7 @@ def open_ray(workers: int | None, address: str | None) -> Iterator[Engine]:
     Raises:
         UsageError: Ray is not installed, or cannot be reached.
     """
-    try:
-        import ray
-    except ImportError as error:
-        raise UsageError("--engine ray needs Ray: pip install 'pomona[ray]'") from error
+    ray = need("ray", "ray", "--engine ray")
     here = {} if address else {"num_cpus": workers or one_per_core(), "include_dashboard": False}
     try:
         ray.init(address=address or "local", log_to_driver=False, logging_level="error", **here)

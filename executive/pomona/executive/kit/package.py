@@ -15,7 +15,7 @@ build-backend = "hatchling.build"
 name = "$module"
 version = "0.1.0"
 requires-python = ">=3.11"
-dependencies = ["pomona"]
+dependencies = ["$distribution"]
 
 [project.optional-dependencies]
 dev = ["pytest>=8.2", "mypy>=1.13"]

@@ -6,7 +6,6 @@ import gc
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from pygls.lsp.server import LanguageServer
 from pygls.uris import from_fs_path, to_fs_path
 
 from pomona.executive.errors import PomonaError
+from pomona.executive.extras import installed_version
 from pomona.executive.files import find_cell
 from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.language.format import FormatError, formatted
@@ -42,7 +42,7 @@ class TreeServer(LanguageServer):
     """Knows the open files; skills are loaded beside the first answers."""
 
     def __init__(self, cell: Path | None = None) -> None:
-        super().__init__("pomona", version("pomona"), text_document_sync_kind=lsp.TextDocumentSyncKind.Full)
+        super().__init__("pomona", installed_version(), text_document_sync_kind=lsp.TextDocumentSyncKind.Full)
         self.skills = declared_skills()
         self.cell = cell
         self.open: dict[str, TreeService] = {}

@@ -9,6 +9,8 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from pomona.executive.extras import need
+from pomona.executive.images import EXTRA
 from pomona.executive.palette import INK, MUTED, OVERLAY, SCENE, SERIES
 from pomona.executive.running.events import Event, Published
 from pomona.executive.views import ImageView, SceneView, SeriesView
@@ -62,7 +64,8 @@ class Picture:
 
     def save(self, target: Path | BinaryIO, title: str) -> None:
         """Draw everything into one PNG."""
-        from matplotlib.backends.backend_agg import FigureCanvasAgg  # half a second: for who has something to draw
+        need("matplotlib", EXTRA, "the picture of a run")
+        from matplotlib.backends.backend_agg import FigureCanvasAgg  # takes half a second
         from matplotlib.figure import Figure
 
         figure = Figure(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, TypeVar
 
-from pomona.executive.clock import ManualClock
+from pomona.executive.clock import Clock, ManualClock
 from pomona.executive.running.cell import FaultSwitch
 
 T = TypeVar("T")
@@ -19,7 +19,7 @@ class DryCell:
     heartbeat_deadline = 1.0
 
     def __init__(self) -> None:
-        self.clock = ManualClock()
+        self.clock: Clock = ManualClock()
         self.latched: str | None = None
 
     def interfaces(self) -> tuple[type, ...]:

@@ -1,0 +1,236 @@
+"""The distribution `pomona-executive`: the executive in an environment that holds nothing but its own requirements."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tomllib
+import venv
+from collections.abc import Iterator, Mapping
+from importlib.metadata import Distribution, EntryPoint, distribution
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+from zipfile import ZipFile
+
+import pytest
+from packaging.requirements import Requirement
+
+from pomona.executive.commands import command_line
+from pomona.executive.errors import UsageError
+from pomona.executive.extras import need, remedy
+
+ROOT = Path(__file__).parents[2]
+TREES = ROOT / "executive" / "trees"
+SIM = ROOT / "trees" / "cells" / "sim.yaml"
+
+MOST = 120e6
+"""Bytes of the distribution and all that it requires."""
+
+PICTURE = """
+import numpy as np
+from pathlib import Path
+from pomona.executive.recording.recorder import Recorder
+from pomona.executive.running.events import Published
+from pomona.executive.views import ImageView
+Path("record").mkdir()
+recorder = Recorder(Path("record"))
+recorder.on_event(Published(0.5, 25, "Look", "look", ImageView(np.zeros((4, 4, 3), np.uint8))))
+recorder.close()
+print(recorder.problem)
+"""
+
+PAGE = """
+import urllib.request
+from pathlib import Path
+from pomona.executive.dashboard.security import Access
+from pomona.executive.dashboard.server import Dashboard
+dashboard = Dashboard(Access("127.0.0.1", {port}), Path("runs"))
+dashboard.start()
+print(urllib.request.urlopen("http://127.0.0.1:{port}/").status)
+dashboard.close()
+"""
+
+
+def project(folder: Path) -> dict[str, Any]:
+    found: dict[str, Any] = tomllib.loads((folder / "pyproject.toml").read_text("utf-8"))["project"]
+    return found
+
+
+def required(names: Mapping[str, None]) -> Iterator[Distribution]:
+    """Installed distributions of these names, and what they require."""
+    waiting, seen = list(names), set[str]()
+    while waiting:
+        name = waiting.pop()
+        if name.lower() in seen:
+            continue
+        seen.add(name.lower())
+        found = distribution(name)
+        yield found
+        for line in found.requires or ():
+            requirement = Requirement(line)
+            if requirement.marker is None or requirement.marker.evaluate({"extra": ""}):
+                waiting.append(requirement.name)
+
+
+class Alone:
+    """An environment with the wheel of `executive/` and its requirements."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        subprocess.run(
+            [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder / "dist")],
+            cwd=ROOT / "executive",
+            check=True,
+            capture_output=True,
+        )
+        (wheel,) = (folder / "dist").iterdir()
+        venv.create(folder / "env", symlinks=True)
+        (site,) = folder.glob("env/lib/*/site-packages")
+        with ZipFile(wheel) as archive:
+            archive.extractall(site)
+            self.size = sum(member.file_size for member in archive.infolist())
+            self.names = {member.filename.partition("/")[0] for member in archive.infolist()}
+        declared = dict.fromkeys(Requirement(line).name for line in project(ROOT / "executive")["dependencies"])
+        for needed in required(declared):
+            assert needed.files is not None
+            files = [file for file in needed.files if ".." not in file.parts and "__pycache__" not in file.parts]
+            self.size += sum(Path(str(file.locate())).stat().st_size for file in files)
+            for top in {file.parts[0] for file in files}:
+                if not (site / top).exists():
+                    (site / top).symlink_to(Path(str(needed.locate_file(top))))
+
+    def python(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        """Run Python there, without this process' search path."""
+        return subprocess.run(
+            [self.folder / "env" / "bin" / "python", *arguments],
+            cwd=self.folder,
+            env={"HOME": str(self.folder)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    def pomona(self, *words: str) -> subprocess.CompletedProcess[str]:
+        """Run the command there."""
+        return self.python("-c", "import sys; from pomona.executive.cli import main; sys.exit(main())", *words)
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory: pytest.TempPathFactory) -> Alone:
+    return Alone(tmp_path_factory.mktemp("alone"))
+
+
+@pytest.mark.slow
+def test_it_adds_one_name_and_fits_its_bound(alone: Alone) -> None:
+    assert alone.names == {"pomona", "pomona_executive-0.1.0.dist-info"}
+    assert alone.size < MOST
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--version",),
+        ("check", "count_down"),
+        ("fmt", "--check", str(TREES / "count_down.yaml")),
+        ("show", "count_down"),
+        ("schema",),
+        ("skills",),
+        ("completion", "bash"),
+        ("run", "count_down", "--dry"),
+        ("run", "--help"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_commands_work_without_robots_and_fruit(alone: Alone, words: tuple[str, ...]) -> None:
+    done = alone.pomona(*words)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.slow
+def test_a_run_is_recorded_explained_and_replayed(alone: Alone) -> None:
+    assert alone.pomona("run", "count_down", "--record", "kept").returncode == 0
+    assert "It succeeded after 2." in alone.pomona("explain", "last", "--record", "kept").stdout
+    assert "count_down  succeeded" in alone.pomona("replay", "last", "--record", "kept").stdout
+
+
+@pytest.mark.slow
+def test_a_tree_of_py_trees_runs_and_the_page_answers(alone: Alone, free_port: int) -> None:
+    done = alone.python(str(ROOT / "examples" / "show_py_trees.py"))
+    assert done.stdout.startswith("success after 2."), done.stderr
+    assert alone.python("-c", PAGE.format(port=free_port)).stdout.strip() == "200"
+
+
+@pytest.fixture
+def free_port() -> int:
+    import socket
+
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        port: int = taken.getsockname()[1]
+        return port
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("lsp",), "pomona lsp needs the extra 'lsp': pip install 'pomona-executive[lsp]'"),
+        (
+            ("campaign", "c.yaml"),
+            "pomona campaign needs the extra 'pictures': pip install 'pomona-executive[pictures]'",
+        ),
+        (("check", "pick_apple"), "no tree file 'pick_apple'; installed: count_down"),
+        (
+            ("run", "count_down", "--cell", str(ROOT / "trees" / "cells" / "sim.yaml")),
+            "this installation has no drivers",
+        ),
+    ],
+    ids=["lsp", "campaign", "tree", "cell"],
+)
+def test_what_is_not_there_is_named(alone: Alone, words: tuple[str, ...], says: str) -> None:
+    done = alone.pomona(*words)
+    assert done.returncode == 2
+    assert says in " ".join(done.stderr.split())
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.slow
+def test_an_image_that_cannot_be_coded_is_a_problem_of_the_record_that_names_the_extra(alone: Alone) -> None:
+    said = alone.python("-c", PICTURE).stdout
+    assert said.startswith("the record lacks what happened at 0.50 s of the run")
+    assert "pip install 'pomona-executive[pictures]'" in said
+
+
+def test_both_distributions_agree() -> None:
+    part, whole = project(ROOT / "executive"), project(ROOT)
+    for key in ("version", "requires-python", "license", "scripts"):
+        assert part[key] == whole[key], key
+    assert set(part["dependencies"]) <= set(whole["dependencies"])
+    pictures = part["optional-dependencies"].pop("pictures")
+    assert set(pictures) <= set(whole["dependencies"])
+    assert part["optional-dependencies"].items() <= whole["optional-dependencies"].items()
+    for group, points in part["entry-points"].items():
+        theirs = whole["entry-points"][group]
+        for name, target in points.items():
+            assert target == theirs[name] or target.startswith("pomona.executive.running.empty_cell:"), name
+
+
+def test_both_distributions_in_one_environment_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    def points(group: str) -> list[EntryPoint]:
+        return [
+            SimpleNamespace(name="run", dist=SimpleNamespace(name=name))  # type: ignore[misc]
+            for name in ("pomona", "pomona-executive")
+        ]
+
+    monkeypatch.setattr(command_line, "entry_points", points)
+    with pytest.raises(UsageError, match="are both installed here and hold the same files: pip uninstall"):
+        command_line.make_parser(["run"])
+
+
+def test_a_missing_package_is_told_with_the_command_that_brings_it() -> None:
+    with pytest.raises(UsageError, match=r"sums needs the extra 'sums': pip install 'pomona\[sums\]' \(No module"):
+        need("no_such_module", "sums", "sums")
+    assert remedy("pygls.lsp") == "pip install 'pomona[lsp]'"
+    assert remedy("no_such_module") == "pomona doctor"
