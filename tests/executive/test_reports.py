@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+
 import pytest
 from recorded_events import started
 
+from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.reasons import Reason
-from pomona.executive.running.events import AttemptEnded, Event, HandChanged, RunEnded
+from pomona.executive.running.events import (
+    AttemptEnded,
+    Event,
+    HandChanged,
+    NodeChanged,
+    OperatorActed,
+    RunEnded,
+    SafeStopped,
+    TickOverran,
+)
 from pomona.executive.terminal.explain import explain
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.summary import Summary
 from pomona.executive.terminal.words import figure
+from pomona.executive.values.failure_codes import failure_codes
 
 NODES = (
     {"path": "pick", "parent": None, "name": "pick", "type": "sequence"},
@@ -57,7 +71,7 @@ def test_an_attempt_that_is_called_the_first_three_times_is_told_apart(capsys: p
         "attempt ✓ 2 of 8 in look 3 of 3, at 4.00 s",
     ]
     text = " ".join(explain(RUN))
-    assert "Attempt 1 of 8 (Attempt, in look 2 of 3) ended at 2.0 s" in text
+    assert "At 2.0 s attempt 1 of 8 (Attempt, in look 2 of 3) ended" in text
 
 
 def test_the_headline_counts_the_outermost_attempts(capsys: pytest.CaptureFixture[str]) -> None:
@@ -68,8 +82,32 @@ def test_the_headline_counts_the_outermost_attempts(capsys: pytest.CaptureFixtur
 def test_the_worlds_score_is_told_as_it_was(capsys: pytest.CaptureFixture[str]) -> None:
     (truth,) = (line for line in said(capsys) if "truth" in line)
     assert "drops 1" in truth
-    assert "height gained 0 m" in truth
+    assert "lifted: yes" in truth
+    assert "height gained" not in truth, "what is 0 is left out"
     assert "e-08" not in " ".join(explain(RUN))
+
+
+def test_a_summary_shows_the_first_five_figures_and_the_sheet_of_a_run_all(capsys: pytest.CaptureFixture[str]) -> None:
+    score = {"lifted": True, "drops": 0, "fruit": "apple_1", **{f"part_{n}_mm": float(n) for n in range(1, 9)}}
+    summary = Summary()
+    for event in (*RUN[:-1], replace(RUN[-1], truth={**score, "collided_with": []})):
+        summary.on_event(event)
+    for whole, names in ((False, range(1, 5)), (True, range(1, 9))):
+        summary.print(Screen(width=300), None, whole=whole)
+        (truth,) = (line for line in capsys.readouterr().out.splitlines() if "truth" in line)
+        assert re.findall(r"part \d", truth) == [f"part {n}" for n in names]
+        assert ("apple_1" in truth) == ("drops 0" in truth) == whole
+        assert "collided" not in truth
+
+
+def test_times_are_those_of_the_run_of_its_preparation_and_of_both(capsys: pytest.CaptureFixture[str]) -> None:
+    summary = Summary()
+    for event in (replace(RUN[0], preparation=20.0), *RUN[1:]):
+        summary.on_event(event)
+    summary.print(Screen(width=200), None)
+    out = capsys.readouterr().out
+    assert "4.0 s simulated; 1.0 s to run, 20.0 s to prepare, 21.0 s in all, seed 3" in out
+    assert not [line for line in out.splitlines() if line.split() == ["time"]], "no node took any time"
 
 
 @pytest.mark.parametrize(
@@ -86,12 +124,84 @@ def test_no_figure_is_finer_than_anything_measures(name: str, value: object, wor
     assert figure(name, value) == words
 
 
-def test_what_came_between_the_fingers_and_went_is_told() -> None:
+LIFT = "pick/Look/Attempt/Lift"
+
+
+def test_what_the_fingers_feel_is_told_when_a_skill_has_ended_and_not_while_it_grips() -> None:
     felt = [
-        HandChanged(0.0, 0, ""),
-        HandChanged(2.5, 125, "something is between the fingers"),
+        NodeChanged(2.0, 100, LIFT, "RUNNING", "", 1),
+        HandChanged(2.1, 105, "something is between the fingers"),
+        HandChanged(2.2, 110, "something was held, and is hardly felt now"),
+        HandChanged(2.3, 115, "something is between the fingers"),
+        NodeChanged(2.5, 125, LIFT, "SUCCESS", "", 1),
+        NodeChanged(3.0, 150, LIFT, "RUNNING", "", 2),
         HandChanged(3.5, 175, ""),
+        NodeChanged(3.6, 180, LIFT, "FAILURE", "", 2, LOST),
     ]
     text = " ".join(explain([*RUN[:4], *felt, *RUN[4:]]))
-    assert "The fingers felt: at 2.5 s something is between the fingers, at 3.5 s nothing any more." in text
-    assert "The fingers felt" not in " ".join(explain([*RUN[:4], felt[0], *RUN[4:]]))
+    assert re.findall(r"At \S+ s the fingers felt: [^.]*", text) == [
+        "At 2.3 s the fingers felt: something is between the fingers",
+        "At 3.5 s the fingers felt: nothing any more",
+    ]
+    assert "the fingers felt" not in " ".join(explain([*RUN[:4], HandChanged(0.0, 0, ""), *RUN[4:]]))
+
+
+HEAVY = Reason(LIFT, "TOO_HEAVY", "put back", {"limit_n": 14.0, "wanted_n": 20.7})
+
+
+def test_three_sentences_say_what_happened_why_and_what_to_try() -> None:
+    failed = NodeChanged(3.5, 175, LIFT, "FAILURE", "", 1, HEAVY)
+    late = TickOverran(0.2, 10, LIFT, 1.2, 0.1)
+    run = (RUN[0], late, failed, RunEnded(5.2, 260, "failure", HEAVY, 260, 5.2, 1.0, {"drops": 1}))
+    what, why, remedy = explain(run, whole=False)
+    assert what.endswith("on 9 September 2001 at 01:46. It failed after 5.2 s.")
+    assert why == "The reason, at 3.5 s: Lift failed with TOO_HEAVY: put back."
+    assert remedy.startswith("What to try: nothing to mend if `max_force` is right")
+    whole = explain(run)
+    assert whole[:3] == [what, why, remedy]
+    assert "Figures: limit 14 N, wanted 20.7 N." in whole[3]
+    assert "kept the tick waiting" in " ".join(whole[3:])
+
+
+def test_of_a_stopped_run_the_moments_are_told_in_the_order_of_time() -> None:
+    reason = Reason("", "SAFE_STOP", "Ada pressed SAFE STOP")
+    run = (
+        RUN[0],
+        NodeChanged(1.0, 50, LIFT, "RUNNING", "", 1),
+        OperatorActed(0.0, 0, "command line", "break", "before Lift"),
+        TickOverran(2.0, 100, LIFT, 0.9, 0.1),
+        TickOverran(2.5, 125, LIFT, 1.9, 0.1),
+        OperatorActed(3.0, 150, "Ada", "safe_stop"),
+        SafeStopped(3.0, 150, "Ada pressed SAFE STOP"),
+        NodeChanged(3.1, 155, LIFT, "INVALID", "", 1),
+        OperatorActed(3.4, 170, "Ada", "acknowledge"),
+        RunEnded(3.1, 155, "stopped", reason, 155, 3.1, 1.0, None),
+    )
+    what, why, remedy, *rest = explain(run)
+    assert what.endswith("It was stopped after 3.1 s.")
+    assert why == "The reason, at 3.0 s, while Lift was running: SAFE_STOP: Ada pressed SAFE STOP."
+    assert "--recover" in remedy
+    (moments,) = (paragraph for paragraph in rest if "asked for" in paragraph)
+    times = [float(t) for t in re.findall(r"At (\d\.\d) s", moments)]
+    assert times == [0.0, 2.5, 3.0, 3.0, 3.4], "of the late ticks the longest is told"
+    assert "So waited 1 more" in moments
+
+
+def test_every_failure_code_that_can_occur_has_a_meaning_and_a_remedy() -> None:
+    of_skills = {
+        code
+        for skill in declared_skills().values()
+        if skill.__module__.startswith("pomona.")
+        for code in skill.failures
+    }
+    of_the_language = {
+        "BAD_VALUE", "CONDITION_FALSE", "EXCEPTION", "FAILED", "FORCED", "INTERRUPTED", "INVERTED", "NOBODY_TO_ASK",
+        "NOT_APPROVED", "NO_ANSWER", "NO_RECORD", "SAFE_STOP", "STOPPED", "TIMEOUT",
+    }  # fmt: skip
+    described = failure_codes()
+    assert of_skills | of_the_language == described.keys()
+    for code in described.values():
+        for sentence in (code.meaning, code.remedy):
+            assert sentence.strip()
+            assert len(sentence.split()) <= 25, sentence
+            assert not sentence.endswith("."), sentence

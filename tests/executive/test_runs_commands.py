@@ -107,9 +107,12 @@ def test_explain_says_what_happened_and_why(capsys: pytest.CaptureFixture[str]) 
     said = say(capsys, "explain")
     assert "try_thrice ran on the mocked cell dry with seed 0 and pauses = 2" in said
     assert "It failed after" in said
-    assert "The reason is NO_PATH of MoveTo (line 12 of the tree)" in said
-    assert "Attempt 1 of 2 (Attempt) ended at 1.5 s with NO_PATH, too." in said
-    assert "What failed on the way: MoveTo NO_PATH 2 times." in said
+    assert "The reason, at 2.5 s: MoveTo (line 12 of the tree) failed with NO_PATH" in said
+    assert "What to try: raise `budget`" in said
+    assert "attempt 1 of 2" not in said
+    said = say(capsys, "explain", "last", "--all")
+    assert "At 1.5 s attempt 1 of 2 (Attempt) ended with NO_PATH, too." in said
+    assert "On the way failed: MoveTo NO_PATH 2 times." in said
 
 
 def test_explain_tells_a_success_with_the_attempt_that_made_it(capsys: pytest.CaptureFixture[str]) -> None:

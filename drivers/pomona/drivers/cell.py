@@ -40,6 +40,11 @@ logger = logging.getLogger(__name__)
 STOPPING = 1.0
 """Seconds that a device has to take a safe stop; the supervisor process has as long to notice that all hangs."""
 
+COUNTS_MOST = (
+    "lifted", "drops", "lost", "collisions", "slip_mm", "finger_peak_n", "position_error_mm", "size_error_mm",
+)  # fmt: skip
+"""What stands first in a world's score: a summary shows the first five figures that are not 0."""
+
 
 class Cell:
     """Drivers that work together: looked after each tick by `check`, stopped together by `safe_stop`."""
@@ -274,7 +279,8 @@ class Cell:
             return None
         truth = dict(self._world.truth())
         fruits = truth.pop("fruits", ())
-        return {**truth, **estimate_errors(reported or {}, fruits if isinstance(fruits, Sequence) else ())}
+        truth |= estimate_errors(reported or {}, fruits if isinstance(fruits, Sequence) else ())
+        return {name: truth[name] for name in dict.fromkeys((*COUNTS_MOST, *truth)) if name in truth}
 
     def close(self) -> None:
         """Bring everything to rest and let go of the devices, those connected last first."""

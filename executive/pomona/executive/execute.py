@@ -348,7 +348,7 @@ def _run(work: _Work, followers: _Followers) -> Executed:
         with signals.ask(runner):
             session.begin(runner, events)
             supervision.begin(runner, session.folder)
-            events.emit(_started(work, runner, session.folder))
+            events.emit(_started(work, runner, session.folder, starting.age))
             followers.on_ready(runner)
             starting.begin()
             result = runner.run()
@@ -428,7 +428,7 @@ def _with_place(error: BaseException) -> str:
     return f"{sentence_of(error)} ({place})" if place else sentence_of(error)
 
 
-def _started(work: _Work, runner: Runner, folder: Path | None) -> RunStarted:
+def _started(work: _Work, runner: Runner, folder: Path | None, preparation: float) -> RunStarted:
     """The first event of a run: everything that is needed to repeat it."""
     order, document, cell = work.order, work.document, work.cell
     return RunStarted(
@@ -451,6 +451,7 @@ def _started(work: _Work, runner: Runner, folder: Path | None) -> RunStarted:
         period=PERIOD,
         settings=dict(order.settings),
         speed=order.speed,
+        preparation=round(preparation, 3),
         cell_files={name: text for name, text in work.cell_texts.items() if name != order.cell.name},
         tree_files={file.source.path: file.source.text for file in document.files if file is not document.main},
     )

@@ -286,14 +286,14 @@ class Lift(MovingSkill):
         if code == "FORCE_LIMIT" and problem.data["for_weight_alone_n"] > problem.data["limit_n"]:
             code = "TOO_HEAVY"
         elsewhere = {
-            "TOO_HEAVY": "wherever it is gripped",
-            "FORCE_LIMIT": "gripped nearer its centre it may be held",
-            "SLIPPED": "it is not held by what friction was told or felt",
+            "TOO_HEAVY": "at any grip position",
+            "FORCE_LIMIT": "at this grip position (nearer its centre it may be held)",
+            "SLIPPED": "with the configured and with the measured friction",
         }[code]
         where = (
             "put back where it stood" if risen < BACK else f"still {1e3 * risen:.0f} mm up, with no straight way back"
         )
-        return self._not_held(code, f"{where}, {elsewhere}", hold, problem)
+        return self._not_held(code, f"{where}; {elsewhere}", hold, problem)
 
     def _require_free(self, q_line: Float64, grasp: Grasp | None, map: OccupancyMap | None, clearance: float) -> None:
         width = self.device(Gripper).state().width

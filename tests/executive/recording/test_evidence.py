@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -15,13 +17,23 @@ from pomona.executive.errors import UsageError
 from pomona.executive.recording.evidence import gather, read_hazards
 from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.recording.recorder import Recorder
-from pomona.executive.running.events import OperatorActed, RunEnded
+from pomona.executive.running.events import Event, OperatorActed, Published, RunEnded
+from pomona.executive.views import SeriesView
 
 CELL = "name: sim\ndevices:\n  gripper: {force_max: 20 N}\n  fingers: {range: 8 N}\n"
 SHIPPED = Path(__file__).parents[3] / "trees" / "hazards" / "picking.yaml"
 
 
-def run(folder: Path, force: float, *, drops: int = 0, lifted: bool = True, speed: float = 1.0) -> Path:
+def run(
+    folder: Path,
+    force: float,
+    *,
+    drops: int = 0,
+    lifted: bool = True,
+    speed: float = 1.0,
+    truth: Mapping[str, float] = MappingProxyType({}),
+    events: Sequence[Event] = (),
+) -> Path:
     folder.mkdir(parents=True)
     recorder = Recorder(folder)
     recorder.on_event(started(cell_text=CELL))
@@ -31,9 +43,10 @@ def run(folder: Path, force: float, *, drops: int = 0, lifted: bool = True, spee
     arm = {"stamp_s": np.array([0.0, 0.02, 0.02, 0.04]), "q_1_rad": np.array([0.0, 0.02 * speed, 5.0, 5.0])}
     recorder.read(0.1, 5, {"arm": arm})
     recorder.on_event(OperatorActed(0.2, 10, "anna", "pause"))
-    recorder.on_event(
-        RunEnded(1.0, 50, "success", None, 50, 1.0, 1.0, {"drops": drops, "collisions": 0, "lifted": lifted})
-    )
+    for event in events:
+        recorder.on_event(event)
+    score = {"drops": drops, "collisions": 0, "lifted": lifted, **truth}
+    recorder.on_event(RunEnded(1.0, 50, "success", None, 50, 1.0, 1.0, score))
     recorder.close()
     return folder
 
@@ -45,10 +58,10 @@ def table(records: list[Path]) -> dict[str, Any]:
 
 def test_the_largest_sample_of_all_runs_stands_beside_the_limit_of_its_cell(tmp_path: Path) -> None:
     found = table([run(tmp_path / "a", 3.0), run(tmp_path / "b", 4.5), run(tmp_path / "c", 2.0)])
-    crushed = found["The fruit is crushed, a finger is caught"]
+    crushed = found["Fruit crushed or finger caught"]
     assert (crushed.value, crushed.limit, crushed.run, crushed.runs, crushed.beyond) == (9.0, 20.0, "b", 3, 0)
     assert crushed.t == pytest.approx(0.002)
-    range_of_fingers = found["A finger sensor is driven beyond what it can measure"]
+    range_of_fingers = found["Finger sensor at the end of its range"]
     assert (range_of_fingers.value, range_of_fingers.limit) == (4.5, 8.0)
     fast = found["The arm moves faster than its joints may"]
     assert fast.value == pytest.approx(1.0)  # two samples of one stamp are no speed
@@ -70,10 +83,10 @@ def test_a_limit_that_was_passed_is_counted(tmp_path: Path) -> None:
     lied = run(tmp_path / "lied", 9.0, drops=1, lifted=False, speed=4.0)
     found = table([lied, run(tmp_path / "good", 3.0)])
     assert {name: measured.beyond for name, measured in found.items() if measured.beyond} == {
-        "A finger sensor is driven beyond what it can measure": 1,
+        "Finger sensor at the end of its range": 1,
         "The arm moves faster than its joints may": 1,
         "The fruit is dropped": 1,
-        "A success is told that is none": 1,
+        "Failed pick reported as a success": 1,
     }
 
 
@@ -110,9 +123,46 @@ def test_a_campaign_that_kept_no_records_is_said_to_have_none(
     assert "campaign … --record" in said
 
 
-def test_a_passed_limit_is_told_by_the_exit_status(tmp_path: Path) -> None:
+def test_a_passed_limit_stands_first_with_a_mark_and_gives_the_exit_status(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     run(tmp_path / "a", 9.0)
-    assert main(["evidence", str(tmp_path), "--out", str(tmp_path / "out")]) == 1
+    monkeypatch.chdir(tmp_path)
+    assert main(["evidence", str(tmp_path)]) == 1
+    first, *others, last = capsys.readouterr().out.splitlines()
+    assert first == "✗ Finger sensor at the end of its range: limit 8 N, largest 9 N, beyond in 1 run of 1"
+    assert not any(line.startswith("✗") for line in others)
+    assert last == "1 run: 1 limit passed (exit status 1)"
+    assert not (tmp_path / "evidence").exists(), "without --out nothing is written"
+
+
+def test_a_sensor_at_its_end_is_beyond_its_range(tmp_path: Path) -> None:
+    found = table([run(tmp_path / "a", 8.0)])
+    assert (found["Finger sensor at the end of its range"].value, found["Fruit crushed or finger caught"].beyond) == (
+        8.0,
+        0,
+    )
+    assert found["Finger sensor at the end of its range"].beyond == 1
+
+
+def test_the_truth_counts_where_it_is_larger_than_what_was_sensed(tmp_path: Path) -> None:
+    truth = {"finger_peak_n": 9.03, "grasp_peak_n": 2.5}
+    found = table([run(tmp_path / "a", 3.0, truth=truth)])
+    finger = found["Finger sensor at the end of its range"]
+    assert (finger.value, finger.quantity, finger.beyond) == (9.03, "truth: finger_peak_n", 1)
+    assert found["Fruit crushed or finger caught"].value == 6.0
+
+
+@pytest.mark.parametrize(("truth", "beyond", "value"), [({}, 0, 12.0), ({"grasp_peak_n": 15.3}, 1, 15.3)])
+def test_the_grip_is_held_against_the_limit_that_is_recorded_with_it(
+    tmp_path: Path, truth: dict[str, float], beyond: int, value: float
+) -> None:
+    t = np.array([0.5, 0.6])
+    thresholds = {"force limit [N]": 14.0}
+    grip = SeriesView(t, {"grasp force [N]": np.array([3.0, 12.0]), "width [m]": t}, thresholds)
+    found = table([run(tmp_path / "a", 3.0, truth=truth, events=(Published(0.6, 30, "Grip", "grip", grip),))])
+    held = found["Grip harder than its force limit"]
+    assert (held.value, held.limit, held.beyond) == (value, 14.0, beyond)
 
 
 @pytest.mark.parametrize("text", ["", "7", "hazards: 3", "hazards: [{hazard: x}]", "hazards: [[", "\x00"])

@@ -19,13 +19,14 @@ class HeldForce:
     Attributes:
         stamps, forces, least: while the fruit hung free: time [s], force summed over both fingers [N], and the least
             such force with which the contact model holds the load of that moment [N].
-        finger_peak: largest force of one finger, from the first touch on [N].
+        finger_peak, grasp_peak: largest force of one finger, and of both together, from the first touch on [N].
     """
 
     stamps: list[float] = field(default_factory=list)
     forces: list[float] = field(default_factory=list)
     least: list[float] = field(default_factory=list)
     finger_peak: float = 0.0
+    grasp_peak: float = 0.0
 
     def note(self, now: float, force: float, least: float) -> None:
         """The fruit hangs free at this moment."""
@@ -47,4 +48,4 @@ class HeldForce:
             if late.any():
                 figures["end_force_n"] = float(np.mean(forces[late]))
                 figures["end_ratio"] = float(np.mean(forces[late]) / np.mean(least[late]))
-        return {**figures, "finger_peak_n": self.finger_peak}
+        return {**figures, "finger_peak_n": self.finger_peak, "grasp_peak_n": self.grasp_peak}

@@ -178,6 +178,7 @@ class Scorer:
         grip.peak = max(grip.peak, sum(forces))
         normal = self._normal_forces(sensors)
         grip.held.finger_peak = max(grip.held.finger_peak, *normal)
+        grip.held.grasp_peak = max(grip.held.grasp_peak, sum(normal))
         if supported and not grip.hung and self._tool_speed() < REST:
             fresh = self._take_hold(T_base_tool, T_base_fruit)
             grip.T_tool_fruit, grip.point = fresh.T_tool_fruit, fresh.point
@@ -242,7 +243,7 @@ class Scorer:
             if wrong := other.touches if never_gripped else other.bumps:
                 hits[self.scene.fruits[i].name] = wrong
         return {
-            "lifted": bool(risen > LIFTED and record.grip is not None),
+            "lifted": bool(risen > LIFTED and record.grip is not None) if grip else None,
             "fruit": fruit.name,
             "place": fruit.place,
             "target": self.scene.fruits[0].name,

@@ -11,7 +11,7 @@ from pomona.executive.campaign.document import Bullets, Heading, Paragraph, Repo
 from pomona.executive.commands.command_line import add_records_folder
 from pomona.executive.errors import UsageError
 from pomona.executive.files import default_name
-from pomona.executive.recording.evidence import Evidence, Measured, gather, read_hazards
+from pomona.executive.recording.evidence import Evidence, Hazard, Measured, gather, read_hazards
 from pomona.executive.recording.folder import find_record
 from pomona.executive.recording.index import records_in
 from pomona.executive.terminal.filtered import json_text
@@ -19,10 +19,10 @@ from pomona.executive.terminal.screen import Screen
 from pomona.executive.values.shipped import installed_trees
 
 NO_CLAIM = (
-    "what a run did not meet, it did not measure: a maximum over runs is no bound",
-    "forces and positions are what the devices said; truth is the simulated world's",
-    "checksums and the chain of interventions find accidents and careless edits; who forges a whole record is found "
-    "only by a digest that was kept elsewhere: those below",
+    "a run measures only the situations that it met: a maximum over runs is no bound",
+    "forces and positions are measured by the devices; truth is the simulated world's, and counts where it is larger",
+    "checksums and the chain of interventions find accidents and careless edits; a forged record can only be detected "
+    "with a digest kept elsewhere: those below",
     "the safe state is no hardware emergency stop, and this is no certificate",
 )
 
@@ -30,17 +30,18 @@ NO_CLAIM = (
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser("evidence", help="hazards, limits and measured maxima of a campaign or of runs")
+    parser.epilog = "Exit status: 0 no limit was passed, 1 a limit was passed, 2 there is no evidence."
     add_argument = parser.add_argument
     what = "a folder of a campaign, a folder of records, a record, or its name below --record"
     add_argument("runs", nargs="+", metavar="CAMPAIGN_OR_RUN", help=what)
     add_records_folder(parser)
     add_argument("--hazards", type=Path, help="a file of hazards (default: the installed one)")
-    add_argument("--out", type=Path, default=Path("evidence"), metavar="DIR", help="where to (default: evidence)")
+    add_argument("--out", type=Path, metavar="DIR", help="also write evidence.md, .html and .json into this folder")
     parser.set_defaults(main=main)
 
 
 def main(options: argparse.Namespace) -> int:
-    """Write evidence.md, evidence.html and evidence.json.
+    """Print hazards with limits and largest values; write evidence.md, evidence.html and evidence.json with `--out`.
 
     Returns:
         0; 1 when a limit was passed.
@@ -51,17 +52,31 @@ def main(options: argparse.Namespace) -> int:
     if not evidence.runs:
         why = "; ".join(f"{run}: {reason}" for run, reason in list(evidence.left_out.items())[:3])
         raise UsageError(f"no record can serve as evidence ({why or 'there is none'})")
-    markdown, page = document(evidence).write(options.out, "evidence")
-    (options.out / "evidence.json").write_text(json_text(evidence.as_json(), indent=1) + "\n", encoding="utf-8")
     console = Screen()
-    for hazard, measured in zip(evidence.hazards, evidence.measured, strict=True):
-        style = "red" if measured.beyond else "" if measured.runs else "dim"
+    for hazard, measured in _beyond_first(evidence):
+        mark, style = ("✗", "red") if measured.beyond else ("✓", "") if measured.runs else ("–", "dim")
         limit, largest = _limit(measured, hazard.unit), _largest(measured, hazard.unit)
-        console.print(f"{hazard.name}: limit {limit}, largest {largest}", style=style, soft_wrap=True)
-    console.print(
-        f"{len(evidence.runs)} runs, {len(evidence.left_out)} records left out: {markdown} {page}", soft_wrap=True
-    )
-    return 1 if any(measured.beyond for measured in evidence.measured) else 0
+        count = f", beyond in {_number(measured.beyond, 'run')} of {measured.runs}" if measured.beyond else ""
+        console.print(f"{mark} {hazard.name}: limit {limit}, largest {largest}{count}", style=style, soft_wrap=True)
+    beyond = sum(measured.beyond > 0 for measured in evidence.measured)
+    left_out = f", {_number(len(evidence.left_out), 'record')} left out" if evidence.left_out else ""
+    verdict = f"{_number(beyond, 'limit')} passed (exit status 1)" if beyond else "no limit was passed"
+    console.print(f"{_number(len(evidence.runs), 'run')}{left_out}: {verdict}")
+    if options.out is not None:
+        markdown, page = document(evidence).write(options.out, "evidence")
+        (options.out / "evidence.json").write_text(json_text(evidence.as_json(), indent=1) + "\n", encoding="utf-8")
+        console.print(f"{markdown} {page}", soft_wrap=True)
+    return 1 if beyond else 0
+
+
+def _beyond_first(evidence: Evidence) -> list[tuple[Hazard, Measured]]:
+    """Hazards whose limit was passed, then the others."""
+    rows = zip(evidence.hazards, evidence.measured, strict=True)
+    return sorted(rows, key=lambda row: not row[1].beyond)
+
+
+def _number(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def _records(name: str, root: Path) -> list[Path]:
@@ -82,12 +97,13 @@ def document(evidence: Evidence) -> ReportPage:
     runs = evidence.runs
     outcomes = Counter(str(run["outcome"]) for run in runs)
     cells = Counter(f"{run['cell']} ({run['cell_kind']})" for run in runs)
-    report = ReportPage("Evidence", f"{len(runs)} runs: {_counted(outcomes)}; cells: {_counted(cells)}")
-    report.add(Paragraph(f"Commits: {_counted(Counter(str(run['git'] or 'unknown') for run in runs))}."))
+    commits = Counter(str(run["git"] or "unknown") for run in runs)
+    report = ReportPage("Evidence", f"{_number(len(runs), 'run')}: {_counted(outcomes)}; cells: {_counted(cells)}")
+    report.add(Paragraph(f"Runs by commit: {', '.join(f'{commit} ({n})' for commit, n in commits.most_common())}."))
     rows = [
-        (hazard.name, hazard.node, _limit(measured, hazard.unit), _largest(measured, hazard.unit), _where(measured),
-         f"{measured.beyond} of {measured.runs}", hazard.meaning)
-        for hazard, measured in zip(evidence.hazards, evidence.measured, strict=True)
+        (f"✗ {hazard.name}" if measured.beyond else hazard.name, hazard.node, _limit(measured, hazard.unit),
+         _largest(measured, hazard.unit), _where(measured), f"{measured.beyond} of {measured.runs}", hazard.meaning)
+        for hazard, measured in _beyond_first(evidence)
     ]  # fmt: skip
     header = ("hazard", "node", "limit", "measured maximum", "where", "runs beyond", "what is measured")
     report.add(Heading("Hazards"), Table(header, tuple(rows), words=True))

@@ -44,7 +44,8 @@ _EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         ("pomona dashboard --host 0.0.0.0 --tls-cert c.pem --tls-key k.pem", "reached from elsewhere, encrypted"),
     ),
     "explain": (
-        ("pomona explain last", "why the last run failed"),
+        ("pomona explain last", "what happened in the last run, why, and what to try"),
+        ("pomona explain last --all", "every moment of it, with values and times"),
         ("pomona explain 2026-11-21_08-41-07_{tree}", "why that one did"),
     ),
     "runs": (

@@ -1,4 +1,4 @@
-"""`pomona explain`: what happened in a run and why, in a few sentences."""
+"""`pomona explain`: what happened in a run, why, and what to try."""
 
 from __future__ import annotations
 
@@ -17,8 +17,10 @@ from pomona.executive.terminal.screen import Screen
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    parser = subparsers.add_parser("explain", help="what happened in a recorded run and why, in a few sentences")
+    parser = subparsers.add_parser("explain", help="what happened in a recorded run, why, and what to try")
     parser.add_argument("run", nargs="?", default="last", help=f"{RUN} (default: last)")
+    about = "also every moment, in the order of time, with values, times, the score and tracebacks"
+    parser.add_argument("--all", action="store_true", help=about)
     add_records_folder(parser)
     parser.set_defaults(main=main)
 
@@ -33,7 +35,8 @@ def main(options: argparse.Namespace) -> int:
     console = Screen()
     run = trusted(record)
     why_cut = run.message or "nobody knows why"
-    for paragraph in explain(read_events(record), is_being_written(events_file(record)), why_cut):
+    going_on = is_being_written(events_file(record))
+    for paragraph in explain(read_events(record), going_on, why_cut, whole=options.all):
         console.print(paragraph, soft_wrap="\n" in paragraph)
     if run.lost:
         console.print(f"The record was damaged and repaired; what it lost: {run.lost}.", style="yellow")

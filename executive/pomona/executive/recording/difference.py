@@ -14,7 +14,7 @@ from pomona.executive.recording.json_text import parse_object
 from pomona.executive.recording.scan import scan
 
 OF_THE_MOMENT: Mapping[str, tuple[str, ...]] = {
-    "RunStarted": ("run", "wall_time", "versions", "tree_path", "cell_path", "tree_files"),
+    "RunStarted": ("run", "wall_time", "versions", "tree_path", "cell_path", "tree_files", "preparation"),
     "Computed": ("wall",),
     "RunEnded": ("wall",),
     "ErrorRaised": ("traceback",),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,12 +23,15 @@ from pomona.executive.recording.digest import Digest, digest
 from pomona.executive.recording.folder import DEVICES, EVENTS, events_file
 from pomona.executive.recording.interventions import interventions
 from pomona.executive.recording.json_text import parse_object
+from pomona.executive.recording.overview import TOPIC
 from pomona.executive.recording.plain_file import open_plain
 from pomona.executive.recording.scan import scan
 from pomona.executive.values.plain_text import read_plain_text
 
+MOST_OF_A_HEAD = 512
+"""Bytes of an event in which its topic stands."""
 TAKES = ("largest", "sum", "rate")
-_KEYS = ("hazard", "node", "limit", "unit", "measure", "meaning")
+_KEYS = ("hazard", "node", "limit", "unit", "saturates", "measure", "meaning")
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +42,9 @@ class Hazard:
         name, node, unit, meaning: for people.
         limits: one number, or one for each quantity; empty when each run's cell says it.
         limit_in_cell: where a run's cell says it, as dotted keys of which the first that is there counts.
-        measure: what in a record measures it.
+        limit_in_series: the threshold that is recorded with a series.
+        saturates: a value at the limit is beyond it: the sensor measures no more.
+        measure: what in a record measures it; the simulated world's truth counts where it is larger.
     """
 
     name: str
@@ -48,6 +53,8 @@ class Hazard:
     meaning: str
     limits: tuple[float, ...]
     limit_in_cell: tuple[str, ...]
+    limit_in_series: str
+    saturates: bool
     measure: Mapping[str, str]
 
 
@@ -71,10 +78,10 @@ class Measured:
     quantity: str = ""
     beyond: int = 0
 
-    def take(self, run: str, t: float, value: float, limit: float | None, quantity: str) -> None:
+    def take(self, run: str, t: float, value: float, limit: float | None, quantity: str, saturates: bool) -> None:
         """One run's largest."""
         self.runs += 1
-        self.beyond += limit is not None and value > limit
+        self.beyond += limit is not None and (value > limit or (saturates and value == limit))
         if self.value is None or _share(value, limit) > _share(self.value, self.limit):
             self.value, self.limit, self.run, self.t, self.quantity = value, limit, run, t, quantity
 
@@ -119,16 +126,17 @@ def _hazard(entry: Mapping[str, Any]) -> Hazard:
     if unknown := set(entry) - set(_KEYS):
         raise ValueError(f"unknown: {', '.join(sorted(map(str, unknown)))}; known: {', '.join(_KEYS)}")
     limit, measure = entry["limit"], {str(key): str(value) for key, value in entry["measure"].items()}
-    in_cell = tuple(map(str, limit["cell"])) if isinstance(limit, dict) else ()
-    limits = () if in_cell else tuple(float(value) for value in (limit if isinstance(limit, list) else [limit]))
+    where = limit if isinstance(limit, dict) else {}
+    in_cell, in_series = tuple(map(str, where.get("cell", ()))), str(where.get("series", ""))
+    limits = () if where else tuple(float(value) for value in (limit if isinstance(limit, list) else [limit]))
     if "device" in measure:
         re.compile(measure["quantities"])
         if measure["take"] not in TAKES:
             raise ValueError(f"take is one of {', '.join(TAKES)}, not '{measure['take']}'")
-    elif not {"truth", "success_without", "event"} & measure.keys():
-        raise ValueError(f"{entry['hazard']}: measure needs device, truth, success_without or event")
+    elif not {"series", "truth", "success_without", "event"} & measure.keys():
+        raise ValueError(f"{entry['hazard']}: measure needs device, series, truth, success_without or event")
     words = (str(entry["hazard"]), str(entry["node"]), str(entry.get("unit", "")), str(entry.get("meaning", "")))
-    return Hazard(*words, limits, in_cell, measure)
+    return Hazard(*words, limits, in_cell, in_series, bool(entry.get("saturates")), measure)
 
 
 def _cell(text: str) -> Any:
@@ -168,11 +176,11 @@ def _why_not(found: Digest) -> str:
 
 def _measure(record: Path, found: Digest, evidence: Evidence) -> None:
     path = events_file(record)
-    run = _Run(path)
-    largest = [run.largest(hazard, found) for hazard in evidence.hazards]
-    for measured, value in zip(evidence.measured, largest, strict=True):
+    run = _Run(path, {hazard.measure.get("series", "") for hazard in evidence.hazards})
+    for hazard, measured in zip(evidence.hazards, evidence.measured, strict=True):
+        value = run.largest(hazard, found)
         if value is not None:
-            measured.take(record.name, *value)
+            measured.take(record.name, *value, hazard.saturates)
     log = interventions(path, cut=False)
     with open_plain(path) as stream:
         sha256 = hashlib.file_digest(stream, "sha256").hexdigest()  # type: ignore[arg-type]
@@ -186,10 +194,11 @@ def _measure(record: Path, found: Digest, evidence: Evidence) -> None:
 
 
 class _Run:
-    """What one record measured, by device."""
+    """What one record measured, by device, and the series of these topics."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, topics: Collection[str]) -> None:
         self.cell: Any = {}
+        self._series: dict[str, list[Mapping[str, Any]]] = {}
         self._events: dict[str, list[dict[str, Any]]] = {}
         columns: dict[str, dict[str, list[Any]]] = {}
         for topic, content in scan(path):
@@ -201,6 +210,10 @@ class _Run:
             elif topic == EVENTS and content.startswith((b'{"event":"RunStarted"', b'{"event":"TickOverran"')):
                 event = parse_object(content)
                 self._events.setdefault(event["event"], []).append(event)
+            elif topic == EVENTS and content.startswith(b'{"event":"Published"'):
+                published = TOPIC.search(content, 0, MOST_OF_A_HEAD)
+                if published is not None and published[2] == b"SeriesView" and published[1].decode() in topics:
+                    self._series.setdefault(published[1].decode(), []).append(parse_object(content)["value"])
         for started in self._events.get("RunStarted", ()):
             self.cell = _cell(started["cell_text"])
         self._devices = {
@@ -212,15 +225,21 @@ class _Run:
         """(t, value, limit, quantity) of the sample nearest its limit; None: this run says nothing of it."""
         measure, limits = hazard.measure, hazard.limits or self._limits(hazard.limit_in_cell)
         limit = limits[0] if limits else None
+        sensed = None
         if "device" in measure:
-            return self._of_device(measure, limits)
-        if "truth" in measure:
-            value = (found.truth or {}).get(measure["truth"])
-            return None if value is None else (found.time or 0.0, float(value), limit, measure["truth"])
+            sensed = self._of_device(measure, limits)
+        elif "series" in measure:
+            sensed = self._of_series(measure, hazard.limit_in_series)
+            limit = sensed[2] if sensed is not None else None
+        value = (found.truth or {}).get(measure.get("truth", ""))
+        if value is not None and (sensed is None or float(value) > sensed[1]):
+            return found.time or 0.0, float(value), limit, f"truth: {measure['truth']}"
+        if sensed is not None or measure.keys() & {"device", "series", "truth"}:
+            return sensed
         if "success_without" in measure:
-            said = (found.truth or {}).get(measure["success_without"])
-            if said is None:
+            if found.truth is None or measure["success_without"] not in found.truth:
                 return None
+            said = found.truth[measure["success_without"]]
             return found.time or 0.0, float(found.outcome == "success" and not said), limit, ""
         events = self._events.get(measure["event"], [])
         values = [(float(event["t"]), float(event[measure["field"]]), limit, "") for event in events]
@@ -241,6 +260,17 @@ class _Run:
         rows = [
             _peak(t - start, np.abs(_rate(t, device[name]) if measure["take"] == "rate" else device[name]), limit, name)
             for name, limit in zip(names, _spread(limits, len(names)), strict=True)
+        ]
+        return max((row for row in rows if row is not None), key=lambda row: _share(row[1], row[2]), default=None)
+
+    def _of_series(self, measure: Mapping[str, str], threshold: str) -> tuple[float, float, float | None, str] | None:
+        views, name = self._series.get(measure["series"], ()), measure["quantity"]
+        rows = [
+            _peak(
+                np.array(view["t"], float), np.array(view["values"][name], float), view["thresholds"].get(threshold), ""
+            )
+            for view in views
+            if view["values"].get(name)
         ]
         return max((row for row in rows if row is not None), key=lambda row: _share(row[1], row[2]), default=None)
 

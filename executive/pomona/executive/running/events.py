@@ -27,7 +27,8 @@ class RunStarted(Event):
 
     `tree_files` holds the texts of the files that the tree calls, by their path, `cell_files` those that the cell
     includes, by their path from its folder; of a dry run `cell_text` is its mocks. `speed` is the share of what is
-    commanded at which the arm goes at first; an `OperatorActed` with the action `speed` changes it.
+    commanded at which the arm goes at first; an `OperatorActed` with the action `speed` changes it. `preparation` is
+    the time from the order to the start [s].
     """
 
     run: str
@@ -49,6 +50,7 @@ class RunStarted(Event):
     tree_files: Mapping[str, str] = field(default_factory=dict)
     cell_files: Mapping[str, str] = field(default_factory=dict)
     speed: float = 1.0
+    preparation: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,8 @@ from pomona.executive.running.events import (
 )
 from pomona.executive.speed import words_of
 from pomona.executive.terminal.summary import Summary
-from pomona.executive.terminal.words import at_place, figure, seconds
+from pomona.executive.terminal.words import at_place, figure, headline, seconds
+from pomona.executive.values.failure_codes import failure_codes
 
 ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
 BLOCKED = 0.5
@@ -44,19 +45,25 @@ MOST_ATTEMPTS = 4
 
 
 def explain(
-    events: Iterable[Event], going_on: bool = False, why_cut: str = "the process was killed or lost its power"
+    events: Iterable[Event],
+    going_on: bool = False,
+    why_cut: str = "the process was killed or lost its power",
+    *,
+    whole: bool = True,
 ) -> list[str]:
-    """Paragraphs for a person.
+    """Return paragraphs for an operator: what happened, why, and what to try.
 
     Args:
         events: of the run, from its start.
         going_on: the record has no end because the run is still going on.
         why_cut: otherwise, why it has none.
+        whole: add everything that was recorded in the order of time, values, times, the score and tracebacks.
     """
     story = _Story()
     for event in events:
         story.on_event(event)
-    return [paragraph for paragraph in story.tell(going_on, why_cut) if paragraph]
+    told = [*story.briefly(going_on, why_cut), *(story.rest() if whole else ())]
+    return [paragraph for paragraph in told if paragraph]
 
 
 class _Story:
@@ -64,13 +71,13 @@ class _Story:
         self.summary = Summary()
         self.nodes: dict[str, Mapping[str, Any]] = {}
         self.failures: list[NodeChanged] = []
-        self.acts: list[OperatorActed] = []
+        self.moments: list[tuple[float, str]] = []
         self.stops: list[SafeStopped] = []
-        self.links: list[LinkChanged] = []
         self.errors: list[ErrorRaised] = []
-        self.hands: list[HandChanged] = []
         self.overruns: list[TickOverran] = []
         self.running: dict[str, float] = {}
+        self.interrupted: list[str] = []
+        self.hand, self.hand_told, self.hand_t = "", "", 0.0
         self.t = 0.0
 
     def on_event(self, event: Event) -> None:
@@ -79,47 +86,76 @@ class _Story:
         if isinstance(event, RunStarted):
             self.nodes = {node["path"]: node for node in event.nodes}
         elif isinstance(event, NodeChanged):
-            if event.status == "RUNNING":
-                self.running.setdefault(event.path, event.t)
-            else:
-                self.running.pop(event.path, None)
-            if event.reason is not None and not event.reason.causes and event.reason.code != "SKIPPED":
-                self.failures.append(event)
+            self._follow(event)
         elif isinstance(event, OperatorActed):
-            self.acts.append(event)
+            self._note(event.t, f"{event.who} asked for {event.action} {event.detail}".rstrip())
         elif isinstance(event, SafeStopped):
+            if not self.stops:
+                self.interrupted = self._running_leaves()
             self.stops.append(event)
+            self._note(event.t, f"the cell went to its safe state: {event.reason}")
         elif isinstance(event, ErrorRaised):
             self.errors.append(event)
+            self._note(event.t, _raised(event, self._name(event.node) if event.node else ""))
         elif isinstance(event, HandChanged):
-            self.hands.append(event)
+            self.hand, self.hand_t = event.what, event.t
         elif isinstance(event, TickOverran):
             self.overruns.append(event)
         elif isinstance(event, LinkChanged) and event.state != "ok":
-            self.links.append(event)
+            self._note(event.t, f"{event.device}: {event.state}")
+        elif isinstance(event, RunEnded):
+            self._note_hand()
+
+    def _follow(self, event: NodeChanged) -> None:
+        if event.status == "RUNNING":
+            self.running.setdefault(event.path, event.t)
+        elif self.running.pop(event.path, None) is not None and event.path in self._leaves():
+            self._note_hand()
+        if event.reason is not None and not event.reason.causes and event.reason.code != "SKIPPED":
+            self.failures.append(event)
+
+    def _note(self, t: float, text: str) -> None:
+        self.moments.append((t, f"At {t:.1f} s {_sentence(text)}"))
+
+    def _note_hand(self) -> None:
+        """Note a change of what the fingers feel, once a skill has ended: what changes while it grips is its own."""
+        if self.hand != self.hand_told:
+            self._note(self.hand_t, f"the fingers felt: {self.hand or 'nothing any more'}")
+            self.hand_told = self.hand
 
     # ------------------------------------------------------------------------------------------ paragraphs
 
-    def tell(self, going_on: bool, why_cut: str) -> Iterator[str]:
+    def briefly(self, going_on: bool, why_cut: str) -> Iterator[str]:
+        """What happened, why, and what to try."""
         started, ended = self.summary.started, self.summary.ended
         if started is None:
             yield f"The record holds no beginning of a run: {why_cut}."
             return
         yield f"{self._opening(started)} {self._outcome(ended, going_on, why_cut)}"
+        reason = ended.reason if ended is not None else None
+        yield self._why(reason) if reason is not None else self._on_the_way()
+        code = "EXCEPTION" if self.errors else _last_leaf(reason).code if reason is not None else ""
+        known = failure_codes().get(code)
+        yield f"What to try: {_sentence(known.remedy)}" if known is not None else ""
+
+    def rest(self) -> Iterator[str]:
+        """All that was recorded beyond that."""
+        ended = self.summary.ended
         if ended is not None and ended.reason is not None:
-            yield self._why(ended.reason)
-        yield self._attempts()
-        yield self._on_the_way(ended)
-        yield self._in_hand()
-        yield self._interventions()
-        yield from self._errors()
+            yield self._figures(ended.reason)
+            yield self._on_the_way()
+        moments = sorted([*self.moments, *self._attempts(), *self._late()], key=lambda moment: moment[0])
+        yield " ".join(text for _, text in moments)
         yield " ".join(
             f"{name.capitalize()}: {_sentence(re.sub(' {2,}', ', ', note))}"
             for name, note in self.summary.notes.items()
         )
         yield self._time(ended)
-        if ended is not None and ended.truth:
-            yield _world(ended.truth)
+        if ended is not None and (figures := headline(ended.truth or {})):
+            yield f"The simulated world reports {', '.join(figures)}."
+        for error in self.errors:
+            opening = f"At {error.t:.1f} s, {_raised(error, self._name(error.node) if error.node else '')}"
+            yield f"{opening}\n{error.traceback.rstrip()}"
 
     def _opening(self, started: RunStarted) -> str:
         settings = ", ".join(f"{key} = {value}" for key, value in started.settings.items())
@@ -132,7 +168,7 @@ class _Story:
 
     def _outcome(self, ended: RunEnded | None, going_on: bool, why_cut: str) -> str:
         if ended is None:
-            at = " and ".join(sorted({self._name(path) for path in self.running if path in self._leaves()}))
+            at = " and ".join(self._running_leaves())
             where = f", while {at} was running" if at else ""
             if going_on:
                 return f"It is still going on: {seconds(self.t)} so far{where}."
@@ -145,41 +181,45 @@ class _Story:
         return f"It {word} after {seconds(ended.time)}."
 
     def _why(self, reason: Reason) -> str:
-        leaf = list(reason.leaves())[-1]
+        leaf = _last_leaf(reason)
+        t = next((f.t for f in reversed(self.failures) if f.path == leaf.node_path), None)
+        if t is None:
+            t = self.stops[0].t if self.stops else self.t
         where = self._place(leaf.node_path)
-        text = f"The reason is {leaf.code}" + (f" of {where}" if where else "")
-        text += f": {_sentence(leaf.message + at_place(leaf))}"
-        text += _figures(leaf.data)
-        chain = list(dict.fromkeys(self._name(step.node_path) for step in _last_chain(reason)))
-        if len(chain) > 2:
-            text += f" With it failed {', then '.join(reversed(chain[:-1]))}."
-        return text
+        failed = f"{where} failed with {leaf.code}" if where else leaf.code
+        doing = f", while {' and '.join(self.interrupted)} was running" if self.interrupted and not where else ""
+        return f"The reason, at {t:.1f} s{doing}: {failed}: {_sentence(leaf.message + at_place(leaf))}"
 
-    def _attempts(self) -> str:
+    def _figures(self, reason: Reason) -> str:
+        """The figures of a failure, and what failed with it."""
+        leaf = _last_leaf(reason)
+        chain = list(dict.fromkeys(self._name(step.node_path) for step in _last_chain(reason)))
+        with_it = f"With it failed {', then '.join(reversed(chain[:-1]))}." if len(chain) > 2 else ""
+        return f"{_figures(leaf.data)} {with_it}".strip()
+
+    def _attempts(self) -> Iterator[tuple[float, str]]:
         failed = self._failed_attempts()
         shown: list[tuple[AttemptEnded, str] | None] = list(failed)
         if len(failed) > MOST_ATTEMPTS:
             shown = [*failed[: MOST_ATTEMPTS - 1], None, failed[-1]]
         ended = self.summary.ended
         known = {_kind(leaf) for leaf in (ended.reason.leaves() if ended and ended.reason else ())}
-        sentences = []
+        t = 0.0
         for entry in shown:
             if entry is None:
-                sentences.append(f"So it went on, {len(failed) - MOST_ATTEMPTS} attempts more.")
+                yield t, f"So it went on, {len(failed) - MOST_ATTEMPTS} attempts more."
                 continue
             attempt, within = entry
-            leaf = _leaf(attempt)
+            t, leaf = attempt.t, _leaf(attempt)
             name = self._name(attempt.path.partition(":")[0]) + (f", in {within}" if within else "")
-            which = f"Attempt {attempt.number} of {attempt.of} ({name})"
+            which = f"At {attempt.t:.1f} s attempt {attempt.number} of {attempt.of} ({name}) ended"
             if leaf is None:
-                sentences.append(f"{which} ended at {attempt.t:.1f} s.")
+                yield t, f"{which}."
             elif _kind(leaf) in known:
-                sentences.append(f"{which} ended at {attempt.t:.1f} s with {leaf.code}, too.")
+                yield t, f"{which} with {leaf.code}, too."
             else:
                 known.add(_kind(leaf))
-                why = f"{self._name(leaf.node_path)} said {leaf.code}: {_sentence(leaf.message)}"
-                sentences.append(f"{which} ended at {attempt.t:.1f} s: {why}")
-        return " ".join(sentences)
+                yield t, f"{which}: {self._name(leaf.node_path)} failed with {leaf.code}: {_sentence(leaf.message)}"
 
     def _failed_attempts(self) -> list[tuple[AttemptEnded, str]]:
         """Attempts that failed, without those around them that failed with them; each with what it is within."""
@@ -192,28 +232,21 @@ class _Story:
             failed.append((attempt, within))
         return failed
 
-    def _on_the_way(self, ended: RunEnded | None) -> str:
+    def _on_the_way(self) -> str:
+        ended = self.summary.ended
         counted = Counter((self._name(f.path), f.reason.code) for f in self.failures if f.reason is not None)
         if not counted:
             return "Nothing failed on the way." if ended is not None and ended.outcome == "success" else ""
         parts = [f"{name} {code}{_times(number)}" for (name, code), number in counted.most_common()]
-        return f"What failed on the way: {', '.join(parts)}."
+        return f"On the way failed: {', '.join(parts)}."
 
-    def _in_hand(self) -> str:
-        """What the fingers felt: when something came between them, and when it went."""
-        shown, felt = [], ""
-        for hand in self.hands:
-            if hand.what != felt:
-                shown.append(f"at {hand.t:.1f} s {hand.what or 'nothing any more'}")
-                felt = hand.what
-        return f"The fingers felt: {', '.join(shown)}." if shown else ""
-
-    def _interventions(self) -> str:
-        parts = [f"At {link.t:.1f} s, {link.device}: {_sentence(link.state)}" for link in self.links]
-        parts += [self._blocked(overrun) for overrun in self.overruns if overrun.duration >= BLOCKED]
-        parts += [f"At {act.t:.1f} s {act.who} asked for {act.action} {act.detail}".rstrip() + "." for act in self.acts]
-        parts += [f"At {stop.t:.1f} s the cell went to its safe state: {_sentence(stop.reason)}" for stop in self.stops]
-        return " ".join(parts)
+    def _late(self) -> Iterator[tuple[float, str]]:
+        """The tick that waited longest, and how many more did."""
+        late = [overrun for overrun in self.overruns if overrun.duration >= BLOCKED]
+        if late:
+            longest = max(late, key=lambda overrun: overrun.duration)
+            others = f" So waited {len(late) - 1} more, for {seconds(BLOCKED)} or longer." if len(late) > 1 else ""
+            yield longest.t, self._blocked(longest) + others
 
     def _blocked(self, overrun: TickOverran) -> str:
         who = self._name(overrun.node) if overrun.node else "something"
@@ -232,26 +265,23 @@ class _Story:
             if node.get("type") == "timeout":
                 yield str(node["path"])
 
-    def _errors(self) -> Iterator[str]:
-        """Every exception where it was raised, with its traceback as it stands in the record."""
-        for error in self.errors:
-            of = f" of {self._name(error.node)}" if error.node else ""
-            opening = f"At {error.t:.1f} s, during {error.during}{of}, {error.error} was raised"
-            yield f"{opening}{f' in {error.place}' if error.place else ''}:\n{error.traceback.rstrip()}"
-
     def _time(self, ended: RunEnded | None) -> str:
         shares = sorted(self.summary.robot_time.items(), key=lambda item: -item[1])
         longest = [f"{name} ({seconds(value)})" for name, value in shares[:3] if value >= 0.01]
         text = f"Most of its time went to {_and(longest)}." if longest else ""
         computing = sum(self.summary.compute_time.values())
-        if computing and ended is not None:
-            text += f" It computed for {seconds(computing)}; the whole run took {seconds(ended.wall)} here."
+        if ended is not None:
+            text += f" It took {self.summary.times()}"
+            text += f"; computing took {seconds(computing)} of that." if computing else "."
         return text.strip()
 
     # ----------------------------------------------------------------------------------------------- words
 
     def _leaves(self) -> set[str]:
         return set(self.nodes) - {node["parent"] for node in self.nodes.values()}
+
+    def _running_leaves(self) -> list[str]:
+        return sorted({self._name(path) for path in self.running if path in self._leaves()})
 
     def _name(self, path: str) -> str:
         node = self.nodes.get(path)
@@ -281,10 +311,15 @@ def _last_chain(reason: Reason) -> Iterator[Reason]:
         yield from _last_chain(reason.causes[-1])
 
 
-def _world(truth: Mapping[str, Any]) -> str:
-    """The simulated world's score, as far as it is figures."""
-    parts = [figure(name, value) for name, value in truth.items() if _is_figure(value)]
-    return f"The simulated world says {', '.join(parts)}." if parts else ""
+def _last_leaf(reason: Reason) -> Reason:
+    return list(reason.leaves())[-1]
+
+
+def _raised(error: ErrorRaised, node: str) -> str:
+    """Where an exception was raised, and which."""
+    of = f" of {node}" if node else ""
+    place = f" in {error.place}" if error.place else ""
+    return f"during {error.during}{of}, {error.error} was raised{place}: {error.message}"
 
 
 def _is_figure(value: Any) -> bool:
@@ -293,7 +328,7 @@ def _is_figure(value: Any) -> bool:
 
 def _figures(data: Mapping[str, Any]) -> str:
     parts = [figure(name, v) for name, v in data.items() if _is_figure(v) and not isinstance(v, bool)]
-    return f" ({', '.join(parts)})" if parts else ""
+    return f"Figures: {', '.join(parts)}." if parts else ""
 
 
 def _sentence(text: str) -> str:

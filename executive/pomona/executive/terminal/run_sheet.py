@@ -22,7 +22,7 @@ from pomona.executive.terminal.summary import Summary
 def print_sheet(console: Screen, record: Path, run: Digest, summary: Summary) -> None:
     """What it was, how it went, and what its record holds."""
     if summary.started is not None and summary.ended is not None:
-        summary.print(console, None)
+        summary.print(console, None, whole=True)
     else:
         going_on = is_being_written(events_file(record))
         sign, style = MARKS["running" if going_on else "cut off"]

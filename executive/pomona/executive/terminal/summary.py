@@ -23,7 +23,7 @@ from pomona.executive.running.events import (
     RunStarted,
 )
 from pomona.executive.terminal.screen import Screen
-from pomona.executive.terminal.words import figure, say, seconds
+from pomona.executive.terminal.words import figure, headline, say, seconds
 from pomona.executive.views import TableView
 
 
@@ -119,15 +119,14 @@ class Summary:
 
     # ------------------------------------------------------------------------------------------ for people
 
-    def print(self, console: Screen, record: Path | None) -> None:
-        """The summary in the terminal."""
+    def print(self, console: Screen, record: Path | None, *, whole: bool = False) -> None:
+        """The summary in the terminal; of the world's score all when `whole`, else the first five figures."""
         assert self.started is not None
         assert self.ended is not None
         sign, style = {"success": ("✓", "bold green"), "failure": ("✗", "bold red")}.get(
             self.ended.outcome, ("■", "bold red")
         )
-        clock = "simulated" if self.started.cell_kind == "simulated" else "on the cell's clock"
-        took = f"{seconds(self.ended.time)} {clock}, {seconds(self.ended.wall)} here, seed {self.started.seed}"
+        took = f"{self.times()}, seed {self.started.seed}"
         console.print(
             Text.assemble((f"{sign} {self.started.tree}", style), f"  {self._headline()}   ", (took, "dim")),
         )
@@ -143,11 +142,13 @@ class Summary:
             )
         for table in self.tables.values():
             console.print(_table(table))
-        if self.ended.truth:
-            _row(console, "truth", _truth(self.ended.truth))
-        if self.robot_time:
-            shares = sorted(self.robot_time.items(), key=lambda item: -item[1])
-            _row(console, "time", "  ".join(f"{n} {seconds(v)}" for n, v in shares if v >= 0.01))
+        truth = self.ended.truth or {}
+        figures = [figure(name, value) for name, value in _of_interest(truth)] if whole else headline(truth)
+        if figures:
+            _row(console, "truth", "  ".join(figures))
+        shares = sorted(self.robot_time.items(), key=lambda item: -item[1])
+        if longest := [f"{name} {seconds(value)}" for name, value in shares if value >= 0.01]:
+            _row(console, "time", "  ".join(longest))
         if self.compute_time:
             total = sum(self.compute_time.values())
             parts = "  ".join(f"{n} {seconds(v)}" for n, v in sorted(self.compute_time.items(), key=lambda i: -i[1]))
@@ -155,6 +156,15 @@ class Summary:
         if record is not None:
             picture = record / "picture.png"
             _row(console, "record", str(record), (f"   (picture: {picture})", "dim") if picture.is_file() else "")
+
+    def times(self) -> str:
+        """How long it took on the cell's clock, how long here, and how long the preparation took before."""
+        assert self.started is not None
+        assert self.ended is not None
+        clock = "simulated" if self.started.cell_kind == "simulated" else "on the cell's clock"
+        run, before = self.ended.wall, self.started.preparation
+        here = f"{seconds(run)} to run, {seconds(before)} to prepare, {seconds(run + before)} in all"
+        return f"{seconds(self.ended.time)} {clock}; {here if before else f'{seconds(run)} to run'}"
 
     def sentence(self) -> str:
         """How it ended and why, in one line."""
@@ -200,9 +210,9 @@ def _reason_json(reason: Reason | None) -> dict[str, Any] | None:
     }
 
 
-def _truth(truth: Mapping[str, Any]) -> str:
-    shown = {name: value for name, value in truth.items() if value is not None and not name.startswith("T_")}
-    return "  ".join(figure(name, value) for name, value in shown.items())
+def _of_interest(truth: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """What a world's score says, without poses and what is empty."""
+    return [(n, v) for n, v in truth.items() if v is not None and v != [] and not n.startswith("T_")]
 
 
 def _row(console: Screen, label: str, *text: str | tuple[str, str]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from typing import Any
 
 from pomona.executive.reasons import Reason
@@ -58,8 +59,25 @@ def figure(name: str, value: Any) -> str:
     return f"{said} {UNITS[unit]}" if unit else said
 
 
+MOST_FIGURES = 5
+"""Figures of a world's score that a summary shows."""
+
+
+def headline(truth: Mapping[str, Any], most: int = MOST_FIGURES) -> list[str]:
+    """The first figures of a world's score that are not 0; verdicts and numbers only.
+
+    The world puts first what counts most.
+    """
+    kept = {name: value for name, value in truth.items() if isinstance(value, bool) or _is_number(value)}
+    return [said for name, value in kept.items() if not re.search(r" 0( \S+)?$", said := figure(name, value))][:most]
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and math.isfinite(value)
+
+
 def _number(value: Any, resolution: float) -> str:
-    if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
+    if _is_number(value) and not isinstance(value, bool):
         return "0" if abs(value) < resolution / 2 or value == 0 else f"{value:.4g}"
     if isinstance(value, list):
         return "(" + ", ".join(_number(item, resolution) for item in value) + ")"

@@ -57,7 +57,7 @@ class MeasuredFruit:
         """For people."""
         size = " × ".join(f"{d * 1e3:.1f}" for d in self.dimensions)
         spread = float(np.sqrt(np.clip(np.diag(self.covariance)[:3], 0.0, None).max()))
-        return f"{size} mm   (μ {self.mu:.3f}, {self.method})   position ± {spread * 1e3:.1f} mm"
+        return f"{size} mm   (scale {self.mu:.3f}, {self.method})   position ± {spread * 1e3:.1f} mm"
 
     @property
     def facts(self) -> Mapping[str, object]:
