@@ -17,10 +17,11 @@ import yaml
 from hypothesis import given, settings, strategies as st
 
 from pomona.executive.campaign.document import to_html, to_markdown
-from pomona.executive.campaign.report import report
+from pomona.executive.campaign.report import report, say
 from pomona.executive.campaign.run import RESULTS, finished_runs, read_results, run_campaign, succeeded
 from pomona.executive.campaign.spec import CAMPAIGN_FILES, Campaign, judge_campaign, read_campaign
-from pomona.executive.commands.campaign import subset
+from pomona.executive.campaign.statistics import mean
+from pomona.executive.commands.campaign import report_name, subset
 from pomona.executive.engine import OrderLost, OrderTooLong
 from pomona.executive.errors import UsageError
 from pomona.executive.values.findings import Findings
@@ -219,6 +220,23 @@ def test_two_campaigns_never_write_one_folder(tmp_path: Path) -> None:
         return {"outcome": "success"}
 
     run_campaign(planned.only(planned.runs[:1]), tmp_path / "out", Here(again))
+
+
+@pytest.mark.parametrize(
+    ("seeds", "only", "name"),
+    [
+        (None, [], "report"),
+        (None, ["arm=measured"], "report_only_arm_measured"),
+        (2, ["arm=measured", "place=a/b"], "report_seeds_2_arm_measured_place_a_b"),
+    ],
+)
+def test_the_report_of_a_part_stands_beside_that_of_all(seeds: int | None, only: list[str], name: str) -> None:
+    assert report_name(seeds, only) == name
+
+
+def test_of_few_runs_a_figure_has_no_interval() -> None:
+    assert say(mean([13.0, 14.2])) == "13.6"
+    assert "…" in say(mean([13.0, 14.2, 13.1, 13.7, 13.3]))
 
 
 def test_a_part_of_a_campaign_is_named_by_seeds_and_values(tmp_path: Path) -> None:

@@ -240,6 +240,20 @@ class TestEverythingIsWrittenBeforeItIsRead:
         )
         assert {f.code for f in findings_of(body)} == {"unset", "unread"}
 
+    @pytest.mark.parametrize(("number", "is_written"), [(1, False), (2, True), (3, True)])
+    def test_of_a_number_of_children_only_what_any_so_many_write_is_written(self, findings_of, number, is_written):
+        children = f"        - {DETECT}\n        - {DETECT}\n        - MoveTo: {{pose: home}}\n"
+        body = (
+            f"root:\n  sequence:\n    - parallel:\n{children}      success_on: {number}\n    - {REFINE}\n"
+            "    - check: '{measured.inlier_ratio} > 0'\n"
+        )
+        assert ("unset" not in {f.code for f in findings_of(body)}) == is_written
+
+    @pytest.mark.parametrize("number", ["0", "3"])
+    def test_a_number_of_children_that_there_are_not(self, findings_of, number):
+        body = f"root:\n  parallel: [{{Beep: {{}}}}, {{Beep: {{}}}}]\n  success_on: {number}"
+        assert "at most 2" in only(findings_of(body), "range").message
+
     def test_an_optional_input_may_be_fed_back_in_a_retry(self, findings_of):
         plan = 'Plan: {to: "{candidates}", grasp: "{grasp}", path: "{path}"}'
         sample = SAMPLE.replace("candidates:", 'tried: "{grasp}", candidates:')

@@ -199,6 +199,15 @@ def test_words_of_behaviortree_cpp_and_nav2_mean_the_same(xml, expected):
     assert yaml.safe_load(text)["root"] == yaml.safe_load(expected)
 
 
+def test_a_parallel_that_succeeds_on_two_goes_there_and_back(skills):
+    xml = "<Parallel success_count='2' failure_count='1'><Beep/><Beep/><Beep/></Parallel>"
+    text, findings = import_groot(f'<root BTCPP_format="4"><BehaviorTree ID="t">{xml}</BehaviorTree></root>', "t.xml")
+    assert findings == []
+    assert "success_on: 2" in text
+    assert check(read(text, "t.yaml"), skills) == []
+    assert 'success_count="2"' in export_groot(read(text, "t.yaml"), skills)
+
+
 @pytest.mark.parametrize(
     "xml",
     [
@@ -208,7 +217,7 @@ def test_words_of_behaviortree_cpp_and_nav2_mean_the_same(xml, expected):
         "<Script code='print(3)'/>",
         "<A _skipIf='a ? b : c'/>",
         "<RunOnce then_skip='false'><A/></RunOnce>",
-        "<Parallel success_count='2' failure_count='1'><A/><B/><C/></Parallel>",
+        "<Parallel success_count='2' failure_count='2'><A/><B/><C/></Parallel>",
         "<UnsetBlackboard key='a'/>",
         "<ManualSelector><A/><B/></ManualSelector>",
         "<SpeedController><A/></SpeedController>",

@@ -72,6 +72,13 @@ class TestBranches:
         assert run.run() == "SUCCESS"
         assert run.context.clock.now() == pytest.approx(0.12)
 
+    def test_a_parallel_succeeds_on_a_number_of_children(self, built):
+        waits = "[{wait: 100 ms}, {wait: 1 s}, {wait: 200 ms}, {wait: 300 ms}]"
+        for number, end in ((1, 0.12), (2, 0.22), (3, 0.32), (4, 1.02)):
+            run = built(f"root:\n  parallel: {waits}\n  success_on: {number}")
+            assert run.run() == "SUCCESS"
+            assert run.context.clock.now() == pytest.approx(end)
+
     def test_a_parallel_succeeds_on_chosen_children(self, built):
         run = built("root:\n  parallel: [{wait: 1 s, name: A}, {wait: 100 ms, name: B}]\n  success_on: [B]")
         assert run.run() == "SUCCESS"

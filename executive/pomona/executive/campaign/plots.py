@@ -13,6 +13,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
+from pomona.executive.campaign.statistics import FEWEST
 from pomona.executive.palette import BAD, GOOD, INK, LINE, MUTED, SERIES
 
 RATES = LinearSegmentedColormap.from_list("rates", [BAD, "#e9b872", "#f4efd9", "#9cc7a0", GOOD])
@@ -101,7 +102,11 @@ def spread(axes: Any, groups: Mapping[str, Sequence[float]], label: str, colours
     for at, name in enumerate(names):
         values = np.asarray(groups[name], dtype=np.float64)
         colour = colours[list(groups).index(name) % len(colours)]
-        axes.scatter(at + jitter.uniform(-0.16, 0.16, values.size), values, s=7, alpha=0.35, color=colour, linewidths=0)
+        few = values.size < FEWEST
+        across = at + jitter.uniform(-0.16, 0.16, values.size)
+        axes.scatter(across, values, s=24 if few else 7, alpha=0.8 if few else 0.35, color=colour, linewidths=0)
+        if few:
+            continue
         low, middle, high = np.quantile(values, (0.25, 0.5, 0.75))
         axes.plot([at - 0.28, at + 0.28], [middle, middle], color=colour, linewidth=2.2, solid_capstyle="butt")
         axes.add_patch(mpl.patches.Rectangle((at - 0.28, low), 0.56, high - low, fill=False, edgecolor=colour))

@@ -11,7 +11,7 @@ from pomona.executive.campaign.document import Bullets, Heading, Paragraph, Repo
 from pomona.executive.campaign.plots import Plot, rate_map, spread
 from pomona.executive.campaign.run import succeeded
 from pomona.executive.campaign.spec import Campaign
-from pomona.executive.campaign.statistics import Estimate, mean, median, paired_p, wilson
+from pomona.executive.campaign.statistics import FEWEST, Estimate, mean, median, paired_p, wilson
 
 Result = Mapping[str, Any]
 Figures = Mapping[str, Callable[[Result], Any]]
@@ -66,6 +66,8 @@ def say(estimate: Estimate, digits: int = 3) -> str:
     """`1.32 (1.2 … 1.4)`."""
     if not estimate.count:
         return "–"
+    if estimate.count < FEWEST:
+        return f"{estimate.value:.{digits}g}"
     return f"{estimate.value:.{digits}g} ({estimate.low:.{digits}g} … {estimate.high:.{digits}g})"
 
 
@@ -103,7 +105,7 @@ def report(campaign: Campaign, results: Sequence[Result], source: str) -> Report
     document.add(
         Paragraph(
             "Rates stand with Wilson's 95 % interval, medians with that of the percentile bootstrap "
-            "(2000 resamples), means with Student's.",
+            f"(2000 resamples), means with Student's; of fewer than {FEWEST} runs medians and means stand alone.",
             note=True,
         )
     )

@@ -11,6 +11,8 @@ from scipy import stats
 
 BOOTSTRAP = 2000
 """Resamples of a median's interval, always drawn with the same seed."""
+FEWEST = 5
+"""Runs from which a mean or median has an interval and a box: of fewer an interval is wider than the question."""
 
 
 @dataclass(frozen=True, slots=True)

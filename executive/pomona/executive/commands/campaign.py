@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -69,10 +70,18 @@ def main(options: argparse.Namespace) -> int:
     results = list(finished_runs(campaign, out, lambda problem: console.print(problem, style="yellow")).values())
     if not results:
         raise UsageError(f"{out / RESULTS} holds no results of this campaign yet")
-    markdown, page = report(campaign, results, str(options.file)).write(options.report_to or out)
+    folder, name = options.report_to or out, report_name(options.seeds, options.only)
+    markdown, page = report(campaign, results, str(options.file)).write(folder, name)
     console.print(markdown.read_text(encoding="utf-8"))
     console.print(f"written to {page} and {markdown}", soft_wrap=True)
     return 130 if interrupted else 0
+
+
+def report_name(seeds: int | None, only: Sequence[str]) -> str:
+    """Name of a report's files: one of some runs stands beside that of all, and does not replace it."""
+    parts = [f"seeds_{seeds}"] if seeds is not None else []
+    words = [f"{'only_' if not parts and not n else ''}{text.replace('=', '_')}" for n, text in enumerate(only)]
+    return re.sub(r"[^\w.-]", "_", "_".join(["report", *parts, *words]))
 
 
 def subset(campaign: Campaign, seeds: int | None, only: Sequence[str]) -> list[CampaignRun]:

@@ -15,6 +15,8 @@ from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.registry import SkillListing
 from pomona.executive.terminal.filtered import write_json
 from pomona.executive.terminal.screen import Screen
+from pomona.executive.values.failure_codes import failure_codes
+from pomona.executive.values.findings import did_you_mean
 
 
 def add(subparsers: Any) -> None:
@@ -34,7 +36,8 @@ def main(options: argparse.Namespace) -> int:
     registry = declared_skills()
     listing = [skill for skill in registry.listing() if options.name in (None, skill.name)]
     if options.name and not listing:
-        raise UsageError(f"no skill '{options.name}'; there are {', '.join(sorted(registry))}")
+        hint = did_you_mean(options.name, registry) or f"there are {', '.join(sorted(registry))}"
+        raise UsageError(f"no skill '{options.name}'; {hint}")
     if options.json:
         write_json([dataclasses.asdict(skill) for skill in listing])
         return 0
@@ -88,7 +91,11 @@ def _print_one(console: Screen, skill: SkillListing) -> None:
             )  # fmt: skip
         console.print(table)
     console.print(f"devices: {', '.join(skill.devices) or 'none'}")
-    console.print(f"failure codes: {', '.join(skill.failures) or 'none'}")
+    codes = Table(title="failure codes", title_justify="left", box=None, padding=(0, 2, 0, 0), show_header=False)
+    for code in skill.failures:
+        about = failure_codes().get(code)
+        codes.add_row(code, about.meaning if about is not None else "")
+    console.print(codes if skill.failures else "failure codes: none")
 
 
 def _range(port: Mapping[str, Any]) -> str:

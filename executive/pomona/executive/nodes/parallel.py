@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import combinations, islice
 from typing import ClassVar
 
 from py_trees.behaviour import Behaviour
@@ -15,6 +16,9 @@ from pomona.executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
 from pomona.executive.nodes.node_type import Composite
 from pomona.executive.values.yaml_nodes import YamlList, YamlScalar
 
+MOST_CHOICES = 1_000
+"""Choices of children that the check follows; of more, the first stand for all."""
+
 
 class Parallel(Branch):
     """Ticks its children in order, in each tick all that have not ended; ends with the first that decides it.
@@ -23,19 +27,19 @@ class Parallel(Branch):
     skipped is asked again in the next tick.
 
     Args:
-        needed: indices of the children that must succeed, or be skipped; None when one success is enough.
+        needed: indices of the children that must succeed, or be skipped; or how many of any must succeed.
     """
 
-    def __init__(self, name: str, children: Sequence[Behaviour], needed: frozenset[int] | None) -> None:
+    def __init__(self, name: str, children: Sequence[Behaviour], needed: frozenset[int] | int) -> None:
         super().__init__(name, children)
-        self._needed = [needed is not None and index in needed for index in range(len(children))]
-        self._one = needed is None
+        self._any = needed if isinstance(needed, int) else 0
+        self._needed = [not isinstance(needed, int) and index in needed for index in range(len(children))]
         self._open = 0
 
     def tick(self) -> Iterator[Behaviour]:
         if self.status is not Status.RUNNING:
             self.reset()
-            self._open = 1 if self._one else sum(self._needed)
+            self._open = self._any or sum(self._needed)
         done, skipped, skipped_needed = Status.SUCCESS, 0, 0
         for child, needed in zip(self.children, self._needed, strict=True):
             if child.status is done:
@@ -49,7 +53,7 @@ class Parallel(Branch):
                 skipped += 1
                 skipped_needed += needed
             elif not failed:
-                self._open -= needed or self._one
+                self._open -= needed or self._any > 0
             if failed or self._open <= skipped_needed:
                 self.current_child = child
                 self.stop(status if failed else Status.SUCCESS)
@@ -68,22 +72,24 @@ class ParallelType(Composite):
 
     key, symbol = "parallel", "∥"
     value = takes.Children("all at once; fails with the first failure")
-    fields: ClassVar[takes.Fields] = {"success_on": takes.ChildNames("'all', 'one', or a list of children by name")}
+    fields: ClassVar[takes.Fields] = {
+        "success_on": takes.ChildNames("'all', 'one', a number, or a list of children by name")
+    }
     xml_tags = ("Parallel", "ParallelAll")
 
     @staticmethod
-    def chosen(node: Written) -> frozenset[int] | None:
-        """Indices of the children that must succeed; None when one is enough."""
+    def chosen(node: Written) -> frozenset[int] | int:
+        """Indices of the children that must succeed, or how many of any."""
         written = node.modifiers["success_on"][1] if "success_on" in node.modifiers else None
-        if isinstance(written, YamlScalar) and written.text == "one":
-            return None
+        if isinstance(written, YamlScalar) and (written.text == "one" or written.text.isdecimal()):
+            return 1 if written.text == "one" else int(written.text)
         names = [i.text for i in written.items if isinstance(i, YamlScalar)] if isinstance(written, YamlList) else None
         return frozenset(i for i, child in enumerate(node.children) if names is None or child.label in names)
 
     def check(self, at: Checking) -> None:
         super().check(at)
         chosen = self.chosen(at.node)
-        if chosen is not None and len(chosen) < len(at.node.children):
+        if not isinstance(chosen, int) and len(chosen) < len(at.node.children):
             for index in chosen:
                 if at.outcomes.child(index).skips:
                     child = at.node.children[index]
@@ -107,10 +113,10 @@ class ParallelType(Composite):
         outcomes = at.children()
         chosen = self.chosen(at.node)
         codes = codes_of(outcomes)
-        if chosen is None:
-            least = min((outcome.least for outcome in outcomes), default=0.0)
+        if isinstance(chosen, int):
+            times = sorted(outcome.least for outcome in outcomes if outcome.succeeds)
             skips = all(outcome.skips for outcome in outcomes)
-            return Outcome(codes, any(outcome.succeeds for outcome in outcomes), skips, least)
+            return Outcome(codes, len(times) >= chosen, skips, times[chosen - 1] if len(times) >= chosen else 0.0)
         needed = [outcomes[index] for index in chosen]
         least = max((outcome.least for outcome in needed if not outcome.skips), default=0.0)
         succeeds = all(outcome.succeeds or outcome.skips for outcome in needed)
@@ -121,10 +127,13 @@ class ParallelType(Composite):
         ends = [at.child(index, before) for index in range(len(at.node.children))]
         failure = before if any(end.failure.reachable for end in ends) else ALL
         chosen = self.chosen(at.node)
-        if chosen is None:
+        if isinstance(chosen, int):
             success = ALL
-            for end in ends:
-                success &= end.success
+            for some in islice(combinations(ends, min(chosen, len(ends))), MOST_CHOICES):
+                written = before
+                for end in some:
+                    written |= end.success
+                success &= written
             return Ends(success, failure, before if all(end.skipped.reachable for end in ends) else ALL)
         success = before
         for index in chosen:
@@ -136,9 +145,10 @@ class ParallelType(Composite):
 
     def to_xml(self, at: XmlOut) -> object:
         success_on = at.text("success_on") or "all"
-        if success_on not in ("all", "one"):
+        count = {"all": "-1", "one": "1"}.get(success_on, success_on)
+        if not count.removeprefix("-").isdecimal():
             return at.own({"success_on": success_on})
-        return at.element("Parallel", {"success_count": "-1" if success_on == "all" else "1", "failure_count": "1"})
+        return at.element("Parallel", {"success_count": count, "failure_count": "1"})
 
     def from_xml(self, element: XmlIn) -> Words:
         if element.tag == self.xml_tag:
@@ -148,6 +158,8 @@ class ParallelType(Composite):
         if element.tag == "ParallelAll" and len(children) > 1:
             return element.refuse("lets all children end before it fails")
         everything = success == "-1" or (success != "1" and success == str(len(children)))
-        if failure != "1" or not (everything or success == "1"):
+        if failure != "1" or not (everything or (success.isdecimal() and 0 < int(success) <= len(children))):
             return element.refuse(f"succeeds on {success} and fails on {failure}")
-        return {"parallel": children} if everything else {"parallel": children, "success_on": "one"}
+        if everything:
+            return {"parallel": children}
+        return {"parallel": children, "success_on": "one" if success == "1" else int(success)}

@@ -315,12 +315,17 @@ class Nothing(Field):
 
 
 class ChildNames(Field):
-    """`all`, `one`, or a list of children by their labels."""
+    """`all`, `one`, a number of children, or a list of them by their labels."""
 
     def check(self, at: Checking, slot: str, written: YamlNode) -> None:
         labels = [child.label for child in at.node.children]
         if isinstance(written, YamlScalar) and written.text in ("all", "one"):
             at.keep(slot, written.text, written)
+        elif isinstance(written, YamlScalar) and written.text.isdecimal():
+            if not 1 <= int(written.text) <= len(labels):
+                message = f"{slot} is at least 1 and at most {len(labels)}, the number of children"
+                at.findings.error(written, "range", message)
+            at.keep(slot, int(written.text), written)
         elif isinstance(written, YamlList) and written.items:
             for item in written.items:
                 if not isinstance(item, YamlScalar) or item.text not in labels:
@@ -329,10 +334,11 @@ class ChildNames(Field):
             names = tuple(item.text for item in written.items if isinstance(item, YamlScalar))
             at.keep(slot, names, written)
         else:
-            at.findings.error(written, "value", f"{slot} is 'all', 'one', or a list of children")
+            at.findings.error(written, "value", f"{slot} is 'all', 'one', a number, or a list of children")
 
     def schema(self, literal: Callable[[Port], Schema]) -> Schema:
-        return {"anyOf": [{"enum": ["all", "one"]}, {"type": "array", "items": {"type": "string"}}]}
+        number, names = {"type": "integer", "minimum": 1}, {"type": "array", "items": {"type": "string"}}
+        return {"anyOf": [{"enum": ["all", "one"]}, number, names]}
 
 
 def read_ports(reading: Reading, node: TreeNode, written: YamlNode) -> dict[str, Entry]:
