@@ -1,4 +1,4 @@
-"""docs/records.md says what the code does."""
+"""Compare docs/records.md with the code."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ PAGE = re.sub(r"<!-- .*? -->", "", (Path(__file__).parents[3] / "docs" / "record
 
 
 def test_the_page_names_the_recorders_figures() -> None:
-    assert f"every {BATCH} s what came since becomes one (at most {CHUNK_BYTES // 1024} kB" in PAGE
-    assert f"at most {MOST_GROWTH} bytes of each of their own and {FREE_GROWTH // 1_000_000} MB" in PAGE
+    assert f"messages of every {BATCH} s become one chunk (at most {CHUNK_BYTES // 1024} kB" in PAGE
+    assert f"at most {MOST_GROWTH} bytes for each byte read, and {FREE_GROWTH // 1_000_000} MB" in PAGE
 
 
 def test_the_page_names_every_file_that_a_repair_leaves() -> None:
