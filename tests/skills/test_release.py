@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -5,8 +6,11 @@ import pytest
 from py_trees.common import Status
 
 from pomona.drivers.interfaces import Hand
-from pomona.executive.skill_testing import drive
+from pomona.drivers.mock.fingers import spring_fruit
+from pomona.executive.skill_testing import SkillEnd, drive
+from pomona.skills.grip.hold import Hold
 from pomona.skills.release import Release
+from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
 from tests.skills.overhead import comes_near, watched
 from tests.skills.picking_scene import HOME, WORKSPACE, PickingScene, a_grasp, scene_with_pose, seen_map
 
@@ -161,6 +165,90 @@ def test_a_fruit_that_is_lost_while_it_is_raised_is_not_said_to_be_held():
     outcome = drive(Release(), {}, scene.devices, clock=scene.clock)
     assert outcome.reason.code == "LOST"
     assert scene.gripper.moves == []
+
+
+class Held:
+    """A fruit of 1.5 N that a grip controls, above a ground that carries it from a height of the TCP on."""
+
+    def __init__(self, drop: float | None) -> None:
+        self.scene = PickingScene(q=a_grasp().q_pre_grasp[0].copy(), width=0.092)
+        press = spring_fruit(self.scene.gripper, 0.08)
+        self.ground = -1.0 if drop is None else self.scene.tcp[2, 3] - drop
+        self.pushed = 0.0
+        self.load = 0.0
+
+        def feel(now: float) -> np.ndarray:
+            wrenches = press(now)
+            carried = self.scene.tcp[2, 3] <= self.ground
+            wrenches[:, 0] += 0.0 if carried else 0.5 * self.load
+            wrenches[:, 0] += 0.5 * self.pushed
+            return wrenches
+
+        self.scene.fingers.feel = feel
+        hold = drive(SlipAvoidGrasp(), {}, self.scene.devices, clock=self.scene.clock).outputs["hold"]
+        assert isinstance(hold, Hold)
+        self.hold = hold
+        self.load = 1.5
+        self.scene.clock.advance(1.0)
+
+    def release(self, each_tick: Callable[[int], None] = lambda _tick: None) -> SkillEnd:
+        return drive(Release(), {"hold": self.hold}, self.scene.devices, clock=self.scene.clock, each_tick=each_tick)
+
+
+def test_what_is_taken_for_a_floor_and_is_none_leaves_the_fruit_under_force_control():
+    held = Held(None)
+
+    def jolt(tick: int) -> None:
+        held.pushed = 2.0 if tick in (20, 21) else 0.0
+
+    outcome = held.release(jolt)
+    assert outcome.reason.code == "NO_CONTACT"
+    assert "jolt" in outcome.reason.message
+    assert held.scene.gripper.moves == []
+    assert held.hold.holds
+    caught = held.hold.reading.f_n
+    held.scene.clock.advance(1.0)
+    calm = held.hold.reading.f_n
+    assert calm < caught - 1.0
+    held.load = 4.0
+    held.scene.clock.advance(0.5)
+    assert held.hold.reading.f_n > calm + 1.0
+
+
+def test_the_fingers_stand_from_the_contact_on_and_control_ends_when_they_open():
+    held = Held(0.04)
+    standing: list[bool] = []
+
+    def watch(_tick: int) -> None:
+        standing.append(held.hold._standing)
+        if standing[-1] and not held.scene.gripper.moves:
+            assert held.scene.gripper.speeds[-1][1] == 0.0
+
+    assert held.release(watch).status is Status.SUCCESS
+    assert sum(standing) > 10
+    assert held.hold.ended
+    assert len(held.scene.gripper.moves) == 1
+
+
+def test_interrupted_while_the_contact_is_doubted_the_grip_is_controlled_again():
+    held = Held(0.04)
+    grounded: list[int] = []
+
+    def watch(tick: int) -> None:
+        if held.scene.tcp[2, 3] <= held.ground:
+            grounded.append(tick)
+
+    held.release(watch)
+    again = Held(0.04)
+    outcome = drive(
+        Release(), {"hold": again.hold}, again.scene.devices, clock=again.scene.clock, interrupt_after=grounded[0] + 5
+    )
+    assert outcome.status is Status.INVALID
+    assert again.hold.holds
+    before = again.hold.reading.f_n
+    again.ground, again.load = -1.0, 4.0
+    again.scene.clock.advance(0.5)
+    assert again.hold.reading.f_n > before + 1.0
 
 
 LIES = {

@@ -120,6 +120,7 @@ class Release(MovingSkill):
         slow_from = self._near(way, grasp, map, clearance)
         yield from self._lower((way[: slow_from + 1], fast), (way[slow_from:], speed), hold, grasp, contact)
         width = self._opening(map, clearance)
+        take_over(gripper)
         yield from self.move_fingers(width, min(OPENING_SPEED, gripper.limits.speed_max))
         yield from self._along(self._vertical(before - self._tcp()[2, 3]), fast, None, RISING, RISING_JERK)
         return None
@@ -154,7 +155,6 @@ class Release(MovingSkill):
                 if hold is not None:
                     show_grip(self, hold)
                 if touch.change > contact:  # asked first: a floor's push may take the pressing force from a finger
-                    take_over(self.device(Gripper))  # or the grip answers that push by pressing harder
                     raise _Grounded
                 if not self._held():
                     raise self.failure("LOST", LOST)
@@ -163,22 +163,38 @@ class Release(MovingSkill):
                 yield from self._along(*quickly, watch, held=grasp)
                 yield from self._along(*gently, watch, held=grasp)
             except _Grounded:
-                yield from self.wait(RESTING)
-                self._refuse_lost()
-                words = ""
-                if touch.present <= 0.5 * contact or touch.stale_for(self.clock.now()):
-                    words = "what was felt on the way down has gone again, as after a jolt"
-                elif not (yield from self._hangs_when_raised(touch, contact)):
-                    words = "what was felt stays when the fruit is raised again: the fingers drift"
+                words = yield from self._doubt_contact(touch, contact)
                 if not words:
                     return
-                self._refuse_lost()
                 lowered = before - float(self._tcp()[2, 3])
                 raise self.failure("NO_CONTACT", f"{words}: the fruit is still held", lowered_m=lowered) from None
         lowered = before - float(self._tcp()[2, 3])
         raise self.failure(
             "NO_CONTACT", f"the fruit met nothing within {1e3 * lowered:.0f} mm and is still held", lowered_m=lowered
         )
+
+    def _doubt_contact(self, touch: Touch, contact: float) -> Work[str]:
+        """Return why what was felt is no contact with a floor; empty for a fruit that something carries.
+
+        The fingers stand meanwhile: force control would answer a floor's push by pressing harder. It goes on unless the
+        fruit is carried.
+        """
+        hold, carried = current_hold(self.device(Gripper)), False
+        if hold is not None:
+            hold.stand(True)
+        try:
+            yield from self.wait(RESTING)
+            self._refuse_lost()
+            if touch.present <= 0.5 * contact or touch.stale_for(self.clock.now()):
+                return "what was felt on the way down has gone again, as after a jolt"
+            if (yield from self._hangs_when_raised(touch, contact)):
+                carried = True
+                return ""
+            self._refuse_lost()
+            return "what was felt stays when the fruit is raised again: the fingers drift"
+        finally:
+            if hold is not None and not carried:
+                hold.stand(False)
 
     def _refuse_lost(self) -> None:
         if max(pressing_forces(self.device(ForceSensor))) <= HELD_FORCE:

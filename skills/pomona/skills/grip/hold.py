@@ -65,6 +65,7 @@ class Hold:
         self._ended = False
         self._device_problem: GripProblem | None = None
         self._sensor_fault_reported = self._stands = False
+        self._standing = False  # while a skill wants it; `_stands` is for good
         self._record_every = max(round(controller.settings.rate / RECORDED_RATE), 1)
         self._samples = np.zeros((KEPT, 7))
         self._written = self._drained = self._seen = 0
@@ -122,6 +123,17 @@ class Hold:
         with self._lock:
             self.controller.slide(force)
 
+    def stand(self, on: bool) -> None:
+        """Let the fingers stand although the load changes, or control the force again; see `Release`.
+
+        The samples are followed meanwhile, so that control goes on with the loads of the moment; no finger is accused,
+        since what the fruit meets may press on one of them alone.
+        """
+        with self._lock:
+            if not self._ended:
+                self._standing = on
+                self._command(0.0)
+
     def set_friction(self, contact: SoftContact, mu_uncertainty: float, initial_force: float) -> None:
         """Hold for another friction from now on, and press with `initial_force` [N] until the fruit is carried."""
         with self._lock:
@@ -171,6 +183,8 @@ class Hold:
                 return
             speed = controller.step(sample.stamp, sample.sequence, sample.wrenches, sample.saturated)
             if speed is not None:
+                if self._standing:
+                    speed = controller.speed = 0.0  # the loads are then not expected to change by own motion
                 self._command(0.0 if self._stands else speed)
             self._tell_lies()
             self._seen += 1
@@ -180,7 +194,7 @@ class Hold:
 
     def _tell_lies(self) -> None:
         """Fingers that are not to be believed end the run; the grip is kept. It is told once: until acknowledged."""
-        problem = self.problem
+        problem = None if self._standing else self.problem
         lies = problem is not None and (
             problem.code == "SENSOR_FAULT" or (problem.code in LIES and self.controller.phase in IN_HAND)
         )
