@@ -99,6 +99,36 @@ def test_an_offset_that_jumps_is_found_where_it_is_beyond_noise(
     assert controller.reference.frozen
 
 
+def bouncing(side: int, share: float = 0.0, back: float = 1.35) -> Change:
+    """The contact of a fruit that slides: a load goes for one sample, comes back too strong, and rests."""
+    count = [0]
+
+    def change(sample: np.ndarray, _before: np.ndarray) -> None:
+        count[0] += 1
+        sample[side] *= {1: share, 2: back}.get(count[0] % 6, 1.0)
+
+    return change
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.04])
+@pytest.mark.parametrize("side", [0, 1])
+def test_contacts_of_a_fruit_that_slides_break_and_form_and_no_finger_is_accused(side: int, noise: float) -> None:
+    controller, samples = lie(bouncing(side), noise, most=500)
+    assert samples == -1
+    assert not controller.reference.frozen
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_finger_that_shows_half_of_its_load_from_now_on_is_found_within_fifty_milliseconds(side: int) -> None:
+    def change(sample: np.ndarray, _before: np.ndarray) -> None:
+        sample[side] *= 0.5
+
+    controller, samples = lie(change)
+    assert 0 < samples <= 25
+    assert controller.problem is not None
+    assert "presses on both fingers alike" in controller.problem.message
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.04, 0.2])
 def test_sound_fingers_are_not_accused(noise: float) -> None:
     controller, samples = lie(lambda _sample, _before: None, noise, most=5000)

@@ -65,6 +65,7 @@ class Unknown(NamedTuple):
         push: tangential force that may come on top [N], at the load's own lever `push_lever` [m].
         farthest_centre: limit of the distance of the centre of rotation [m].
         quiet: force beyond noise up to which the other finger counts as feeling nothing [N].
+        aside: share of a jump that may lie across the load of a contact that breaks or forms.
     """
 
     lever: float
@@ -72,6 +73,7 @@ class Unknown(NamedTuple):
     push_lever: float
     farthest_centre: float
     quiet: float
+    aside: float
 
 
 class Observer(NamedTuple):
@@ -123,10 +125,12 @@ class Loads(NamedTuple):
         cautious: the same with the fruit's centre `Unknown.lever` off the axis; reserved: with a push on top [N].
         least_noise_std: standard deviation of `least` by noise alone [N].
         f_nd: dynamic term [N].
-        one_sided_jump: how far one finger's tangential force has jumped beyond noise while the other feels nothing [N].
+        one_sided_jump: how far one finger's tangential force has jumped beyond noise while the other feels nothing [N];
+            0 where its whole load has come or gone in proportion: the contact of a fruit that slides.
         one_sided_press: how far the fingers' normal forces have jumped apart, beyond noise [N].
         one_sided_press_jump: as `one_sided_jump`, of the normal force [N].
-        press_jump: how far both fingers' normal forces have jumped together, beyond noise and their own motion [N].
+        press_jump: how far both fingers' normal forces have jumped together, beyond noise and their own motion [N]; 0
+            where the whole load of both has come or gone in proportion.
     """
 
     left: float
@@ -185,7 +189,8 @@ def sense_sample(raw, periods, expected, filters, shares, contact, unknown, obse
     right = _loads_of(filters.smoothed[1], filters.variance, contact, unknown)
     state, f_nd = _observe(left, right, periods, shares.centre, observer, state)
     fast, slow, band = filters.fast, filters.slow, filters.noise_band
-    along, across = _jumps_of_one_finger(fast, slow, band, unknown.quiet)
+    along, across = _jumps_of_one_finger(fast, slow, band, unknown)
+    together = 0.0 if _is_contact(fast, slow, band, 0.0, unknown.aside) else abs(fast[0, 2] - slow[0, 2]) - band[0, 2]
     loads = Loads(
         left.f_n,
         right.f_n,
@@ -201,7 +206,7 @@ def sense_sample(raw, periods, expected, filters, shares, contact, unknown, obse
         along,
         2.0 * (abs(fast[1, 2] - slow[1, 2]) - band[1, 2]),
         across,
-        abs(fast[0, 2] - slow[0, 2]) - band[0, 2],
+        together,
     )
     return loads, state
 
@@ -269,7 +274,7 @@ def _observe(left, right, periods, centre_share, observer, state):  # type: igno
 
 
 @njit(cache=True)
-def _jumps_of_one_finger(fast, slow, band, quiet):  # type: ignore[no-untyped-def]
+def _jumps_of_one_finger(fast, slow, band, unknown):  # type: ignore[no-untyped-def]
     """How far one finger's tangential and normal force have jumped beyond noise while the other feels nothing [N]."""
     tangential = normal = 0.0
     for finger in range(2):
@@ -284,6 +289,28 @@ def _jumps_of_one_finger(fast, slow, band, quiet):  # type: ignore[no-untyped-de
             else:
                 pressed = abs(alike + sign * apart) - beyond
             other = max(other, abs(alike - sign * apart) - beyond)
-        if other <= quiet:
+        if other <= unknown.quiet and not _is_contact(fast, slow, band, sign, unknown.aside):
             tangential, normal = max(tangential, jumped), max(normal, pressed)
     return tangential, normal
+
+
+@njit(cache=True)
+def _is_contact(fast, slow, band, sign, aside):  # type: ignore[no-untyped-def]
+    """Whether a finger's whole load has just come or gone: its jump lies along the load itself.
+
+    The contact of a fruit that slides breaks and forms again within milliseconds, and its force keeps its place on the
+    friction cone meanwhile. A channel that is wrong changes alone, across that load.
+
+    Args:
+        sign: 1 for the left finger, -1 for the right one, 0 for the mean of both.
+    """
+    jump = load = along = noise = 0.0
+    for j in range(3):
+        step = fast[0, j] - slow[0, j] + sign * (fast[1, j] - slow[1, j])
+        force = slow[0, j] + sign * slow[1, j]
+        jump += step * step
+        load += force * force
+        along += step * force
+        noise = max(noise, band[0, j] + abs(sign) * band[1, j])
+    across = math.sqrt(max(jump - along * along / max(load, 1e-12), 0.0))
+    return across <= aside * math.sqrt(jump) + noise

@@ -56,7 +56,9 @@ class SlipSense:
             reserve: tangential push that `cautious` and `reserved` allow for [N].
         """
         self._settings = filters or FilterSettings()
-        self._unknown = Unknown(offset, reserve, offset, self._settings.farthest_centre, self._settings.quiet)
+        self._unknown = Unknown(
+            offset, reserve, offset, self._settings.farthest_centre, self._settings.quiet, self._settings.aside
+        )
         self.set_friction(contact)
         substeps = steps_in_a_sample(rate)
         self._observer = Observer(
