@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from pomona.drivers.gripper_supervisor import COASTING, GripperSupervision, GripperSupervisor
@@ -60,11 +61,38 @@ def test_fingers_that_do_what_they_are_told_are_left_alone(fingers: Fingers) -> 
     assert not any(fingers.said)
 
 
-def test_fingers_that_something_blocks_are_left_alone(fingers: Fingers) -> None:
+def test_fingers_that_something_blocks_for_a_moment_are_left_alone(fingers: Fingers) -> None:
     fingers.supervisor.stream(fingers.now, -0.05, 0.1)
-    assert fingers.run(5.0) == []
+    assert fingers.run(0.25) == []  # 12.5 mm, 5 of them by the lag that is allowed
     fingers.supervisor.stream(fingers.now, 0.02, 0.1)
     assert fingers.run(0.3, 0.02) == []
+
+
+@pytest.mark.parametrize(("speed", "word"), [(0.05, "open"), (-0.05, "close")])
+def test_a_width_that_does_not_follow_ten_millimetres_of_streamed_motion_is_found(
+    fingers: Fingers, speed: float, word: str
+) -> None:
+    rng = np.random.default_rng(3)
+    fingers.supervisor.stream(fingers.now, speed, 0.1)
+    found: list[str] = []
+    for _ in range(40):
+        fingers.width = 0.030 + 2e-5 * rng.normal()
+        found += fingers.run(PERIOD)
+    assert found[0].startswith(f"was told to {word} by 15 mm more than its width shows, which stays at 30.0 mm")
+
+
+def test_a_width_that_lags_within_what_is_allowed_or_is_told_to_creep_for_minutes_is_left_alone(
+    fingers: Fingers,
+) -> None:
+    for speed in (0.05, -0.05, 0.05):  # back and forth, each begun 50 ms late
+        fingers.supervisor.stream(fingers.now, speed, 0.1)
+        assert fingers.run(0.05) == []
+        assert fingers.run(0.2, speed) == []
+        fingers.supervisor.stream(fingers.now, 0.0, 0.1)
+        assert fingers.run(0.05, speed) == []
+        assert fingers.run(0.2) == []
+    fingers.supervisor.stream(fingers.now, -1e-3, 0.1)
+    assert fingers.run(120.0) == []
 
 
 @pytest.mark.parametrize("speed", [0.02, -0.02])

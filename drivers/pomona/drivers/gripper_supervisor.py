@@ -24,6 +24,9 @@ SLOW = 2e-3
 """Fingers slower than this rest [m/s] …"""
 STEADY, STILL = 5e-4, 0.03
 """… once their width has stayed within the first [m] for the second [s]."""
+FORGETTING = 2.0
+"""Time constant with which a width that lags the streamed speeds is forgiven [s]: rates too slow for the gripper add
+up over a long grip, 0.1 mm/s to 0.2 mm."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,12 +38,17 @@ class GripperSupervision:
         stray: fingers without a command stay within this [m]: pads and fruit give way by one or two millimetres.
         lag: fingers follow a streamed speed this much later at most [s]: two or three of the 30 … 50 commands a second
             that a WSG takes.
+        follow: the width lags the motion that was streamed by less than this [m]: what presses on a fruit moves by one
+            or two millimetres. A width that lags more is stuck, or the fingers are blocked.
     """
 
     margin: float = value(Measure(TIME, "50 ms", "30 s"), "500 ms", "a move may take this much longer than planned")
     share: float = value(Number(0.0, 10.0), "0.5", "and this share of its planned time")
     stray: float = value(Measure(LENGTH, "0.2 mm", "50 mm"), "3 mm", "fingers without a command stay within this")
     lag: float = value(Measure(TIME, "10 ms", "2 s"), "100 ms", "they follow a streamed speed this much later at most")
+    follow: float = value(
+        Measure(LENGTH, "2 mm", "100 mm"), "10 mm", "the width lags streamed motion by less than this"
+    )
 
 
 class GripperSupervisor:
@@ -70,6 +78,7 @@ class GripperSupervisor:
         self._speed = self._opening = self._closing = 0.0  # told now; and the fastest either way lately
         self._least, self._most = math.inf, -math.inf  # openings that the fingers were told to stay between
         self._told_at = -math.inf
+        self._behind = 0.0  # streamed motion that the width has not followed, positive opens
         self._steady: tuple[float, float] | None = None
         self._last: GripperState | None = None
 
@@ -78,6 +87,7 @@ class GripperSupervisor:
         expected = abs(width - start) / speed + speed / self._acceleration
         self._due, self._target = now + expected * (1.0 + self._supervision.share) + self._supervision.margin, width
         self._free_until, self.rest_by = math.inf, self._due
+        self._behind = 0.0
         self._way = self._reach(min(start, width), max(start, width))
 
     def stream(self, now: float, speed: float, watchdog: float) -> None:
@@ -92,7 +102,7 @@ class GripperSupervisor:
 
     def rest(self, now: float) -> None:
         """The fingers were told to stand still, or have ended their move."""
-        self._due, self._speed = math.inf, 0.0
+        self._due, self._speed, self._behind = math.inf, 0.0, 0.0
         self._least, self._most, self._told_at = math.inf, -math.inf, now
         self._free_until = now + COASTING
         seen = self._last is not None and now - self._last.stamp <= self._supervision.lag
@@ -113,13 +123,16 @@ class GripperSupervisor:
         if self._steady is None or abs(state.width - self._steady[1]) > STEADY:
             self._steady = (state.stamp, state.width)
         self.at_rest = abs(state.speed) < SLOW and (last is None or state.stamp - self._steady[0] >= STILL)
+        if last is not None:
+            left = self._behind * math.exp((last.stamp - state.stamp) / FORGETTING) - (state.width - last.width)
+            self._behind = left if left * self._behind > 0.0 else 0.0
         stray = self._stray(state.stamp, state.width, 0.0 if last is None else state.stamp - last.stamp)
         self.follows = not stray and -self._closing - SLOW <= state.speed <= self._opening + SLOW
         if stray:
             self.rest_by = math.inf
         elif self.at_rest and state.stamp > self._free_until and not self._speed:
             self.rest_by = now
-        return self._overdue(now) or stray
+        return self._overdue(now) or stray or self._lagging(state.width)
 
     def _impossible(self, state: GripperState) -> str:
         width, speed, limits = state.width, state.speed, self._limits
@@ -156,6 +169,20 @@ class GripperSupervisor:
             return self._astray(self._least, width)
         return self._astray(self._most, width) if self._most - width > stray + lag * self._closing else ""
 
+    def _lagging(self, width: float) -> str:
+        """The width must follow the streamed speeds: one that does not says nothing about the fingers."""
+        fastest = max(self._opening, self._closing)
+        if (
+            math.isinf(self._free_until)
+            or abs(self._behind) <= self._supervision.follow + self._supervision.lag * fastest
+        ):
+            return ""
+        told = "open" if self._behind > 0.0 else "close"
+        return (
+            f"was told to {told} by {1e3 * abs(self._behind):.0f} mm more than its width shows, which stays at "
+            f"{1e3 * width:.1f} mm: the width is stuck, or something blocks the fingers"
+        )
+
     def _astray(self, commanded: float, width: float) -> str:
         how = "opens" if width > commanded else "closes"
         way = f"{1e3 * commanded:.1f} → {1e3 * width:.1f} mm"
@@ -171,5 +198,6 @@ class GripperSupervisor:
         """Add how far the streamed speed has told the fingers to open or to close since the last time."""
         elapsed = max(now - self._told_at, 0.0) if math.isfinite(self._told_at) else 0.0
         self._told_at = max(self._told_at, now)
+        self._behind += self._speed * elapsed
         self._least += max(self._speed, 0.0) * elapsed
         self._most += min(self._speed, 0.0) * elapsed

@@ -223,6 +223,9 @@ def test_every_way_to_lie_that_could_be_true_changes_what_arrives_until_it_is_cl
         assert np.mean([s.wrenches[1, :3] for s in lying], axis=0) == pytest.approx(left, abs=0.1)
     elif kind == "clipped_left":
         assert np.abs([sample.wrenches[0, :3] for sample in lying]).max() <= 0.5
+    elif kind == "coarse":
+        steps = np.array([sample.wrenches[:, :3] for sample in lying]) / 0.5
+        assert (steps == np.round(steps)).all()
     else:
         truth = fingers.latest().wrenches  # nothing touches: noise and bias
         changed = [not np.allclose(s.wrenches, truth, atol=0.4) for s in lying]

@@ -57,6 +57,7 @@ class SunTouchEmulator:
         restless: by so much a taxel jumps with every answer [V].
         stuck: the answer stays what it was.
         dead: every taxel says 0 V.
+        held: so many answers in a row are one measurement.
     """
 
     def __init__(self, wrench: Callable[[], Float64], seed: int = 0) -> None:
@@ -65,6 +66,8 @@ class SunTouchEmulator:
         self.drop_bytes = 0
         self.spike = self.restless = 0.0
         self.stuck = self.dead = False
+        self.held = 1
+        self._answers = 0
         self._wrench = wrench
         self._rng = np.random.default_rng([seed, 26])
         self._said = np.zeros(TAXELS)
@@ -86,13 +89,14 @@ class SunTouchEmulator:
     def _answer(self) -> bytes:
         if self.dead:
             volts = np.zeros(TAXELS)
-        elif self.stuck:
+        elif self.stuck or self._answers % self.held:
             volts = self._said
         else:
             volts = self.pad.volts(self._wrench()) + self._rng.normal(0.0, NOISE, TAXELS)
             volts[12] += self.spike + self.restless
             self.restless = -self.restless
         self._said = volts
+        self._answers += 1
         answer = encode(volts)[self.drop_bytes :]
         self.spike, self.drop_bytes = 0.0, 0
         return answer

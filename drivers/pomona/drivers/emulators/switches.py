@@ -11,6 +11,8 @@ from pomona.drivers.wsg.codec import Command, SystemState
 
 RUNAWAY = 0.02
 """Speed of an opening that nobody commands any more [m/s]."""
+HELD = 5
+"""So many answers of a slow finger are one measurement: 100 Hz of 500 Hz."""
 RESTLESS = 0.2
 """By so much a restless taxel jumps [V]: four times what is a spike."""
 
@@ -30,6 +32,7 @@ FINGER: dict[str, dict[str, object]] = {
     "stuck": {"stuck": True},
     "dead": {"dead": True},
     "restless": {"restless": RESTLESS},
+    "slow": {"held": HELD},
 }
 
 

@@ -18,6 +18,10 @@ CLIPPED = 0.5
 """Where a channel that clips has its end, unknown to its `saturated` flag [N]."""
 DRIFT = 0.5
 """How fast a channel drifts [N/s]."""
+STEP = 0.5
+"""Of a force that is measured coarsely [N]."""
+COPIES = 10
+"""So many samples in a row of fingers that measure slowly are one measurement: 50 Hz of 500 Hz."""
 LATE, EARLY = 0.5, 10.0
 """How old, and how far in the future, wrong stamps are [s]."""
 
@@ -62,6 +66,23 @@ def _add(index: Any, value: float) -> Callable[[Float64, Float64], None]:
 
 def _clip(wrenches: Float64, _before: Float64) -> None:
     np.clip(wrenches[0, :3], -CLIPPED, CLIPPED, out=wrenches[0, :3])
+
+
+def _round(wrenches: Float64, _before: Float64) -> None:
+    wrenches[:, :3] = STEP * np.round(wrenches[:, :3] / STEP)
+
+
+class _Slow:
+    """Delivers one measurement many times, each with a stamp and a number of its own."""
+
+    def __init__(self) -> None:
+        self._measured: tuple[int, Float64] | None = None
+
+    def __call__(self, sample: WrenchSample, _before: WrenchSample) -> WrenchSample:
+        number = sample.sequence // COPIES
+        if self._measured is None or self._measured[0] != number:
+            self._measured = number, sample.wrenches
+        return WrenchSample(sample.stamp, sample.sequence, self._measured[1], sample.saturated)
 
 
 def _swap(wrenches: Float64, _before: Float64) -> None:
@@ -127,6 +148,8 @@ LIES: dict[str, Lie] = {
     "clipped_left": _changed(_clip),
     "drifts_along": _drift((slice(None), 0)),
     "drifts_pressing": _drift((0, 2), -1.0),
+    "coarse": _changed(_round),
+    "slow": _Slow(),
     "swapped": _changed(_swap),
     "not_a_number": _changed(_set((0, 1), np.nan)),
     "infinite": _changed(_set((slice(None), 2), -np.inf)),

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
+
 from pomona.drivers.errors import DeviceFault, DeviceLost, MotionRefused
 from pomona.drivers.gripper_supervisor import GripperSupervision, GripperSupervisor
 from pomona.drivers.interfaces import Gripper, GripperLimits, GripperState, Motion, MotionState
@@ -27,6 +29,9 @@ STALE = 0.045
 """A state that is older than this is none [s]; as of a WSG."""
 RUNAWAY, FAST_STOP = 0.03, 0.2
 """Speed of fingers that run away [m/s]; so long after a safe stop a fast stop ends that [s], as a real driver does."""
+
+ENCODER_NOISE = 2e-5
+"""Noise of a width that sticks [m]: without it each reading would repeat the last one exactly."""
 
 MOTOR_STEP = 0.5
 """The grasp force by the motor's current comes in steps of so much [N]."""
@@ -67,11 +72,11 @@ class SimGripper(FaultyDevice):
 
     Faults: `jam` (the fingers stand still), `lost` (no answer; they stop), `busy` (a move never begins nor ends),
     `runaway` (the fingers open whatever they are told, until a safe stop has lasted a moment), `frozen` (the state
-    stays what it was), `not_a_number` (the width is none).
+    stays what it was), `sticks` (the width stays what it was, but for noise), `not_a_number` (the width is none).
     """
 
     interfaces = (Gripper,)
-    known_faults = ("jam", "lost", "busy", "runaway", "frozen", "not_a_number")
+    known_faults = ("jam", "lost", "busy", "runaway", "frozen", "sticks", "not_a_number")
 
     def __init__(
         self,
@@ -100,6 +105,7 @@ class SimGripper(FaultyDevice):
         self._latched_at = 0.0
         self._estranged = False  # lost since the last acknowledgement
         self._frozen = GripperState(0.0, 0.0, 0.0, False)
+        self._noise = np.random.default_rng([world.seed, 9]).normal(0.0, ENCODER_NOISE, 512).tolist()
         self._supervisor = GripperSupervisor(self.limits, ACCELERATION, supervision)
         self._supervisor.rest(world.clock.now())
         world.before_step.append(self._command)
@@ -112,8 +118,11 @@ class SimGripper(FaultyDevice):
 
     def _measure(self) -> GripperState:
         state = self._world.state
-        width = self._closed + float(state.qpos[self._address[0]] + state.qpos[self._address[1]])
-        speed = float(state.qvel[self._dof[0]] + state.qvel[self._dof[1]])
+        if self.fault == "sticks":
+            width, speed = self._frozen.width + self._noise[self._world.clock.steps % len(self._noise)], 0.0
+        else:
+            width = self._closed + float(state.qpos[self._address[0]] + state.qpos[self._address[1]])
+            speed = float(state.qvel[self._dof[0]] + state.qvel[self._dof[1]])
         motor_force = MOTOR_STEP * round(-float(state.actuator_force[self._actuator]) / MOTOR_STEP)
         return GripperState(self._world.clock.now(), width, speed, not self.settled(), motor_force)
 

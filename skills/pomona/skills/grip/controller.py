@@ -12,7 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from pomona.executive.values.arrays import Float64
+from pomona.skills.grip.bias_check import check_bias
 from pomona.skills.grip.command_timing import CommandTiming
+from pomona.skills.grip.errors import UnfitSensor
 from pomona.skills.grip.grip import IN_HAND, GripPhase, GripProblem, GripReading
 from pomona.skills.grip.limit_surface import SoftContact
 from pomona.skills.grip.reference import ForceReference
@@ -234,6 +236,11 @@ class GripController:
         if error > s.error and count < most:
             return
         self._bias.clear()
+        try:
+            check_bias(samples, rate, self.settings.bias_check)
+        except UnfitSensor as unfit:
+            self._fail("SENSOR_FAULT", str(unfit), measured=unfit.measured, expected=unfit.expected)
+            return
         felt = float(np.abs(samples[:, :, 2].mean(axis=0)).max())
         self._sensors.calibrate(samples)
         self._slips.calibrate(samples)

@@ -4,6 +4,7 @@ GripError
 ├── TooFewPushes        a calibration without enough slides
 ├── UnusablePushes      a file that holds no pushes
 ├── UnusableRate        a sensor that is too slow or too fast
+├── UnfitSensor         a sensor that is too coarse, too constant or repeats itself
 └── GuidanceEnded       pushes at a cell that cannot be made
 """
 
@@ -42,3 +43,15 @@ class UnusableRate(GripError):
             f"the force sensor gives {rate:g} samples a second; a grip needs {rates[0]:g} to {rates[1]:g}: set the"
             " sensor's rate in the cell file"
         )
+
+
+class UnfitSensor(GripError):
+    """A force sensor whose samples with nothing touching show that it cannot control a grip.
+
+    Attributes:
+        measured, expected: of the quantity that is wrong, in SI units; `expected` is its bound.
+    """
+
+    def __init__(self, message: str, measured: float, expected: float) -> None:
+        self.measured, self.expected = measured, expected
+        super().__init__(message)

@@ -11,6 +11,7 @@ from pomona.skills.grip.force_loop import ForceLoopSettings
 from pomona.skills.grip.limit_surface import SoftContact
 from pomona.skills.grip.observer import ObserverSettings
 from pomona.skills.grip.tuning import (
+    BiasCheckSettings,
     BiasSettings,
     CommandSettings,
     FilterSettings,
@@ -60,7 +61,8 @@ class GripSettings:
         narrowest: an opening that no fruit of this kind can have [m].
         off_centre: the fruit may be pushed so far by one finger until the other touches [m].
         slip_limit: estimated slip that is reported as SLIPPED [m].
-        loop, observer, dynamic, bias, filters, reference, tracking, command, watch, sensors, slips: of the parts.
+        loop, observer, dynamic, bias, bias_check, filters, reference, tracking, command, watch, sensors, slips: of the
+            parts.
         width_min: end of the gripper's stroke [m].
         rate: of the sensor's samples [Hz], within `RATES`.
 
@@ -89,6 +91,7 @@ class GripSettings:
     observer: ObserverSettings = field(default_factory=ObserverSettings)
     dynamic: DynamicSettings = field(default_factory=DynamicSettings)
     bias: BiasSettings = field(default_factory=BiasSettings)
+    bias_check: BiasCheckSettings = field(default_factory=BiasCheckSettings)
     filters: FilterSettings = field(default_factory=FilterSettings)
     reference: ReferenceSettings = field(default_factory=ReferenceSettings)
     tracking: TrackingSettings = field(default_factory=TrackingSettings)

@@ -29,6 +29,21 @@ class BiasSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class BiasCheckSettings:
+    """Which sensor is refused while its bias is taken (grasp-lying-sensors.md).
+
+    Attributes:
+        step: largest step of a force [N]: the accuracy of the paper's fingers.
+        torque_step: largest step of a torque [N·m]: of that force on a lever of 10 mm.
+        copies: largest share of samples that repeat the one before, beyond chance.
+    """
+
+    step: float = 0.2
+    torque_step: float = 2e-3
+    copies: float = 0.1
+
+
+@dataclass(frozen=True, slots=True)
 class FilterSettings:
     """From noisy wrenches to loads; found on lifts with 0.2 N of white noise (grasp-beyond-the-paper.md).
 

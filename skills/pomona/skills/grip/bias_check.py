@@ -1,0 +1,71 @@
+"""Refuses a force sensor whose samples at rest show that it is too coarse, too constant or repeats itself.
+
+Noise makes the resolution of a sensor visible: the smallest difference between two values of a channel is its step. A
+sensor that was coarse or slow when its noise was learned would never be found out later, since its noise is the rule
+by which stuck values are judged.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pomona.executive.values.arrays import Float64
+from pomona.skills.grip.errors import UnfitSensor
+from pomona.skills.grip.tuning import BiasCheckSettings
+
+SIDES = ("left", "right")
+SAME = 1e-9
+"""Values that differ by less are one value, computed twice [N, N·m]."""
+
+
+def check_bias(samples: Float64, rate: float, settings: BiasCheckSettings) -> None:
+    """Check the samples from which a bias is taken.
+
+    Samples without any noise are passed: a sensor that says the same all the time is found by its driver.
+
+    Args:
+        samples: with nothing touching, shape (n, 2, 6) [N, N·m].
+        rate: at which they came [Hz].
+        settings: the bounds.
+
+    Raises:
+        UnfitSensor: a channel's step is too coarse, a force shows no noise at all, or samples are copies.
+    """
+    changes: NDArray[np.bool_] = np.abs(np.diff(samples, axis=0)) > SAME
+    noisy: NDArray[np.bool_] = np.any(changes, axis=0)
+    if not noisy.any():
+        return
+    for side in range(2):
+        if noisy[side].any():
+            _check_steps(SIDES[side], samples[:, side], noisy[side], settings)
+            _check_copies(SIDES[side], changes[:, side], rate, settings)
+
+
+def _check_steps(side: str, samples: Float64, noisy: NDArray[np.bool_], settings: BiasCheckSettings) -> None:
+    for channel in range(6):
+        axis, is_force = "xyz"[channel % 3], channel < 3
+        if noisy[channel]:
+            gaps = np.diff(np.unique(samples[:, channel]))
+            step, coarsest = float(gaps[gaps > SAME].min()), settings.step if is_force else settings.torque_step
+            if step > coarsest:
+                name, unit, scale = ("force", "N", 1.0) if is_force else ("torque", "mN·m", 1e3)
+                words = f"{name} {axis} changes in steps of {scale * step:.2g} {unit}"
+                most = f"at most {scale * coarsest:.2g} {unit} is expected: set its resolution"
+                raise UnfitSensor(f"the {side} finger's {words}, {most}", step, coarsest)
+        elif is_force:
+            words = f"force {axis} did not change in {len(samples)} samples, its other channels did"
+            raise UnfitSensor(f"the {side} finger's {words}: it is dead, or coarser than its noise", 0.0, SAME)
+
+
+def _check_copies(side: str, changes: NDArray[np.bool_], rate: float, settings: BiasCheckSettings) -> None:
+    """Channels with few bits repeat their values by chance, each by itself; copies repeat all of them at once."""
+    repeats = float((~changes.any(axis=1)).mean())
+    by_chance = math.prod((~changes).mean(axis=0))
+    if repeats - by_chance > settings.copies:
+        words = f"repeats {100.0 * repeats:.0f} % of its samples, at most {100.0 * settings.copies:.0f} % are expected"
+        fresh = round(rate * (1.0 - repeats), -1)
+        words += f": it measures at about {fresh:.0f} Hz and delivers {rate:.0f} Hz; set its rate"
+        raise UnfitSensor(f"the {side} finger {words}", repeats, settings.copies)
