@@ -276,3 +276,27 @@ def test_a_folder_of_records_has_a_name(folder: str, capsys: pytest.CaptureFixtu
         main(["runs", "list", "--record", folder])
     assert ended.value.code == 2
     assert "a folder has a name" in capsys.readouterr().err
+
+
+def test_an_unknown_option_shows_the_commands_own_usage(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["fmt", "--diff", "tree.yaml"])
+    assert ended.value.code == 2
+    told = capsys.readouterr().err
+    assert told.startswith("usage: pomona fmt ")
+    assert "unrecognized arguments: --diff" in told
+
+
+def test_a_misspelt_skill_is_answered_with_the_one_that_is_meant(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["skills", "Refin"]) == 2
+    assert "no skill 'Refin'; did you mean 'Refine'?" in capsys.readouterr().err
+    assert main(["skills", "Lift"]) == 0
+    assert "the fruit's weight alone needs more force" in " ".join(capsys.readouterr().out.split())
+
+
+def test_an_import_ends_with_what_is_not_installed_here(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    xml = tmp_path / "nav.xml"
+    tree = "<Sequence><ComputePath/><FollowPath/><ComputePath/></Sequence>"
+    xml.write_text(f'<root BTCPP_format="4"><BehaviorTree ID="nav">{tree}</BehaviorTree></root>')
+    assert main(["import", str(xml)]) == 0
+    assert "4 nodes; 2 skills are not installed here: ComputePath, FollowPath." in capsys.readouterr().err

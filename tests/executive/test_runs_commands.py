@@ -65,6 +65,8 @@ def test_list_shows_how_each_run_ended(capsys: pytest.CaptureFixture[str]) -> No
     Path("runs/2026-01-03_now").mkdir()
     recorder = Recorder(Path("runs/2026-01-03_now"))
     said = say(capsys, "runs", "list")
+    for column in ("when", "run", "cell", "seed", "took", "size", "settings", "why"):
+        assert column in said.split(), column
     recorder.close()
     assert "NO_PATH: there is no path" in said
     assert "▶ 2026-01-03_now" in said

@@ -51,9 +51,11 @@ class ReportLine:
     ok: bool
     found: str
     advice: str = ""
+    absent: bool = False
+    """Optional and not there."""
 
     def __str__(self) -> str:
-        line = f"{'✓' if self.ok else '✗'} {self.name:24} {self.found}"
+        line = f"{'–' if self.absent else '✓' if self.ok else '✗'} {self.name:24} {self.found}"
         return line if self.ok or not self.advice else f"{line}\n  → {self.advice}"
 
 
@@ -108,8 +110,10 @@ def _extras() -> Iterator[ReportLine]:
         try:
             found = ", ".join(f"{package} {version(package)}" for package in packages)
         except PackageNotFoundError:
-            found = f"not installed; pip install 'pomona[{extra}]'"
-        yield ReportLine(f"extra {extra}", True, found)
+            absent = f"not installed; pip install 'pomona[{extra}]'"
+            yield ReportLine(f"extra {extra}", True, absent, absent=True)
+        else:
+            yield ReportLine(f"extra {extra}", True, found)
 
 
 def _graphics() -> ReportLine:

@@ -14,7 +14,7 @@ import threading
 from collections.abc import Sequence
 from typing import Any
 
-from pomona.executive.commands.command_line import make_parser
+from pomona.executive.commands.command_line import children, make_parser
 from pomona.executive.errors import UsageError
 from pomona.executive.extras import remedy
 from pomona.executive.running.launcher import in_child
@@ -85,7 +85,11 @@ def _run(words: Sequence[str]) -> int:
 
 def _run_filtered(words: Sequence[str]) -> int:
     try:
-        options = make_parser([_command(words)]).parse_args(words)
+        parser = make_parser([_command(words)])
+        options, unknown = parser.parse_known_args(words)
+        if unknown:  # the command's own usage says what it knows
+            own = next((child for name, _, child in children(parser) if name == _command(words)), parser)
+            own.error(f"unrecognized arguments: {' '.join(unknown)}")
         status: int = options.main(options)
     except UsageError as error:
         _print_error(str(error))

@@ -9,9 +9,12 @@ from typing import Any
 
 from pomona.executive.errors import UsageError
 from pomona.executive.files import find_tree, read_text, write_text
+from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.language.documents import read_document, refuse_errors, with_declarations
 from pomona.executive.language.groot_export import export_groot
 from pomona.executive.language.groot_import import import_groot
+from pomona.executive.language.read import read
+from pomona.executive.nodes.calls import SKILL
 from pomona.executive.registry import Registry
 from pomona.executive.values.findings import format_findings
 
@@ -20,7 +23,7 @@ def add_export(subparsers: Any) -> None:
     """Register `pomona export`."""
     out = subparsers.add_parser("export", help="write a tree as XML for Groot2 and BehaviorTree.CPP")
     out.add_argument("tree", help="a tree file, or the name of an installed tree")
-    out.add_argument("--groot", action="store_true", default=True, help="the format; there is no other")
+    out.add_argument("--groot", action="store_true", default=True, help="XML for Groot2 (the default)")
     out.add_argument("--out", type=Path, metavar="FILE", help="file to write (default: standard output)")
     out.set_defaults(main=export)
 
@@ -65,4 +68,22 @@ def import_(options: argparse.Namespace) -> int:
     if findings:
         sys.stderr.write(format_findings(findings) + "\n")
     write_text(text, options.out)
+    sys.stderr.write(_what_next(text, options.out) + "\n")
     return 1 if findings else 0
+
+
+def _what_next(text: str, out: Path | None) -> str:
+    """How much was read, which of its skills are not installed, and what to do about them."""
+    nodes = [
+        node
+        for definition in read(text, out or "imported.yaml").definitions()
+        for node in (definition.root.walk() if definition.root is not None else ())
+    ]
+    skills = declared_skills()
+    unknown = sorted({node.key.text for node in nodes if node.type is SKILL} - skills.keys())
+    if not unknown:
+        return f"{len(nodes)} nodes, all skills are installed: check it with `pomona check {out or 'FILE'}`"
+    return (
+        f"{len(nodes)} nodes; {len(unknown)} skills are not installed here: {', '.join(unknown)}. Write each with "
+        "`pomona new skill NAME`, or install the package that has it"
+    )

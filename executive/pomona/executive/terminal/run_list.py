@@ -42,21 +42,23 @@ def print_list(console: Screen, runs: Sequence[Digest], of: int, total: int) -> 
     """
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     for name, justify in (
-        ("", "left"), ("run", "left"), ("cell", "left"), ("seed", "right"), ("time", "right"), ("size", "right"),
-        ("how it ended", "left"),
+        ("", "left"), ("run", "left"), ("when", "left"), ("cell", "left"), ("seed", "right"), ("took", "right"),
+        ("size", "right"), ("settings", "left"), ("why", "left"),
     ):  # fmt: skip
         table.add_column(name, justify=justify, no_wrap=True)  # type: ignore[arg-type]
-    room = console.width - 40 - max((len(run.run) + len(run.cell) for run in runs), default=0)
+    room = console.width - 58 - max((len(run.run) + len(run.cell) for run in runs), default=0)
     for run in runs:
         sign, style = MARKS.get(how(run), ("?", "red"))
         table.add_row(
             Text(sign, style),
             run.run,
+            f"{datetime.fromtimestamp(run.wall_time):%d %b %H:%M}" if run.wall_time else "–",
             run.cell or "–",
             "–" if run.seed is None else str(run.seed),
             "–" if run.time is None else seconds(run.time),
             size(run.bytes),
-            Text(_shortened(ending(run), max(room, 20)), style if how(run) != "success" else ""),
+            Text(_shortened(_settings(run), max(room // 3, 20))),
+            Text(_shortened(ending(run), max(room - room // 3, 20)), style if how(run) != "success" else ""),
         )
     console.print(table)
     counted = Counter(map(how, runs))
@@ -75,11 +77,10 @@ def how(run: Digest) -> str:
 
 
 def ending(run: Digest) -> str:
-    """How a run ended, in a few words."""
-    settings = "  ".join(f"{key}={value}" for key, value in run.settings.items())
+    """Why a run ended as it did, in a few words; empty for a success of which nothing was lost."""
     lost = f"repaired, lost {run.lost}   " if run.lost else ""
     if how(run) == "success":
-        return f"{lost}{settings}"
+        return lost.strip()
     if run.state == "running":
         return f"running for {seconds(time.time() - run.wall_time)}"
     if run.state == "cut off":
@@ -87,7 +88,11 @@ def ending(run: Digest) -> str:
     if run.state == "damaged":
         return run.message or "damaged"
     why = f"{run.code}: {run.message}" if run.code else run.message or ""
-    return f"{lost}{why}   {settings}".strip()
+    return f"{lost}{why}".strip()
+
+
+def _settings(run: Digest) -> str:
+    return "  ".join(f"{key}={value}" for key, value in run.settings.items())
 
 
 def size(value: float) -> str:
