@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+import contextlib
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from pomona.drivers.faults import FaultSwitch
 from pomona.drivers.interfaces import Arm, Gripper, Trajectory
 from pomona.drivers.sim.world import SimClock
 from pomona.executive.errors import NotOwnerError
+from pomona.executive.running.requests import AnswerRefusedError
 from pomona.executive.running.runner import Runner
 
 EVERY = 5
@@ -66,6 +68,54 @@ class Leftovers(FaultSwitch):
                     self._cell.device(Gripper).set_speed(OPENING)
         except NotOwnerError:
             self.refused += 1
+
+
+class Operator(FaultSwitch):
+    """What an operator does, sensible or not; each kind is a list of moments after its beginning [s] and actions."""
+
+    schedules: ClassVar[dict[str, list[tuple[float, str]]]] = {
+        "pauses": [(0.0, "pause"), (1.5, "resume")],
+        "pauses_briefly": [
+            (0.12 * n + late, act) for n in range(5) for late, act in ((0.0, "pause"), (0.06, "resume"))
+        ],
+        "steps": [(0.0, "pause"), *((0.5 + 0.1 * n, "step") for n in range(10)), (2.0, "resume")],
+        "slows": [(0.0, "slow"), (2.0, "full")],
+        "hurries": [(0.05 * n, ("slow", "full")[n % 2]) for n in range(20)],
+        "acknowledges": [(0.0, "acknowledge")],
+        "stops": [(0.0, "stop")],
+        "stops_paused": [(0.0, "pause"), (0.8, "stop")],
+        "safe_stops": [(0.0, "safe_stop")],
+        "safe_stops_paused": [(0.0, "pause"), (0.8, "safe_stop"), (0.82, "resume")],
+    }
+    known_faults = tuple(schedules)
+
+    def __init__(self, runner: Runner) -> None:
+        super().__init__()
+        self._runner = runner
+        self._due: list[tuple[float, str]] = []
+
+    def begin(self, kind: str, now: float) -> None:
+        """Act from now on."""
+        self._due = [(now + after, action) for after, action in self.schedules[kind]]
+
+    def step(self, now: float) -> None:
+        """Called with every step of the world."""
+        if self.fault is not None and not self._due:
+            self.begin(self.fault, now)
+            self.fault = None
+        while self._due and now >= self._due[0][0]:
+            self._act(self._due.pop(0)[1])
+
+    def _act(self, action: str) -> None:
+        runner, who = self._runner, "fault matrix"
+        with contextlib.suppress(AnswerRefusedError):  # a pause that has ended
+            match action:
+                case "resume" | "step":
+                    getattr(runner, action)(runner.pause_number, who)
+                case "slow" | "full":
+                    runner.set_speed(0.1 if action == "slow" else 1.0, who)
+                case _:
+                    getattr(runner, action)(who)
 
 
 class SteppedBack(FaultSwitch):

@@ -42,7 +42,8 @@ def run(cases: list[Case], cell: str, seed: int, jobs: int, alone: bool = False)
 
     if not alone:
         prepare_to_fork()
-        branch_cases(cases, cell, seed, jobs, tell)
+        for tree in dict.fromkeys(case.phase.tree for case in cases):
+            branch_cases([case for case in cases if case.phase.tree == tree], cell, seed, jobs, tell)
     else:
         with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=plan_here) as pool:
             for verdict in pool.map(_run, [(case, cell, seed) for case in cases]):

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.fault_executive import Leftovers, SteppedBack
+from benchmarks.fault_executive import Leftovers, Operator, SteppedBack
 from benchmarks.fault_table import Case, CaseVerdict
 from benchmarks.strands import use_strands
 from pomona.drivers.cell import Cell
@@ -43,7 +43,7 @@ from pomona.executive.running.events import ErrorRaised, Event, EventStream, Nod
 from pomona.executive.running.runner import Runner
 from pomona.skills.grip.hold import take_over
 
-TREE = Path(__file__).with_name("fault_pick.yaml")
+TREES = Path(__file__).parent
 SETTINGS = {"fruit": "apple_4", "place": "2", "distractors": "0"}
 
 FORCE_MAX = 14.0
@@ -62,8 +62,8 @@ UNDER_WAY = 0.25
 """A real controller has got points of so long already: `lead` in emulated.yaml [s]."""
 RECOVERS = 5.0
 """Wires are opened again, with their handshakes, within this time [s]."""
-ACTS, RESUMES = 0.25, 1.5
-"""The operator acts so long after the phase's node has begun, and resumes a pause after so long [s]."""
+ACTS = 0.25
+"""The operator acts so long after the phase's node has begun [s]."""
 PRESSED = 0.3
 """A fruit that both pads press with more is held [N]."""
 HUNG = 0.05
@@ -117,11 +117,12 @@ class CaseWatcher:
         self._qvel = model.jnt_dofadr[self.world.arm_joints]
         self._finger = model.joint("finger_left").qposadr[0]
         self.rest_z = float(self.world.state.body("fruit_0").xpos[2])
-        self._operator_at: list[tuple[float, str]] = []
         self._killed_at = np.inf
         self.leftovers = Leftovers(runner, cell)
         self._clock = SteppedBack(self.world.clock, TIMESTEP)
-        self.switches: dict[str, FaultSwitch] = {**cell.switches, "executive": self.leftovers, "clock": self._clock}
+        self._operator = Operator(runner)
+        own = {"executive": self.leftovers, "clock": self._clock, "operator": self._operator}
+        self.switches: dict[str, FaultSwitch] = {**cell.switches, **own}
         self.world.after_step.append(self._step)
 
     def take(self, case: Case) -> None:
@@ -137,9 +138,7 @@ class CaseWatcher:
         begun = self.began_at[phase.node]
         self._plan.begin(phase.node, begun)
         if phase.operator:
-            self._operator_at = [(begun + ACTS, phase.operator)]
-        if phase.operator == "pause":
-            self._operator_at.append((begun + ACTS + RESUMES, "resume"))
+            self._operator.begin(phase.operator, begun + ACTS)
         self._turn(self.now)
 
     @property
@@ -188,12 +187,7 @@ class CaseWatcher:
         now, state = self.now, self.world.state
         if self.case is None:
             self._branch(self)
-        while self._operator_at and now >= self._operator_at[0][0]:
-            action = self._operator_at.pop(0)[1]
-            if action != "resume":
-                getattr(self.runner, action)("fault matrix")
-            elif self.runner.pause_number:  # else the fault has ended the pause
-                self.runner.resume(self.runner.pause_number, "fault matrix")
+        self._operator.step(now)
         if now >= self._killed_at:
             self._killed_at, self.shows_at = np.inf, now
             if isinstance(self.cell.devices["world"], VirtualWorld):
@@ -387,7 +381,7 @@ def run_case(case: Case, cell: str, seed: int) -> CaseVerdict:
             watchers[0].on_event(event)
 
     with tempfile.TemporaryDirectory() as folder:
-        order = RunOrder(TREE, find_cell(cell), seed, SETTINGS, record=Path(folder))
+        order = RunOrder(TREES / case.phase.tree, find_cell(cell), seed, SETTINGS, record=Path(folder))
         executed = execute(
             order, [on_event], on_ready=on_ready, on_latched=lambda _runner: judge_afterwards(watchers[0], verdict)
         )
@@ -485,7 +479,7 @@ class Forks:
 
 
 def branch_cases(cases: Sequence[Case], cell: str, seed: int, jobs: int, tell: Callable[[CaseVerdict], None]) -> None:
-    """Run the pick once, and each case from where its phase begins.
+    """Run the pick once, and each case from where its phase begins; all phases are of one tree.
 
     The process must have no other threads: `prepare_to_fork`.
     """
@@ -520,7 +514,10 @@ def branch_cases(cases: Sequence[Case], cell: str, seed: int, jobs: int, tell: C
 
     try:
         executed = execute(
-            RunOrder(TREE, find_cell(cell), seed, SETTINGS), [on_event], on_ready=on_ready, on_latched=on_latched
+            RunOrder(TREES / cases[0].phase.tree, find_cell(cell), seed, SETTINGS),
+            [on_event],
+            on_ready=on_ready,
+            on_latched=on_latched,
         )
         if forks.answer is not None:
             judge(watchers[0], executed, verdict)

@@ -17,12 +17,13 @@ ENDS = ("safe", "failure", "success", "harmless", "recovered")
 
 @dataclass(frozen=True, slots=True)
 class FaultPhase:
-    """Where in the run a fault begins: so long after a node's start; with what the operator did before it."""
+    """Where in the run of a tree a fault begins: so long after a node's start; with what the operator did before it."""
 
     name: str
     node: str
     after: float
     operator: str = ""
+    tree: str = "fault_pick.yaml"
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,13 +92,15 @@ def read_table(cell: str, path: Path = TABLE) -> list[Case]:
     """
     table = yaml.safe_load(path.read_text())
     phases = {
-        name: FaultPhase(name, said["node"], TIME(said["after"]), said.get("operator", ""))
-        for name, said in table["phases"].items()
+        name: FaultPhase(
+            name, said["node"], TIME(said["after"]), **{key: said[key] for key in ("operator", "tree") if key in said}
+        )
+        for name, said in {**table["phases"], **table["moments"]}.items()
     }
     cases = []
     for row in table[cell]:
         switch, kind = row["fault"].rsplit(".", 1)
-        names = list(phases) if row["phases"] == "all" else row["phases"]
+        names = list(table["phases"]) if row["phases"] == "all" else row["phases"]
         if unknown := [name for name in names if name not in phases]:
             raise ValueError(f"{row['fault']}: there is no phase {', '.join(unknown)}")
         if row["ends"] not in ENDS:

@@ -94,10 +94,9 @@ def place(tmp_path: Path) -> Iterator[Place]:
         yield Place(cell, tree, tmp_path / "runs")
 
 
-@pytest.mark.parametrize(("way", "number"), [("hang", None), ("go on", signal.SIGKILL), ("go on", signal.SIGSTOP)])
-def test_arm_and_gripper_are_stopped_from_outside_and_free_for_the_next_run(
-    place: Place, way: str, number: int | None
-) -> None:
+@contextlib.contextmanager
+def moving(place: Place, way: str) -> Iterator[subprocess.Popen[str]]:
+    """A run whose arm and fingers move."""
     order = ["run", str(place.tree), "--cell", str(place.cell), "--record", str(place.records)]
     with subprocess.Popen(
         [sys.executable, "-c", RUN, way, *order], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -110,17 +109,65 @@ def test_arm_and_gripper_are_stopped_from_outside_and_free_for_the_next_run(
             if line == "moving\n":
                 break
         assert received[-1:] == ["moving\n"], "".join(received) + process.stderr.read()
-        if number is not None:
-            process.send_signal(number)
-        said = process.stderr.read()
-        assert process.wait(30) == -signal.SIGKILL, said
-    assert "arm stopped; gripper stopped" in said
-    (record,) = place.records.iterdir()
-    assert json.loads((record / "supervisor.json").read_text())["devices"] == {"arm": "stopped", "gripper": "stopped"}
+        yield process
+
+
+def is_at_rest(place: Place) -> tuple[float, float]:
+    """Last joint and opening of devices that must stand; a new connection has the devices to itself."""
     with contextlib.closing(load_cell(place.cell)) as cell:
         arm, gripper = cell.device(Arm), cell.device(Gripper)
         before = arm.state().q[-1], gripper.state().width
         time.sleep(0.3)
         assert (arm.state().q[-1], gripper.state().width) == pytest.approx(before, abs=1e-6)
-        assert 0.0 < before[0] < 0.9, said
         assert gripper.limits.width_min + 0.004 < before[1], "the fingers did not go on to their goal"
+        return before
+
+
+def test_a_run_that_is_stopped_for_most_of_its_heartbeat_and_goes_on_ends_in_the_safe_state(place: Place) -> None:
+    with moving(place, "go on") as process:
+        process.send_signal(signal.SIGSTOP)
+        time.sleep(2.6)  # of 4 s
+        process.send_signal(signal.SIGCONT)
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == 3, said
+    (record,) = place.records.iterdir()
+    assert not (record / "supervisor.json").exists()
+    story = subprocess.run(
+        [sys.executable, "-m", "pomona.executive.cli", "explain", str(record)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert "the run stalled for " in story.stdout, story.stdout + story.stderr
+    assert is_at_rest(place)[0] < 0.9
+
+
+def test_a_run_that_is_stopped_again_and_again_for_a_moment_goes_on(place: Place) -> None:
+    with moving(place, "go on") as process:
+        for _ in range(10):
+            process.send_signal(signal.SIGSTOP)
+            time.sleep(0.1)
+            process.send_signal(signal.SIGCONT)
+            time.sleep(0.1)
+        assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == 130, said
+    assert "stalled" not in said
+    assert is_at_rest(place)[0] < 0.9
+
+
+@pytest.mark.parametrize(("way", "number"), [("hang", None), ("go on", signal.SIGKILL), ("go on", signal.SIGSTOP)])
+def test_arm_and_gripper_are_stopped_from_outside_and_free_for_the_next_run(
+    place: Place, way: str, number: int | None
+) -> None:
+    with moving(place, way) as process:
+        if number is not None:
+            process.send_signal(number)
+        assert process.stderr is not None
+        said = process.stderr.read()
+        assert process.wait(30) == -signal.SIGKILL, said
+    assert "arm stopped; gripper stopped" in said
+    (record,) = place.records.iterdir()
+    assert json.loads((record / "supervisor.json").read_text())["devices"] == {"arm": "stopped", "gripper": "stopped"}
+    assert 0.0 < is_at_rest(place)[0] < 0.9, said

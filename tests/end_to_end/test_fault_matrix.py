@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from benchmarks.fault_executive import Leftovers, SteppedBack
+from benchmarks.fault_executive import Leftovers, Operator, SteppedBack
 from benchmarks.fault_table import read_table
 from pomona.drivers.faults import FaultSwitch
 from pomona.drivers.sim.arm import SimArm
@@ -35,13 +35,15 @@ TRIED = [
     "fingers.zero@preparing",
     "fingers.zero@closing",
     "gripper.lost@paused",
+    "operator.pauses_briefly@touching",
+    "operator.stops@retreat_touching",
 ]
 
 
 def test_the_table_has_every_fault_of_every_simulated_device() -> None:
     devices: dict[str, type[FaultSwitch]] = {
         "arm": SimArm, "camera": SimCamera, "fingers": SimFingers, "gripper": SimGripper,
-        "executive": Leftovers, "clock": SteppedBack,
+        "executive": Leftovers, "clock": SteppedBack, "operator": Operator,
     }  # fmt: skip
     known = {(name, kind) for name, device in devices.items() for kind in device.known_faults}
     cases = read_table("sim")

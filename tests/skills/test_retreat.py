@@ -78,6 +78,27 @@ def test_a_fruit_that_meets_its_support_earlier_is_let_go_there():
     assert GRASP.T_base_grasp[2, 3] + 0.01 < lowest < GRASP.T_base_grasp[2, 3] + 0.031
 
 
+def test_the_last_millimetres_are_slow_and_end_where_the_fruit_is_felt_to_stand():
+    scene = PickingScene(q=lifted(0.10), width=0.084)
+
+    def feel(_now: float) -> np.ndarray:
+        wrenches = np.zeros((2, 6))
+        wrenches[:, 2] = -2.0
+        wrenches[:, 0] = -0.5 if scene.tcp[2, 3] > GRASP.T_base_grasp[2, 3] + 0.005 else -0.25
+        return wrenches
+
+    scene.fingers.feel = feel
+    scene.clock.advance(0.01)
+    assert retreat(scene).status is Status.SUCCESS
+    quickly, gently, back = scene.arm.followed
+    heights = [ROBOT_MODEL.tcp(q)[2, 3] - GRASP.T_base_grasp[2, 3] for q in gently.q]
+    assert heights[0] == pytest.approx(0.015, abs=1e-3)
+    assert np.abs(np.gradient(heights, gently.t)).max() < 0.031
+    assert np.abs(np.gradient([ROBOT_MODEL.tcp(q)[2, 3] for q in quickly.q], quickly.t)).max() > 0.1
+    stands = ROBOT_MODEL.tcp(back.q[0])[2, 3] - GRASP.T_base_grasp[2, 3]
+    assert 0.003 < stands < 0.005  # 30 mm/s, seen within three samples and a tick
+
+
 def test_above_the_grasp_with_nothing_held_nothing_moves():
     scene = PickingScene(q=lifted(0.15), width=0.05)
     assert retreat(scene).status is Status.SUCCESS

@@ -23,7 +23,8 @@ from pomona.skills.motion.straight_line import StraightLine, straight_line
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.grip_view import show_grip
 from pomona.skills.shared.hanging import LEAST, Hanging, require_truth
-from pomona.skills.shared.touch import HELD_FORCE, Touch, load, pressing_forces, something_between
+from pomona.skills.shared.setting_down import GENTLE, NEAR, SETTING_DOWN, TouchedDown, set_down
+from pomona.skills.shared.touch import HELD_FORCE, pressing_forces, something_between
 from pomona.skills.shared.usable_map import usable_field
 from pomona.skills.shared.warm_motion import prepare_moving
 
@@ -34,18 +35,8 @@ TOO_MUCH_FOR = 0.06
 """A grip that wants more than it may, or a fruit that slips, for so long ends the lift [s]; the load of an acceleration
 that is just beginning passes within `JERK_TIME`."""
 
-LOWERING, SETTING_DOWN = 0.1, 0.03
-"""Speeds with which a fruit that cannot be held is put back [m/s]: the second one near to where it stood."""
-
-NEAR = 0.015
-"""Height above where it stood below which a fruit may touch down [m]: it may have slid down in the fingers."""
-
-CONTACT, CARRIED = 0.35, 0.1
-"""Change of load that says the fruit is carried again [N], Release's, and at least this share of the load: what a heavy
-fruit resists by being heavy is 3 % of it with the acceleration below."""
-
-GENTLE = 0.3
-"""Acceleration of the arm near to where the fruit stood [m/s²]."""
+LOWERING = 0.1
+"""Speed with which a fruit that cannot be held is put back, until it is near to where it stood [m/s]."""
 
 STILL, STILL_FOR = 1e-4, 0.15
 """A grip is at rest when the fruit has slid by less [m] for so long [s]: twice what noise shows, and the time in which
@@ -58,10 +49,6 @@ RESTING = 0.1
 """So long after it was felt to stand, what has fallen presses on no finger any more [s]."""
 
 LOST_PUT_BACK = "the fruit was lost while it was put back"
-
-
-class _Grounded(Exception):
-    """The fruit stands again, before the arm is where it began."""
 
 
 class _TooMuch(Exception):
@@ -238,7 +225,7 @@ class Lift(MovingSkill):
         def watch() -> None:
             if borne.nothing:
                 take_over(self.device(Gripper))
-                raise _Grounded
+                raise TouchedDown
             if hold is not None:
                 show_grip(self, hold)
                 require_truth(hold)
@@ -248,14 +235,14 @@ class Lift(MovingSkill):
         try:
             watch()
             yield from self._lower(line, way, acceleration, watch)
-        except _Grounded:
+        except TouchedDown:
             yield from self.wait(RESTING)
             if max(pressing_forces(self.device(ForceSensor))) <= HELD_FORCE:
                 raise self._not_held("LOST", LOST_PUT_BACK, hold) from None
         return True
 
     def _lower(self, line: StraightLine, way: float, acceleration: float, watch: Callable[[], None]) -> Watching:
-        """Go down a line [m] until the fruit touches down, which ends it by _Grounded, or to its end."""
+        """Go down a line [m] until the fruit touches down, which ends it by `TouchedDown`, or to its end."""
         arm = self.device(Arm)
         steps = len(line.q) - 1
         split = steps - min(math.ceil(NEAR / way * steps), steps)
@@ -265,21 +252,9 @@ class Lift(MovingSkill):
                 line.q[: split + 1], split / steps * way, arm.limits, LOWERING, acceleration, acceleration / JERK_TIME
             )
             yield from self.travel(curve, watch)
-        # Only from here on, at rest: what changes while the arm speeds up is the fruit's own inertia.
-        with Touch(self.device(ForceSensor), load) as touch:
-            weight = touch.at_first()
-            curve = time_curve(
-                line.q[split:], (steps - split) / steps * way, arm.limits, SETTING_DOWN, GENTLE, GENTLE / JERK_TIME
-            )
-
-            def feel() -> None:
-                if touch.change > max(CONTACT, CARRIED * weight):  # asked first, as in Release
-                    take_over(self.device(Gripper))
-                    raise _Grounded
-                watch()
-
-            yield from self.travel(curve, feel)
-            feel()
+        slowly = (steps - split) / steps * way
+        curve = time_curve(line.q[split:], slowly, arm.limits, SETTING_DOWN, GENTLE, GENTLE / JERK_TIME)
+        yield from set_down(self, curve, watch)
 
     def _cannot_hold(self, problem: GripProblem, hold: Hold | None, risen: float) -> Exception:
         code = problem.code

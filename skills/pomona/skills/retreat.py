@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from enum import Enum
 from typing import Annotated, ClassVar
 
 import numpy as np
 
-from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
+from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Trajectory, Workspace
 from pomona.executive.ports import ACCELERATION, FORCE, SPEED, Acceleration, Force, Port, Speed
 from pomona.executive.skill import Work
 from pomona.executive.values.arrays import Float64
@@ -20,6 +19,7 @@ from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.motion.straight_line import straight_line
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
+from pomona.skills.shared.setting_down import GENTLE, NEAR, SETTING_DOWN, TouchedDown, set_down
 from pomona.skills.shared.touch import Touch, load, something_between
 from pomona.skills.shared.warm_motion import prepare_moving
 
@@ -39,10 +39,6 @@ class StoppedAt(Enum):
     ELSEWHERE = "not near the grasp"
     ON_APPROACH = "between pre-grasp and grasp"
     ABOVE = "lifted above the grasp"
-
-
-class _Supported(Exception):
-    """The fruit that is lowered stands on something."""
 
 
 class Retreat(MovingSkill):
@@ -82,7 +78,9 @@ class Retreat(MovingSkill):
         take_over(gripper)
         if open_to - gripper.state().width > 1e-3:
             yield from self.move_fingers(open_to, min(OPENING_SPEED, gripper.limits.speed_max))
-        yield from self._along(robot, grasp.T_base_pre_grasp, speed, acceleration, None)
+        back = self._line(robot, grasp.T_base_pre_grasp, speed, acceleration)
+        if back is not None:
+            yield from self.travel(back)
         return None
 
     def _held(self) -> bool:
@@ -95,25 +93,32 @@ class Retreat(MovingSkill):
         """Straight down by the height to which the fruit was lifted, or until it stands on something."""
         T_base_goal = robot.tcp(self.device(Arm).state().q)
         T_base_goal[2, 3] -= height
+        self._line(robot, T_base_goal, speed, acceleration)  # all of it is free, or nothing moves
+        T_base_near = T_base_goal.copy()
+        T_base_near[2, 3] += min(NEAR, height)
         with Touch(self.device(ForceSensor), load) as touch:
 
             def watch() -> None:
                 if touch.change > contact:
-                    raise _Supported
+                    take_over(self.device(Gripper))  # or the grip answers what carries the fruit by pressing harder
+                    raise TouchedDown
 
             try:
-                yield from self._along(robot, T_base_goal, speed, acceleration, watch)
-            except _Supported:
+                quickly = self._line(robot, T_base_near, speed, acceleration)
+                if quickly is not None:
+                    yield from self.travel(quickly, watch)
+                gently = self._line(robot, T_base_goal, SETTING_DOWN, GENTLE)
+                if gently is not None:
+                    yield from set_down(self, gently)
+            except TouchedDown:
                 return
 
-    def _along(
-        self,
-        robot: RobotModel,
-        T_base_goal: Float64,
-        speed: float,
-        acceleration: float,
-        watch: Callable[[], None] | None,
-    ) -> Watching:
+    def _line(self, robot: RobotModel, T_base_goal: Float64, speed: float, acceleration: float) -> Trajectory | None:
+        """The straight way to a pose of the tool; None where it is there already.
+
+        Raises:
+            SkillFailure: RETREAT_BLOCKED; nothing has moved.
+        """
         arm = self.device(Arm)
         line = straight_line(robot, arm.state().q, T_base_goal)
         if not line.complete:
@@ -127,9 +132,9 @@ class Retreat(MovingSkill):
         if blocked is not None:
             reason, found = space.explain(line.q[blocked + 1])
             raise self.failure("RETREAT_BLOCKED", f"on the way back {reason}", **found)
-        if line.length > 1e-4:
-            trajectory = time_curve(line.q, line.length, arm.limits, speed, acceleration, acceleration / JERK_TIME)
-            yield from self.travel(trajectory, watch)
+        if line.length <= 1e-4:
+            return None
+        return time_curve(line.q, line.length, arm.limits, speed, acceleration, acceleration / JERK_TIME)
 
 
 def where(T_base_tcp: Float64, grasp: Grasp) -> tuple[StoppedAt, float]:

@@ -6,6 +6,7 @@ import json
 import random
 import re
 import resource
+import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -237,6 +238,24 @@ def test_the_report_of_a_part_stands_beside_that_of_all(seeds: int | None, only:
 def test_of_few_runs_a_figure_has_no_interval() -> None:
     assert say(mean([13.0, 14.2])) == "13.6"
     assert "…" in say(mean([13.0, 14.2, 13.1, 13.7, 13.3]))
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_a_campaign_whose_results_are_removed_ends_in_words(tmp_path: Path, again: bool) -> None:
+    planned, engine = campaign(tmp_path), Here(lambda index: {"outcome": "success"})
+
+    def remove(result: dict[str, Any], done: int, _of: int) -> None:
+        if done == 2:
+            shutil.rmtree(tmp_path / "out")
+            if again:  # by another campaign
+                other = Here(lambda index: {"outcome": "failure"})
+                run_campaign(planned.only(planned.runs[:1]), tmp_path / "out", other)
+
+    with pytest.raises(UsageError, match=r"results\.jsonl: a result cannot be written: "):
+        run_campaign(planned, tmp_path / "out", engine, remove)
+    assert engine.asked == 3
+    left = list(read_results(tmp_path / "out").values())
+    assert [result["outcome"] for result in left] == (["failure"] if again else [])
 
 
 def test_a_part_of_a_campaign_is_named_by_seeds_and_values(tmp_path: Path) -> None:

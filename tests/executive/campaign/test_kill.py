@@ -92,6 +92,24 @@ def lasting(folder: Path) -> dict[str, dict[str, Any]]:
 
 
 @pytest.mark.long
+def test_of_two_campaigns_on_one_folder_one_runs_and_the_other_is_refused(
+    looks: Path, tmp_path: Path, start: Start
+) -> None:
+    first = start(looks, "--out", tmp_path / "out", "--workers", 1)
+    read_until(first, "[1/4]")
+    second = start(looks, "--out", tmp_path / "out", "--workers", 1)
+    refused, _ = second.communicate(timeout=300)
+    assert second.returncode == 2
+    assert "another campaign is writing there" in refused
+    assert "Traceback" not in refused
+    read_until(first, "written to")
+    assert first.wait(30) == 0
+    after = lines(tmp_path / "out")
+    assert len({result["name"] for result in after}) == len(after) == 4
+    assert {result["outcome"] for result in after} == {"success"}
+
+
+@pytest.mark.long
 def test_a_killed_campaign_goes_on_without_repeating_or_losing_a_run(looks: Path, tmp_path: Path, start: Start) -> None:
     first = start(looks, "--out", tmp_path / "out", "--workers", 2)
     read_until(first, "[2/4]")

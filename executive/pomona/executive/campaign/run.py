@@ -157,8 +157,8 @@ def run_campaign(
         the results of the campaign's runs by name.
 
     Raises:
-        UsageError: the folder holds results of another campaign, another process writes there, or the disk is full.
-            Written results stay, and the same command continues.
+        UsageError: the folder holds results of another campaign, another process writes there, the disk is full, or the
+            file of results was removed. Written results stay, and the same command continues.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with _append(folder / RESULTS) as stream:
@@ -190,7 +190,11 @@ def _broken(code: str, message: str, outcome: str) -> Result:
 
 
 def _write(stream: FileIO, line: bytes) -> None:
+    """Append a line to the file of results, which must still be there: another campaign may have begun in its place."""
     try:
+        here, there = os.fstat(stream.fileno()), os.stat(stream.name)
+        if (here.st_dev, here.st_ino) != (there.st_dev, there.st_ino):
+            raise FileNotFoundError(errno.ENOENT, "the file was removed while the campaign ran")
         if stream.write(line) != len(line):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         os.fsync(stream.fileno())
