@@ -300,3 +300,33 @@ def test_an_import_ends_with_what_is_not_installed_here(capsys: pytest.CaptureFi
     xml.write_text(f'<root BTCPP_format="4"><BehaviorTree ID="nav">{tree}</BehaviorTree></root>')
     assert main(["import", str(xml)]) == 0
     assert "4 nodes; 2 skills are not installed here: ComputePath, FollowPath." in capsys.readouterr().err
+
+
+def test_a_foreign_tree_with_stubs_is_checked_run_dry_and_exported_and_not_run(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    xml, tree = tmp_path / "nav.xml", tmp_path / "nav.yaml"
+    nodes = '<Sequence><ComputePath goal="{goal}" path="{path}" planner="Grid"/><FollowPath path="{path}"/></Sequence>'
+    xml.write_text(f'<root BTCPP_format="4"><BehaviorTree ID="nav">{nodes}</BehaviorTree></root>')
+    assert main(["import", str(xml), "--stubs", "--out", str(tree)]) == 0
+    assert "2 skills are declared in the tree" in capsys.readouterr().err
+    assert "ComputePath: {in: [planner], out: [goal, path]}" in tree.read_text()
+    assert "FollowPath: {in: [path]}" in tree.read_text()
+    assert main(["check", str(tree)]) == 0
+    assert main(["show", str(tree)]) == 0
+    assert main(["run", str(tree), "--dry", "--no-record", "--quiet"]) == 0
+    assert main(["export", str(tree)]) == 0
+    assert '<FollowPath path="{path}"' in capsys.readouterr().out
+    assert main(["run", str(tree), "--no-record"]) == 2
+    assert "declared in the tree and not installed" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_declared_skill_has_the_ports_of_its_declaration(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    tree = tmp_path / "t.yaml"
+    head = "pomona: 1\ntree: t\nskills:\n  Walk: {in: [goal]}\n"
+    tree.write_text(f"{head}root:\n  Walk: {{gaol: here}}\n")
+    assert main(["check", str(tree)]) == 2
+    assert "Walk has no port 'gaol'; did you mean 'goal'?" in capsys.readouterr().out
+    tree.write_text(head.replace("[goal]", "goal") + "root:\n  Walk: {}\n")
+    assert main(["check", str(tree)]) == 2
+    assert "a list of names; write in: [goal]" in capsys.readouterr().out

@@ -207,6 +207,10 @@ class _Ready:
 
 def _read(order: RunOrder, starting: Starting) -> _Ready:
     registry, document = Registry.installed(), read_document(order.tree, order.texts)
+    missing = sorted(document.main.declared_skills.keys() - registry.keys())
+    if missing:
+        words = f"{', '.join(missing)}: declared in the tree and not installed"
+        raise UsageError(f"{order.tree}: {words}. Nothing was run. Install their packages, or run it with --dry.")
     settings = {
         key: value
         for key, value in order.settings.items()
@@ -220,7 +224,8 @@ def _read(order: RunOrder, starting: Starting) -> _Ready:
 
 
 def _run_dry(order: RunOrder, followers: _Followers) -> Executed:
-    registry, document = Registry.installed(), read_document(order.tree, order.texts)
+    document = read_document(order.tree, order.texts)
+    registry = Registry.installed().declaring(document.main.declared_skills)
     settings, cell_settings = split_settings(document, order.settings)
     refuse_errors(document, registry, settings, None)
     if cell_settings:

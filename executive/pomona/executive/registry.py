@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 from importlib.metadata import EntryPoint, entry_points
 
-from pomona.executive.ports import QUANTITIES, RATIO, Port, PortType, Quantity, type_name
+from pomona.executive.ports import QUANTITIES, RATIO, Port, Ports, PortType, Quantity, type_name
 from pomona.executive.skill import Skill
 
 GROUP = "pomona.skills"
@@ -73,6 +73,14 @@ class Registry(Mapping[str, type[Skill]]):
                 skills[name] = found
         return Registry(skills, problems)
 
+    def declaring(self, ports: Mapping[str, tuple[Sequence[str], Sequence[str]]]) -> Registry:
+        """This registry with stand-ins for skills that are not installed: by name their inputs and outputs.
+
+        A stand-in takes and gives anything, and cannot be run.
+        """
+        missing = {name: _stand_in(name, *both) for name, both in ports.items() if name not in self._skills}
+        return Registry({**self._skills, **missing}, self.problems) if missing else self
+
     def __getitem__(self, name: str) -> type[Skill]:
         return self._skills[name]
 
@@ -94,6 +102,16 @@ class Registry(Mapping[str, type[Skill]]):
     def listing(self) -> tuple[SkillListing, ...]:
         """All skills, by name."""
         return tuple(_list_skill(name, self._skills[name]) for name in sorted(self._skills))
+
+
+def _stand_in(name: str, inputs: Sequence[str], outputs: Sequence[str]) -> type[Skill]:
+    body = {
+        "__doc__": "Declared in the tree, and not installed.",
+        "inputs": Ports(**{port: Port(object, default=None) for port in inputs}),
+        "outputs": Ports(**{port: Port(object) for port in outputs}),
+        "failures": ("FAILED",),
+    }
+    return type(name, (Skill,), body)
 
 
 def _loaded(name: str, points: Sequence[EntryPoint], said: Mapping[str, str]) -> type[Skill] | str:

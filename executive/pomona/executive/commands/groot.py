@@ -13,6 +13,7 @@ from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.language.documents import read_document, refuse_errors, with_declarations
 from pomona.executive.language.groot_export import export_groot
 from pomona.executive.language.groot_import import import_groot
+from pomona.executive.language.groot_stubs import with_stubs
 from pomona.executive.language.read import read
 from pomona.executive.nodes.calls import SKILL
 from pomona.executive.registry import Registry
@@ -34,6 +35,8 @@ def add_import(subparsers: Any) -> None:
     into.add_argument("xml", type=Path, help="the file whose tree runs; what it includes is read, too")
     into.add_argument("beside", type=Path, nargs="*", metavar="xml", help="further files, whose trees it calls")
     into.add_argument("--nodes", type=Path, action="append", default=[], metavar="FILE", help="models of its nodes")
+    about = "declare the skills that are not installed in the tree: it can be checked, drawn, run dry and exported"
+    into.add_argument("--stubs", action="store_true", help=about)
     into.add_argument("--main", dest="tree", default="", metavar="ID", help="the tree that runs, if the file is silent")
     into.add_argument("--out", type=Path, metavar="FILE", help="file to write (default: standard output)")
     into.set_defaults(main=import_)
@@ -52,7 +55,7 @@ def export(options: argparse.Namespace) -> int:
 def _xml(options: argparse.Namespace, registry: Registry) -> str:
     document = read_document(find_tree(options.tree))
     refuse_errors(document, registry, {}, None)
-    return export_groot(document, registry)
+    return export_groot(document, registry.declaring(document.main.declared_skills))
 
 
 def import_(options: argparse.Namespace) -> int:
@@ -67,6 +70,8 @@ def import_(options: argparse.Namespace) -> int:
         raise UsageError(format_findings(findings))
     if findings:
         sys.stderr.write(format_findings(findings) + "\n")
+    if options.stubs:
+        text = with_stubs(text)
     write_text(text, options.out)
     sys.stderr.write(_what_next(text, options.out) + "\n")
     return 1 if findings else 0
@@ -74,15 +79,18 @@ def import_(options: argparse.Namespace) -> int:
 
 def _what_next(text: str, out: Path | None) -> str:
     """How much was read, which of its skills are not installed, and what to do about them."""
+    document, file = read(text, out or "imported.yaml"), out or "FILE"
     nodes = [
         node
-        for definition in read(text, out or "imported.yaml").definitions()
+        for definition in document.definitions()
         for node in (definition.root.walk() if definition.root is not None else ())
     ]
     skills = declared_skills()
     unknown = sorted({node.key.text for node in nodes if node.type is SKILL} - skills.keys())
+    if unknown and unknown == sorted(document.main.declared_skills):
+        return f"{len(nodes)} nodes; {len(unknown)} skills are declared in the tree: try `pomona run {file} --dry`"
     if not unknown:
-        return f"{len(nodes)} nodes, all skills are installed: check it with `pomona check {out or 'FILE'}`"
+        return f"{len(nodes)} nodes, all skills are installed: check it with `pomona check {file}`"
     return (
         f"{len(nodes)} nodes; {len(unknown)} skills are not installed here: {', '.join(unknown)}. Write each with "
         "`pomona new skill NAME`, or install the package that has it"

@@ -93,7 +93,8 @@ class _Checker:
         self.findings = Findings()
         self.findings.extend(document.findings)
         packages = document.main.skills
-        self.skills = skills = skills.choosing({name: package.text for name, package in packages.items()})
+        chosen = skills.choosing({name: package.text for name, package in packages.items()})
+        self.skills = skills = chosen.declaring(document.main.declared_skills)
         for name, package in packages.items():
             if name in skills.problems:
                 self.findings.error(package, "broken-skill", f"{name} cannot be used: {skills.problems[name]}")

@@ -45,6 +45,9 @@ class Definition:
 class TreeFile:
     """One file; `subtrees` holds those of other files too, under the names by which this file calls them.
 
+    `declared_skills` are the names of inputs and outputs of skills that need not be installed: a tree with them can be
+    checked, drawn, run dry and exported.
+
     `unread` are names of subtrees whose files hold no tree that could be read, which is a finding of its own.
     """
 
@@ -55,6 +58,7 @@ class TreeFile:
     parameters: dict[str, Declared] = field(default_factory=dict)
     constants: dict[str, Declared] = field(default_factory=dict)
     skills: dict[str, YamlScalar] = field(default_factory=dict)
+    declared_skills: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = field(default_factory=dict)
     subtrees: dict[str, Definition] = field(default_factory=dict)
     unread: set[str] = field(default_factory=set)
     top: YamlMapping | None = None

@@ -117,6 +117,10 @@ class _Reader:
         described = shape.text(top.get("description"))
         file.description = described.text if described is not None else _header(source, top)
         for key, value in shape.entries(top.get("skills"), "skills", "'Skill: package' for each"):
+            if isinstance(value, YamlMapping):
+                shape.known_keys(value, ("in", "out"), "a declared skill")
+                file.declared_skills[key.text] = self.names(value.get("in")), self.names(value.get("out"))
+                continue
             package = shape.text(value)
             if package is not None:
                 file.skills[key.text] = package
@@ -173,6 +177,13 @@ class _Reader:
             declared.help = help_text.text if help_text is not None else key.source.comments.get(key.line, "")
             found[key.text] = declared
         return found
+
+    def names(self, node: YamlNode | None) -> tuple[str, ...]:
+        """A list of ports' names."""
+        items = node.items if isinstance(node, YamlList) else []
+        if node is not None and not (items and all(isinstance(item, YamlScalar) for item in items)):
+            self.findings.error(node, "shape", "the ports of a declared skill are a list of names", "write in: [goal]")
+        return tuple(item.text for item in items if isinstance(item, YamlScalar))
 
     def constants(self, shape: ShapeCheck, node: YamlNode | None) -> dict[str, Declared]:
         entries = shape.entries(node, "constants", "'name: value' for each")
