@@ -17,7 +17,7 @@ from pomona.executive.errors import UsageError
 from pomona.executive.recording.evidence import gather, read_hazards
 from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.recording.recorder import Recorder
-from pomona.executive.running.events import Event, OperatorActed, Published, RunEnded
+from pomona.executive.running.events import Event, OperatorActed, Published, RunEnded, TickOverran
 from pomona.executive.views import SeriesView
 
 CELL = "name: sim\ndevices:\n  gripper: {force_max: 20 N}\n  fingers: {range: 8 N}\n"
@@ -170,3 +170,14 @@ def test_a_file_that_lists_no_hazards_is_refused_in_words(tmp_path: Path, text: 
     (tmp_path / "h.yaml").write_text(text)
     with pytest.raises(UsageError, match="not a file of hazards"):
         read_hazards(tmp_path / "h.yaml")
+
+
+@pytest.mark.parametrize(("kind", "runs"), [("simulated", 0), ("real", 1)])
+def test_a_late_tick_is_no_hazard_where_the_world_stands_still(tmp_path: Path, kind: str, runs: int) -> None:
+    recorder = Recorder(tmp_path)
+    recorder.on_event(started(cell_text=CELL, cell_kind=kind))
+    recorder.on_event(TickOverran(0.2, 10, "a", 3.0, 0.1))
+    recorder.on_event(RunEnded(1.0, 50, "success", None, 50, 1.0, 1.0, None))
+    recorder.close()
+    late = table([tmp_path])["Devices unmonitored during a late tick"]
+    assert (late.runs, late.beyond) == (runs, runs)

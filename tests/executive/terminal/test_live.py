@@ -92,9 +92,8 @@ def test_where_nothing_is_drawn_only_a_preparation_that_takes_long_is_told(monke
 
 def test_a_skill_that_kept_the_tick_waiting_is_told_while_it_runs(capsys: pytest.CaptureFixture[str]) -> None:
     live = LiveTree(Screen(width=120))
-    live.on_event(
-        RunStarted(0.0, 0, "r", "t", "t.yaml", "", "", "sim", "simulated", "", "", 0, {}, NODES, {}, 0.0, 0.02)
-    )
+    start = RunStarted(0.0, 0, "r", "t", "t.yaml", "", "", "lab", "real", "", "", 0, {}, NODES, {}, 0.0, 0.02)
+    live.on_event(start)
     live.on_event(TickOverran(0.02, 1, "t/3", 2.0))
     live.on_event(TickOverran(0.04, 2, "t/4", 0.03))
     live.on_event(TickOverran(0.06, 3, "t/3", 2.0, 1.9))
@@ -103,3 +102,14 @@ def test_a_skill_that_kept_the_tick_waiting_is_told_while_it_runs(capsys: pytest
     told = "a node with quite a long name 3 kept the tick waiting for 2.0 s: no limit could interrupt it"
     busy = "(it computed for 0.1 s; the rest it waited, or the computer was busy)"
     assert out == f"0.02 s ! {told} 0.06 s ! {told} 0.08 s ! {told} {busy}"
+
+
+def test_on_a_simulated_cell_only_work_that_belongs_beside_the_tick_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    live = LiveTree(Screen(width=120))
+    live.on_event(
+        RunStarted(0.0, 0, "r", "t", "t.yaml", "", "", "sim", "simulated", "", "", 0, {}, NODES, {}, 0.0, 0.02)
+    )
+    live.on_event(TickOverran(0.02, 1, "t/3", 2.0, 0.1))
+    assert capsys.readouterr().out == "", "the world stood still while the tick waited"
+    live.on_event(TickOverran(0.04, 2, "t/3", 2.0, 1.9))
+    assert "kept the tick waiting for 2.0 s" in " ".join(capsys.readouterr().out.split())

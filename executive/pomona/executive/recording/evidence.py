@@ -241,6 +241,8 @@ class _Run:
                 return None
             said = found.truth[measure["success_without"]]
             return found.time or 0.0, float(found.outcome == "success" and not said), limit, ""
+        if found.cell_kind == measure.get("except_cell"):
+            return None
         events = self._events.get(measure["event"], [])
         values = [(float(event["t"]), float(event[measure["field"]]), limit, "") for event in events]
         return max(values, key=lambda entry: entry[1], default=(0.0, 0.0, limit, ""))

@@ -42,7 +42,7 @@ class LiveTree:
         self._names: dict[str, str] = {}
         self._now: dict[str, NodeChanged] = {}
         self._attempts: dict[str, AttemptEnded] = {}
-        self._header = ""
+        self._header = self._cell_kind = ""
         self._t = 0.0
         self._drawn = 0.0
         self._live = Live(console=console, auto_refresh=False, transient=True) if console.is_terminal else None
@@ -52,7 +52,7 @@ class LiveTree:
         """Follow the run."""
         self._t = event.t
         if isinstance(event, RunStarted):
-            self._nodes = event.nodes
+            self._nodes, self._cell_kind = event.nodes, event.cell_kind
             self._names = {node["path"]: str(node["name"]) for node in event.nodes}
             parents = {node["parent"] for node in event.nodes}
             self._leaves = {node["path"] for node in event.nodes} - parents
@@ -71,7 +71,7 @@ class LiveTree:
             self._console.print(Text.assemble(("■ safe stop:", "bold red"), f" {event.reason}"))
         elif isinstance(event, LinkChanged) and event.state != "ok":
             self._console.print(f"{event.t:7.2f} s  ! {event.device}: {event.state}", style="yellow")
-        elif isinstance(event, TickOverran) and event.duration >= BLOCKED:
+        elif isinstance(event, TickOverran) and event.duration >= BLOCKED and self._is_left_alone(event):
             who = self._name(event.node) if event.node else "something"
             words = f"{who} kept the tick waiting for {seconds(event.duration)}: no limit could interrupt it"
             if did_not_work(event):
@@ -84,6 +84,10 @@ class LiveTree:
             self.close()
             return
         self._draw()
+
+    def _is_left_alone(self, late: TickOverran) -> bool:
+        """Return whether a late tick leaves something unattended: a simulated world stands still while it waits."""
+        return self._cell_kind != "simulated" or not did_not_work(late)
 
     def starting(self) -> Starting:
         """A start whose stages are shown until the run begins: to prepare takes up to a minute."""
