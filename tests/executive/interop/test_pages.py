@@ -102,7 +102,10 @@ def test_a_run_becomes_a_page_with_its_tables_and_what_was_drawn_over_each_pictu
     page = tmp_path / "one.html"
     assert main(["runs", "page", "one", str(page), "--record", str(runs)]) == 0
     text = page.read_text()
-    assert "It succeeded" in text  # what happened, in sentences
+    assert text.count("<h1>What happened in one</h1>") == 1
+    brief, rest = text.split("<details><summary>Every moment</summary>")
+    assert "It succeeded" in brief  # what happened, in sentences; the rest is folded
+    assert "It took 1.0 s simulated" in rest.split("</details>")[0]
     assert f"data:image/png;base64,{b64encode(picture).decode()}" in text
     assert text.count("<img ") == 2  # the run's own, and a look once, with what was drawn last
     assert text.count("<path ") == 2

@@ -95,7 +95,9 @@ def write_run(record: Path, file: Path) -> None:
     """
     refuse_taken(file)
     body = f"{_whole(record)}{''.join(_tables(record))}"
-    _write(file, f"What happened in {record.name}", _section(record, trusted(record), MOST_PICTURES, body))
+    title = f"What happened in {record.name}"
+    section = _section(record, trusted(record), MOST_PICTURES, body)
+    _write(file, title, f"<h1>{escape(title)}</h1>{section}")
 
 
 def _write(file: Path, title: str, body: str) -> None:
@@ -123,8 +125,12 @@ def _section(record: Path, run: Digest, most: int = LOOKS, body: str | None = No
     about = f"{began} · {run.tree} on {run.cell} ({run.cell_kind}) · seed {run.seed} {settings}"
     sentences = ""
     if run.outcome != "success" or body is not None:
-        why = explain(read_events(record), is_being_written(events_file(record)), run.message or "nobody knows why")
-        sentences = "".join(f"<p>{escape(paragraph)}</p>" for paragraph in why)
+        going_on, why_cut = is_being_written(events_file(record)), run.message or "nobody knows why"
+        told = [explain(read_events(record), going_on, why_cut, whole=whole) for whole in (False, True)]
+        brief, rest = told[0], told[1][len(told[0]) :]
+        sentences = "".join(f"<p>{escape(paragraph)}</p>" for paragraph in brief)
+        more = "".join(f"<p>{escape(paragraph)}</p>" for paragraph in rest)
+        sentences += f"<details><summary>Every moment</summary>{more}</details>" if more else ""
     pictures = "".join(_figure(look) for look in _looks(record, most))
     title = f"{escape(run.run)} <code>{escape(run.code or run.outcome or 'not ended')}</code>"
     return f'<section><h2>{title}</h2><p class="about">{escape(about)}</p>{sentences}{body or ""}{pictures}</section>'
