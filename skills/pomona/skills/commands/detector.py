@@ -148,7 +148,7 @@ def data_main(options: argparse.Namespace) -> int:
         made = render_dataset(
             options.out, options.frames, options.seed, options.fruit, scene, progress=show, engine=engine
         )
-    Console().print(f"{made.rendered} frames rendered, {made.kept} kept, in {options.out}")
+    Console().print(f"{made.rendered} frames rendered, {made.kept} kept from before, in {options.out}")
     return 0
 
 
