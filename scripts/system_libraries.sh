@@ -23,6 +23,10 @@ venv)
         echo "Pomona needs Python 3.11 or newer; $2 is $("$2" --version). Choose one: make PYTHON=python3.12 …" >&2
         exit 1
     }
+    "$2" -c 'import sys; sys.exit(sys.version_info >= (3, 14))' || {
+        echo "Pomona needs Python 3.11 to 3.13: OMPL has no wheel for $("$2" --version). Choose one: make PYTHON=python3.13 …" >&2
+        exit 1
+    }
     "$2" -c 'import ensurepip, venv' 2>/dev/null || install python3-venv
     ;;
 egl)

@@ -23,7 +23,8 @@ class Clock(Protocol):
         ...
 
 
-_GOES_ON: int = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+_GOES_ON: int | None = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC) if hasattr(time, "clock_gettime") else None
+"""Clock that goes on while the computer sleeps; None on Windows, whose monotonic clock does."""
 
 
 class SystemClock:
@@ -32,7 +33,7 @@ class SystemClock:
     simulated = False
 
     def now(self) -> float:
-        return time.clock_gettime(_GOES_ON)
+        return time.monotonic() if _GOES_ON is None else time.clock_gettime(_GOES_ON)
 
     def advance(self, duration: float) -> None:
         if duration > 0.0:

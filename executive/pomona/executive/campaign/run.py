@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import fcntl
 import os
 import signal
 import zlib
@@ -23,6 +22,7 @@ from pomona.executive.recording.json_text import parse_object
 from pomona.executive.running.compute import keep_workers_warm
 from pomona.executive.running.signals import WORDS
 from pomona.executive.source_commit import commit_here
+from pomona.executive.values.file_locks import lock
 
 RESULTS = "results.jsonl"
 RUN_LIMIT = 600.0
@@ -207,7 +207,7 @@ def _append(path: Path) -> Iterator[FileIO]:
     """Open the file of results for this process alone; an incomplete last line is removed."""
     with FileIO(path, "a+") as stream:
         try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock(stream)
         except OSError as error:
             raise UsageError(f"{path}: another campaign is writing there") from error
         content = path.read_bytes()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import hashlib
 from datetime import datetime
 from pathlib import Path
@@ -11,6 +10,7 @@ from pathlib import Path
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.order import in_order
 from pomona.executive.recording.plain_file import open_plain
+from pomona.executive.values.file_locks import lock
 from pomona.executive.values.findings import did_you_mean
 
 EVENTS_FILE = "run.mcap"
@@ -48,7 +48,7 @@ def is_being_written(path: Path) -> bool:
     """Whether some process, this one or another, writes this MCAP file now."""
     with contextlib.suppress(OSError), open_plain(path) as stream:  # nobody writes a record into a pipe
         try:
-            fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            lock(stream, shared=True)
         except BlockingIOError:
             return True
     return False

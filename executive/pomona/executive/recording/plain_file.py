@@ -7,6 +7,12 @@ import stat
 from pathlib import Path
 from typing import BinaryIO
 
+_READING = os.O_RDONLY
+for _flag in ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC", "O_BINARY"):  # each system has some of these
+    _READING |= getattr(os, _flag, 0)
+
+_LINK = "is a link, and links in a record are not followed"
+
 
 class NotPlainError(OSError):
     """What stands there is a link, a folder, a pipe or a device."""
@@ -19,11 +25,13 @@ def open_plain(path: Path) -> BinaryIO:
         NotPlainError: it is a link, a pipe, a device, a folder.
         OSError: it cannot be opened.
     """
+    if not hasattr(os, "O_NOFOLLOW") and path.is_symlink():
+        raise NotPlainError(0, _LINK, str(path))
     try:
-        handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        handle = os.open(path, _READING)
     except OSError as error:
         if path.is_symlink():
-            raise NotPlainError(error.errno, "is a link, and links in a record are not followed", str(path)) from error
+            raise NotPlainError(error.errno, _LINK, str(path)) from error
         raise
     if not stat.S_ISREG(os.fstat(handle).st_mode):
         os.close(handle)

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import fcntl
 import json
 import os
 import queue
@@ -46,6 +45,7 @@ from pomona.executive.running.events import (
     RunStarted,
 )
 from pomona.executive.running.unencodable import in_place_of, refuse
+from pomona.executive.values.file_locks import lock
 from pomona.executive.values.sentences import sentence_of
 from pomona.executive.views import ImageView, SeriesView
 
@@ -86,7 +86,7 @@ class Recorder:
         try:
             self._path = self.folder / EVENTS_FILE
             self._file = self._path.open("wb", buffering=_BUFFER)
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock(self._file)
             self._ending = EndingFile(self.folder, next_number(self.folder.parent))
         except OSError as error:
             raise RecordError(f"cannot write {folder / EVENTS_FILE}: {error.strerror}") from error

@@ -20,6 +20,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from pomona.executive.errors import PomonaError
+from pomona.executive.running.signals import WORDS
 from pomona.executive.running.traces import keep_place, place_of, traceback_of
 from pomona.executive.values.sentences import sentence_of
 
@@ -71,8 +72,9 @@ def _serve(connection: Connection, runs: bool) -> None:
     to what is computed: a run ends in its safe state then.
     """
     _give_way()
-    for number in (signal.SIGINT, signal.SIGHUP) if runs else (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
+    for number in WORDS:
+        if not (runs and number == signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, args=(runs,), name="pomona-parent", daemon=True).start()
     while True:
         try:

@@ -12,7 +12,6 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import os
-import resource
 import select
 import signal
 import sys
@@ -34,7 +33,7 @@ _LEFT_WORDS = b"""the process of the run ended with status 0 before the run did:
 It was replaced (os.exec), or a skill or a library ended it. The record, if any, is cut off there.
 """
 
-_FOLLOWED = frozenset({*WORDS, signal.SIGCHLD})
+_FOLLOWED = frozenset({*WORDS, getattr(signal, "SIGCHLD", signal.SIGTERM)})
 _END = 0
 _DEATH_SIGNAL = 1
 """PR_SET_PDEATHSIG of Linux' prctl."""
@@ -126,6 +125,8 @@ class _Follower:
 
 def _die_by(number: int) -> None:
     """End as the child did: a shell tells a crash by it. The child has left its core, if any."""
+    import resource  # Windows has none, and no launcher
+
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     if number != signal.SIGKILL:
         signal.signal(number, signal.SIG_DFL)

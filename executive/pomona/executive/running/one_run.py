@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import fcntl
 import hashlib
 import socket
 import sys
@@ -12,6 +11,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from pomona.executive.errors import UsageError
+from pomona.executive.values.file_locks import lock
 
 
 class CellInUseError(UsageError):
@@ -68,7 +68,7 @@ def _alone_with_file(cell: Path) -> Iterator[None]:
         return
     with stream:
         try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock(stream)
         except BlockingIOError:
             raise CellInUseError(cell) from None
         except OSError:  # a file system without locks

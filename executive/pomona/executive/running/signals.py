@@ -29,8 +29,9 @@ if TYPE_CHECKING:  # the command line listens to signals before it loads anythin
 WORDS = {
     signal.SIGINT: "interrupted from the keyboard",
     signal.SIGTERM: "the process was terminated (SIGTERM)",
-    signal.SIGHUP: "the terminal was closed (SIGHUP)",
 }
+if hasattr(signal, "SIGHUP"):  # Windows has none
+    WORDS[signal.SIGHUP] = "the terminal was closed (SIGHUP)"
 """What each signal means, for people."""
 
 STUCK = 1.0

@@ -21,6 +21,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from pomona.executive.running.signals import WORDS
+
 STOPPING = 3.0
 """Seconds for which each device is tried again: its old connection may have to be noticed as gone first."""
 
@@ -54,7 +56,7 @@ def main() -> int:
     Returns:
         0 when it ended by itself, 1 when its devices had to be stopped.
     """
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    for number in WORDS:
         signal.signal(number, signal.SIG_IGN)  # what ends the run may not end its supervisor before it
     with contextlib.suppress(OSError):  # not everybody may
         os.setpriority(os.PRIO_PROCESS, 0, PRIORITY)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import os
 import select
-import termios
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -100,6 +99,10 @@ class Keys:
         """Discard everything that was typed up to now, an unfinished line too."""
         self._rest = b""
         if not _is_foreground(self._lines.fileno()):
+            return
+        try:
+            import termios
+        except ImportError:  # Windows
             return
         with contextlib.suppress(termios.error):  # no terminal
             termios.tcflush(self._lines, termios.TCIFLUSH)

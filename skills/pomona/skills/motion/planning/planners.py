@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.motion.planning.ompl_planners import solve_by_ompl
+from pomona.skills.motion.planning.errors import BadRequest
 from pomona.skills.motion.planning.rrt_connect import FIRST_ROUND
 from pomona.skills.motion.planning.solution import Solution
 from pomona.skills.motion.planning.space import Space
@@ -71,10 +71,17 @@ def solve(
         seed: of the planner's random numbers.
         deadline: on `time.perf_counter`; the last resort.
         good_enough: path length at which an optimising planner ends; 0 lets it use all its iterations.
+
+    Raises:
+        BadRequest: the planner is OMPL's, which is not installed.
     """
     offered = PLANNERS[planner]
     if offered.ompl:
         wanted = good_enough if offered.kind is BudgetUse.OPTIMISING else None
+        try:
+            from pomona.skills.motion.planning.ompl_planners import solve_by_ompl
+        except ModuleNotFoundError as error:  # no wheel for this system: trees are still checked
+            raise BadRequest(f"the planner {planner} needs OMPL, which is not installed ({error})") from error
         return solve_by_ompl(space, q_start, q_goals, offered.ompl, iterations, seed, deadline, wanted)
     used, round_ = 0, FIRST_ROUND
     while used < iterations:
