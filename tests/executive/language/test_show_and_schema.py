@@ -9,8 +9,9 @@ import pytest
 import yaml
 
 from pomona.executive.language import read
+from pomona.executive.language.drawing import show_svg
 from pomona.executive.language.schema import schema
-from pomona.executive.language.show import show_svg, show_text
+from pomona.executive.language.show import show_text
 
 HEAD = "pomona: 1\ntree: t\n"
 
@@ -39,6 +40,27 @@ class TestSvg:
         root = ElementTree.fromstring(show_svg(read(pick_apple, "t.yaml")))
         text = " ".join(root.itertext())
         assert all(name in text for name in ("Detect", "SampleGrasp", "Attempt", "Retreat"))
+
+    def test_no_two_boxes_overlap_and_all_lie_in_the_picture(self, pick_apple):
+        root = ElementTree.fromstring(show_svg(read(pick_apple, "t.yaml")))
+        width, height = (float(root.get(name, "0")) for name in ("width", "height"))
+        tag = "{http://www.w3.org/2000/svg}"
+        boxes = [
+            tuple(float(rect.get(name, "0")) for name in ("x", "y", "width", "height"))
+            for group in root.iter(f"{tag}g")
+            for rect in group.findall(f"{tag}rect")[-1:]
+        ]
+        assert len(boxes) > 15
+        assert all(x >= 0 and x + w <= width and y >= 0 and y + h <= height for x, y, w, h in boxes)
+        for i, (x, y, w, h) in enumerate(boxes):
+            for x2, y2, w2, h2 in boxes[i + 1 :]:
+                assert x + w <= x2 or x2 + w2 <= x or y + h <= y2 or y2 + h2 <= y
+
+    def test_what_is_cut_off_stands_in_the_title(self):
+        ports = ", ".join(f"port_{n}: 1" for n in range(12))
+        svg = show_svg(read(HEAD + f"root: {{Beep: {{{ports}}}}}", "t.yaml"))
+        assert "…" in svg
+        assert f"<title>Beep\n{ports}</title>" in svg
 
     def test_names_cannot_break_out(self):
         name = "<script>alert(1)</script>"

@@ -1,0 +1,151 @@
+"""Draw a tree as an SVG picture: the root on the left, its branches to the right in the order of their execution."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from xml.sax.saxutils import escape
+
+from pomona.executive.language.model import Document
+from pomona.executive.language.outline import DrawnNode, outline
+
+NAME, SMALL = 13.0, 10.5
+"""Font sizes of names, and of ports and modifiers [px]."""
+WIDE = 0.58
+"""Mean width of a character over the font's size; DejaVu Sans, a wide one, has 0.57."""
+MOST_NAME, MOST_PORTS, MOST_MODIFIER = 34, 46, 30
+"""Characters that are drawn; the rest stands in the node's title, which browsers show under the pointer."""
+PADDING, GAP, STEP = 10.0, 10.0, 36.0
+"""Inside a box, between two branches, and between a box and its children [px]."""
+LINE, PORTS_LINE, PILL = 26.0, 14.0, 16.0
+"""Heights of a box with a name, of its line of ports, and of a modifier [px]."""
+MARGIN = 12.0
+INK, MUTED, RULE = "#1a1e23", "#5b6470", "#8b95a1"
+
+
+@dataclass(slots=True, eq=False)
+class _Box:
+    """A node in the picture: its left edge, its centre line, its size, and the children's boxes."""
+
+    branch: DrawnNode
+    x: float
+    children: list[_Box]
+    y: float = 0.0
+
+    @property
+    def name(self) -> str:
+        return f"{self.branch.type.symbol} {_cut(self.branch.name, MOST_NAME)}"
+
+    @property
+    def ports(self) -> str:
+        return _cut(self.branch.ports, MOST_PORTS)
+
+    @property
+    def pills(self) -> list[str]:
+        return [_cut(words, MOST_MODIFIER) for words in self.branch.modifiers]
+
+    @property
+    def width(self) -> float:
+        pills = sum(_width(words, SMALL) + PADDING for words in self.pills) + 4.0 * len(self.pills)
+        return max(_width(self.name, NAME) + 2 * PADDING, _width(self.ports, SMALL) + 2 * PADDING, pills)
+
+    @property
+    def height(self) -> float:
+        return LINE + (PORTS_LINE if self.branch.ports else 0.0)
+
+    @property
+    def above(self) -> float:
+        """What stands over the centre line."""
+        return self.height / 2 + (PILL + 3.0 if self.branch.modifiers else 0.0)
+
+
+def show_svg(document: Document) -> str:
+    """The tree as an SVG picture without scripts, styles from outside or links."""
+    title, root = escape(document.main.name), outline(document)
+    box = None if root is None else _boxes(root, MARGIN)
+    high = MARGIN + (MARGIN if box is None else _place(box, MARGIN))
+    wide = MARGIN + max(320.0, 0.0 if box is None else _right(box))
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{wide:.0f}" height="{high:.0f}"'
+        f' viewBox="0 0 {wide:.0f} {high:.0f}"'
+        """ font-family="system-ui, 'DejaVu Sans', sans-serif" role="img">""",
+        f"<title>{title}</title>",
+        '<rect width="100%" height="100%" fill="#ffffff"/>',
+        *([] if box is None else [*_lines(box), *_drawn(box)]),
+        "</svg>",
+    ]
+    return "\n".join(parts) + "\n"
+
+
+def _boxes(branch: DrawnNode, x: float) -> _Box:
+    box = _Box(branch, x, [])
+    inset = STEP + max((_width(child.lead, SMALL) for child in branch.branches), default=0.0)
+    box.children = [_boxes(child, x + box.width + inset) for child in branch.branches]
+    return box
+
+
+def _place(box: _Box, top: float) -> float:
+    """Place a box and what is below it, from this height on; returns where it ends."""
+    if not box.children:
+        box.y = top + box.above
+        return box.y + box.height / 2
+    bottom = top
+    for child in box.children:
+        bottom = _place(child, bottom if child is box.children[0] else bottom + GAP)
+    box.y = max((box.children[0].y + box.children[-1].y) / 2, top + box.above)
+    return max(bottom, box.y + box.height / 2)
+
+
+def _right(box: _Box) -> float:
+    return max([box.x + box.width, *map(_right, box.children)])
+
+
+def _lines(box: _Box) -> Iterator[str]:
+    """From each box to its children."""
+    x, y = box.x + box.width, box.y
+    for child in box.children:
+        dash = ' stroke-dasharray="4 3"' if child.branch.lead.startswith("on ") else ""
+        bend = f"{x + 20:.1f} {y:.1f} {x + 12:.1f} {child.y:.1f} {x + STEP - 8:.1f} {child.y:.1f}"
+        yield f'<path d="M{x:.1f} {y:.1f}C{bend}H{child.x:.1f}" fill="none" stroke="{RULE}"{dash}/>'
+        if child.branch.lead:
+            yield _text(child.x - 6, child.y - 4, child.branch.lead, SMALL, MUTED, ' text-anchor="end"')
+        yield from _lines(child)
+
+
+def _drawn(box: _Box) -> Iterator[str]:
+    branch, colour = box.branch, box.branch.type.colour
+    top, leaf = box.y - box.height / 2, not branch.branches
+    about = "\n".join(filter(None, (branch.name, branch.ports, *branch.modifiers, branch.comment)))
+    yield f"<g><title>{escape(about)}</title>"
+    at = box.x
+    for words in box.pills:
+        wide = _width(words, SMALL) + PADDING
+        yield _rectangle(at, top - PILL - 3, wide, PILL, f'rx="8" fill="#ffffff" stroke="{RULE}"')
+        yield _text(at + wide / 2, top - 6.5, words, SMALL, MUTED, ' text-anchor="middle"')
+        at += wide + 4.0
+    corner, shape = 4 if leaf else 12, (box.x, top, box.width, box.height)
+    yield _rectangle(*shape, f'rx="{corner}" fill="#ffffff"')
+    yield _rectangle(*shape, f'rx="{corner}" fill="{colour}" fill-opacity="0.07" stroke="{colour}"')
+    bold = ' font-weight="600"' if leaf else ""
+    yield _text(box.x + PADDING, top + 17.5, box.name, NAME, colour if leaf else INK, bold)
+    if branch.ports:
+        yield _text(box.x + PADDING, top + LINE + 6.5, box.ports, SMALL, MUTED)
+    yield "</g>"
+    for child in box.children:
+        yield from _drawn(child)
+
+
+def _rectangle(x: float, y: float, width: float, height: float, look: str) -> str:
+    return f'<rect x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}" {look}/>'
+
+
+def _text(x: float, y: float, words: str, size: float, colour: str, more: str = "") -> str:
+    return f'<text x="{x:.1f}" y="{y:.1f}" font-size="{size}" fill="{colour}"{more}>{escape(words)}</text>'
+
+
+def _cut(words: str, most: int) -> str:
+    return words if len(words) <= most else words[: most - 1].rstrip(" ,") + "…"
+
+
+def _width(words: str, size: float) -> float:
+    return WIDE * size * len(words)
