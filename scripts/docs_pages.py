@@ -1,14 +1,15 @@
 """Pages of the documentation that follow from the code: what mkdocs shows beside what stands in docs/.
 
-Run by mkdocs (the plugin gen-files). The README is the first page; commands come from their parsers, skills from their
-declarations, modules from their docstrings, and decisions and reports from their folders.
+Run by mkdocs (the plugin gen-files). The README is the overview; commands come from their parsers, skills from their
+declarations, nodes from their types with a drawn example each, failure codes from their file, modules from their
+docstrings, and decisions and reports from their folders.
 """
 
 from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import mkdocs_gen_files
@@ -17,6 +18,8 @@ from pomona.executive.commands.command_line import children, command_names, make
 from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.nodes import Composite, Leaf, Modifier, NodeType, NodeTypes
 from pomona.executive.registry import SkillListing
+from pomona.executive.values.failure_codes import failure_codes
+from scripts.node_examples import beside
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -54,7 +57,7 @@ def write(name: str, text: str) -> None:
         page.write(text)
 
 
-def first_page() -> str:
+def overview() -> str:
     """The README; links into docs/ stay links, links to sources become plain names."""
     text = (ROOT / "README.md").read_text("utf-8")
 
@@ -81,27 +84,47 @@ def skill(listing: SkillListing) -> str:
     parts = [f"## {listing.name}\n\n{listing.summary}\n"]
     for title, ports in (("Input", listing.inputs), ("Output", listing.outputs)):
         if ports:
-            parts.append(f"| {title} | type | default | |\n|---|---|---|---|")
+            parts.append(f"| {title} | type | default | meaning |\n|---|---|---|---|")
             for port in ports:
                 default = port.get("default")
                 shown = "" if default in (None, "") else f"`{default}`"
                 parts.append(f"| `{port['name']}` | {port['type']} | {shown} | {port.get('help', '')} |")
             parts.append("")
-    for title, words in (("Devices", listing.devices), ("Fails with", listing.failures)):
-        if words:
-            parts.append(f"{title}: {', '.join(f'`{word}`' for word in words)}.\n")
+    if listing.devices:
+        parts.append(f"Devices: {', '.join(f'`{device}`' for device in listing.devices)}.\n")
+    if listing.failures:
+        links = ", ".join(f"[`{code}`](failures.md#{code.lower()})" for code in listing.failures)
+        parts.append(f"Fails with: {links}.\n")
     return "\n".join(parts)
 
 
-def nodes(title: str, types: list[NodeType]) -> str:
-    """The words of one kind of node type: what each does, and what may stand beside it."""
-    rows = []
+def nodes(title: str, types: list[NodeType]) -> Iterator[str]:
+    """The words of one kind of node type: what each does, what may stand beside it, and an example with its drawing."""
+    yield f"## {title}\n"
     for node in types:
-        rows.append(f"| `{node.key}` | {' '.join(node.summary.split())} | {node.value.help if node.value else ''} |")
-        rows += [
-            f"| | `{word}`{' (needed)' if each.required else ''} | {each.help} |" for word, each in node.fields.items()
-        ]
-    return f"## {title}\n\n| word | what it does | what stands behind it |\n|---|---|---|\n" + "\n".join(rows) + "\n"
+        yield f"### {node.key}\n\n{' '.join(node.summary.split()).capitalize()}.\n"
+        fields = [(word, each.help, each.required) for word, each in node.fields.items()]
+        if fields:
+            words = [(node.key, node.value.help if node.value else "", False), *fields]
+            rows = [f"| `{word}`{' (needed)' if needed else ''} | {told} |" for word, told, needed in words]
+            yield "| word | stands behind it |\n|---|---|\n" + "\n".join(rows) + "\n"
+        yield beside(node.key)
+
+
+def failures(listing: Sequence[SkillListing]) -> str:
+    """Every failure code: its meaning, what to try, and who fails with it."""
+    raised: dict[str, list[str]] = {}
+    for one in listing:
+        for code in one.failures:
+            raised.setdefault(code, []).append(f"[{one.name}](skills.md#{one.name.lower()})")
+    rows = [
+        f"| <span id='{known.code.lower()}'></span>`{known.code}` | {known.meaning} | {known.remedy} |"
+        f" {', '.join(raised.get(known.code, ['the language, the runner']))} |"
+        for known in failure_codes().values()
+    ]
+    intro = "Why a node fails, and what to try. `pomona explain` ends with the remedy of the code that ended a run."
+    head = "| code | meaning | what to try | fails with it |\n|---|---|---|---|\n"
+    return f"---\nhide: [toc]\n---\n\n# Failure codes\n\n{intro}\n\n{head}" + "\n".join(rows) + "\n"
 
 
 def title_of(page: Path) -> str:
@@ -126,7 +149,7 @@ def decisions(pages: list[Path]) -> str:
         number, date, status = DECISION.search(page.read_text("utf-8")).groups()  # type: ignore[union-attr]
         link = f"[{title_of(page)}](../{page.relative_to(DOCS).as_posix()})"
         tables[status == "in force"].append((int(number), f"| {number} | {link} | {date} | {status} |"))
-    head = "| | decision | taken | status |\n|---|---|---|---|\n"
+    head = "| number | decision | taken | status |\n|---|---|---|---|\n"
     force, archive = (
         head + "\n".join(row for _number, row in sorted(tables[key], reverse=True)) for key in (True, False)
     )
@@ -136,17 +159,24 @@ def decisions(pages: list[Path]) -> str:
     )
 
 
-write("index.md", first_page())
+write("overview.md", overview())
 write("reference/commands.md", "# Commands\n\n" + "\n".join(commands(make_parser(command_names()))))
-write("reference/skills.md", "# Skills\n\n" + "\n".join(skill(one) for one in declared_skills().listing()))
+own = [one for one in declared_skills().listing() if one.module.startswith("pomona.")]
+write("reference/skills.md", "# Skills\n\n" + "\n".join(skill(one) for one in own))
+write("reference/failures.md", failures(own))
 kinds = {"Composites": Composite, "Modifiers, from the inside to the outside": Modifier, "Leaves": Leaf}
 listed_types = list(NodeTypes.installed().values())
 write(
     "reference/nodes.md",
     "# Nodes\n\nThe words of [the tree language](../tree_language.md) as their classes declare them.\n\n"
-    + "\n".join(nodes(title, [t for t in listed_types if isinstance(t, kind)]) for title, kind in kinds.items()),
+    + "\n".join(
+        part for title, kind in kinds.items() for part in nodes(title, [t for t in listed_types if isinstance(t, kind)])
+    ),
 )
-write("reference/modules.md", "# Modules\n\n" + "\n".join(f"::: {name}\n" for name in MODULES))
+for name in MODULES:
+    write(f"reference/modules/{name}.md", f"# {name.removeprefix('pomona.')}\n\n::: {name}\n")
+links = "\n".join(f"- [`{name}`](modules/{name}.md)" for name in MODULES)
+write("reference/modules.md", f"# Modules\n\nWhat an integrator calls; each module has a page.\n\n{links}\n")
 write("reference/decisions.md", decisions(sorted((DOCS / "decisions").glob("*.md"))))
 write(
     "reference/reports.md",

@@ -10,11 +10,22 @@ from latex2mathml.converter import convert
 
 FORMULA = re.compile(r'<(span|div) class="arithmatex">(?:\\\(|\\\[)(.*?)(?:\\\)|\\\])</\1>', re.DOTALL)
 
+BRACKETS = re.compile(r"<mo[^>]*>&#x0005B;</mo><mtable>(.*?)</mtable><mo[^>]*>&#x0005D;</mo>", re.DOTALL)
+"""A vector or matrix: browsers stretch its brackets only with a mathematical font, so the style sheet draws them."""
+
+BOLD, BOLD_A = re.compile(r'<mi mathvariant="bold">([a-z])</mi>'), 0x1D41A
+"""Browsers draw bold letters that are characters of their own, and not the attribute."""
+
 
 def on_page_content(html: str, **_others: Any) -> str:
     """A hook of mkdocs: every formula that the arithmatex extension has marked."""
 
     def drawn(found: re.Match[str]) -> str:
-        return str(convert(unescape(found[2]), display="inline" if found[1] == "span" else "block"))
+        inline = found[1] == "span"
+        formula = str(convert(unescape(found[2]), display="inline" if inline else "block"))
+        formula = BRACKETS.sub(r'<mtable class="bracketed">\1</mtable>', formula)
+        formula = formula.replace("<mo>&#x0005E;</mo>", '<mo stretchy="false">&#x002C6;</mo>')  # a hat of its own width
+        formula = BOLD.sub(lambda letter: f"<mi>{chr(BOLD_A + ord(letter[1]) - ord('a'))}</mi>", formula)
+        return formula if inline else f'<div class="formula" tabindex="0">{formula}</div>'
 
     return FORMULA.sub(drawn, html)

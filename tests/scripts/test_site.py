@@ -1,10 +1,18 @@
-"""The documentation's site loads nothing from elsewhere: what its theme would fetch is in the repository."""
+"""The documentation's site: it loads nothing from elsewhere, draws trees and formulas, and can be read."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from mkdocs.config import load_config
+
+from pomona.executive.language.show import show_text
+from pomona.executive.nodes import NodeTypes
+from scripts.mathml import on_page_content
+from scripts.node_examples import EXAMPLES, beside, document_of
+from scripts.proofs import on_page_markdown
+from tests.executive.dashboard.test_contrast import contrast
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -17,3 +25,41 @@ def test_the_search_in_pages_from_the_disk_needs_no_network() -> None:
     assert any("iframe-worker" in script for script in scripts)
     assert [script for script in scripts if not (ROOT / "docs" / script).is_file()] == []
     assert config.theme["font"] is False
+
+
+def test_every_word_of_the_language_has_an_example_that_reads_and_is_drawn() -> None:
+    words = [node.key for node in NodeTypes.installed().values() if type(node).__module__.startswith("pomona.")]
+    assert sorted(EXAMPLES) == sorted(words)
+    for word in words:
+        document = document_of(word)
+        assert [found.message for found in document.findings if found.severity == "error"] == [], word
+        assert word in show_text(document)
+        assert "<svg" in beside(word)
+
+
+def test_proofs_become_footnotes_and_whole_trees_are_drawn() -> None:
+    page = on_page_markdown((ROOT / "docs" / "tree_language.md").read_text("utf-8"))
+    body, notes = page.split("\n[^1]: ", 1)
+    assert "| Proof |" not in body
+    assert "| `sequence: [nodes]` | one after the other while they succeed; goes on where it was[^" in body
+    assert "`test_run.py::test_a_sequence_remembers_where_it_is`" in notes
+    numbers = [int(number) for number in re.findall(r"(?<!^)\[\^(\d+)\]", page, re.MULTILINE)]
+    assert sorted(numbers) == list(range(1, len(numbers) + 1))
+    assert '<figure tabindex="0"><svg' in body
+
+
+def test_formulas_are_drawn_without_a_mathematical_font() -> None:
+    html = on_page_content(r'<div class="arithmatex">\[\hat{\mathbf p}=\begin{bmatrix}a\\ b\end{bmatrix}\]</div>')
+    assert '<mtable class="bracketed">' in html
+    assert "&#x0005B;" not in html
+    assert "\U0001d429" in html
+
+
+def test_words_stand_out_on_the_site() -> None:
+    style = (ROOT / "docs" / "assets" / "site.css").read_text("utf-8")
+    schemes = dict(re.findall(r'\[data-md-color-scheme="(\w+)"\] \{(.*?)\}', style, re.DOTALL))
+    for scheme, ground in (("default", "#ffffff"), ("slate", "#1e2129")):
+        colours = dict(re.findall(r"--md-([\w-]+): (#[0-9a-f]+);", schemes[scheme]))
+        for name in ("typeset-a-color", "accent-fg-color", "default-fg-color--light"):
+            assert contrast(colours[name], ground) >= 4.5, (scheme, name)
+        assert contrast("#ffffff", colours["primary-fg-color"]) >= 4.5

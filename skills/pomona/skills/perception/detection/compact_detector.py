@@ -53,7 +53,8 @@ class CompactDetector:
     """Both networks, ready to run on the CPU, in the caller's thread.
 
     Args:
-        finder, close_look: networks, as `onnx_network` gives them.
+        finder: network for the whole picture, as `onnx_network` gives it.
+        close_look: network for one fruit, as `onnx_network` gives it.
         options: of the search.
         scores: from the answers of both networks to the ratio of such detections that are fruit.
     """

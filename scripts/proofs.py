@@ -1,0 +1,64 @@
+"""Hooks of mkdocs for the pages of the language: tests become footnotes, and whole trees are drawn below their text."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from pomona.executive.language import read
+from pomona.executive.language.drawing import show_svg
+
+PROOF = r"`(?:[\w/]+\.py::)?test_\w+(?:\.py(?:::\w+)*)?`|`test_[\w/.:]+`"
+IN_TEXT = re.compile(rf"\s*\((?:{PROOF})(?:,\s+(?:{PROOF}))*\)")
+TREE = re.compile(r"^```yaml\n(.*?^root:\n.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def on_page_markdown(markdown: str, **_others: Any) -> str:
+    """A hook of mkdocs: footnotes for proofs, drawings for whole trees."""
+    if "| Proof |" not in markdown:
+        return markdown
+    return TREE.sub(_drawn, Footnotes().moved(markdown))
+
+
+class Footnotes:
+    """Takes the column `Proof` out of tables and proofs in parentheses out of the text."""
+
+    def __init__(self) -> None:
+        self._notes: list[str] = []
+
+    def moved(self, markdown: str) -> str:
+        """The page with its proofs at the end."""
+        lines, column = [], False
+        for line in markdown.split("\n"):
+            row = line.startswith("|")
+            column = row and (column or line.rstrip().endswith("| Proof |"))
+            lines.append(self._row(line) if column else line)
+        text = self._text("\n".join(lines))
+        return text + "\n\n" + "\n".join(f"[^{n}]: {note}" for n, note in enumerate(self._notes, 1)) + "\n"
+
+    def _row(self, line: str) -> str:
+        *cells, proof = re.split(r"(?<!\\)\|", line.strip().removeprefix("|").removesuffix("|"))
+        if proof.strip() and proof.strip() != "Proof" and set(proof) != {"-"}:
+            cells[-1] = f"{cells[-1].rstrip()}{self._note(proof.strip())} "
+        return f"|{'|'.join(cells)}|"
+
+    def _text(self, text: str) -> str:
+        return IN_TEXT.sub(lambda found: self._note(found[0].strip()[1:-1]), text)
+
+    def _note(self, tests: str) -> str:
+        self._notes.append(" ".join(tests.split()))
+        return f"[^{len(self._notes)}]"
+
+
+def on_post_page(output: str, **_others: Any) -> str:
+    """A hook of mkdocs: the theme's search dialogue gets a name."""
+    search = 'data-md-component="search" role="dialog"'
+    return output.replace(search, f'{search} aria-label="Search"')
+
+
+def _drawn(found: re.Match[str]) -> str:
+    document = read(found[1], "example.yaml")
+    if document.main.main is None or document.main.main.root is None:
+        return found[0]
+    drawing = show_svg(document).replace("\n", "")
+    return f'{found[0]}\n\n<figure tabindex="0">{drawing}</figure>\n'
