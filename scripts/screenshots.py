@@ -126,7 +126,7 @@ def photograph_live(photographer: Photographer, dashboard: Dashboard) -> None:
 def photograph_runs(page: Page) -> None:
     """Compare the two oldest of the listed runs."""
     page.get_by_role("button", name="Runs").click()
-    expect(page.locator("#start-fields .field").first).to_be_visible()
+    expect(page.locator("#start-fields summary").first).to_be_visible()
     for box in page.locator("#runs input[type=checkbox]").all()[-2:]:
         box.check()
     page.get_by_role("button", name="Compare two").click()

@@ -55,6 +55,7 @@ class FakeCell:
         self.changed = False
         self.hand: str | None = None
         self.closed = False
+        self.shown: dict[str, Any] = {}
         self.switches: dict[str, Any] = {}
         self.full_speed_only: tuple[str, ...] = ()
         self.speeds: list[tuple[float, tuple[type, ...]]] = []
@@ -73,6 +74,9 @@ class FakeCell:
 
     def last_seen(self) -> Mapping[str, float]:
         return {"wheel": self.clock.now()}
+
+    def pictures(self) -> Mapping[str, Any]:
+        return self.shown
 
     def readings(self) -> Mapping[str, Mapping[str, Any]]:
         return {"wheel": {"turning": float(self.wheel.turning)}}

@@ -20,6 +20,7 @@ from pomona.executive.registry import Registry
 from pomona.executive.running.events import EventStream, RunStarted
 from pomona.executive.running.runner import Runner
 from pomona.executive.skill import Interrupted, Skill, Work
+from pomona.executive.values.written import written
 from pomona.executive.views import BodiesView, ImageView, Line2, Line3, Mesh3, Points3, PosesView, SceneView, SeriesView
 
 GATE = threading.Event()
@@ -189,10 +190,12 @@ class Show:
             attended=bool(listeners),
         )
         nodes = tuple(node.facts() for node in runner.tree.nodes)
+        declared = document.main.parameters.items()
+        texts = {name: written(parameter.default) for name, parameter in declared if parameter.default is not None}
         events.emit(
             RunStarted(
                 0.0, 0, name, runner.tree.name, "tree.yaml", tree, f"hash{seed}", "fake", "mock", "fake.yaml", "",
-                seed, {}, nodes, {}, 0.0, 0.02,
+                seed, runner.tree.parameters, nodes, {}, 0.0, 0.02, parameter_texts=texts,
             )
         )  # fmt: skip
         return runner, recorder.close

@@ -134,6 +134,15 @@ def test_the_same_fruit_is_known_again_from_another_place(scripted: list[Instanc
     assert look(skill, moved).outputs["detection"].index == 1
 
 
+def test_progress_counts_the_fruit_of_this_look_and_those_that_are_gone(scripted: list[Instance]) -> None:
+    skill = Detect()
+    scripted[:] = [instance(0.1, 0.5), instance(-0.1, 0.6), instance(0.0, 0.7)]
+    told = [dict(look(skill).published)["progress"]]
+    scripted[:] = scripted[1:]  # the first was put away
+    told += [dict(look(skill).published)["progress"] for _ in range(3)]
+    assert [(progress.number, progress.of) for progress in told] == [(1, 3), (2, 3), (3, 3), (2, 3)]
+
+
 def test_failures_have_their_codes(scripted: list[Instance]) -> None:
     def code(outcome: SkillEnd) -> str:
         assert outcome.status is Status.FAILURE

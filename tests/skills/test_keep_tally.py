@@ -1,5 +1,6 @@
 """What became of every fruit: one entry a fruit, however often it is tried; those that are left are named."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,14 @@ def test_fruit_are_told_with_size_and_place_and_those_left_by_name():
         ("1", "(-120, -350) mm", "62 × 47 × 62 mm", "1", "done", ""),
         ("2", "(100, -500) mm", "not measured", "1", "left", "too wide for the gripper"),
     )
+
+
+def test_fruit_that_still_lie_on_the_table_count_as_well():
+    five = replace(seen(0.1, -0.5), found=5)
+    tally = keep(five).outputs["tally"]
+    assert tally.sentence == "1 of 5 fruit put away"
+    tally = keep(replace(seen(-0.1, -0.4), found=4), tally, outcome="left", why="slipped").outputs["tally"]
+    assert tally.sentence.startswith("1 of 5 fruit put away; left at")
 
 
 def test_another_try_of_a_fruit_that_was_left_is_the_same_fruit():

@@ -27,6 +27,7 @@ from pomona.drivers.interfaces import Arm, Camera, Cameras, ForceSensor, Gripper
 from pomona.drivers.readings import Readings
 from pomona.drivers.registration import Settings, installed_drivers
 from pomona.executive.clock import Clock, ManualClock, SystemClock
+from pomona.executive.values.arrays import UInt8
 from pomona.executive.values.documents import Outline, with_includes
 from pomona.executive.values.findings import Findings
 from pomona.executive.values.kinds import Schema
@@ -102,6 +103,11 @@ class Cell:
         """When each device was last seen, by its name: the stamp of the newest thing that it sent [s]."""
         stamps = {name: device.last_seen() for name, device in self.devices.items()}
         return {name: stamp for name, stamp in stamps.items() if stamp is not None}
+
+    def pictures(self) -> Mapping[str, tuple[UInt8, float]]:
+        """Newest image (h, w, 3) of each camera that has one at no cost, and its timestamp [s]. From any thread."""
+        pictures = {name: device.picture() for name, device in self.devices.items()}
+        return {name: picture for name, picture in pictures.items() if picture is not None}
 
     def check(self) -> None:
         """Look after every device; called each tick.

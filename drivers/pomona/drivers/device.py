@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, runtime_chec
 from pomona.drivers.hand_memory import HandMemory, memory_of
 from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper, Workspace
 from pomona.executive.clock import Clock
+from pomona.executive.values.arrays import UInt8
 
 if TYPE_CHECKING:
     from pomona.drivers.wire import Link
@@ -41,6 +42,10 @@ class Device:
     def link(self) -> str:
         """State of the link: 'ok', or what is wrong with it."""
         return "ok"
+
+    def picture(self) -> tuple[UInt8, float] | None:
+        """Newest colour image (h, w, 3) and its timestamp [s], if the device has one at no cost. From any thread."""
+        return None
 
     def last_seen(self) -> float | None:
         """The stamp [s] of the newest thing that the device sent, or None: nothing yet, or it sends nothing."""

@@ -47,6 +47,7 @@ from pomona.executive.terminal.summary import Summary
 from pomona.executive.values.findings import did_you_mean
 from pomona.executive.values.sentences import sentence_of
 from pomona.executive.values.shipped import installed_trees
+from pomona.executive.values.written import written
 
 logger = logging.getLogger(__name__)
 
@@ -458,8 +459,15 @@ def _started(work: _Work, runner: Runner, folder: Path | None, preparation: floa
         speed=order.speed,
         preparation=round(preparation, 3),
         cell_files={name: text for name, text in work.cell_texts.items() if name != order.cell.name},
+        parameter_texts=_parameter_texts(document, work.settings),
         tree_files={file.source.path: file.source.text for file in document.files if file is not document.main},
     )
+
+
+def _parameter_texts(document: Document, settings: Mapping[str, str]) -> dict[str, str]:
+    declared = document.main.parameters.items()
+    texts = {name: written(parameter.default) for name, parameter in declared if parameter.default is not None}
+    return texts | dict(settings)
 
 
 def _text_of(path: Path | None, texts: Mapping[str, str]) -> str:

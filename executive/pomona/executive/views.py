@@ -143,4 +143,13 @@ class TableView:
     caption: str = ""
 
 
-View = ImageView | SceneView | BodiesView | PosesView | SeriesView | TableView
+@dataclass(frozen=True, slots=True)
+class ProgressView:
+    """How far a task is: `what` is the thing worked on, `number` its place among `of` known ones."""
+
+    what: str
+    number: int
+    of: int
+
+
+View = ImageView | SceneView | BodiesView | PosesView | SeriesView | TableView | ProgressView

@@ -11,6 +11,7 @@ from pomona.drivers.interfaces import Frame
 from pomona.executive.ports import TIME, Outputs, Port, Ratio, Time
 from pomona.executive.skill import SkillFailure, Work
 from pomona.executive.values.arrays import Float64
+from pomona.executive.views import ProgressView
 from pomona.skills.perception.detection.detection import Detection
 from pomona.skills.perception.detection.instances import POLICIES, Instance, rank
 from pomona.skills.perception.detection.options import DetectorOptions, DopeFiles
@@ -39,6 +40,8 @@ class Detect(LookingSkill):
     def __init__(self, name: str = "") -> None:
         super().__init__(name)
         self._chosen: list[Float64] = []
+        self._fruit: list[Float64] = []
+        """Where each fruit was that has been chosen, once for each."""
         self._looks = 0
 
     def run(
@@ -102,6 +105,7 @@ class Detect(LookingSkill):
         instance = instances[chosen]
         assert instance.T_camera_object is not None
         assert instance.covariance is not None
+        self._tell_progress(model.name, instances, instance, frame, T_base_camera, score)
         self._chosen.append(_place(instance, frame, T_base_camera))
         detection = Detection(
             fruit=model,
@@ -116,6 +120,25 @@ class Detect(LookingSkill):
             visibility=instance.visibility,
         )
         return Detected(detection)
+
+    def _tell_progress(
+        self,
+        what: str,
+        instances: list[Instance],
+        chosen: Instance,
+        frame: Frame,
+        T_base_camera: Float64,
+        score: float,
+    ) -> None:
+        """Publish which fruit this is among those found now and those chosen before that are gone."""
+        place = _place(chosen, frame, T_base_camera)
+        if not self._count_near(place, self._fruit, T_base_camera):
+            self._fruit.append(place)
+        posed = [i for i in instances if i.score >= score and i.T_camera_object is not None]
+        places = [_place(instance, frame, T_base_camera) for instance in posed]
+        gone = sum(not self._count_near(fruit, places, T_base_camera) for fruit in self._fruit)
+        number = next(k for k, fruit in enumerate(self._fruit, 1) if self._count_near(place, [fruit], T_base_camera))
+        self.publish("progress", ProgressView(what, number, gone + len(places)))
 
     def _choose(
         self,
@@ -171,11 +194,15 @@ class Detect(LookingSkill):
         )
 
     def _times_chosen(self, instance: Instance, frame: Frame, T_base_camera: Float64) -> int:
-        place = _place(instance, frame, T_base_camera)
+        return self._count_near(_place(instance, frame, T_base_camera), self._chosen, T_base_camera)
+
+    @staticmethod
+    def _count_near(place: Float64, others: list[Float64], T_base_camera: Float64) -> int:
+        """How many of these places belong to the fruit at a place."""
         eye = T_base_camera[:3, 3]
         ray = (place - eye) / np.linalg.norm(place - eye)
         # The pose's distance is that of a CAD-sized fruit: compare across the line of sight.
-        return sum(bool(np.linalg.norm(np.cross(ray, before - eye)) < SAME_FRUIT) for before in self._chosen)
+        return sum(bool(np.linalg.norm(np.cross(ray, other - eye)) < SAME_FRUIT) for other in others)
 
 
 def _place(instance: Instance, frame: Frame, T_base_camera: Float64) -> Float64:

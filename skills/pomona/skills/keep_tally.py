@@ -37,7 +37,7 @@ class KeepTally(Skill):
             p_base, size = (detection.T_base_camera @ detection.T_camera_object)[:3, 3], None
         else:
             p_base, size = measured.T_base_fruit[:3, 3], measured.dimensions
-        tally = (so_far or Tally()).with_entry(TalliedFruit(p_base, size, outcome, why))
+        tally = (so_far or Tally()).with_entry(TalliedFruit(p_base, size, outcome, why), detection.found)
         rows = tuple(
             (str(number + 1), entry.place, entry.dimensions, str(entry.tries), entry.outcome, entry.why)
             for number, entry in enumerate(tally.entries)

@@ -2,9 +2,9 @@
   // What is wrong with the page as it stands: words cut off, things over each other, a stop out of reach, sideways scrolling.
   const problems = [];
   const name = (e) => e.id || e.className || e.tagName;
-  const shown = (e) => e.offsetParent !== null && e.offsetWidth > 0 && getComputedStyle(e).visibility === "visible";
+  const shown = (e) => e.offsetParent !== null && e.offsetWidth > 0 && e.checkVisibility({ visibilityProperty: true });
   if (document.documentElement.scrollWidth > innerWidth) problems.push(`the page scrolls sideways: ${document.documentElement.scrollWidth} of ${innerWidth} px`);
-  const words = "#kind, #state, #clock, #safe-stop, #safe-stop-words, .alerts > *, .alerts b, .alerts span, .alerts small, .alerts button, .alerts a, #holder, #ack, #breaks, #viewers, .control button, #reset-hint, #why, #why .verdict, .playback > button, .empty";
+  const words = "#kind, #state, #clock, #safe-stop, #safe-stop-words, .alerts > *, .banner > *, .alerts b, .alerts span, .alerts small, .alerts button, .alerts a, #holder, #ack, #breaks, #viewers, .control button, #why, #why .verdict, .playback > button, .empty";
   for (const e of document.querySelectorAll(words)) {
     if (!shown(e)) continue;
     const box = e.getBoundingClientRect();
@@ -12,7 +12,7 @@
     if (box.left < -1 || box.right > innerWidth + 1) problems.push(`${name(e)} is out of the window: ${box.left.toFixed(0)} to ${box.right.toFixed(0)}`);
     if (e.closest("header, .alerts, .why") && (box.top < -1 || box.bottom > innerHeight + 1)) problems.push(`${name(e)} is out of sight: ${box.top.toFixed(0)} to ${box.bottom.toFixed(0)} of ${innerHeight}`);
   }
-  const groups = ["header > *", ".alerts > *, header, .control, main, .timeline-panel", ".alerts .bar > *", ".latched > *", ".question > *", ".control > *, #live-control > *", "#run-view > .panel, .middle > .panel", ".middle > .panel > *", ".playback > *", ".runs-view > .panel"];
+  const groups = ["header > *", ".alerts > *, header, .control, main, .timeline-panel", ".alerts .bar > *", ".latched > *", ".why > *", ".question > *", ".control > *, #live-control > *", "#run-view > .panel, .middle > .panel", ".middle > .panel > *", ".playback > *", ".runs-view > .panel"];
   for (const group of groups) {
     const boxes = [...document.querySelectorAll(group)].filter(shown).map((e) => [e, e.getBoundingClientRect()]);
     for (const [i, [one, a]] of boxes.entries()) for (const [other, b] of boxes.slice(i + 1)) {

@@ -69,7 +69,7 @@ def row(page: Any, name: str) -> Any:
 
 def take_control(page: Any, name: str) -> None:
     page.get_by_label("your name").fill(name)
-    page.get_by_role("button", name="Take control").click()
+    page.locator("#control [data-action=take]").click()
     expect(page.locator("#holder")).to_have_text("You hold control.")
 
 
@@ -103,13 +103,14 @@ def test_a_run_is_watched_from_start_to_end(show: Show, open_page: Open) -> None
     expect(page.locator("#scene-legend")).to_contain_text("executed path")
     wait_until_painted(page, 500)  # the robot's triangle, the floor, the paths
     row(page, "Look").click()
-    expect(page.locator("#node .wires")).to_contain_text(re.compile(r"seen.*an apple · .* ago"))
+    expect(page.locator("#node .wires")).to_contain_text(re.compile(r"seen.*an apple.* · .* ago"))
     expect(page.locator("#node .history")).to_contain_text("✓ success")
     expect(page.locator("#node pre")).to_contain_text("Look: {seen")
     GATE.set()
     expect(page.locator("#state")).to_have_text("✓ success")
     expect(row(page, "Rest").locator(".icon")).to_have_attribute("aria-label", "success")
-    expect(page.locator("#why")).to_contain_text("The task succeeded")
+    expect(page.locator("#why")).to_contain_text("✓ Succeeded")
+    expect(page.locator("#why")).to_contain_text("nothing failed on the way")
 
 
 def test_pause_and_resume_show_what_is_acknowledged(show: Show, open_page: Open) -> None:
@@ -120,11 +121,12 @@ def test_pause_and_resume_show_what_is_acknowledged(show: Show, open_page: Open)
     expect(pause).to_be_disabled()
     take_control(page, "ada")
     pause.click()
-    expect(page.locator("#ack")).to_contain_text("Acknowledged: paused (at rest) · last: pause by ada")
+    expect(page.locator("#why")).to_contain_text("Paused, at rest")
+    expect(page.locator("#ack")).to_have_text("last: pause by ada")
     assert show.cell.paused
     expect(pause).to_be_disabled()
-    page.get_by_role("button", name="Resume").click()
-    expect(page.locator("#ack")).to_contain_text("Acknowledged: running")
+    page.locator("#steps").get_by_role("button", name="Resume").click()
+    expect(page.locator("#why")).to_contain_text("▶ Hold")
     assert not show.cell.paused
 
 
@@ -172,7 +174,7 @@ def test_a_failed_run_is_explained_in_words_with_data(show: Show, open_page: Ope
     page = open_page()
     show.run(BROKEN)
     why = page.locator("#why")
-    expect(why).to_contain_text("The run ended: failure.")
+    expect(why).to_contain_text("✗ Failed at ")
     expect(why).to_contain_text("JAMMED the wheel is stuck")
     expect(why.locator("dl").first).to_have_text("angle0.5")
     expect(why).to_contain_text("<img src=x onerror=alert(1)>")  # a hostile name is text
@@ -183,7 +185,7 @@ def test_why_says_what_the_tree_did_next(show: Show, open_page: Open) -> None:
     page = open_page()
     show.run(JAM)
     expect(page.locator("#why")).to_contain_text("Then the tree went on with The way out.")
-    expect(page.locator("#why")).to_contain_text("The task succeeded after 1 failure on the way.")
+    expect(page.locator("#why")).to_contain_text("✓ Succeeded after 1 failure on the way.")
 
 
 def test_a_replay_is_scrubbed_played_and_shared(show: Show, open_page: Open) -> None:
@@ -194,12 +196,12 @@ def test_a_replay_is_scrubbed_played_and_shared(show: Show, open_page: Open) -> 
     timeline = page.locator("#timeline")
     timeline.press("Home")
     expect(row(page, "The way out").locator(".icon")).not_to_have_attribute("aria-label", "success")
-    expect(page.locator("#state")).to_have_text("▶ running")
+    expect(page.locator("#clock")).to_have_text(re.compile(r"^0\.0 s of 0\.\d s$"))
     timeline.press("ArrowRight")
     expect(row(page, "The jam").locator(".icon")).to_have_attribute("aria-label", re.compile("failure"))
     page.get_by_label("speed", exact=True).select_option("8")
     page.get_by_role("button", name="play", exact=True).click()
-    expect(page.locator("#state")).to_have_text("✓ success")
+    expect(row(page, "The way out").locator(".icon")).to_have_attribute("aria-label", "success")
     page.evaluate("location.hash = 'run=old_1&t=0.1'")
     expect(page.locator("#shown")).to_contain_text("0.1 s of")
     page.get_by_role("button", name="Back to live").click()
@@ -235,9 +237,9 @@ def test_a_breakpoint_holds_and_is_shown_to_all(show: Show, open_page: Open) -> 
     page.locator("#tree").press("b")
     expect(other.locator("#breaks")).to_have_text("◉ Breakpoints: before Rest")
     GATE.set()
-    expect(page.locator("#ack")).to_contain_text("Acknowledged: paused")
+    expect(page.locator("#why")).to_contain_text("Paused, at rest")
     expect(row(page, "Rest").locator(".detail")).to_have_text("held by a breakpoint")
-    page.get_by_role("button", name="Resume").click()
+    page.locator("#control [data-action=resume]").click()
     expect(page.locator("#state")).to_have_text("✓ success")
 
 
@@ -283,12 +285,12 @@ def test_a_breakpoint_after_a_node_holds_when_it_has_ended(show: Show, open_page
     expect(page.locator("#breaks")).to_have_text("◉ Breakpoints: after Hold")
     expect(row(page, "Hold").locator(".break")).to_have_text("◉ after")
     GATE.set()
-    expect(page.locator("#ack")).to_contain_text("Acknowledged: paused")
+    expect(page.locator("#why")).to_contain_text("Paused, at rest")
     expect(row(page, "Hold").locator(".icon")).to_have_attribute("aria-label", "success")
     expect(row(page, "Rest").locator(".icon")).to_have_attribute("aria-label", "idle")
     page.locator("#tree").press("a")
     expect(page.locator("#breaks")).to_be_hidden()
-    page.get_by_role("button", name="Resume").click()
+    page.locator("#control [data-action=resume]").click()
     expect(page.locator("#state")).to_have_text("✓ success")
 
 
@@ -377,7 +379,6 @@ def test_hostile_words_of_a_run_stay_words(show: Show, open_page: Open) -> None:
     ):  # fmt: skip
         show.dashboard.hub.on_event(event)
     page = open_page()
-    expect(page.locator("#why")).to_contain_text(hostile)
     expect(page.locator("#latched-reason")).to_have_text(hostile)
     expect(page.locator("#tables")).to_contain_text(hostile)
     page.locator(".row").first.click()
@@ -492,6 +493,66 @@ def test_nothing_can_be_started_before_the_page_knows_what_there_is(show: Show, 
     expect(page.locator("#start-tree")).to_have_value("pick_apple")
 
 
+def test_a_setting_that_cannot_be_used_is_marked_while_it_is_typed(show: Show, open_page: Open) -> None:
+    forms: list[Any] = []
+
+    def judge(form: dict[str, Any]) -> dict[str, str]:
+        forms.append(form)
+        return {"looks": "looks is at least 1, 0 is below"} if form["settings"].get("looks") == "0" else {}
+
+    show.dashboard.allow_starts(lambda *_: pytest.fail("nothing was started"), Choices.installed(), judge)
+    page = open_page()
+    take_control(page, "ada")
+    page.get_by_role("button", name="Runs").click()
+    expect(page.locator("#start-form .field:visible")).to_have_count(4)
+    page.get_by_text("Parameters of the tree").click()
+    field = page.locator("[data-setting=looks]")
+    field.fill("0")
+    expect(page.get_by_text("looks is at least 1, 0 is below")).to_be_visible()
+    expect(field).to_have_attribute("aria-invalid", "true")
+    expect(page.locator("#start-button")).to_be_disabled()
+    expect(page.locator("#start-hint")).to_have_text("looks cannot be used.")
+    expect(page.locator(".changes").first).to_have_text("1 changed")
+    field.fill("2")
+    expect(page.locator("#start-button")).to_be_enabled()
+    assert forms[-1]["settings"] == {"looks": "2"}
+    assert (forms[-1]["tree"], forms[-1]["cell"]) == ("pick_apple", "sim")
+
+
+def test_modifiers_are_chips_and_what_was_passed_over_is_folded(show: Show, open_page: Open) -> None:
+    tree = """pomona: 1
+tree: chips
+parameters:
+  pause: {type: time, default: 20 ms}
+root:
+  fallback:
+    - sequence:
+        - Rest: {duration: "{pause}"}
+          timeout: 5 s
+        - Jam: {}
+          retry: 2
+      name: First way
+    - Rest: {duration: 40 ms}
+      name: Second way
+    - Rest: {}
+      name: Third way
+"""
+    show.record(tree, "old_1")
+    page = open_page("run=old_1")
+    expect(row(page, "Jam").locator(".chip")).to_have_text("retry 2/2")
+    expect(row(page, "Rest").locator(".chip")).to_have_text("timeout 5 s")
+    expect(page.locator(".row:visible")).to_have_count(5)
+    expect(row(page, "Third way")).to_be_hidden()
+    more = page.locator(".row .more:visible")
+    expect(more).to_have_text("+1")
+    more.click()
+    expect(row(page, "Third way")).to_be_visible()
+    row(page, "Jam").locator(".chip").click()
+    expect(page.locator("#node .about")).to_contain_text("retry")
+    row(page, "Rest").locator(".name").click()
+    expect(page.locator("#node .wires")).to_contain_text("20 ms{pause}")
+
+
 @pytest.mark.slow
 def test_a_simulated_pick_is_started_from_the_page_and_watched_to_its_end(show: Show, open_page: Open) -> None:
     choices = Choices.installed()
@@ -501,6 +562,7 @@ def test_a_simulated_pick_is_started_from_the_page_and_watched_to_its_end(show: 
     take_control(page, "ada")
     page.get_by_role("button", name="Runs").click()
     page.get_by_label("seed").fill("1")
+    page.get_by_text("How it runs").click()
     page.locator("#start-pace").select_option("fast")
     page.get_by_role("button", name="Start", exact=True).click()
     expect(page.locator("#preparing-what")).to_have_text("◌ Preparing pick_apple")

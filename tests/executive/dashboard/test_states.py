@@ -44,7 +44,7 @@ def in_sight(page: Any, state: str) -> list[str]:
 
 def take_control(page: Any) -> None:
     page.get_by_label("your name").fill("Ada of the long surname")
-    page.get_by_role("button", name="Take control").click()
+    page.locator("#control [data-action=take]").click()
     expect(page.locator("#holder")).to_have_text("You hold control.")
 
 
@@ -107,7 +107,7 @@ def test_when_it_failed_and_beside_a_live_run(show: Show, open_page: Open) -> No
     expect(page.locator("#strip-state")).to_have_text("LIVE: ▶ running")
     problems += in_sight(page, "recorded_beside_live")
     page.locator("#safe-stop").click()
-    expect(page.locator("#latched")).to_be_visible()
+    expect(page.locator("#strip-state")).to_have_text("LIVE: ■ safe state, latched")
     problems += in_sight(page, "recorded_beside_stopped")
     page.get_by_role("button", name="Runs").click()
     expect(page.locator("#runs tbody tr").first).to_be_visible()

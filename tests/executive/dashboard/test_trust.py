@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 from shown_runs import APPROVED, GATE, HOLD, Show, Wire, press_stop
 
@@ -40,7 +41,6 @@ def test_a_page_that_hears_nothing_says_so_within_two_seconds_and_a_stop_is_trie
     page.clock.resume()
     expect(page.locator("#not-live-words")).to_contain_text("it may be doing something else now")
     expect(page.locator("#state")).to_have_text("? last known: running")
-    expect(page.locator("#ack")).to_have_text(re.compile("^Last known: running"))
     expect(page.locator("body")).to_have_class(re.compile("stale"))
     press_stop(page)
     expect(page.locator("#press-what")).to_have_text("SAFE STOP NOT CONFIRMED")
@@ -51,7 +51,7 @@ def test_a_page_that_hears_nothing_says_so_within_two_seconds_and_a_stop_is_trie
     expect(page.locator("#safe-stop")).not_to_have_attribute("aria-disabled", "true")
     assert show.cell.latched is None
     wire.open = True
-    expect(page.locator("#press-what")).to_have_text(re.compile(r"✓ SAFE STOP confirmed after \d+ ms"))
+    expect(page.locator("#latched-rest")).to_have_text(re.compile(r"^Confirmed after \d+ ms\. "))
     assert show.cell.latched == "safe stop by operator"
     expect(page.locator("#not-live")).to_be_hidden()
     page.close()
@@ -62,9 +62,11 @@ def test_a_stop_is_confirmed_at_once_by_the_run(show: Show, open_page: Open) -> 
     show.run(HOLD)
     expect(page.locator("#state")).to_have_text("▶ running")
     page.locator("#safe-stop").click()
-    expect(page.locator("#press-what")).to_have_text(re.compile(r"✓ SAFE STOP confirmed after \d+ ms"))
-    expect(page.locator("#press-words")).to_have_text("safe state: safe stop by operator")
-    expect(page.locator("#latched-rest")).to_contain_text("The cell reports that it stands")
+    expect(page.locator("#latched-reason")).to_have_text("safe stop by operator")
+    expect(page.locator("#latched-rest")).to_contain_text(
+        re.compile(r"Confirmed after \d+ ms\. The cell reports that it stands")
+    )
+    expect(page.locator("#banner > :visible")).to_have_count(1)
 
 
 @pytest.mark.parametrize(
@@ -106,9 +108,10 @@ def test_the_live_cell_stays_in_sight_and_can_be_stopped_over_a_record(show: Sho
     assert "Nothing here moves" not in page.locator("body").inner_text()
     press_stop(page)
     expect(page.locator("#strip-state")).to_have_text("LIVE: ■ safe state, latched")
-    expect(page.locator("#latched")).to_be_visible()
+    expect(page.locator("#strip-words")).to_have_text("safe stop by operator. Go back to live to reset it.")
     assert show.cell.latched == "safe stop by operator"
     page.get_by_role("button", name="Back to live").click()
+    expect(page.locator("#latched")).to_be_visible()
     expect(page.locator("#run")).to_have_text("demo · seed 0")
     expect(page.locator("#strip")).to_be_hidden()
 
@@ -184,13 +187,29 @@ def test_skills_that_compute_show_their_time_and_what_is_old_is_not_called_stale
     assert "stale" not in page.locator("main").first.inner_text()
 
 
+def test_a_camera_that_delivers_pictures_is_shown_live_with_the_last_look_in_a_corner(
+    show: Show, open_page: Open
+) -> None:
+    page = open_page()
+    show.run("pomona: 1\ntree: demo\nroot:\n  sequence:\n    - Look: {seen: '{seen}'}\n    - Hold: {}\n")
+    expect(page.locator("#camera .picture > img")).to_be_visible()
+    expect(page.locator("#camera-age")).not_to_contain_text("live")
+    show.cell.shown = {"eye": (np.full((48, 64, 3), 120, np.uint8), 0.0)}
+    expect(page.locator("#camera-age")).to_have_text(re.compile(r"^live · eye; last look .* ago$"))
+    expect(page.locator("#camera .live")).to_have_attribute("src", re.compile("^data:image/jpeg"))
+    expect(page.locator("#camera .inset polygon")).to_have_count(1)
+    GATE.set()
+    expect(page.locator("#state")).to_have_text("✓ success")
+    expect(page.locator("#camera .live")).to_have_count(0)
+
+
 def test_a_page_that_holds_control_and_falls_silent_is_told_to_the_others(
     show: Show, open_page: Open, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("pomona.executive.dashboard.server.PAGE_SILENT", 0.9)
     page, other = open_page(), open_page()
     page.get_by_label("your name").fill("ada")
-    page.get_by_role("button", name="Take control").click()
+    page.locator("#control [data-action=take]").click()
     expect(other.locator("#holder")).to_have_text("ada holds control.")
     page.close()
     expect(other.locator("#holder")).to_have_text("ada holds control, but that page is not heard.")
@@ -200,7 +219,7 @@ def test_a_press_that_the_run_does_not_answer_is_not_taken_for_done(show: Show, 
     page = open_page()
     runner = show.run(HOLD)
     page.get_by_label("your name").fill("ada")
-    page.get_by_role("button", name="Take control").click()
+    page.locator("#control [data-action=take]").click()
     expect(page.locator("#holder")).to_have_text("You hold control.")
     runner.pause = lambda who="": None  # type: ignore[method-assign]  # a tick that hangs takes no commands
     page.get_by_role("button", name="Pause").click()
@@ -215,13 +234,13 @@ def test_what_is_planned_is_shown_and_waits_for_a_person_who_may_change_it_first
     page = open_page(viewport={"width": 1280, "height": 720})
     show.run(APPROVED)
     expect(page.locator("#questions")).to_contain_text("May Rest start? What is planned is shown.")
-    expect(page.get_by_role("button", name="Approve")).to_be_disabled()
+    expect(page.locator("#questions").get_by_role("button", name="Approve")).to_be_disabled()
     expect(page.locator("#camera")).to_be_hidden()
     expect(page.locator("#scene-legend")).to_contain_text("planned path")
     page.wait_for_function("() => document.getElementById('scene').getBoundingClientRect().height > 250")  # it has room
     page.get_by_label("your name").fill("ada")
-    page.get_by_role("button", name="Take control").click()
-    page.locator(".row", has=page.get_by_text("Rest", exact=True)).last.click()
+    page.locator("#control [data-action=take]").click()
+    page.locator(".row .name", has_text="Rest").last.click()
     field = page.get_by_label("input = value")
     field.fill("durable=60 ms")
     field.press("Enter")
@@ -230,7 +249,7 @@ def test_what_is_planned_is_shown_and_waits_for_a_person_who_may_change_it_first
     field.press("Enter")
     page.locator("#tree").focus()
     expect(page.locator("#node .changed")).to_contain_text("duration = 60 ms from its next start on, by ada")
-    page.get_by_role("button", name="Approve").click()
+    page.locator("#questions").get_by_role("button", name="Approve").click()
     expect(page.locator("#questions")).to_be_hidden()
     expect(page.locator("#camera")).to_be_visible()
     expect(page.locator(".row", has=page.get_by_text("Hold", exact=True)).locator(".icon")).to_have_attribute(

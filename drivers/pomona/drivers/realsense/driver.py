@@ -21,6 +21,7 @@ from pomona.drivers.realsense.source import Pair
 from pomona.drivers.realsense.stamps import Stamps
 from pomona.drivers.streams import FrameGuard
 from pomona.executive.clock import Clock
+from pomona.executive.values.arrays import UInt8
 
 RECONNECT = 1.0
 """Pause between attempts to open a lost camera again [s]."""
@@ -102,6 +103,11 @@ class StreamingCamera(Device):
 
     def latest(self) -> Frame | None:
         return self._newest
+
+    def picture(self) -> tuple[UInt8, float] | None:
+        """Newest colour image, shape (h, w, 3), and its timestamp [s]."""
+        frame = self._newest
+        return None if frame is None else (frame.colour, frame.stamp)
 
     def link(self) -> str:
         return "ok" if self._problem is None else self._problem.message

@@ -18,7 +18,10 @@ from pomona.executive.dashboard.security import Access
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.files import default_name
+from pomona.executive.judging import judge
+from pomona.executive.language.documents import read_document
 from pomona.executive.recording.session import Reader
+from pomona.executive.registry import Registry
 from pomona.executive.running.events import Event, Listener
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.starting import Starting
@@ -179,6 +182,26 @@ class Launcher:
         self._thread.start()
         return order.tree.stem
 
+    def judge(self, form: dict[str, Any]) -> dict[str, str]:
+        """Say which settings of the page's form cannot be used, as a start would; nothing while a run goes on.
+
+        Raises:
+            UsageError: the tree or the cell is not offered, or the tree cannot be read.
+        """
+        if self._dashboard.control.is_busy:  # judging takes the interpreter for up to a second
+            return {}
+        settings = form.get("settings")
+        if not isinstance(settings, dict) or not all(isinstance(value, str) for value in settings.values()):
+            raise UsageError("settings are texts by name")
+        document = read_document(self._choices.tree(form.get("tree")))
+        judged = judge(document, Registry.installed(), settings, self._choices.cell(form.get("cell")))
+        problems: dict[str, str] = {}
+        for finding in judged.findings.sorted():
+            name = finding.path.removeprefix("--set ").partition("=")[0]
+            if finding.severity == "error" and name in settings and finding.path.startswith("--set "):
+                problems.setdefault(name, f"{finding.message}. {finding.hint}".removesuffix(". "))
+        return problems
+
     def close(self) -> None:
         """End what runs, in the safe state, and wait until it has ended."""
         if self._starting is not None and self._thread is not None and self._thread.is_alive():
@@ -244,7 +267,7 @@ def main(options: argparse.Namespace) -> int:
         from pomona.executive.interop.live import Live as Views
 
         views.append(Views([open_bridge(options, console, dashboard.access, dashboard.control, launcher.start)]))
-    dashboard.allow_starts(launcher.start, choices)
+    dashboard.allow_starts(launcher.start, choices, launcher.judge)
     dashboard.start()
     console.print(f"dashboard: {dashboard.access.link}   (Ctrl-C ends it)", soft_wrap=True)
     try:

@@ -6,6 +6,7 @@ Messages go to that process encoded; what its pages ask for comes back as calls 
 from __future__ import annotations
 
 import contextlib
+import itertools
 import socket
 import subprocess
 import sys
@@ -16,7 +17,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from pomona.executive.dashboard.choices import Choices, StartRun
+from pomona.executive.dashboard.choices import Choices, JudgeForm, StartRun
 from pomona.executive.dashboard.control_lock import ControlLock
 from pomona.executive.dashboard.hub import Encoder, Word
 from pomona.executive.dashboard.presses import PATIENCE, TooLateError
@@ -33,10 +34,13 @@ GOODBYE = 5.0
 HEARTBEAT = 0.25
 """Period in which the page's process is told how things stand [s]."""
 
+PICTURES = 2
+"""Heartbeats from one picture of a camera to the next."""
+
 CALLS = frozenset({"require", "take", "release", "acknowledge", "act", "safe_stop"})
 """Methods of `ControlLock` that pages may call."""
 
-NEVER_LATE = frozenset({"require", "release", "safe_stop"})
+NEVER_LATE = frozenset({"require", "release", "safe_stop", "judge"})
 """Calls that set nothing in motion."""
 
 
@@ -57,6 +61,7 @@ class PageProcess:
         self.control = ControlLock(lambda: self._news.set())
         self._news = threading.Event()
         self._start_run: StartRun | None = None
+        self._judge_form: JudgeForm = lambda _form: {}
         self._choices = Choices({}, {})
         self._encoder = Encoder(self._deliver)
         self._line: Connection | None = None
@@ -65,9 +70,9 @@ class PageProcess:
         self._threads: list[threading.Thread] = []
         self._closing = self._lost = False
 
-    def allow_starts(self, start_run: StartRun, choices: Choices) -> None:
+    def allow_starts(self, start_run: StartRun, choices: Choices, judge_form: JudgeForm = lambda _form: {}) -> None:
         """Let the page start runs of these trees on these cells. Before `start`."""
-        self._start_run, self._choices = start_run, choices
+        self._start_run, self._choices, self._judge_form = start_run, choices, judge_form
 
     def on_event(self, event: Event) -> None:
         """Take one event of a run; returns at once.
@@ -141,8 +146,12 @@ class PageProcess:
             self._lost = not self._closing
 
     def _beat(self, _line: Connection) -> None:
-        while not (self._closing or self._lost):
+        for turn in itertools.count():
+            if self._closing or self._lost:
+                return
             self._send(("standing", self.control.standing))
+            if self.viewers and turn % PICTURES == 0:
+                self._send(("pictures", self.control.pictures()))
             self._news.wait(HEARTBEAT)
             self._news.clear()
 
@@ -173,6 +182,8 @@ class PageProcess:
             raise TooLateError(f"asked {ago:.1f} s ago, which is too late: it is not carried out")
         if name == "start" and self._start_run is not None:
             return self._start_run(*arguments)
+        if name == "judge":
+            return self._judge_form(*arguments)
         if name not in CALLS:
             raise UsageError(f"'{name}' is no call of the page")
         return getattr(self.control, name)(*arguments)

@@ -19,6 +19,9 @@ from pomona.executive.values.yaml_nodes import YamlNode, YamlScalar
 StartRun = Callable[[dict[str, Any]], str]
 """Starts a run from the page's form and returns its tree's name."""
 
+JudgeForm = Callable[[dict[str, Any]], dict[str, str]]
+"""Says of the settings of the page's form which cannot be used, and why, by their names."""
+
 
 @dataclass(frozen=True, slots=True)
 class Choices:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from pomona.executive.dashboard.messages import picture_message
 from pomona.executive.errors import PomonaError
 from pomona.executive.language.changes import ChangeRefusedError
 from pomona.executive.running.breakpoints import BREAK_ACTIONS, UnknownNodeError
@@ -94,6 +95,7 @@ class ControlLock:
         self._starting: tuple[str, Starting] | None = None
         self._problem: dict[str, Any] | None = None
         self._changed = changed
+        self._shown: dict[str, int] = {}
 
     silent = 0.0
 
@@ -101,6 +103,16 @@ class ControlLock:
     def standing(self) -> ControlStatus:
         """How things stand, for the page."""
         return ControlStatus(self._held, self.start, self.is_preparing, self.known_faults, self._signs())
+
+    def pictures(self) -> list[dict[str, Any]]:
+        """Fields of a `Picture` for each camera of the run in progress that has a new image at no cost."""
+        runner = self._runner
+        if runner is None or runner.state.ended:
+            return []
+        shown = {device: id(image) for device, (image, _age) in runner.pictures.items()}
+        new = [device for device, image in shown.items() if self._shown.get(device) != image]
+        self._shown = shown
+        return [picture_message(device, *picture) for device, picture in runner.pictures.items() if device in new]
 
     def _signs(self) -> dict[str, Any] | None:
         runner = self._runner

@@ -33,7 +33,7 @@ from pomona.executive.running.events import (
     StateChanged,
 )
 from pomona.executive.running.unencodable import in_place_of, refuse
-from pomona.executive.views import BodiesView, ImageView, PosesView, SceneView, TableView
+from pomona.executive.views import BodiesView, ImageView, PosesView, ProgressView, SceneView, TableView
 
 HISTORY_BYTES = 32_000_000
 """Characters of a run's messages that are kept for viewers who come later. Of older ones each key's last word stays."""
@@ -313,7 +313,7 @@ def _key(event: Event) -> Hashable:
             return kind, BREAK_ACTIONS[action][0], event.detail
         case OperatorActed(action="speed"):
             return kind, "speed"
-        case Published(value=TableView() | BodiesView() | PosesView()):
+        case Published(value=TableView() | BodiesView() | PosesView() | ProgressView()):
             return type(event.value).__name__, event.topic
         case StateChanged() | SafeStopped() | RunEnded():
             return (kind,)

@@ -83,8 +83,14 @@ def _rounded(value: Any) -> Any:
     return value
 
 
-def _data_url(image: np.ndarray[Any, Any]) -> str:
-    scale = 960 / max(image.shape[1], 960)
+def picture_message(device: str, image: np.ndarray[Any, Any], age: float) -> dict[str, Any]:
+    """A camera's newest image as the fields of a `Picture`: small, since it comes twice a second."""
+    height, width = image.shape[:2]
+    return {"device": device, "image": _data_url(image, 640), "size": [width, height], "age": round(age, 3)}
+
+
+def _data_url(image: np.ndarray[Any, Any], widest: int = 960) -> str:
+    scale = widest / max(image.shape[1], widest)
     if scale < 1.0:
         image = shrunk(image, scale)
     return "data:image/jpeg;base64," + base64.b64encode(to_jpeg(image, 80)).decode()

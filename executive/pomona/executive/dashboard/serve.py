@@ -131,6 +131,10 @@ def main(line: Connection) -> None:
             if kind == "words":
                 dashboard.hub.take(*rest)
                 continue
+            if kind == "pictures":
+                for picture in rest[0]:
+                    dashboard.hub.tell("Picture", **picture)
+                continue
             *answer, standing = rest
             changed = remote.hear(standing)
             if answer:
@@ -149,7 +153,9 @@ def _serve(
     """A dashboard that serves; None after the run's process was told why not."""
     dashboard = ServedDashboard(access, records, remote)
     if starts:
-        dashboard.allow_starts(lambda form: str(remote.call("start", form)), choices)
+        dashboard.allow_starts(
+            lambda form: str(remote.call("start", form)), choices, lambda form: dict(remote.call("judge", form))
+        )
     try:
         dashboard.start()
     except PomonaError as error:

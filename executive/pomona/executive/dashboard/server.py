@@ -24,7 +24,7 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from pomona.executive.dashboard.choices import Choices, StartRun
+from pomona.executive.dashboard.choices import Choices, JudgeForm, StartRun
 from pomona.executive.dashboard.connections import LiveWire, PatientHttp, hang_up, wire_of
 from pomona.executive.dashboard.control_lock import ControlLock, RefusedError, RunControl
 from pomona.executive.dashboard.hub import Hub, Viewer
@@ -95,6 +95,7 @@ class Dashboard:
         self.presses = Presses(self._control)
         self._index = RunIndex(records)
         self._start_run: StartRun | None = None
+        self._judge_form: JudgeForm = lambda _form: {}
         self._choices = Choices({}, {})
         self._server: _Server | None = None
         self._thread: threading.Thread | None = None
@@ -109,6 +110,7 @@ class Dashboard:
                 Route("/api/runs/{name}/record", self._download),
                 Route("/api/runs/{name}/picture", self._picture),
                 Route("/api/act", self._act, methods=["POST"]),
+                Route("/api/judge", self._judge, methods=["POST"]),
                 Route("/api/start", self._start, methods=["POST"]),
                 WebSocketRoute("/live", self._live),
                 Mount("/static", StaticFiles(directory=STATIC)),
@@ -119,9 +121,9 @@ class Dashboard:
         self._told_silent = False
         self.announce()
 
-    def allow_starts(self, start_run: StartRun, choices: Choices) -> None:
+    def allow_starts(self, start_run: StartRun, choices: Choices, judge_form: JudgeForm = lambda _form: {}) -> None:
         """Let the page start runs of these trees on these cells."""
-        self._start_run, self._choices = start_run, choices
+        self._start_run, self._choices, self._judge_form = start_run, choices, judge_form
         self.announce()
 
     def on_event(self, event: Event) -> None:
@@ -212,6 +214,8 @@ class Dashboard:
                 self.hub.tell("Silent", seconds=round(silent, 1) if self._told_silent else 0.0)
             if standing.signs is not None and self.hub.viewers and not self._told_silent:
                 self.hub.tell("Beat", **standing.signs)
+                for picture in await asyncio.to_thread(self.control.pictures):
+                    self.hub.tell("Picture", **picture)
 
     # --------------------------------------------------------------------------------------------- reading
 
@@ -357,6 +361,15 @@ class Dashboard:
         except PomonaError as error:
             return JSONResponse({"error": str(error)}, 409)
         return JSONResponse({"tree": tree})
+
+    async def _judge(self, request: Request) -> Response:
+        body = await self._authorised_body(request)
+        if isinstance(body, Response):
+            return body
+        try:
+            return JSONResponse({"problems": await asyncio.to_thread(self._judge_form, body)})
+        except PomonaError as error:
+            return JSONResponse({"error": str(error)}, 409)
 
     def _begin(self, start_run: StartRun, body: dict[str, Any]) -> str:
         self._control.require(text(body, "viewer"))

@@ -43,7 +43,7 @@ _CHANGES = (b'{"event":"NodeChanged",', b'{"event":"Computed",')
 _STATUS = re.compile(rb'"status":"(\w+)"')
 _STARTS = re.compile(rb'"starts":(\d+)')
 _T = re.compile(rb'"t":([-+0-9.eE]+)')
-STANDING = frozenset((b"PortWritten", b"ImageView", b"SceneView", b"BodiesView", b"TableView"))
+STANDING = frozenset((b"PortWritten", b"ImageView", b"SceneView", b"BodiesView", b"TableView", b"ProgressView"))
 """Kinds of events that stand until the next of their key."""
 
 TOPIC = re.compile(rb'"topic":"((?:[^"\\]|\\.)*)","value":\{"type":"(\w+)"')

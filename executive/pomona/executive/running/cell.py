@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Protocol, TypeVar
 
 from pomona.executive.clock import Clock
+from pomona.executive.values.arrays import UInt8
 
 T = TypeVar("T")
 
@@ -67,6 +68,10 @@ class Cell(Protocol):
     def last_seen(self) -> Mapping[str, float]:
         """When each device was last seen, by its name: a stamp of the clock [s]. Devices that send nothing are left
         out."""
+        ...
+
+    def pictures(self) -> Mapping[str, tuple[UInt8, float]]:
+        """Newest image (h, w, 3) of each camera that has one at no cost, and its timestamp [s]. From any thread."""
         ...
 
     @property

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 from pomona.executive.clock import Clock, ManualClock
 from pomona.executive.running.cell import FaultSwitch
+from pomona.executive.values.arrays import UInt8
 
 T = TypeVar("T")
 
@@ -32,6 +33,9 @@ class DryCell:
         return {}
 
     def last_seen(self) -> Mapping[str, float]:
+        return {}
+
+    def pictures(self) -> Mapping[str, tuple[UInt8, float]]:
         return {}
 
     def readings(self) -> Mapping[str, Mapping[str, Any]]:

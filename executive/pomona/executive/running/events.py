@@ -28,7 +28,8 @@ class RunStarted(Event):
     `tree_files` holds the texts of the files that the tree calls, by their path, `cell_files` those that the cell
     includes, by their path from its folder; of a dry run `cell_text` is its mocks. `speed` is the share of what is
     commanded at which the arm goes at first; an `OperatorActed` with the action `speed` changes it. `preparation` is
-    the time from the order to the start [s].
+    the time from the order to the start [s]. `parameter_texts` has the values of `parameters` as they are written, with
+    their units.
     """
 
     run: str
@@ -51,6 +52,7 @@ class RunStarted(Event):
     cell_files: Mapping[str, str] = field(default_factory=dict)
     speed: float = 1.0
     preparation: float = 0.0
+    parameter_texts: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ import logging
 import queue
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from py_trees.common import Status
 
@@ -52,6 +52,7 @@ from pomona.executive.running.run_state import RunResult, RunState
 from pomona.executive.running.traces import place_of, traceback_of
 from pomona.executive.running.watching import Watch, Watcher
 from pomona.executive.speed import cannot_slow, speed_of, words_of
+from pomona.executive.values.arrays import UInt8
 from pomona.executive.values.sentences import sentence_of
 
 logger = logging.getLogger(__name__)
@@ -155,6 +156,12 @@ class Runner(Requests):
     def progress(self) -> tuple[float, int]:
         """Run time [s] and tick number: a sign of life."""
         return self._stamp()
+
+    @property
+    def pictures(self) -> Mapping[str, tuple[UInt8, float]]:
+        """Newest image (h, w, 3) of each camera that has one at no cost, and its age [s]. From any thread."""
+        now = self._cell.clock.now()
+        return {device: (image, max(0.0, now - stamp)) for device, (image, stamp) in self._cell.pictures().items()}
 
     @property
     def ages(self) -> dict[str, float]:

@@ -48,18 +48,25 @@ class TalliedFruit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tally:
-    """All fruits so far, in the order in which they were first tried."""
+    """All fruits so far, in the order in which they were first tried; `known` counts those that were seen, too."""
 
     entries: tuple[TalliedFruit, ...] = ()
+    known: int = 0
 
-    def with_entry(self, entry: TalliedFruit) -> Tally:
-        """The account with one more try; a fruit that failed before at the same place is the same fruit."""
+    def with_entry(self, entry: TalliedFruit, found: int = 1) -> Tally:
+        """The account with one more try; a fruit that failed before at the same place is the same fruit.
+
+        Args:
+            entry: what became of it.
+            found: fruit in the look in which it was found, itself included.
+        """
+        seen = len(self.entries) - len(self.left) + found
         for k, known in enumerate(self.entries):
             apart = np.linalg.norm(known.p_base[:2] - entry.p_base[:2])
             if known.outcome != DONE and apart < SAME_PLACE:
                 again = replace(entry, tries=known.tries + 1, size=known.size if entry.size is None else entry.size)
-                return Tally((*self.entries[:k], again, *self.entries[k + 1 :]))
-        return Tally((*self.entries, entry))
+                return Tally((*self.entries[:k], again, *self.entries[k + 1 :]), seen)
+        return Tally((*self.entries, entry), seen)
 
     @property
     def left(self) -> tuple[TalliedFruit, ...]:
@@ -69,7 +76,7 @@ class Tally:
     @property
     def sentence(self) -> str:
         """For people; names what was given up."""
-        done = f"{len(self.entries) - len(self.left)} of {len(self.entries)} fruit put away"
+        done = f"{len(self.entries) - len(self.left)} of {max(self.known, len(self.entries))} fruit put away"
         return "; ".join((done, *(f"{entry.outcome} at {entry.place}: {entry.why}" for entry in self.left)))
 
     @property

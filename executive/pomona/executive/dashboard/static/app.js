@@ -47,20 +47,8 @@ function momentOf(feed, at, cursor = "shown", wanted = () => true) {
 const isSample = (m) => m.value?.type === "SeriesView" || m.event === "RunStarted" || m.event === "Overview";
 const samplesOf = (feed) => (t) => momentOf(feed, t, "ahead", isSample).series;
 
-// Of a run that failed: what camera, scene and series showed when it did. What moved afterwards explains nothing.
-let evidence = { key: "", state: null };
-function evidenceState(s) {
-  const latest = s.failures.at(-1);
-  if (!s.ended || s.ended.outcome === "success" || !latest || s.ended.t - latest.t < 0.1) { if (page.at !== null) wantDetail(page.at); return s; }
-  wantDetail(latest.t, s.t);
-  const key = `${s.run?.run}|${latest.t}|${page.messages.length}`;
-  if (key !== evidence.key) {
-    const state = beginning();
-    for (const message of page.messages) { if ((message.t ?? 0) > latest.t + 1e-9) break; apply(state, message); }
-    evidence = { key, state };
-  }
-  return evidence.state;
-}
+// The moment at which an ended run is opened: of one that failed, the failure. What moved afterwards explains nothing.
+const tellingMoment = (s) => (s.ended?.outcome === "failure" && s.failures.length ? s.failures.at(-1).t : s.t);
 
 // While a record is played the cursors move with every frame, and what is written and drawn follows a little less often.
 let written = 0, resting = 0;
@@ -96,16 +84,17 @@ async function drawInParts(began) {
 }
 
 function parts() {
-  const s = momentState(), live = page.live.whole, seen = evidenceState(s);
+  if (page.at !== null) wantDetail(page.at);
+  const s = momentState(), live = page.live.whole, { whole } = page;
   const { over } = page, other = over && momentOf(over, page.at ?? page.whole.t);
-  const follows = page.at !== null && seen === s; // what was measured after the shown moment is known, too
+  const follows = page.at !== null; // what was measured after the shown moment is known, too
   return [
     () => { drawHeader(s); drawTrust(live); drawControl(live); drawFaults(live); drawStart(); drawPlayback(); },
-    () => drawWhy(s), // before the rest, which takes the room that it leaves
-    () => tree.update(s),
-    () => camera.update(seen),
-    () => { drawOver(over, other); scene.update(seen, page.selected, other); },
-    () => plots.update(seen, seen === s ? page.at : seen.t, Math.max(page.whole.t, over?.whole.t ?? 0), other, follows ? [samplesOf(page.feed), over && samplesOf(over)] : null),
+    () => drawWhy(whole), // before the rest, which takes the room that it leaves
+    () => { tree.update(s); tree.explain(whole); },
+    () => camera.update(s, page.at === null && !page.recorded && !s.ended ? page.pictures : null),
+    () => { drawOver(over, other); scene.update(s, page.selected, other); },
+    () => plots.update(s, page.at, Math.max(page.whole.t, over?.whole.t ?? 0), other, follows ? [samplesOf(page.feed), over && samplesOf(over)] : null),
     () => { drawTables(s); drawNode(s, toggleBreak); drawPorts(s); drawLog(s); },
     () => timeline.draw(),
   ];
@@ -162,19 +151,21 @@ function receive(message, size) {
     Object.assign(page, { stream: message.stream, silent: null });
     if (!page.recorded) say("connected");
   } else if (message.event === "Control") { page.control = message; page.heardControl = performance.now(); }
+  else if (message.event === "Picture") page.pictures.set(message.device, { ...message, received: performance.now() });
   else if (message.event === "Silent") page.silent = message.seconds ? performance.now() - 1000 * message.seconds : null;
   else if (message.event === "Beat") {
     const now = performance.now();
     page.beat = { tick: message.tick, ages: message.ages ?? {}, received: now, moved: page.beat?.tick === message.tick ? page.beat.moved : now };
     if (live.whole.run && !live.whole.ended) live.whole.t = Math.max(live.whole.t, message.t);
   } else if (message.event !== "Lagged") {
-    if (message.event === "RunStarted") { forget(); page.beat = null; }
+    if (message.event === "RunStarted") { forget(); page.beat = null; page.pictures.clear(); }
     else if (message.seq <= live.whole.seq) return;
     page.live.messages.push(message);
     page.live.size += size;
     apply(page.live.whole, message);
     if (page.live.size > MOST_CHARACTERS) shorten(page.live);
     if (message.event === "RunEnded" && !$("runs-view").hidden) loadRuns();
+    if (message.event === "RunEnded" && !page.recorded && page.at === null && message.outcome === "failure") goTo(tellingMoment(live.whole));
   }
   page.dirty = true;
 }
@@ -193,7 +184,7 @@ async function openRecord(name, t) {
   $("download").href = withToken(recordAddress(name, "record"));
   const problem = await openOverview(name);
   if (page.recorded !== name) return;
-  page.at = Math.min(t ?? page.whole.t, page.whole.t);
+  page.at = Math.min(t ?? tellingMoment(page.whole), page.whole.t);
   if (problem) say(problem, "bad"); else say("recorded run");
   page.dirty = true;
 }

@@ -1,6 +1,6 @@
 // The control bar, the banner of the safe state, and the header: what is acknowledged, never what was clicked.
 import { $, h, put, seconds } from "./dom.js";
-import { holdsControl, page } from "./page.js";
+import { holdsControl, page, say } from "./page.js";
 import { isStale, link, press } from "./link.js";
 import { drawQuestions } from "./questions.js";
 
@@ -11,7 +11,18 @@ const OLD = 1; // seconds without a word from a device that look wrong
 $("who").value = localStorage.getItem("pomona-who") || "";
 $("who").addEventListener("change", (event) => localStorage.setItem("pomona-who", event.target.value));
 let shownPause = 0; // number of the pause on the screen: resume and step end this one
-for (const button of document.querySelectorAll("[data-action]")) button.addEventListener("click", (click) => { if (button.dataset.action !== "resume" || click.detail < 2) press(button.dataset.action, "", shownPause); });
+for (const button of document.querySelectorAll("[data-action]")) button.addEventListener("click", (click) => { if (button.dataset.action !== "resume" || click.detail < 2) act(button.dataset.action); });
+
+function act(action) {
+  if (action === "take") take(); else press(action, "", shownPause);
+}
+
+// Who acts is recorded: control is taken under a name.
+export function take() {
+  if ($("who").value.trim()) { press("take"); return; }
+  $("who").focus();
+  say("Type your name first: it is recorded with what you do.", "bad");
+}
 
 // The speed shown is the one that the run has confirmed; while a hand is on it, what that hand wants.
 let wanted = null;
@@ -47,15 +58,14 @@ export function drawControl(s) {
   $("holder").dataset.mine = mine;
   put($("viewers"), viewers > 1 ? `${viewers} watch.` : "");
   const last = s.acts.findLast((a) => a.action !== "note");
-  $("ack").hidden = !s.run;
-  put($("ack"), `${isStale() ? "Last known" : "Acknowledged"}: ${s.ended ? s.ended.outcome : s.state}${s.because && !s.ended ? ` (${wordsOf(s, s.because)})` : ""}${last ? ` · last: ${last.action.replaceAll("_", " ")} by ${last.who}` : ""}`);
+  put($("ack"), last ? `last: ${last.action.replaceAll("_", " ")} by ${last.who}` : "");
   const name = (path) => s.byPath.get(path)?.name ?? path;
   const breaks = [...[...s.breaks.before].map((path) => `before ${name(path)}`), ...[...s.breaks.after].map((path) => `after ${name(path)}`)];
   put($("breaks"), breaks.length ? `◉ Breakpoints: ${breaks.join(", ")}` : "");
-  $("latched").hidden = !s.safeStop;
+  $("latched").hidden = !s.safeStop || !live;
   put($("latched-reason"), s.safeStop ?? "");
-  put($("latched-rest"), s.safeStop ? restWords(s) : "");
-  put($("reset-hint"), !live ? "Go back to live to reset it." : mine ? "" : "Take control to reset it.");
+  const took = link.press?.action === "safe_stop" && link.press.state === "confirmed" ? `Confirmed after ${link.press.took.toFixed(0)} ms. ` : "";
+  put($("latched-rest"), s.safeStop ? took + restWords(s) : "");
 }
 
 // What is known of the devices after a safe stop: never more than they have said.
@@ -68,7 +78,7 @@ function restWords(s) {
 }
 
 // A pause at a breakpoint names the node's path; people know its name.
-function wordsOf(s, because) {
+export function wordsOf(s, because) {
   const [, side, path] = because.match(/^breakpoint (before|after) (.+)$/) ?? [];
   return side ? `breakpoint ${side} ${s.byPath.get(path)?.name ?? path}` : because;
 }
@@ -82,7 +92,8 @@ export function drawHeader(s) {
   $("run").parentElement.title = s.run ? `${s.run.run}\ntree ${s.run.tree_path} (${s.run.tree_hash})\ncell ${s.run.cell_path}` : "";
   const start = page.recorded ? null : page.control.start;
   const preparing = Boolean(start && !start.problem);
-  const state = preparing ? "preparing" : s.ended ? s.ended.outcome : s.state;
+  const ended = page.whole.ended; // an outcome is the whole run's, whatever moment is looked at
+  const state = preparing ? "preparing" : ended ? ended.outcome : s.state;
   const old = !page.recorded && isStale() && (s.run || preparing);
   if (preparing) {
     put($("kind"), KIND[start.cell_kind] ?? "CELL");
@@ -94,7 +105,7 @@ export function drawHeader(s) {
   $("state").dataset.state = old ? "old" : state;
   $("state").title = s.because;
   const still = page.beat && !page.recorded && !old && s.state === "running" && !s.ended ? (performance.now() - page.beat.moved) / 1000 : 0;
-  put($("clock"), `${(page.at ?? s.t).toFixed(1)} s${still > 3 ? ` · no tick for ${still.toFixed(0)} s` : ""}`);
+  put($("clock"), `${(page.at ?? s.t).toFixed(1)} s${ended && page.at !== null ? ` of ${page.whole.t.toFixed(1)} s` : ""}${still > 3 ? ` · no tick for ${still.toFixed(0)} s` : ""}`);
   $("clock").classList.toggle("stale", still > 3);
   drawLinks(s);
   document.title = s.run ? `${STATUS_WORD[state] ?? ""} ${s.run.tree} – Pomona` : "Pomona";

@@ -8,7 +8,7 @@ export function h(tag, attributes = {}, ...children) {
     else if (name === "class") element.className = value;
     else element.setAttribute(name, value === true ? "" : value);
   }
-  for (const child of children.flat()) {
+  for (const child of children.flat(Infinity)) {
     if (child === null || child === undefined || child === false) continue;
     element.append(child instanceof Node ? child : String(child));
   }
@@ -27,9 +27,27 @@ export function seconds(value) {
   return `${Math.floor(whole / 60)} min ${whole % 60} s`;
 }
 
+export const percent = (text) => text.replace(/(\d)%/g, "$1 %");
+
+const figure = (value, digits = 3) => String(Number(value.toPrecision(digits)));
+const UNIT = { // how a figure is told whose name ends in its unit
+  m: (v) => (Math.abs(v) < 1 ? `${figure(1e3 * v)} mm` : `${figure(v)} m`), mm: (v) => `${figure(v)} mm`, px: (v) => `${figure(v)} px`,
+  s: (v) => (v < 0 ? `${figure(v)} s` : seconds(v)), n: (v) => `${figure(v)} N`, nm: (v) => `${figure(v)} N m`, hz: (v) => `${figure(v)} Hz`,
+  kg: (v) => (Math.abs(v) < 1 ? `${figure(1e3 * v)} g` : `${figure(v)} kg`), rad: (v) => `${figure((v * 180) / Math.PI)}°`, deg: (v) => `${figure(v)}°`,
+  m_s: (v) => `${figure(1e3 * v)} mm/s`, rad_s: (v) => `${figure((v * 180) / Math.PI)}°/s`, m_s2: (v) => `${figure(v)} m/s²`,
+};
+
+// A named value for people: ["width", "79.7 mm"] of width_m and 0.07974.
+export function quantity(name, value, depth = 0) {
+  const [, bare, unit] = name.match(/^(.+?)_(m_s2|m_s|rad_s|mm|nm|px|hz|kg|rad|deg|m|s|n)$/) ?? [];
+  const told = (v) => (typeof v === "number" ? UNIT[unit](v) : v === null ? "–" : null);
+  const text = !unit ? null : Array.isArray(value) ? (value.length < 8 && value.every((v) => told(v)) ? value.map(told).join(", ") : null) : told(value);
+  return text === null ? [name.replaceAll("_", " "), show(value, depth)] : [bare.replaceAll("_", " "), text];
+}
+
 export function show(value, depth = 0) {
   if (value === null || value === undefined) return "–";
-  if (typeof value === "number") return Number.isInteger(value) ? String(value) : String(Number(value.toPrecision(5)));
+  if (typeof value === "number") return Number.isInteger(value) ? String(value) : figure(value, 5);
   if (Array.isArray(value)) {
     const inner = value.slice(0, 16).map((v) => show(v, depth + 1)).join(", ");
     return `[${inner}${value.length > 16 ? ", …" : ""}]`;
@@ -37,7 +55,7 @@ export function show(value, depth = 0) {
   if (typeof value === "object") {
     if (value.array) return value.array;
     const entries = Object.entries(value).filter(([k]) => k !== "type");
-    const inner = entries.map(([k, v]) => `${k}: ${depth > 1 ? "…" : show(v, depth + 1)}`).join("\n");
+    const inner = entries.map(([k, v]) => (depth > 1 ? `${k}: …` : quantity(k, v, depth + 1).join(": "))).join("\n");
     return (value.type ? `${value.type}\n` : "") + inner;
   }
   return String(value);

@@ -44,7 +44,7 @@ function lost(code) {
   if (code === 4408) page.stream = "";
   Object.assign(link, { socket: null, armed: null });
   const blocked = link.knownAt === null && (code === 1006 || !code) && (refused += 1) > 2; // the page came through, the stream does not
-  say(blocked ? "no live stream: does a proxy in between pass WebSockets?" : code === 4429 ? "too many watch already" : `connection lost; what you see is ${page.live.whole.run ? "old" : "nothing"}`, "bad");
+  say(blocked ? "no live stream: does a proxy in between pass WebSockets?" : code === 4429 ? "too many watch already" : `connection lost; ${page.live.whole.run ? "what is shown is old" : "no data"}`, "bad");
   page.dirty = true;
   setTimeout(connect, retry);
   retry = Math.min(1500, retry * 2);
@@ -62,7 +62,7 @@ function take(message, size) {
     for (const key of pings.keys()) if (key <= message.ping) pings.delete(key);
     if (isStale()) page.dirty = true;
     Object.assign(link, { known: asked.at, knownAt: asked.wall, clock: message.now - performance.now() / 1000 });
-    if (!page.recorded && document.getElementById("connection").textContent.match(/^conn|^no (answer|live)/)) say("connected");
+    if (document.getElementById("connection").textContent.match(/^conn|^no (answer|live)/)) say(page.recorded ? "recorded run" : "connected");
   } else if (message.event === "Armed") { link.armed = message.armed; page.dirty = true; }
   else if (message.event === "Pressed") answered(message.press, message);
   else {

@@ -1,8 +1,10 @@
 // Words about the run: why something failed, what a node does, what was written, what happened.
-import { $, h, seconds, show } from "./dom.js";
+import { $, h, percent, quantity, seconds, show } from "./dom.js";
+import { wordsOf } from "./control.js";
 import { press } from "./link.js";
 import { holdsControl, page } from "./page.js";
-import { lastResult, leavesOf, standing, STATUS } from "./store.js";
+import { drawSteps } from "./steps.js";
+import { lastResult, leavesOf, resolved, standing, STATUS } from "./store.js";
 
 let goTo = () => {};
 export function onMoment(handler) { goTo = handler; }
@@ -10,57 +12,81 @@ export function onMoment(handler) { goTo = handler; }
 const moment = (t) => h("button", { class: "moment", title: "Show this moment", onclick: () => goTo(t) }, seconds(t));
 const ago = (s, t) => `${seconds(Math.max(0, s.t - t))} ago`;
 
+const figures = (facts) => (facts.length ? h("dl", { class: "data" }, facts.map(([name, value]) => quantity(name, value)).map(([name, text]) => h("div", {}, h("dt", {}, name), h("dd", {}, text)))) : null);
+
 // Parents that say no more than their only cause are crumbs on the way to it.
 function reasonTree(reason, s, crumbs = []) {
   const name = s.byPath.get(reason.node_path)?.name ?? reason.node_path;
   const causes = reason.causes ?? [];
   if (causes.length === 1 && causes[0].code === reason.code && reason.message.includes(causes[0].message)) return reasonTree(causes[0], s, [...crumbs, name]);
-  const facts = Object.entries(reason.data ?? {});
   return h("li", { class: "said" },
     crumbs.length ? h("span", { class: "crumbs" }, crumbs.filter(Boolean).map((crumb) => `${crumb} › `)) : null,
     h("strong", {}, name || "run"), " ", h("code", {}, reason.code), ` ${reason.message} `,
-    facts.length ? h("dl", { class: "data" }, facts.map(([k, v]) => h("div", {}, h("dt", {}, k.replaceAll("_", " ")), h("dd", {}, show(v))))) : null,
+    figures(Object.entries(reason.data ?? {})),
     causes.length ? h("ol", {}, reasonTree(causes.at(-1), s)) : null,
     causes.length > 1 ? h("details", {}, h("summary", {}, causes.length === 2 ? "The cause before it" : `The ${causes.length - 1} causes before it`), h("ol", {}, causes.slice(0, -1).map((cause) => reasonTree(cause, s)))) : null);
 }
 
 const MOST_FACTS = 8; // that stand beside the reason; the others are among the causes
+const ENDED = { success: ["good", "✓ Succeeded"], failure: ["bad", "✗ Failed"], stopped: ["bad", "■ Stopped"], error: ["bad", "■ Broke off"] };
 
 // One sentence: what failed at last, and why. What led to it unfolds.
 function verdict(leaf, s) {
-  const facts = Object.entries(leaf.data ?? {}).slice(0, MOST_FACTS);
   const words = leaf.message.replace(/[.\s]*$/, "");
   return [h("strong", {}, s.byPath.get(leaf.node_path)?.name ?? (leaf.node_path || "The run")), " ", h("code", {}, leaf.code), ` ${words}.`,
-    facts.length ? h("dl", { class: "data" }, facts.map(([k, v]) => h("div", {}, h("dt", {}, k.replaceAll("_", " ")), h("dd", {}, show(v))))) : null];
+    figures(Object.entries(leaf.data ?? {}).slice(0, MOST_FACTS))];
 }
 
+// The run's state, its reason, the next step: always those of the whole run, whatever moment is looked at.
 let whyKey = "";
 export function drawWhy(s) {
+  drawSteps(s);
   const latest = s.failures.at(-1);
-  const chain = s.ended?.reason ?? latest?.reason ?? null;
-  const key = `${s.run?.run}|${s.failures.length}|${latest?.t}|${latest?.next}|${s.ended?.outcome}`;
+  const doing = s.ended ? "" : s.nodes.filter((node) => s.byPath.get(node.path).leaf && s.node.get(node.path)?.status === "RUNNING").map((node) => `${node.name} ${percent(s.node.get(node.path).feedback)}`.trim()).join(", ");
+  const { progress } = s;
+  const key = `${progress?.number}|${progress?.of}|${s.run?.run}|${s.failures.length}|${latest?.t}|${latest?.next}|${s.ended?.outcome}|${s.state}|${s.because}|${s.hand}|${doing}`;
   if (key === whyKey) return;
   whyKey = key;
-  const failed = Boolean(s.ended && s.ended.outcome !== "success");
-  document.body.classList.toggle("failed", failed);
-  if (!chain) { $("why").replaceChildren(h("p", { class: s.ended ? "good" : "muted" }, s.ended ? "✓ The task succeeded; nothing failed on the way." : s.run ? "Nothing has failed so far." : "No run yet. Press Runs to start one, or to open a recorded one.")); return; }
-  const leaves = leavesOf(chain), leaf = leaves.at(-1);
-  const name = (path) => s.byPath.get(path)?.name ?? path;
-  const lead = failed ? h("b", { class: "bad" }, `✗ The run ended: ${s.ended.outcome}. `) : s.ended ? [h("b", { class: "good" }, "✓ The task succeeded"), ` after ${s.failures.length} failure${s.failures.length === 1 ? "" : "s"} on the way. The latest: `] : null;
-  const after = latest?.next ? [". Then the tree went on with ", h("strong", {}, name(latest.next)), "."] : s.ended ? ". Then the run ended." : ".";
-  const same = leaves.length === 1 && !chain.causes?.length;
-  $("why").replaceChildren(...[
-    h("div", { class: "verdict" }, lead, verdict(leaf, s)),
-    latest ? h("p", { class: "muted" }, "At ", moment(latest.t), after, failed && s.ended.t - latest.t >= 0.1 ? " Camera, scene and curves show that moment." : "") : null,
-    same && leaf.message.length < 400 && Object.keys(leaf.data ?? {}).length <= MOST_FACTS ? null : h("details", {}, h("summary", {}, leaves.length === 1 ? "How it came to this" : `How it came to this: ${leaves.length} causes`), h("ol", { class: "chain" }, reasonTree(chain, s))),
-    s.failures.length > 1 ? h("details", {}, h("summary", {}, `All ${s.failures.length} failures`), h("ol", { class: "history" }, s.failures.slice(-100).map((f) => h("li", {}, moment(f.t), h("span", {}, h("b", {}, name(f.path)), " ", leavesOf(f.reason).map((l) => `${l.code} ${l.message}`).join("; ")))))) : null,
-  ].filter(Boolean));
+  document.body.classList.toggle("failed", Boolean(s.ended && s.ended.outcome !== "success"));
+  $("why-bar").dataset.rank = s.ended ? ENDED[s.ended.outcome]?.[0] ?? "bad" : s.state === "running" ? "busy" : s.state === "idle" ? "" : "warn";
+  $("why").replaceChildren(...(s.ended ? endedWords(s, latest) : goingWords(s, doing, latest)).filter(Boolean));
 }
 
-function written(s, wired) {
-  const name = String(wired).match(/^\{\s*([A-Za-z_]\w*)/)?.[1];
+const progressOf = ({ progress }) => (progress ? `${progress.what} ${progress.number} of ${progress.of} · ` : "");
+
+function goingWords(s, doing, latest) {
+  if (!s.run) return [h("p", {}, "No run yet. Start one, or open a recorded one, under Runs.")];
+  const state = s.state === "running" ? "▶ " : s.state === "paused" ? "❚❚ Paused, at rest" : `❚❚ ${s.state}`;
+  return [h("div", { class: "verdict" }, h("b", {}, state), s.state !== "running" && s.progress ? ` ${progressOf(s)}` : "", s.state === "running" ? h("b", { class: "doing" }, progressOf(s), doing || "between two nodes") : s.because && s.because !== "at rest" ? ` ${wordsOf(s, s.because)}` : ""),
+    latest ? h("p", { class: "muted" }, "Failed on the way: ", moment(latest.t), " ", leavesOf(latest.reason).map((leaf) => `${s.byPath.get(leaf.node_path)?.name ?? ""} ${leaf.code}`).at(-1), latest.next ? [", then ", s.byPath.get(latest.next)?.name ?? latest.next] : "") : null];
+}
+
+function endedWords(s, latest) {
+  const [rank, state] = ENDED[s.ended.outcome] ?? ["bad", s.ended.outcome];
+  const chain = s.ended.reason ?? latest?.reason ?? null, failed = s.ended.outcome !== "success";
+  const name = (path) => s.byPath.get(path)?.name ?? path;
+  const hand = s.hand && failed ? h("p", {}, h("b", {}, "In the hand: "), s.hand) : null;
+  if (!chain) return [h("div", { class: "verdict" }, h("b", { class: rank }, state), failed ? "." : " after ", failed ? "" : seconds(s.ended.t), failed ? "" : "; nothing failed on the way."), hand];
+  const leaves = leavesOf(chain), leaf = leaves.at(-1);
+  const lead = [h("b", { class: rank }, state), failed && s.ended.outcome === "failure" && latest ? [" at ", moment(latest.t), ": "] : failed ? ": " : ` after ${s.failures.length} failure${s.failures.length === 1 ? "" : "s"} on the way. The latest: `];
+  const same = leaves.length === 1 && !chain.causes?.length;
+  return [
+    h("div", { class: "verdict" }, lead, verdict(leaf, s)),
+    !failed && latest?.next ? h("p", { class: "muted" }, "At ", moment(latest.t), ". Then the tree went on with ", h("strong", {}, name(latest.next)), ".") : null,
+    hand,
+    same && leaf.message.length < 400 && Object.keys(leaf.data ?? {}).length <= MOST_FACTS ? null : h("details", {}, h("summary", {}, leaves.length === 1 ? "How it came to this" : `How it came to this: ${leaves.length} causes`), h("ol", { class: "chain" }, reasonTree(chain, s))),
+    s.failures.length > 1 ? h("details", {}, h("summary", {}, `All ${s.failures.length} failures`), h("ol", { class: "history" }, s.failures.slice(-100).map((f) => h("li", {}, moment(f.t), h("span", {}, h("b", {}, name(f.path)), " ", leavesOf(f.reason).map((l) => `${l.code} ${l.message}`).join("; ")))))) : null,
+  ];
+}
+
+// What stands at a port now, and below it how it is wired.
+function wiring(s, port, wired) {
+  const text = String(wired), plain = resolved(text, s);
+  const name = text.match(/^\{\s*([A-Za-z_]\w*)/)?.[1];
   const entry = name && [...s.ports].findLast(([key]) => key.endsWith(`/${name}`))?.[1];
-  return entry ? h("span", { class: "muted" }, `${entry.sentence || brief(entry.value)} · ${ago(s, entry.t)}`) : null;
+  const value = entry ? entry.sentence || brief(entry.value) : plain;
+  const from = [value === text ? "" : text, entry ? ago(s, entry.t) : ""].filter(Boolean).join(" · ");
+  return [h("dt", {}, port), h("dd", {}, value, from ? h("span", { class: "muted" }, from) : null)];
 }
 
 const brief = (value) => (typeof value === "object" && value?.type ? value.type : plain(show(value)).replaceAll("\n", ", ").slice(0, 100));
@@ -90,14 +116,14 @@ export function drawNode(s, onBreak) {
   const { icon, words, rank } = standing(node), last = lastResult(node);
   const { line: from, end_line: to } = about;
   const source = from && s.run.tree_text ? s.run.tree_text.split("\n").slice(from - 1, Math.min(to ?? from, from + 14)).map((text, i) => `${String(from + i).padStart(3)}  ${text}`).join("\n").trimEnd() : "";
-  const wires = (title, ports) => (Object.keys(ports ?? {}).length ? [h("h3", {}, title), h("dl", { class: "wires" }, Object.entries(ports).flatMap(([port, wired]) => [h("dt", {}, port), h("dd", {}, String(wired), written(s, wired))]))] : []);
+  const wires = (title, ports) => (Object.keys(ports ?? {}).length ? [h("h3", {}, title), h("dl", { class: "wires" }, Object.entries(ports).flatMap(([port, wired]) => wiring(s, port, wired)))] : []);
   const breakButton = (side, set, key) => h("button", { "aria-pressed": set, onclick: () => onBreak(path, side) }, `${set ? "◉" : "○"} Break ${side} (${key})`);
   $("node").replaceChildren(...[
     h("p", { class: "about" }, h("strong", {}, about.name), ` ${about.type === about.name ? about.kind : about.type} `, h("span", { class: "muted" }, path)),
     about.description || about.comment ? h("p", {}, about.description || about.comment) : null,
-    h("div", { class: `status ${rank}` }, h("b", {}, `${icon} ${words}`), h("span", {}, [node?.feedback, last ? ago(s, last.t) : "", node?.starts ? `started ${node.starts}×` : ""].filter(Boolean).join(" · "))),
+    h("div", { class: `status ${rank}` }, h("b", {}, `${icon} ${words}`), h("span", {}, [percent(node?.feedback ?? ""), last ? ago(s, last.t) : "", node?.starts ? `started ${node.starts}×` : ""].filter(Boolean).join(" · "))),
     page.recorded ? null : h("div", { class: "group joined", role: "group", "aria-label": "breakpoints of this node" }, breakButton("before", before, "b"), breakButton("after", after, "a")),
-    ...wires("Reads", about.inputs), ...changed(s, about), ...wires("Writes", about.outputs),
+    ...wires("Settings", about.settings), ...wires("Reads", about.inputs), ...changed(s, about), ...wires("Writes", about.outputs),
     ...(node?.history.length ? [h("h3", {}, "Last results"), h("ol", { class: "history" }, node.history.slice(-8).reverse().map((e) => h("li", {}, moment(e.t), h("span", { class: e.status === "FAILURE" ? "bad" : "" }, `${STATUS[e.status].icon} ${STATUS[e.status].word}`, e.reason ? ` ${e.reason.code}: ${e.reason.message}` : ""))))] : []),
     ...(source ? [h("h3", {}, "In the tree's file"), h("pre", {}, source)] : [])].filter(Boolean));
 }
@@ -123,10 +149,14 @@ function compact(value) {
 let logKey = "";
 export function drawLog(s) {
   if ($("log").hidden) return;
-  const key = `${s.run?.run}|${s.marks.length}|${s.marks.at(-1)?.t}`;
+  const key = `${s.run?.run}|${s.marks.length}|${s.marks.at(-1)?.t}|${s.spans.length}|${s.spans.at(-1)?.end}`;
   if (key === logKey) return;
   logKey = key;
-  if (!s.marks.length) { $("log").replaceChildren(h("p", { class: "empty" }, "Nothing has happened yet.")); return; }
-  const icon = { failure: "✗", bad: "✗", good: "✓", act: "◆", state: "▼" };
-  $("log").replaceChildren(h("ol", { class: "events" }, s.marks.slice(-200).reverse().map((m) => h("li", {}, moment(m.t), h("span", { class: m.kind === "bad" || m.kind === "failure" ? "bad" : "" }, `${icon[m.kind]} ${m.text}`)))));
+  const name = (path) => s.byPath.get(path)?.name ?? path;
+  const turns = s.spans.slice(-200).flatMap((span) => [{ t: span.start, icon: "▶", text: name(span.path) }, ...(span.end === null || span.status === "FAILURE" || span.halted ? [] : [{ t: span.end, icon: STATUS[span.status].icon, text: `${name(span.path)} ${STATUS[span.status].word}, ${seconds(span.end - span.start)}` }])]);
+  const events = [...s.marks.slice(-200).map((m) => ({ t: m.t, icon: ICON[m.kind], text: m.text, bad: m.kind === "bad" || m.kind === "failure" })), ...turns].sort((a, b) => b.t - a.t).slice(0, 300);
+  if (!events.length) { $("log").replaceChildren(h("p", { class: "empty" }, "Nothing has happened yet.")); return; }
+  $("log").replaceChildren(h("ol", { class: "events" }, events.map((e) => h("li", {}, moment(e.t), h("span", { class: e.bad ? "bad" : "" }, `${e.icon} ${e.text}`)))));
 }
+
+const ICON = { failure: "✗", bad: "✗", good: "✓", act: "◆", state: "▼" };

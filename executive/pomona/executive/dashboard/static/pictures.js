@@ -15,19 +15,23 @@ const svgElement = (tag, attributes) => {
 export class CameraView {
   constructor() { this.key = null; this.at = null; }
 
-  update(state) {
-    const views = [...state.images.entries()];
-    const key = `${state.run?.run}|${views.map(([topic, v]) => `${topic}@${v.t}`).join("|")}`;
+  // `pictures`: what cameras show now, where the cell delivers it; the last look is then a small picture in a corner.
+  update(state, pictures = null) {
+    const views = [...state.images.entries()], live = [...pictures?.values() ?? []].at(-1) ?? null;
+    const key = `${state.run?.run}|${views.map(([topic, v]) => `${topic}@${v.t}`).join("|")}|${Boolean(live)}`;
     if (key !== this.key) {
       this.key = key;
-      this.draw(views);
+      this.draw(views, live);
     }
-    showAge($("camera-age"), this.at, state);
+    if (live && this.live) { this.live.src = live.image; put($("camera-age"), `live · ${live.device}${this.at === null ? "" : `; last look ${seconds(Math.max(0, state.t - this.at))} ago`}`); }
+    else showAge($("camera-age"), this.at, state);
   }
 
-  draw(views) {
+  draw(views, live) {
+    this.live = live ? h("img", { class: "live", alt: `what ${live.device} shows now` }) : null;
     const base = views.filter(([, v]) => v.image).sort(([, a], [, b]) => a.t - b.t).at(-1)?.[1];
     this.at = base ? base.t : null;
+    if (!base && live) { $("camera").replaceChildren(h("div", { class: "picture" }, this.live)); return; }
     if (!base) { $("camera").replaceChildren(h("p", { class: "empty" }, "No image yet")); return; }
     const [w, ht] = base.size;
     const svg = svgElement("svg", { viewBox: `0 0 ${w} ${ht}` });
@@ -45,7 +49,8 @@ export class CameraView {
     }
     const captions = views.map(([, v]) => v.caption).filter(Boolean).join(" · ");
     const source = base.image.startsWith("/api/") ? withToken(base.image).href : base.image;
-    $("camera").replaceChildren(h("div", { class: "picture" }, h("img", { src: source, alt: `camera image. ${captions}` }), svg), h("p", { class: "caption", title: captions }, captions));
+    const look = [h("img", { src: source, alt: `camera image. ${captions}` }), svg];
+    $("camera").replaceChildren(h("div", { class: "picture" }, live ? [this.live, h("div", { class: "inset" }, look)] : look), h("p", { class: "caption", title: captions }, captions));
   }
 }
 
@@ -64,7 +69,7 @@ export function showAge(element, t, state) {
 const FINER = { m: ["mm", 1e3], "m/s": ["mm/s", 1e3], "m/s²": ["mm/s²", 1e3] }; // what a hand does is small
 const figure = (v) => (v === null || v === undefined ? "–" : Math.abs(v) < 5e-4 ? "0" : String(Number(v.toPrecision(3))));
 const unitOf = (name) => name.match(/\[(.+)\]/)?.[1] ?? "";
-const HEIGHT = innerHeight < 800 ? 108 : 132;
+const HEIGHT = innerHeight <= 800 ? 96 : 132;
 const DASHES = [undefined, [8, 3], [3, 3], [10, 3, 2, 3]];
 
 // One chart for each unit of each topic: quantities of different units share no axis. At a moment of a record a page of

@@ -4,7 +4,6 @@ import { apply } from "./store.js";
 
 const AROUND = 20; // seconds of a long record that are read on each side of a moment
 const MARGIN = 6; // of these, what must be left ahead before more is read
-const TOGETHER = 120; // seconds between two moments that are still read as one stretch
 const SLICE = 4; // ms for which a record is parsed before the page may draw again
 
 export const recordAddress = (run, what) => `/api/runs/${encodeURIComponent(run)}/${what}`;
@@ -66,13 +65,13 @@ function upTo(messages, at) {
   return index < 0 ? messages.length : index;
 }
 
-// Of a long record: everything around this moment, and up to a later one that is shown beside it, once it has been read.
-export async function wantDetail(t, later = t) {
+// Of a long record: everything around this moment, once it has been read.
+export async function wantDetail(t) {
   const { overview, recorded, feed } = page;
   if (!overview || overview.reading) return;
-  const { detail } = overview, until = later - t > TOGETHER ? t : later;
-  if (detail && t >= detail[0] && (until <= detail[1] - MARGIN || detail[1] >= page.whole.t)) return;
-  const begin = Math.floor(Math.max(0, t - AROUND) / overview.interval) * overview.interval, end = until + AROUND;
+  const { detail } = overview;
+  if (detail && t >= detail[0] && (t <= detail[1] - MARGIN || detail[1] >= page.whole.t)) return;
+  const begin = Math.floor(Math.max(0, t - AROUND) / overview.interval) * overview.interval, end = t + AROUND;
   overview.reading = [begin, end];
   const inside = [];
   try { await readRecord(recorded, (message) => inside.push(message), `?standing&begin=${begin}&end=${end}`); } catch { overview.reading = null; return; }

@@ -35,18 +35,26 @@ function drawRuns() {
   const wanted = $("runs-filter").value.toLowerCase().split(/\s+/).filter(Boolean);
   const text = (r) => [r.run, r.outcome ?? r.state, r.tree, r.tree_hash, r.cell, r.cell_kind, `seed ${r.seed}`, r.code, r.message].join(" ").toLowerCase();
   const rows = runs.filter((r) => wanted.every((word) => text(r).includes(word)));
+  const told = (r) => Object.entries(r.settings ?? {}).map(([name, value]) => `${name} ${value}`).join(", ");
   const row = (r) => h("tr", {},
     h("td", {}, h("input", { type: "checkbox", "aria-label": `compare ${r.run}`, checked: chosen.has(r.run), onchange: (e) => { if (e.target.checked) chosen.add(r.run); else chosen.delete(r.run); mayCompare(); } })),
     h("td", { class: r.outcome === "success" ? "good" : "bad" }, `${STATUS_WORD[r.outcome] ?? "?"} ${r.outcome ?? r.state}`),
-    h("td", {}, h("button", { class: "moment open-run", onclick: () => { location.hash = `run=${encodeURIComponent(r.run)}`; showRuns(false); } }, r.run)),
-    h("td", {}, r.tree ?? "", " ", h("span", { class: "muted" }, (r.tree_hash ?? "").slice(0, 8))),
-    h("td", {}, `${r.cell ?? ""} `, h("span", { class: "muted" }, r.cell_kind && r.cell_kind !== r.cell ? r.cell_kind : "")), h("td", { class: "number" }, r.seed ?? ""),
+    h("td", { class: "when", title: r.run }, h("button", { class: "moment open-run", "aria-label": r.run, onclick: () => { location.hash = `run=${encodeURIComponent(r.run)}`; showRuns(false); } }, whenOf(r)[1])),
+    h("td", {}, r.tree ?? ""),
+    h("td", {}, `${r.cell ?? ""}`), h("td", { class: "number" }, r.seed ?? ""), h("td", { class: "words settings" }, told(r)),
     h("td", { class: "number" }, typeof r.time === "number" ? seconds(r.time) : ""), h("td", { class: "words" }, r.code ? h("code", {}, r.code) : "", ` ${r.message ?? ""}`),
     h("td", { class: "number" }, h("a", { href: withToken(recordAddress(r.run, "record")), title: "Download the record" }, `${(r.bytes / 1e6).toFixed(1)} MB`)));
   $("runs-count").textContent = `${rows.length} of ${runs.length}`;
-  $("runs").replaceChildren(h("table", {}, h("thead", {}, h("tr", {}, ["⇄", "outcome", "run", "tree", "cell", "seed", "duration", "why", "record"].map((c) => h("th", { title: c === "⇄" ? "choose two to compare" : null }, c)))), h("tbody", {}, rows.slice(0, 300).map(row))));
+  const days = Map.groupBy(rows.slice(0, 300), (r) => whenOf(r)[0]);
+  $("runs").replaceChildren(h("table", {}, h("thead", {}, h("tr", {}, ["⇄", "outcome", "when", "tree", "cell", "seed", "settings", "took", "why", "record"].map((c) => h("th", { title: c === "⇄" ? "choose two to compare" : null }, c)))), h("tbody", {}, [...days].flatMap(([day, some]) => [day ? h("tr", { class: "day" }, h("th", { colspan: 10, scope: "rowgroup" }, day)) : null, ...some.map(row)]))));
   if (!$("statistics").hidden) drawStatistics(rows, $("runs-filter"));
   mayCompare();
+}
+
+// Day and time of a run: its name begins with them; another name stands for itself.
+function whenOf(r) {
+  const [, day, time] = /^(\d{4}-\d\d-\d\d)_(\d\d-\d\d-\d\d)/.exec(r.run) ?? [];
+  return time ? [day, time.replaceAll("-", ":")] : ["", r.run];
 }
 
 function mayCompare() { $("compare").disabled = chosen.size !== 2; }
@@ -108,40 +116,73 @@ async function loadChoices() {
   drawStart();
 }
 
+// Four fields are in sight; parameters and options are folded, each with its help, and say below what is wrong.
 function drawFields() {
   const tree = choices.trees.find((c) => c.name === $("start-tree").value);
   const cell = choices.cells.find((c) => c.name === $("start-cell").value);
-  const field = (name, type, fallback, hint, values) => h("label", { class: "field", title: hint || null }, h("span", {}, name, type ? h("small", {}, ` ${type}`) : null),
-    values?.length ? h("select", { "data-setting": name, "data-default": fallback }, values.map((v) => h("option", { selected: v === fallback }, v))) : h("input", { "data-setting": name, "data-default": fallback, value: fallback, maxlength: 200 }));
   $("start-about").textContent = tree?.problem ?? tree?.description ?? "";
-  const group = (title, fields) => (fields.length ? [h("h3", {}, title), h("div", { class: "fields" }, fields)] : []);
-  $("start-fields").replaceChildren(
-    ...group("Parameters of the tree", (tree?.parameters ?? []).map((p) => field(p.name, p.type, p.default, p.help, p.choices))),
-    ...group("Options of the cell", (cell?.options ?? []).map((o) => field(o.name, "", o.default, ""))));
+  $("start-fields").replaceChildren(...[
+    group("Parameters of the tree", tree?.parameters ?? []), group("Options of the cell", cell?.options ?? []),
+  ].filter(Boolean));
   $("start-kind").textContent = cell?.kind ? `on a ${cell.kind.toUpperCase()} cell` : "";
+  judge();
+}
+
+function group(title, fields) {
+  if (!fields.length) return null;
+  const range = (p) => [p.min ? `from ${p.min}` : "", p.max ? `to ${p.max}` : ""].filter(Boolean).join(" ");
+  return h("details", { class: "more-fields" }, h("summary", {}, title, " ", h("span", { class: "changes" })), fields.map((p) => h("label", { class: "field setting" }, h("span", {}, p.name, " ", h("small", {}, [p.type, range(p)].filter(Boolean).join(" "))),
+    p.choices?.length ? h("select", { "data-setting": p.name, "data-default": p.default }, p.choices.map((v) => h("option", { selected: v === p.default }, v))) : h("input", { "data-setting": p.name, "data-default": p.default, value: p.default, maxlength: 200, autocomplete: "off" }),
+    h("span", { class: "help" }, p.help || ""), h("span", { class: "wrong", role: "alert" }))));
+}
+
+const changedFields = () => [...$("start-fields").querySelectorAll("[data-setting]")].filter((input) => input.value !== input.dataset.default);
+const settingsNow = () => Object.fromEntries(changedFields().map((input) => [input.dataset.setting, input.value]));
+
+// While it is typed the run's process judges what differs from the defaults, as it would at the start.
+let asked = 0, problems = {};
+async function judge() {
+  const number = ++asked, settings = settingsNow(), form = { tree: $("start-tree").value, cell: $("start-cell").value, settings };
+  for (const details of $("start-fields").querySelectorAll("details")) { const n = changedFields().filter((input) => details.contains(input)).length; details.querySelector(".changes").textContent = n ? `${n} changed` : ""; }
+  await new Promise((done) => { setTimeout(done, 300); });
+  if (number !== asked) return;
+  const answer = Object.keys(settings).length && page.token ? await post("/api/judge", form, 20000) : { problems: {} };
+  if (number !== asked) return;
+  problems = answer.problems ?? {};
+  for (const input of $("start-fields").querySelectorAll("[data-setting]")) {
+    const problem = problems[input.dataset.setting] ?? "";
+    input.setAttribute("aria-invalid", Boolean(problem));
+    input.parentElement.querySelector(".wrong").textContent = problem;
+    if (problem) input.closest("details").open = true;
+  }
+  drawStart();
 }
 
 for (const id of ["start-tree", "start-cell"]) $(id).addEventListener("change", drawFields);
+$("start-fields").addEventListener("input", judge);
 $("start-form").addEventListener("submit", async (event) => {
   event.preventDefault();
-  const settings = {};
-  for (const input of $("start-fields").querySelectorAll("[data-setting]")) if (input.value !== input.dataset.default) settings[input.dataset.setting] = input.value;
+  await startRun({ tree: $("start-tree").value, cell: $("start-cell").value, seed: Number($("start-seed").value), pace: $("start-pace").value, speed: $("start-speed").value, dry: $("start-dry").checked, after_cut: $("start-after-cut").value, settings: settingsNow() });
+});
+
+// Ask for a run; the page goes to it once it is being prepared.
+export async function startRun(form) {
   say("starting …");
   starting = true;
   drawStart();
-  const answer = page.token ? await post("/api/start", { tree: $("start-tree").value, cell: $("start-cell").value, seed: Number($("start-seed").value), pace: $("start-pace").value, speed: $("start-speed").value, dry: $("start-dry").checked, after_cut: $("start-after-cut").value, settings }) : { error: "this page may watch but not act: open the link that was printed" };
+  const answer = page.token ? await post("/api/start", form) : { error: "this page may watch but not act: open the link that was printed" };
   starting = false;
   drawStart();
   if (answer.error) { say(answer.error, "bad"); return; }
   say("connected");
   if (page.recorded) location.hash = "";
   showRuns(false);
-});
+}
 
 export function drawStart() {
   const { starts } = page.control;
   $("start-panel").hidden = !starts;
-  const why = !holdsControl() ? "Take control to start a run." : page.control.start && !page.control.start.problem ? "A run is being prepared." : page.live.whole.run && !page.live.whole.ended ? "A run is going on." : page.live.whole.safeStop ? "Reset the safe state first." : unread;
+  const why = !holdsControl() ? "Take control to start a run." : page.control.start && !page.control.start.problem ? "A run is being prepared." : page.live.whole.run && !page.live.whole.ended ? "A run is going on." : page.live.whole.safeStop ? "Reset the safe state first." : Object.keys(problems).length ? `${Object.keys(problems).join(", ")} cannot be used.` : unread;
   $("start-button").disabled = starting || Boolean(why);
   $("start-hint").textContent = why;
 }

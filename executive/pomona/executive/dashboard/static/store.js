@@ -19,7 +19,7 @@ export function emptyState() {
     t: 0, tick: 0, seq: 0, run: null, nodes: [], byPath: new Map(), state: "idle", because: "", pause: 0,
     node: new Map(), attempts: new Map(), ports: new Map(), images: new Map(), scenes: new Map(),
     series: new Map(), tables: new Map(), bodies: new Map(), poses: new Map(), spans: [], marks: [], links: new Map(), failures: [], acts: [], ended: null,
-    safeStop: null, halted: false, unrest: "", hand: null, speed: 1, gap: 1.5, breaks: { before: new Set(), after: new Set() }, changes: new Map(),
+    safeStop: null, halted: false, unrest: "", hand: null, progress: null, speed: 1, gap: 1.5, breaks: { before: new Set(), after: new Set() }, changes: new Map(),
   };
 }
 
@@ -99,6 +99,7 @@ const HANDLERS = {
     const type = m.value?.type;
     if (type === "ImageView") s.images.set(m.topic, { ...m.value, t: m.t, node: m.node });
     else if (type === "SceneView") s.scenes.set(m.topic, { ...m.value, t: m.t, node: m.node });
+    else if (type === "ProgressView") s.progress = m.value;
     else if (type === "TableView") s.tables.set(m.topic, m.value);
     else if (type === "BodiesView") s.bodies.set(m.topic, m.value.bodies);
     else if (type === "PosesView") {
@@ -204,6 +205,9 @@ function note(have, from, to) {
 export function leavesOf(reason) {
   return reason.causes?.length ? reason.causes.flatMap(leavesOf) : [reason];
 }
+
+// A setting or an input as it is written, with the values of the tree's parameters in it.
+export const resolved = (text, s) => String(text).replace(/\{\s*([A-Za-z_]\w*)\s*\}/g, (whole, name) => s.run?.parameter_texts?.[name] ?? s.run?.parameters?.[name] ?? whole);
 
 // The last result of a node that is idle again, or null.
 export function lastResult(node) {

@@ -2,11 +2,28 @@
 import { $, put, seconds } from "./dom.js";
 import { page } from "./page.js";
 
-const MOST_LANES = 60; // those that ran last
+const MOST_LANES = 60;
+const INSTANT = 0.001; // seconds below which a skill takes no lane of its own
 const LEFT = 150, RIGHT = 14, TOP = 30;
 const LANE = 15;
 const RANK = { SUCCESS: "--good", FAILURE: "--bad", RUNNING: "--busy", INVALID: "--idle" };
 const MARK = { failure: "--bad", bad: "--bad", good: "--good", act: "--accent", state: "--muted" };
+
+// What runs, was stopped or failed last comes first; skills that took no time share the last lane.
+function lanesOf(s) {
+  const about = new Map();
+  for (const span of s.spans) {
+    const of = about.get(span.path) ?? { path: span.path, name: s.byPath.get(span.path)?.name ?? span.path, time: 0, first: span.start, rank: "", since: -1 };
+    of.time += (span.end ?? s.t) - span.start;
+    if (span.end === null || span.halted || span.status === "FAILURE") Object.assign(of, { since: span.end ?? Infinity, rank: span.end === null ? "busy" : "bad" });
+    about.set(span.path, of);
+  }
+  const all = [...about.values()].sort((a, b) => b.since - a.since || a.first - b.first);
+  const lanes = all.filter((of) => of.time >= INSTANT || of.rank).slice(0, MOST_LANES), rest = all.filter((of) => !lanes.includes(of));
+  const lane = new Map(lanes.map(({ path }, i) => [path, i]));
+  for (const { path } of rest) lane.set(path, lanes.length);
+  return { lanes: rest.length ? [...lanes, { name: rest.length === 1 ? rest[0].name : `${rest.length} skills, 0 ms`, rank: "muted" }] : lanes, lane };
+}
 
 // Never colour alone: failures are crosses, operators diamonds, the rest triangles.
 const shape = (g, points) => { g.beginPath(); points.forEach(([x, y], i) => (i ? g.lineTo(x, y) : g.moveTo(x, y))); g.fill(); };
@@ -89,8 +106,7 @@ export class Timeline {
     $("whole").hidden = !this.part;
     const css = getComputedStyle(document.documentElement);
     const colour = (name) => css.getPropertyValue(name).trim();
-    const lanes = [...new Set(whole.spans.map((s) => s.path))].slice(-MOST_LANES);
-    const lane = new Map(lanes.map((path, i) => [path, i]));
+    const { lanes, lane } = lanesOf(whole);
     this.canvas.style.height = `${TOP + Math.max(1, lanes.length) * LANE + 4}px`;
     const ratio = devicePixelRatio || 1;
     const w = this.canvas.clientWidth, ht = this.canvas.clientHeight;
@@ -103,9 +119,8 @@ export class Timeline {
     this.ruler(g, x, from, to, ht, colour);
     const laneTop = (i) => TOP + i * LANE;
     g.textBaseline = "middle";
-    lanes.forEach((path, i) => {
-      g.fillStyle = colour("--text");
-      const name = whole.byPath.get(path)?.name ?? path;
+    lanes.forEach(({ name, rank }, i) => {
+      g.fillStyle = colour(rank ? `--${rank}` : "--text");
       g.fillText(name.length > 22 ? `${name.slice(0, 21)}…` : name, 2, laneTop(i) + LANE / 2);
     });
     g.save();

@@ -48,7 +48,8 @@ function drawPress() {
   const stop = made.action === "safe_stop";
   const late = isUnconfirmed(made) || made.state === "lost";
   const fresh = performance.now() - made.ended < SHOWN;
-  const shown = late || (made.state === "confirmed" && stop && fresh) || (made.state === "refused" && stop);
+  const told = page.live.whole.safeStop; // the safe state's bar says that it was confirmed
+  const shown = late || (made.state === "confirmed" && stop && fresh && !told) || (made.state === "refused" && stop);
   bar.hidden = !shown;
   if (!shown) return;
   bar.dataset.state = made.state;
@@ -88,5 +89,5 @@ function drawStrip(live) {
   const state = start && !start.problem ? "◌ preparing a run" : live.safeStop ? "■ safe state, latched" : going ? WORD[live.state] ?? live.state : "nothing runs";
   $("strip").classList.toggle("moving", Boolean(going));
   set("strip-state", `LIVE: ${isStale() ? `? last known: ${state}` : state}`);
-  set("strip-words", going ? `${live.run.tree} on ${live.run.cell} (${KIND[live.run.cell_kind] ?? live.run.cell_kind}) · ${live.t.toFixed(1)} s · SAFE STOP acts on it` : "SAFE STOP acts on the live cell");
+  set("strip-words", live.safeStop ? `${live.safeStop}. Go back to live to reset it.` : going ? `${live.run.tree} on ${live.run.cell} (${KIND[live.run.cell_kind] ?? live.run.cell_kind}) · ${live.t.toFixed(1)} s · SAFE STOP acts on it` : "SAFE STOP acts on the live cell");
 }
