@@ -119,6 +119,18 @@ def test_contacts_of_a_fruit_that_slides_break_and_form_and_no_finger_is_accused
 
 
 @pytest.mark.parametrize("side", [0, 1])
+def test_a_fruit_that_swings_between_the_pads_after_a_contact_broke_accuses_no_finger(side: int) -> None:
+    count = [0]
+
+    def swing(sample: np.ndarray, _before: np.ndarray) -> None:
+        count[0] += 1
+        sample[side] *= {1: 0.0, 2: 1.35}.get(count[0] % 40, 1.0)
+        sample[1 - side, 2] -= 1.2 if 8 < count[0] % 40 < 14 else 0.0
+
+    assert lie(swing, most=400)[1] == -1
+
+
+@pytest.mark.parametrize("side", [0, 1])
 def test_a_finger_that_shows_half_of_its_load_from_now_on_is_found_within_fifty_milliseconds(side: int) -> None:
     def change(sample: np.ndarray, _before: np.ndarray) -> None:
         sample[side] *= 0.5

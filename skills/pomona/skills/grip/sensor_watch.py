@@ -35,7 +35,7 @@ class SensorWatch:
         self._runs = np.zeros((2, 6))
         self._last = np.full((2, 6), np.nan)
         self._apart_for = self._against_motor_for = 0.0
-        self._load = self._force_rate = self._held_for = 0.0
+        self._load = self._force_rate = self._held_for = self._swings_for = 0.0
         self._motor = math.nan
 
     def calibrate(self, samples: Float64) -> None:
@@ -77,7 +77,10 @@ class SensorWatch:
         if not carried or saturated[0] or saturated[1]:
             self._apart_for = self._load = self._held_for = 0.0
             return
-        if sense.jump_of_one_finger > self._settings.jump:
+        # A fruit whose contact broke swings between the pads, and the slow filters remember the break.
+        broke = sense.loads.contact_jump > 0.5 * self._settings.jump
+        self._swings_for = self._settings.swinging if broke else self._swings_for - elapsed
+        if sense.jump_of_one_finger > self._settings.jump and self._swings_for <= 0.0:
             self._find("one finger's signal jumped alone: the other one felt nothing at all")
         # A fruit that slides out of too weak a grip lets both fingers jump, too.
         self._held_for = self._held_for + elapsed if sense.f_n >= sense.least else 0.0

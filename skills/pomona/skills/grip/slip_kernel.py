@@ -131,6 +131,7 @@ class Loads(NamedTuple):
         one_sided_press_jump: as `one_sided_jump`, of the normal force [N].
         press_jump: how far both fingers' normal forces have jumped together, beyond noise and their own motion [N]; 0
             where the whole load of both has come or gone in proportion.
+        contact_jump: how far a finger's forces have jumped in proportion, whatever the other one feels [N].
     """
 
     left: float
@@ -148,9 +149,10 @@ class Loads(NamedTuple):
     one_sided_press: float
     one_sided_press_jump: float
     press_jump: float
+    contact_jump: float
 
 
-NO_LOADS = Loads(*(0.0,) * 15)
+NO_LOADS = Loads(*(0.0,) * 16)
 
 
 class _FingerLoads(NamedTuple):
@@ -189,7 +191,7 @@ def sense_sample(raw, periods, expected, filters, shares, contact, unknown, obse
     right = _loads_of(filters.smoothed[1], filters.variance, contact, unknown)
     state, f_nd = _observe(left, right, periods, shares.centre, observer, state)
     fast, slow, band = filters.fast, filters.slow, filters.noise_band
-    along, across = _jumps_of_one_finger(fast, slow, band, unknown)
+    along, across, contact_jump = _jumps_of_one_finger(fast, slow, band, unknown)
     together = 0.0 if _is_contact(fast, slow, band, 0.0, unknown.aside) else abs(fast[0, 2] - slow[0, 2]) - band[0, 2]
     loads = Loads(
         left.f_n,
@@ -207,6 +209,7 @@ def sense_sample(raw, periods, expected, filters, shares, contact, unknown, obse
         2.0 * (abs(fast[1, 2] - slow[1, 2]) - band[1, 2]),
         across,
         together,
+        contact_jump,
     )
     return loads, state
 
@@ -275,8 +278,9 @@ def _observe(left, right, periods, centre_share, observer, state):  # type: igno
 
 @njit(cache=True)
 def _jumps_of_one_finger(fast, slow, band, unknown):  # type: ignore[no-untyped-def]
-    """How far one finger's tangential and normal force have jumped beyond noise while the other feels nothing [N]."""
-    tangential = normal = 0.0
+    """How far one finger's tangential and normal force have jumped beyond noise while the other feels nothing [N], and
+    how far a contact has broken or formed."""
+    tangential = normal = contact = 0.0
     for finger in range(2):
         sign = 1.0 if finger == 0 else -1.0
         jumped = pressed = 0.0
@@ -289,9 +293,11 @@ def _jumps_of_one_finger(fast, slow, band, unknown):  # type: ignore[no-untyped-
             else:
                 pressed = abs(alike + sign * apart) - beyond
             other = max(other, abs(alike - sign * apart) - beyond)
-        if other <= unknown.quiet and not _is_contact(fast, slow, band, sign, unknown.aside):
+        if _is_contact(fast, slow, band, sign, unknown.aside):
+            contact = max(contact, jumped, pressed)
+        elif other <= unknown.quiet:
             tangential, normal = max(tangential, jumped), max(normal, pressed)
-    return tangential, normal
+    return tangential, normal, contact
 
 
 @njit(cache=True)

@@ -244,6 +244,7 @@ class SensorWatchSettings:
         fewest: … and so many samples is stuck,
         longer: unless it repeated a value a good part as long while the bias was taken: coarse steps do.
         jump: a signal of one finger alone that jumps by so much beyond noise while the fruit is carried [N].
+        swinging: after a contact broke, no jump of one finger counts for so long [s]: the normal force's `normal_lag`.
         own_motion, own_motion_memory: of the fingers' own motion so many seconds' worth lately may show at once [s].
         apart, apart_share, apart_after: a fruit that hangs presses both fingers alike, but for so much [N] or this
             share of its load, whichever is more, for so long [s].
@@ -257,6 +258,7 @@ class SensorWatchSettings:
     fewest: int = 5
     longer: float = 5.0
     jump: float = 0.4
+    swinging: float = 0.06
     own_motion: float = 0.06
     own_motion_memory: float = 0.1
     apart: float = 0.5
