@@ -164,7 +164,8 @@ PICTURES: dict[str, Picture] = {
     "detect.jpg": Picture(
         found_in_a_frame,
         tuple(
-            f"skills/pomona/skills/perception/detection/{file}" for file in ("compact_*.py", "weights/apple.weights")
+            f"skills/pomona/skills/perception/detection/{file}"
+            for file in ("compact_*.py", "finder_*.py", "fused_score.py", "weights/apple.weights")
         ),
     ),
 }

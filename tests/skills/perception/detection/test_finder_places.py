@@ -39,17 +39,8 @@ def test_boxes_end_at_the_border_of_the_picture() -> None:
     assert place.box == pytest.approx([290.0, 200.0, 28.0, 36.0], abs=1e-3)
 
 
-@pytest.mark.parametrize("centre", [(8.0, 100.0), (310.0, 100.0), (150.0, 6.0), (150.0, 230.0)])
-def test_the_middle_of_a_fruit_that_the_border_cuts_is_the_whole_fruits(centre: tuple[float, float]) -> None:
-    low = np.clip(np.array(centre) - 24.0, 0.0, (320.0, 240.0))
-    high = np.clip(np.array(centre) + 24.0, 0.0, (320.0, 240.0))
-    (place,) = read_places(maps_of(np.array([[*low, *(high - low)]])), 320.0, 240.0)
-    assert place.centre == pytest.approx(np.array(centre) - 0.5, abs=1e-3)
-    assert place.scaled(2.0).centre == pytest.approx(2.0 * np.array(centre) - 0.5, abs=1e-3)
-
-
 def test_the_score_is_the_geometric_mean_of_heat_and_quality() -> None:
-    place = Proposal(np.array([0.0, 0.0, 9.0, 9.0]), np.array([4.0, 4.0]), np.log(0.64 / 0.36), np.log(0.25 / 0.75))
+    place = Proposal(np.array([0.0, 0.0, 9.0, 9.0]), np.log(0.64 / 0.36), np.log(0.25 / 0.75))
     assert place.score == pytest.approx(np.sqrt(0.64 * 0.25))
     assert place.scaled(2.0).box.tolist() == [0.0, 0.0, 18.0, 18.0]
 

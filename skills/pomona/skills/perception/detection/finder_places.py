@@ -20,9 +20,6 @@ LEAST_HEAT = 0.02
 MOST_PEAKS = 200
 """Peaks that are read, hottest first: adversarial maps must not cost unbounded time."""
 
-BORDER = 1.0
-"""A box that ends this close to the picture's border is cut by it [px of the finder's input]."""
-
 SAME_FRUIT = 0.6
 """Of two boxes that overlap by at least this intersection over union, the less certain one is dropped."""
 
@@ -33,13 +30,11 @@ class Proposal:
 
     Attributes:
         box: around what is visible of it, x, y, w, h (4,) [px].
-        centre: pixel of the whole fruit's middle, beside the box where the picture's border cuts the fruit, (2,).
         heat: of the peak, logit.
         quality: expected intersection over union of the box, logit.
     """
 
     box: Float64
-    centre: Float64
     heat: float
     quality: float
 
@@ -49,13 +44,21 @@ class Proposal:
         return float(1.0 / np.sqrt((1.0 + np.exp(-self.heat)) * (1.0 + np.exp(-self.quality))))
 
     @property
+    def centre(self) -> Float64:
+        """Pixel in the middle of the box, (2,): the first look is aimed there, also at fruit that a border cuts.
+
+        Aimed at the whole fruit's middle, looks at cut spheres pass as fruit: 13 false detections in 60 frames, not 8.
+        """
+        return self.box[:2] + 0.5 * self.box[2:] - 0.5
+
+    @property
     def size(self) -> float:
         """Apparent size of the fruit, as `keypoint_size` has it, from the box's longer side [px]."""
         return SIZE_OF_BOX * float(self.box[2:].max())
 
     def scaled(self, factor: float) -> Proposal:
         """The same place in a picture that is larger by this factor."""
-        return Proposal(self.box * factor, (self.centre + 0.5) * factor - 0.5, self.heat, self.quality)
+        return Proposal(self.box * factor, self.heat, self.quality)
 
 
 def read_places(maps: Float32, width: float, height: float, threshold: float = 0.0) -> list[Proposal]:
@@ -81,24 +84,14 @@ def read_places(maps: Float32, width: float, height: float, threshold: float = 0
     limits = np.array([[width], [height]])
     low = np.clip(FINDER_STRIDE * (middles - reaches[:2]), 0.0, limits)
     high = np.clip(FINDER_STRIDE * (middles + reaches[2:]), 0.0, limits)
-    boxes, centres = np.concatenate([low, high - low]).T, _whole_middles(low, high, limits).T - 0.5
+    boxes = np.concatenate([low, high - low]).T
     places = [
-        Proposal(box, centre, float(heat[y, x]), float(maps[QUALITY, y, x]))
-        for box, centre, y, x in zip(boxes, centres, v.tolist(), u.tolist(), strict=True)
+        Proposal(box, float(heat[y, x]), float(maps[QUALITY, y, x]))
+        for box, y, x in zip(boxes, v.tolist(), u.tolist(), strict=True)
         if box[2:].min() > 0.0
     ]
     places = sorted((place for place in places if place.score >= threshold), key=lambda place: -place.score)
     return _without_doubles(places)
-
-
-def _whole_middles(low: Float64, high: Float64, limits: Float64) -> Float64:
-    """Middles of round fruit with these boxes, (2, n) [px]: where one border cuts, the side along it is whole."""
-    before, behind = low < BORDER, high > limits - BORDER
-    cut, extent = before | behind, high - low
-    along = extent[::-1]
-    completed = cut & ~cut[::-1] & (extent < along)
-    whole = np.where(before, high - 0.5 * along, low + 0.5 * along)
-    return np.where(completed, whole, 0.5 * (low + high))
 
 
 def _without_doubles(places: list[Proposal]) -> list[Proposal]:
