@@ -131,5 +131,5 @@ def test_where_what_everything_stands_on_is_missing_the_doctor_speaks_and_the_ot
     assert "Traceback" not in done.stderr
     done = typed(*words)
     assert done.returncode == 2
-    assert "`pomona doctor` says what is missing" in done.stderr
+    assert f"the package {module} is not installed; run: pomona doctor" in done.stderr
     assert "Traceback" not in done.stderr

@@ -59,7 +59,7 @@ def _main(words: Sequence[str]) -> int:
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] == "pomona":
             raise
-        sys.stderr.write(f"{error}: this installation lacks it: {remedy(error.name)}\n")
+        sys.stderr.write(f"the package {error.name} is not installed; run: {remedy(error.name)}\n")
         status = 2
     except Exception as error:
         ended_by = signalled(error)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from pomona.executive.clock import Clock
-from pomona.executive.values.arrays import UInt8
+
+if TYPE_CHECKING:  # small commands do not load numpy
+    from pomona.executive.values.arrays import UInt8
 
 T = TypeVar("T")
 

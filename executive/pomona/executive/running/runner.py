@@ -17,6 +17,7 @@ import queue
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from py_trees.common import Status
 
@@ -52,8 +53,10 @@ from pomona.executive.running.run_state import RunResult, RunState
 from pomona.executive.running.traces import place_of, traceback_of
 from pomona.executive.running.watching import Watch, Watcher
 from pomona.executive.speed import cannot_slow, speed_of, words_of
-from pomona.executive.values.arrays import UInt8
 from pomona.executive.values.sentences import sentence_of
+
+if TYPE_CHECKING:  # small commands do not load numpy
+    from pomona.executive.values.arrays import UInt8
 
 logger = logging.getLogger(__name__)
 
