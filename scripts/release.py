@@ -23,8 +23,8 @@ ROOT = Path(__file__).resolve().parents[1]
 
 PLACEHOLDER = "example.org"
 """Address in the project's files until the public one is decided."""
-TRIED = (("--version",), ("check", "pick_apple"), ("run", "pick_apple", "--seed", "3"))
-TRIED_ALONE = (("--version",), ("check", "count_down"), ("run", "count_down"))
+TRIED = (("--version",), ("check", "pick_apple"), ("run", "pick_apple", "--seed", "3"), ("explain", "last"))
+TRIED_ALONE = (("--version",), ("check", "count_down"), ("run", "count_down"), ("explain", "last"), ("replay", "last"))
 """Commands of an installed Pomona, and of `pomona-executive`, that must end with 0."""
 
 
