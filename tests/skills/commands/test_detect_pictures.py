@@ -19,6 +19,11 @@ from pomona.skills.commands import detect_pictures
 from pomona.skills.commands.detect_pictures import add, find_fruit
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.found_fruit import FoundFruit
+from pomona.skills.perception.detection.options import DetectorOptions
+from pomona.skills.perception.fruit import load_fruit
+from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS
+from pomona.skills.perception.synthetic.options import SceneOptions
+from pomona.skills.perception.synthetic.scene import render_scene
 
 
 def run(*arguments: object) -> int:
@@ -89,6 +94,25 @@ def test_ctrl_c_that_a_library_swallowed_ends_it_after_that_picture_and_keeps_it
     assert [Path(row["picture"]).name for row in rows] == ["a.png"]
 
 
+def test_other_weights_are_a_file_or_the_name_of_shipped_ones(
+    pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loaded: list[Path] = []
+    monkeypatch.setattr(CompactDetector, "load", classmethod(lambda cls, path, *_: loaded.append(path)))
+    own = tmp_path / "own.weights"
+    own.touch()
+    for number, name in enumerate((own, "apple_photographs.weights")):
+        assert run(pictures, "--weights", name, "--out", tmp_path / str(number)) == 0
+    assert loaded == [own, SHIPPED_WEIGHTS / "apple_photographs.weights"]
+
+
+def test_the_shipped_weights_for_photographs_find_an_apple_and_none_where_there_is_none() -> None:
+    detector = CompactDetector.load(SHIPPED_WEIGHTS / "apple_photographs.weights", DetectorOptions(working_width=320))
+    table = render_scene(load_fruit("apple"), SceneOptions(kinds=(1, 0, 0, 0)), 31_000_000).colour
+    assert any(fruit.score >= 0.5 for fruit in find_fruit(detector, table))
+    assert not any(fruit.score >= 0.5 for fruit in find_fruit(detector, np.full_like(table, 90)))
+
+
 def test_doubtful_fruit_is_taken_when_it_is_asked_for(pictures: Path, tmp_path: Path) -> None:
     assert run(pictures / "a.png", "--out", tmp_path / "out", "--score", "0.2") == 0
     assert len(list(csv.DictReader((tmp_path / "out" / "found.csv").read_text().splitlines()))) == 2
@@ -118,6 +142,7 @@ def test_a_file_that_is_no_picture_is_named_and_the_others_are_done(
     [
         (("--width", "20"), "--width must lie in"),
         (("--fruit", "pear"), "pear"),
+        (("--weights", "none.weights"), "none.weights: is neither a file nor the name of shipped weights"),
         (("missing.jpg",), "missing.jpg: there is no such file"),
         (("--out", "."), "is there already"),
     ],

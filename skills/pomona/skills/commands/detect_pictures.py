@@ -41,6 +41,11 @@ def add(subparsers: Any) -> None:
     parser = subparsers.add_parser("detect", help="find the fruit in pictures: a table, and the pictures with boxes")
     parser.add_argument("pictures", type=Path, nargs="+", metavar="PICTURE", help="files, or folders of them")
     parser.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
+    parser.add_argument(
+        "--weights",
+        help="another weights file than the fruit's own, or the name of a shipped one: apple_photographs.weights "
+        "finds more in photographs of orchards",
+    )
     parser.add_argument("--score", type=_share, default=0.5, help="least belief that it is fruit, 0 to 1 (0.5)")
     parser.add_argument("--width", type=int, default=1280, help="width at which a picture is searched [px] (1280)")
     parser.add_argument("--out", type=Path, default=Path("detected"), help="new folder for all of it (detected)")
@@ -59,7 +64,7 @@ def main(options: argparse.Namespace) -> int:
     from pomona.skills.perception.detection.compact_detector import CompactDetector
     from pomona.skills.perception.detection.errors import BadWeights, DetectError
     from pomona.skills.perception.detection.options import DetectorOptions
-    from pomona.skills.perception.fruit import load_fruit
+    from pomona.skills.perception.fruit import find_weights, load_fruit
     from pomona.skills.perception.fruit.errors import FruitError
 
     table = options.out / TABLE
@@ -70,6 +75,10 @@ def main(options: argparse.Namespace) -> int:
             raise UnusableInput(f"{table} is there already: name another folder with --out")
         files = list(_files(options.pictures))
         weights = load_fruit(options.fruit).weights
+        if options.weights is not None:
+            weights = find_weights(Path(), options.weights)
+            if weights is None:
+                raise BadWeights(options.weights, "is neither a file nor the name of shipped weights")
         if weights is None:
             raise BadWeights(options.fruit, f"train some: pomona train detect --fruit {options.fruit}")
         detector = CompactDetector.load(weights, DetectorOptions(working_width=options.width, most_fruit=MOST))

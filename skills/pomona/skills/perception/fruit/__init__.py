@@ -1,6 +1,15 @@
 """The fruit catalogue: what Detect, Refine and the grasp need to know about a kind of fruit."""
 
-from pomona.skills.perception.fruit.catalogue import FruitModel, Mesh, known_fruits, load_fruit
+from pomona.skills.perception.fruit.catalogue import FruitModel, Mesh, find_weights, known_fruits, load_fruit
 from pomona.skills.perception.fruit.errors import BadFruitFile, FruitError, UnknownFruit
 
-__all__ = ["BadFruitFile", "FruitError", "FruitModel", "Mesh", "UnknownFruit", "known_fruits", "load_fruit"]
+__all__ = [
+    "BadFruitFile",
+    "FruitError",
+    "FruitModel",
+    "Mesh",
+    "UnknownFruit",
+    "find_weights",
+    "known_fruits",
+    "load_fruit",
+]

@@ -172,7 +172,7 @@ def load_fruit(name_or_path: str | Path, catalogue: Path = CATALOGUE) -> FruitMo
         faces=mesh.faces,
         dimensions=np.array(said.dimensions),
         symmetry_axis=axis / np.linalg.norm(axis),
-        weights=_find_weights(folder, said.weights),
+        weights=find_weights(folder, said.weights),
         stem=None if said.stem is None else _read_mesh(said.stem),
         colour=(said.colour[0], said.colour[1], said.colour[2]),
         sizes=None if said.sizes is None else said.sizes.sizes(),
@@ -216,7 +216,7 @@ class FruitKind:
     def check(self, path: Path, findings: Findings) -> None:
         """Everything that is wrong with a file, its meshes and its weights."""
         said = judge_fruit(path, findings)
-        weights = None if said is None else _find_weights(path.parent, said.weights)
+        weights = None if said is None else find_weights(path.parent, said.weights)
         if weights is not None and (problem := damage(weights)):
             findings.add(Finding(str(weights), 0, 0, "error", "weights", f"cannot be read: {problem}"))
 
@@ -261,8 +261,8 @@ def _surface(mesh: Mesh) -> tuple[bool, bool]:
     return bool(body.is_watertight), bool(body.is_winding_consistent and body.volume > 0.0)
 
 
-def _find_weights(folder: Path, name: str | None) -> Path | None:
-    """A weights file beside fruit.yaml, else among the shipped ones."""
+def find_weights(folder: Path, name: str | None) -> Path | None:
+    """A weights file in this folder, else among the shipped ones."""
     if name is None:
         return None
     return next((path for path in (folder / name, SHIPPED_WEIGHTS / name) if is_file(path)), None)
