@@ -50,7 +50,7 @@ def test_an_arm_that_lies_in_the_lift_gives_no_success_but_the_safe_state_with_t
 
     def spoil(event: Event) -> None:
         if type(event).__name__ == "NodeChanged" and event.path.endswith("Lift"):  # type: ignore[attr-defined]
-            runners[0].context.cell.switches[switch].inject_fault(kind)  # type: ignore[attr-defined]
+            runners[0]._cell.switches[switch].inject_fault(kind)  # type: ignore[attr-defined]
 
     order = RunOrder(find_tree("pick_apple"), find_cell(cell), 1, {"fruit": "apple_4", "place": "2"})
     executed = execute(order, [spoil], on_ready=runners.append)

@@ -55,7 +55,7 @@ def test_a_picks_record_is_small_and_its_index_entry_is_right(record: Path) -> N
 
 
 def test_a_pick_is_explained_in_sentences(record: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    text = said(capsys, "explain", str(record))
+    text = said(capsys, "explain", "--all", str(record))
     assert "pick_apple ran on the simulated cell sim with seed 5 and fruit = apple_4, place = 2" in text
     assert "It succeeded" in text
     assert "lifted: yes" in text

@@ -61,7 +61,7 @@ def test_every_device_answers_through_its_own_wire(open_cell):
     frame = camera.latest()
     assert frame.colour.shape == (480, 640, 3)
     assert frame.q == pytest.approx(arm.state().q, abs=1e-3)
-    assert cell.truth()["lifted"] is False
+    assert not cell.truth()["lifted"]
 
 
 def test_a_frame_taken_while_the_arm_moves_knows_where_the_arm_was(open_cell):
