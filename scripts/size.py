@@ -2,7 +2,7 @@
 
     python scripts/size.py             # the table
     python scripts/size.py --check     # 1 when a figure is above its bound in scripts/size.json
-    python scripts/size.py --lower     # write the figures into scripts/size.json where they are lower
+    python scripts/size.py --lower     # lower the bounds in scripts/size.json to the figures
 
 Lines are those of Python files without tests, benchmarks and scripts. The word rates count per 1 000 words of
 docstrings and of docs/*.md without decisions and reports.
@@ -39,7 +39,7 @@ def main(arguments: Sequence[str]) -> int:
         mark = "  above its bound" if name in above else ""
         sys.stdout.write(f"{name:32} {number:>9,.6g}   bound {bounds.get(name, number):>9,.6g}{mark}\n")
     if "--lower" in arguments:
-        lower = {name: min(number, bounds.get(name, number)) for name, number in found.items()}
+        lower = {name: min(found[name], bound) for name, bound in (bounds or found).items()}
         BOUNDS.write_text(json.dumps(lower, indent=1) + "\n", encoding="utf-8")
     return 1 if above and "--check" in arguments else 0
 
