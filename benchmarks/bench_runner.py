@@ -96,7 +96,7 @@ class RealDryCell(DryCell):
 
     def __init__(self) -> None:
         super().__init__()
-        self.clock = SystemClock()  # type: ignore[assignment]
+        self.clock = SystemClock()
         self.looks: list[float] = []
 
     def check(self) -> None:
