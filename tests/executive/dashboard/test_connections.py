@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from shown_runs import Show
+from websockets.frames import Frame, Opcode
 from websockets.sync.client import connect
 
 from pomona.executive.dashboard import connections, server
@@ -104,3 +105,25 @@ def test_a_port_that_is_taken_is_said_to_be() -> None:
         other.listen()
         with pytest.raises(UsageError, match="the port is taken"):
             server._listen_on("127.0.0.1", other.getsockname()[1])
+
+
+def test_the_server_ends_while_a_peer_closes_its_stream(show: Show) -> None:
+    """The close frame is read in the turn of the loop in which the server ends."""
+    server_ = show.dashboard._server
+    assert server_ is not None
+    with connect(f"ws://127.0.0.1:{show.dashboard.access.port}/live") as live:
+        live.recv(LONG)
+        (wire,) = [line for line in server_.server_state.connections if isinstance(line, connections.LiveWire)]
+        wire.conn.receive_data(Frame(Opcode.CLOSE, (1000).to_bytes(2, "big")).serialize(mask=True))
+        show.dashboard.close()  # an error in the server's thread is an error of this test
+    assert server_.server_state.connections == set()
+
+
+def test_the_server_ends_after_a_malformed_request(show: Show) -> None:
+    server_ = show.dashboard._server
+    assert server_ is not None
+    with socket.create_connection(("127.0.0.1", show.dashboard.access.port), LONG) as line:
+        line.send(b"no request\r\n\r\n")
+        assert b"400" in line.recv(100)
+        show.dashboard.close()
+    assert server_.server_state.connections == set()

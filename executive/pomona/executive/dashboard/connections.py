@@ -51,6 +51,13 @@ class PatientHttp(H11Protocol):
         self._expect_nothing()
         super().connection_lost(exc)
 
+    def shutdown(self) -> None:
+        """As uvicorn's, in each state: uvicorn raises where the request in progress was malformed."""
+        if self._answers:
+            self.cycle.keep_alive = False
+        else:
+            self.transport.close()
+
     @property
     def _answers(self) -> bool:
         """Whether a request is being answered: such a connection is the last that has to go."""
@@ -84,6 +91,14 @@ class LiveWire(WebSocketsSansIOProtocol):
         super().connection_made(transport)
         self.line = transport.get_extra_info("socket")
         self.app_state = {**self.app_state, WIRE: self}
+
+    def shutdown(self) -> None:
+        """As uvicorn's, in each state: uvicorn raises where the peer has just closed the stream."""
+        if self.handshake_complete and self.conn.state is not State.OPEN:
+            self.stop_keepalive()
+            self.transport.close()
+        else:
+            super().shutdown()
 
     def take(self, frame: bytes) -> bool:
         """Send a frame at once; False when it would have to wait, or the stream is not open."""

@@ -396,15 +396,8 @@ class _Server(uvicorn.Server):
     """uvicorn's server, leaving no connection open: over TLS each waits for its peer's close, longer than the loop."""
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """As uvicorn's, then abort what is still open.
-
-        uvicorn's tells every connection to close, and raises where a web socket's peer has just closed it (its
-        connection is dropped only when the peer has said so over TLS, too): such a connection is left out.
-        """
+        """Shut down as uvicorn does, then abort the connections that are still open."""
         connections = self.server_state.connections
-        closing = {connection for connection in connections if connection.transport.is_closing()}
-        connections -= closing
-        hang_up(closing)
         ending = asyncio.ensure_future(super().shutdown(sockets))
         while not ending.done():  # since Python 3.12 it waits until all connections have ended
             await asyncio.wait({ending}, timeout=CLOSING)
