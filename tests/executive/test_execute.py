@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import io
+import tempfile
 from pathlib import Path
 
 import pytest
 
+from pomona.executive import execute as module
 from pomona.executive.errors import UsageError
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.files import find_cell, find_tree
+from pomona.executive.recording.folder import RecordError, refuse_unwritable
 from pomona.executive.recording.read import read_events
 from pomona.executive.running.breakpoints import Side
 from pomona.executive.running.events import Event, OperatorActed, StateChanged
@@ -45,6 +49,32 @@ def test_breakpoints_of_an_order_hold_the_run_from_its_start() -> None:
     assert executed.result.outcome == "success"
     assert [because.split()[1] for because in held] == ["before", "after"]
     assert all(because.endswith("Refine") for because in held)
+
+
+def test_a_folder_that_takes_no_record_is_refused_before_the_cell_is_connected(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "runs").write_text("a file")
+    connected: list[object] = []
+    monkeypatch.setattr(module, "connect_cell", lambda file, _seed: connected.append(file))
+    with pytest.raises(RecordError, match=r"runs: no record can be written there: .*`--record DIR` names another"):
+        execute(RunOrder(find_tree("pick_apple"), find_cell("sim"), record=tmp_path / "runs"))
+    assert not connected
+
+
+def test_a_full_disk_is_found_before_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Full(io.RawIOBase):
+        def write(self, _content: object) -> int:
+            return 100  # as a write call does that meets the end of the room
+
+    monkeypatch.setattr(tempfile, "TemporaryFile", lambda **_how: Full())
+    with pytest.raises(RecordError, match="No space left on device"):
+        refuse_unwritable(tmp_path)
+
+
+def test_the_test_of_a_folder_of_records_makes_nothing(tmp_path: Path) -> None:
+    refuse_unwritable(tmp_path / "runs" / "today")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_stop_during_the_preparation_is_a_recorded_run_without_a_tick(tmp_path: Path) -> None:

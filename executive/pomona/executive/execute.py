@@ -26,6 +26,7 @@ from pomona.executive.language.mocks import MockPlan
 from pomona.executive.language.scenario import read_mocks
 from pomona.executive.one_process import leave_if_forked, run_in_progress
 from pomona.executive.reasons import Reason
+from pomona.executive.recording.folder import refuse_unwritable
 from pomona.executive.recording.session import Reader, RecordingSession
 from pomona.executive.recording.unfinished import unfinished
 from pomona.executive.registry import Registry
@@ -158,6 +159,8 @@ def execute(
     starting = starting or Starting()
     starting.reach("reading the tree")
     followers = _Followers(listeners, readers, on_ready, on_latched, starting)
+    if order.record is not None:
+        refuse_unwritable(order.record)
     if order.dry:
         return _run_dry(order, followers)
     ready = _read(order, starting)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
@@ -13,11 +14,13 @@ import time
 from pathlib import Path
 
 import pytest
+from mcap.writer import Writer
 
 from pomona.executive.cli import main
 from pomona.executive.errors import UsageError
 from pomona.executive.recording import recorder as recorder_module
 from pomona.executive.recording.digest import digest
+from pomona.executive.recording.ending import ENDING_FILE
 from pomona.executive.recording.folder import EVENTS_FILE, is_being_written
 from pomona.executive.recording.index import RunIndex
 from pomona.executive.recording.read import read_events
@@ -212,14 +215,47 @@ def test_a_run_whose_needed_record_was_removed_is_an_error_and_names_no_record(
     assert re.search(r"the record ends at 0\.[01]0 s", " ".join(said.err.split()))  # whenever its thread has seen it
 
 
-def test_a_folder_that_cannot_be_made_refuses_a_run_that_needs_its_record(tmp_path: Path) -> None:
+@pytest.mark.parametrize("record", ["required", "optional"])
+def test_a_folder_that_cannot_be_made_refuses_a_run(tmp_path: Path, record: str) -> None:
     (tmp_path / "runs").write_text("a file")
-    done = run_on_a_full_disk(tmp_path, "required", pace="fast")
+    done = run_on_a_full_disk(tmp_path, record, pace="fast")
     assert done.returncode == 2
-    assert "cannot make the record's folder" in done.stderr
-    done = run_on_a_full_disk(tmp_path, "optional", pace="fast")
-    assert done.returncode == 0
-    assert "goes on unrecorded" in " ".join(done.stdout.split())
+    (line,) = done.stderr.splitlines()
+    assert line == (
+        f"{tmp_path / 'runs'}: no record can be written there: Not a directory. Nothing was run. "
+        "`--record DIR` names another folder, `--no-record` leaves none"
+    )
+    assert done.stdout == ""
+
+
+def test_a_record_of_which_nothing_was_written_is_not_named_but_its_loss(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(_writer: Writer, profile: str, library: str) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Writer, "start", full)
+    tree = tmp_path / "short.yaml"
+    tree.write_text("pomona: 1\ntree: short\nroot: {wait: 100 ms}\n")
+    runs = tmp_path / "runs"
+    words = ["run", str(tree), "--dry", "--record", str(runs)]
+    assert main([*words, "--json"]) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out.splitlines()[-1])["record"] is None
+    assert "the record ends at 0.00 s of the run: No space left on device" in " ".join(said.err.split())
+    assert main([*words, "--quiet"]) == 0
+    assert "No space left on device" in capsys.readouterr().err
+
+    (first, _second) = sorted(path for path in runs.iterdir() if path.is_dir())
+    assert (first / EVENTS_FILE).stat().st_size == 0
+    for command in (["runs", "list"], ["explain", "last"], ["replay", "last"]):
+        assert main([*command, "--record", str(runs)]) == 0
+        told = " ".join(capsys.readouterr().out.split())
+        assert "could not be written: No space left on device" in told
+        assert "killed" not in told
+    (first / ENDING_FILE).unlink()
+    assert main(["replay", first.name, "--record", str(runs)]) == 0
+    assert "empty: nothing was written (full disk?)" in " ".join(capsys.readouterr().out.split())
 
 
 def test_what_is_written_is_with_the_system_within_a_moment(tmp_path: Path) -> None:

@@ -211,6 +211,7 @@ def test_the_cause_is_said_cut_killed_disk_full_lost_power(tmp_path: Path) -> No
     ending.write_bytes(ending.read_bytes().replace(b'"boot":"', b'"boot":"another '))
     assert "lost its power" in why_cut(tmp_path / "killed")
     ending.write_bytes(b"\xff not JSON")
+    assert why_cut(tmp_path / "killed", size=0) == "nothing was written (full disk?)"
     assert "killed or lost its power, or the file was cut" in why_cut(tmp_path / "killed")
 
 

@@ -12,7 +12,7 @@ from pomona.executive.recording.digest import trusted
 from pomona.executive.recording.folder import find_record
 from pomona.executive.recording.read import read_events
 from pomona.executive.terminal.live import LiveTree
-from pomona.executive.terminal.run_list import UNCHECKED, ending
+from pomona.executive.terminal.run_list import UNCHECKED, ending, how
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.summary import Summary
 
@@ -59,7 +59,8 @@ def main(options: argparse.Namespace) -> int:
     finally:
         live.close()
     if summary.started is None or summary.ended is None:
-        console.print(f"{folder}: {ending(run)}; what is there is shown above")
+        rest = "" if how(run) == "empty" else "; what is there is shown above"
+        console.print(f"{folder}: {ending(run)}{rest}")
         return 0
     summary.print(console, folder)
     if run.lost:

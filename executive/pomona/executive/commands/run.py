@@ -190,8 +190,10 @@ def _run_once(
         executed.summary.print(console, executed.record)
         if executed.problem:
             console.print(executed.problem, style="red")
-        if options.quiet and executed.result.outcome != "success":
-            Screen(stderr=True).print(executed.summary.sentence(), soft_wrap=True)
+        if options.quiet:
+            failed = executed.result.outcome != "success"
+            for line in filter(None, (executed.summary.sentence() if failed else "", executed.problem)):
+                Screen(stderr=True).print(line, soft_wrap=True)
         if options.json:
             write_json(executed.summary.as_json(executed.record))
             sys.stdout.flush()

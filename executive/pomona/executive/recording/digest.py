@@ -101,7 +101,7 @@ def digest(record: Path) -> Digest:
         verdict = believed(path)
         about |= _read(path, verdict)
         if about["state"] == "cut off":
-            about["message"] = why_cut(record)
+            about["message"] = why_cut(record, about["bytes"])
     except DamagedRecordError as error:
         about |= {"state": "damaged", "message": str(error).removeprefix(f"{path}: ")}
     except Exception as error:  # one record that nobody foresaw must not take the list of all down

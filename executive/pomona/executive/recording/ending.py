@@ -48,9 +48,14 @@ class EndingFile:
             self._stream.close()
 
 
-def why_cut(record: Path) -> str:
-    """Why a record ends too early, and what the supervisor did then, as the second half of a sentence."""
-    why, stopped = _why(record), _stopped(record)
+def why_cut(record: Path, size: int | None = None) -> str:
+    """Why a record ends too early, and what the supervisor did then, as the second half of a sentence.
+
+    Args:
+        record: its folder.
+        size: of its MCAP file [bytes], where known.
+    """
+    why, stopped = _why(record, size), _stopped(record)
     return f"{why}; {stopped}" if stopped else why
 
 
@@ -77,9 +82,11 @@ def _read(path: Path) -> dict[str, Any]:
         return {}
 
 
-def _why(record: Path) -> str:
+def _why(record: Path, size: int | None) -> str:
     found = read_ending(record)
     if not found:
+        if size == 0:
+            return "nothing was written (full disk?)"
         return "the process was killed or lost its power, or the file was cut"
     match found.get("state"):
         case "failed":

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import hashlib
+import os
+import tempfile
 from datetime import datetime
 from pathlib import Path
 
@@ -21,8 +24,30 @@ NAME_BYTES = 120
 """Of a tree's name in its record's folder: a file's name has at most 255 bytes, and the record holds the whole name."""
 
 
+PROBE = 4096
+"""Size of the trial before a run: one block of a file system [bytes]."""
+
+
 class RecordError(UsageError):
     """The record cannot be written."""
+
+
+def refuse_unwritable(root: Path) -> None:
+    """Test a folder of records before a run: a file is written there, or where the folder would be made.
+
+    Raises:
+        RecordError: no record can be written there.
+    """
+    try:
+        there = next(folder for folder in (root, *root.absolute().parents) if folder.exists())
+        with tempfile.TemporaryFile(dir=there, buffering=0) as probe:
+            if probe.write(bytes(PROBE)) != PROBE:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    except OSError as error:
+        raise RecordError(
+            f"{root}: no record can be written there: {error.strerror}. Nothing was run. "
+            "`--record DIR` names another folder, `--no-record` leaves none"
+        ) from error
 
 
 def new_record_folder(root: Path, tree: str, now: datetime | None = None) -> Path:

@@ -49,6 +49,7 @@ def repair(record: Path) -> Repaired | None:
     verdict = examine(path)
     if verdict.state == "whole":
         return None
+    why = verdict.why if verdict.state == "damaged" else why_cut(record, path.stat().st_size)
     fresh = path.with_name(f"{path.name}.repairing")
     try:
         copied = copy(path, fresh, compressed=False)
@@ -63,7 +64,6 @@ def repair(record: Path) -> Repaired | None:
         raise UsageError(f"{error.filename or path}: {error.strerror}") from error
     finally:
         fresh.unlink(missing_ok=True)
-    why = verdict.why if verdict.state == "damaged" else why_cut(record)
     return Repaired(copied, f"{verdict.state}: {why}", tuple(_make_missing(record)) if record.is_dir() else ())
 
 

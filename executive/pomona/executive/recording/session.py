@@ -1,13 +1,13 @@
 """The record of one run, whatever goes wrong with it.
 
-When it cannot be written, the run goes on unrecorded, or ends in the safe state where the cell's file says
-`record: required`; both are said. A run that has not begun yet is refused instead, and one that succeeded before its
-record was lost has not: where a record is required, its end is an error. There the finished record is read once
-before the run's status is given.
+A run whose record cannot be opened does not begin. When the record is lost later, the run goes on unrecorded, or ends
+in the safe state where the cell's file says `record: required`; both are reported. A required record that is lost after
+the tree has succeeded makes the end an error. There the finished record is read once before the run's status is given.
 """
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,7 @@ class RecordingSession:
     """Keeps the record of one run, or none for `root=None`.
 
     Attributes:
-        folder: of the record, or None while there is none.
+        folder: of the record; None while nothing is written, and after a run of which nothing was written.
     """
 
     def __init__(self, root: Path | None, cell: Cell, readers: Sequence[Reader] = ()) -> None:
@@ -52,20 +52,19 @@ class RecordingSession:
         """Open the record, before the run's first event.
 
         Raises:
-            RecordError: it cannot be opened, and the cell's file says that it is required.
+            RecordError: it cannot be opened.
         """
         self._runner = runner
         if self._root is None:
             return
         runner.look_after("record", self._state, required=self._cell.record_required)
+        folder = new_record_folder(self._root, runner.tree.name)
         try:
-            self.folder = new_record_folder(self._root, runner.tree.name)
-            self._recorder = Recorder(self.folder)
-        except RecordError as error:
-            if self._cell.record_required:
-                raise
-            self._trouble = str(error)
-            return
+            self._recorder = Recorder(folder)
+        except RecordError:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
+        self.folder = folder
         events.subscribe(self._recorder.on_event)
         events.subscribe(self._picture.on_event)
 
@@ -98,7 +97,7 @@ class RecordingSession:
         self.look()
         if self._recorder is not None:
             self._recorder.close()
-            if not self._recorder.folder.is_dir():
+            if not _is_written(events_file(self._recorder.folder)):
                 self.folder = None
         return self._problem()
 
@@ -120,6 +119,13 @@ class RecordingSession:
             return "ok"
         ended = self._recorder is None or self._recorder.has_ended
         return f"{problem}; the run goes on unrecorded" if ended and not self._cell.record_required else problem
+
+
+def _is_written(path: Path) -> bool:
+    try:
+        return path.stat().st_size > 0
+    except OSError:
+        return False
 
 
 def _unread(folder: Path, outcome: str) -> str:

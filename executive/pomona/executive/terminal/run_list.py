@@ -18,7 +18,8 @@ from pomona.executive.terminal.words import seconds
 
 MARKS = {
     "success": ("✓", "green"), "failure": ("✗", "red"), "stopped": ("■", "yellow"), "error": ("■", "red"),
-    "running": ("▶", "bold cyan"), "cut off": ("…", "yellow"), "damaged": ("!", "bold red"), "unreadable": ("?", "red"),
+    "running": ("▶", "bold cyan"), "cut off": ("…", "yellow"),
+    "empty": ("…", "yellow"), "damaged": ("!", "bold red"), "unreadable": ("?", "red"),
 }  # fmt: skip
 """By outcome, or by state for a run without one."""
 
@@ -72,7 +73,9 @@ def _shortened(text: str, width: int) -> str:
 
 
 def how(run: Digest) -> str:
-    """A run's outcome, or its state when it has none."""
+    """A run's outcome, or its state when it has none; `empty` for a record of zero length."""
+    if run.state == "cut off" and run.bytes == 0:
+        return "empty"
     return run.outcome if run.state == "ended" and run.outcome in MARKS else run.state
 
 
@@ -83,6 +86,8 @@ def ending(run: Digest) -> str:
         return lost.strip()
     if run.state == "running":
         return f"running for {seconds(time.time() - run.wall_time)}"
+    if how(run) == "empty":
+        return f"empty: {run.message}"
     if run.state == "cut off":
         return f"cut off: {run.message}; `pomona runs repair` makes it whole"
     if run.state == "damaged":
