@@ -26,6 +26,7 @@ class SkillListing:
     inputs: tuple[Mapping[str, object], ...]
     outputs: tuple[Mapping[str, object], ...]
     devices: tuple[str, ...]
+    optional_devices: tuple[str, ...]
     failures: tuple[str, ...]
     module: str
 
@@ -166,9 +167,9 @@ def _list_skill(name: str, skill: type[Skill]) -> SkillListing:
 
     summary = (skill.__doc__ or "").strip().split("\n")[0]
     devices = tuple(interface.__name__ for interface in skill.devices)
-    return SkillListing(
-        name, summary, ports(skill.inputs), ports(skill.outputs), devices, skill.failures, skill.__module__
-    )  # fmt: skip
+    optional = tuple(interface.__name__ for interface in skill.optional_devices if interface not in skill.devices)
+    inputs, outputs = ports(skill.inputs), ports(skill.outputs)
+    return SkillListing(name, summary, inputs, outputs, devices, optional, skill.failures, skill.__module__)
 
 
 def default_text(port: Port) -> str:

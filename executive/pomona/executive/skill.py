@@ -147,7 +147,8 @@ class Skill(py_trees.behaviour.Behaviour):
     Attributes:
         inputs, outputs: ports, read from the signature of `run`; only a `run(self, **inputs)` that takes whatever comes
             (a mock) says them in the class.
-        devices: interfaces of the cell's devices that it uses.
+        devices: interfaces of the cell's devices that it needs.
+        optional_devices: interfaces of devices that it uses where the cell has them.
         failures: codes with which it can fail.
         renamed_failures: codes of the version before, with what each is called now; the checker tells who still
             writes the old one.
@@ -156,6 +157,7 @@ class Skill(py_trees.behaviour.Behaviour):
     inputs: ClassVar[Ports] = Ports()
     outputs: ClassVar[Ports] = Ports()
     devices: ClassVar[tuple[type, ...]] = ()
+    optional_devices: ClassVar[tuple[type, ...]] = ()
     moves: ClassVar[tuple[type, ...] | None] = None
     """Those of its devices that it moves, of which it must be the only owner; the others it only looks at. By default
     all of them, or none for instant work."""
@@ -271,6 +273,20 @@ class Skill(py_trees.behaviour.Behaviour):
         if found not in self.devices:
             raise SkillError(type(self).__name__, f"uses {found.__name__}, which is not in its `devices`")
         return self.context.device(found, self)
+
+    def optional_device(self, interface: Callable[..., T]) -> T | None:
+        """The cell's device of an interface, or None where the cell has none.
+
+        Raises:
+            SkillError: the interface is in neither `devices` nor `optional_devices`.
+        """
+        found = cast(type[T], interface)
+        if found not in (*self.devices, *self.optional_devices):
+            raise SkillError(type(self).__name__, f"uses {found.__name__}, which is not in its `optional_devices`")
+        try:
+            return self.context.device(found, self)
+        except KeyError:
+            return None
 
     def rng(self) -> np.random.Generator:
         """A random generator for this start of this node: reproducible from the run's seed."""

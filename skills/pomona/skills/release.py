@@ -25,7 +25,6 @@ from pomona.skills.shared.grip_view import show_grip
 from pomona.skills.shared.live_watch import prepare_watch
 from pomona.skills.shared.moving import POSE_FAILURES, move_to_pose
 from pomona.skills.shared.named_pose import judge_pose, offered_poses
-from pomona.skills.shared.optional import found_device
 from pomona.skills.shared.touch import HELD_FORCE, Touch, load, pressing_forces, something_between
 from pomona.skills.shared.usable_map import usable_field
 from pomona.skills.shared.warm_motion import prepare_planning
@@ -65,6 +64,7 @@ class Release(MovingSkill):
     """
 
     devices = (Arm, Gripper, ForceSensor, Workspace)
+    optional_devices = (*MovingSkill.optional_devices, Hand)
     moves = (Arm, Gripper)
     failures = (*MOTION_FAILURES, *POSE_FAILURES, "NOT_HELD", "HAND_UNCLEAR", "LOST", "NO_CONTACT", "LOWERING_BLOCKED")
     renamed_failures: ClassVar = {"NO_WAY_DOWN": "LOWERING_BLOCKED"}
@@ -127,7 +127,7 @@ class Release(MovingSkill):
 
     def _not_held(self) -> Exception:
         """Nothing is felt: the state of the hand decides whether that means that nothing is there."""
-        hand = None if current_hold(self.device(Gripper)) is not None else found_device(self, Hand)
+        hand = None if current_hold(self.device(Gripper)) is not None else self.optional_device(Hand)
         held = None if hand is None else hand.in_hand()
         if held:
             return self.failure("HAND_UNCLEAR", f"{held}; it cannot be put down, since no contact would be felt")

@@ -1,8 +1,15 @@
+import numpy as np
 import pytest
 
-from pomona.drivers.interfaces import MotionState
-from pomona.executive.skill import Interrupted
-from pomona.skills.shared.following import MotionEnded, follow_motion
+from pomona.drivers.interfaces import Arm, Camera, Hand, MotionState
+from pomona.executive.errors import SkillError
+from pomona.executive.skill import Interrupted, Work
+from pomona.executive.skill_testing import drive
+from pomona.skills.motion.planning.timing import time_polyline
+from pomona.skills.shared.following import MOTION_FAILURES, MotionEnded, MovingSkill, follow_motion
+from pomona.skills.shared.live_watch import WATCH_FAILURES, KnownAround
+from tests.skills.overhead import watched
+from tests.skills.picking_scene import HOME, OBSERVE, PickingScene
 
 
 class ScriptedMotion:
@@ -80,3 +87,37 @@ def test_thrown_away_it_still_stops_the_motion():
     next(following)
     following.close()
     assert motion.stopped
+
+
+class WatchedTravel(MovingSkill):
+    """Travels along a watched path and reports its own progress."""
+
+    devices = (Arm,)
+    failures = (*MOTION_FAILURES, *WATCH_FAILURES)
+
+    def run(self) -> Work[None]:
+        path = time_polyline(np.array([OBSERVE, HOME]), self.device(Arm).limits)
+        yield from self.travel(path, lambda: "no contact", around=KnownAround())
+        return None
+
+
+def test_a_watched_path_keeps_the_feedback_of_its_skill():
+    scene, skill = PickingScene(), WatchedTravel()
+    devices, camera = watched(scene)
+    messages: list[str] = []
+    outcome = drive(
+        skill, {}, devices, clock=scene.clock, each_tick=lambda _tick: messages.append(skill.feedback_message)
+    )
+    assert outcome.reason is None
+    assert camera.frames > 3
+    assert any(message.endswith("%, no contact") for message in messages)
+
+
+def test_only_declared_devices_can_be_used():
+    scene, skill = PickingScene(), WatchedTravel()
+    drive(skill, {}, scene.devices, clock=scene.clock)
+    assert skill.optional_device(Arm) is not None
+    with pytest.raises(SkillError, match="Hand, which is not in its `optional_devices`"):
+        skill.optional_device(Hand)
+    with pytest.raises(SkillError, match="Camera, which is not in its `devices`"):
+        skill.device(Camera)

@@ -62,6 +62,7 @@ def _print_short(console: Screen, skill: SkillListing) -> None:
         ("  inputs", [_port(port) for port in skill.inputs]),
         ("  outputs", [_port(port) for port in skill.outputs]),
         ("  devices", skill.devices),
+        ("  optional", skill.optional_devices),
         ("  failures", skill.failures),
     ):
         if words:
@@ -91,6 +92,8 @@ def _print_one(console: Screen, skill: SkillListing) -> None:
             )  # fmt: skip
         console.print(table)
     console.print(f"devices: {', '.join(skill.devices) or 'none'}")
+    if skill.optional_devices:
+        console.print(f"optional devices: {', '.join(skill.optional_devices)}")
     codes = Table(title="failure codes", title_justify="left", box=None, padding=(0, 2, 0, 0), show_header=False)
     for code in skill.failures:
         about = failure_codes().get(code)

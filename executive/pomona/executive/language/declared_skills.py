@@ -28,7 +28,7 @@ from pomona.executive.ports import REQUIRED, Port, Ports, Quantity
 from pomona.executive.registry import GROUP, Registry, replacements
 from pomona.executive.skill import Skill
 
-VERSION = 4
+VERSION = 5
 """Of the file's form."""
 
 _PLAIN: Mapping[str, type[Any]] = {
@@ -132,6 +132,7 @@ class _Writer:
             "inputs": {name: self.port(port) for name, port in skill.inputs.items()},
             "outputs": {name: self.port(port) for name, port in skill.outputs.items()},
             "devices": [self.type_said(interface, shallow=True) for interface in skill.devices],
+            "optional_devices": [self.type_said(interface, shallow=True) for interface in skill.optional_devices],
             "moves": [skill.devices.index(interface) for interface in skill.claims()],
             "failures": list(skill.failures),
             "renamed_failures": dict(skill.renamed_failures),
@@ -212,6 +213,7 @@ class _Reader:
             "inputs": Ports(**{name: self.port(port) for name, port in said["inputs"].items()}),
             "outputs": Ports(**{name: self.port(port) for name, port in said["outputs"].items()}),
             "devices": devices,
+            "optional_devices": tuple(self.type_said(device) for device in said["optional_devices"]),
             "moves": tuple(devices[index] for index in said["moves"]),
             "failures": tuple(said["failures"]),
             "renamed_failures": dict(said["renamed_failures"]),

@@ -6,7 +6,7 @@ from collections.abc import Callable, Generator
 from typing import ClassVar
 
 from pomona.drivers.errors import MotionRefused
-from pomona.drivers.interfaces import Arm, Gripper, Motion, MotionState, Trajectory
+from pomona.drivers.interfaces import Arm, Cameras, Gripper, Motion, MotionState, Trajectory, Workspace
 from pomona.executive.skill import Skill
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.shared.live_watch import KnownAround, LiveWatch
@@ -62,6 +62,8 @@ class MovingSkill(Skill):
     """A skill that moves the arm or the gripper; its `failures` must contain `MOTION_FAILURES`."""
 
     failures: ClassVar[tuple[str, ...]] = MOTION_FAILURES
+    optional_devices: ClassVar[tuple[type, ...]] = (Gripper, Workspace, Cameras)
+    """The zones and the watched path need them."""
 
     def travel(
         self,
@@ -102,8 +104,9 @@ class MovingSkill(Skill):
             return motion
 
         def look() -> str | None:
-            said = None if watch is None else watch()
-            return eyes.look() if eyes is not None else said
+            progress = None if watch is None else watch()
+            ahead = None if eyes is None else eyes.look()
+            return ", ".join(filter(None, (progress, ahead))) or None
 
         yield from self._carry_out(start, look)
 

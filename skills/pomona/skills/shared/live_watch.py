@@ -40,7 +40,6 @@ from pomona.skills.motion.watch import Ahead, PathWatch
 from pomona.skills.perception.frame_check import MISMATCHES, frame_problem
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.frame_trust import earlier_poses, mismatch, note_pose, require_sound_pose
-from pomona.skills.shared.optional import found_device
 
 BLOCKED = "PATH_BLOCKED"
 """The code with which a motion fails that was stopped by what a camera saw."""
@@ -90,19 +89,19 @@ class LiveWatch:
         self._stamps: dict[int, float] = {}
         self._states: deque[ArmState] = deque(maxlen=KEPT)
         self._motion: Motion | None = None
-        self._gripper = found_device(skill, Gripper)
+        self._gripper = skill.optional_device(Gripper)
 
     @staticmethod
     def of(skill: Skill, arm: Arm, trajectory: Trajectory, around: KnownAround) -> LiveWatch | None:
         """The watch of a trajectory; None in a cell that has no camera, or whose file does not ask for a watch."""
-        cameras, workspace = found_device(skill, Cameras), found_device(skill, Workspace)
+        cameras, workspace = skill.optional_device(Cameras), skill.optional_device(Workspace)
         if cameras is None or not cameras.all or workspace is None or workspace.watch is None:
             return None
         shape = RobotShape.of(RobotModel.load(arm.description))
         held = around.carrying
         if held is not None:
             shape = shape.holding(apply(inverse(held.T_base_grasp), fruit_points(held.fruit)))
-        gripper = found_device(skill, Gripper)
+        gripper = skill.optional_device(Gripper)
         width = shape.model.width_max if gripper is None else gripper.state().width
         fruit = [Convex.of_fruit(measured) for measured in around.fruit]
         watch = PathWatch(shape, trajectory, arm.limits, width, workspace, around.map, fruit)
@@ -198,7 +197,11 @@ class LiveWatch:
 
 def prepare_watch(skill: Skill) -> None:
     """For `prepare` of a skill that watches its way: compile the loops, and let every camera look once."""
-    cameras, workspace, arm = found_device(skill, Cameras), found_device(skill, Workspace), found_device(skill, Arm)
+    cameras, workspace, arm = (
+        skill.optional_device(Cameras),
+        skill.optional_device(Workspace),
+        skill.optional_device(Arm),
+    )
     if cameras is None or not cameras.all or arm is None or workspace is None or workspace.watch is None:
         return
     _warm(arm.description)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -41,6 +41,7 @@ class LookingSkill(Skill):
     """A skill that finds fruit in the camera's newest frame; it must declare `LOOKING_FAILURES`."""
 
     devices = (Camera,)
+    optional_devices: ClassVar[tuple[type, ...]] = (Arm,)
     moves = ()
 
     def prepare(self) -> None:
@@ -130,8 +131,10 @@ class LookingSkill(Skill):
         """T_base_camera of a frame, shape (4, 4)."""
         if frame.q is None:
             return frame.T_mount_camera
-        # Asked for only when the camera rides on an arm, so that cells without one can detect too.
-        robot = RobotModel.load(self.context.device(Arm, self).description)
+        arm = self.optional_device(Arm)
+        if arm is None:
+            raise self.failure("NO_FRAME", "the frame was taken from an arm, and the cell has no arm")
+        robot = RobotModel.load(arm.description)
         T_base_camera: Float64 = robot.fk(frame.q) @ frame.T_mount_camera
         return T_base_camera
 

@@ -9,7 +9,6 @@ from pomona.executive.skill import Skill
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.shared.optional import found_device
 
 
 def zone_entered(skill: Skill, arm: Arm, trajectory: Trajectory, carrying: Grasp | None = None) -> str:
@@ -22,7 +21,7 @@ def zone_entered(skill: Skill, arm: Arm, trajectory: Trajectory, carrying: Grasp
         trajectory: to be followed.
         carrying: the grasp by which a fruit is held.
     """
-    workspace, gripper = found_device(skill, Workspace), found_device(skill, Gripper)
+    workspace, gripper = skill.optional_device(Workspace), skill.optional_device(Gripper)
     if workspace is None or not workspace.zones:
         return ""
     width = RobotModel.load(arm.description).width_max if gripper is None else gripper.state().width
