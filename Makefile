@@ -137,6 +137,9 @@ bench-watch: $(STAMP) ## a hand that comes into the way of the moving arm: 200 p
 bench-grasp: $(STAMP) ## grip control over random lifts, baselines beside it
 	$(BIN)/python -m benchmarks.bench_grasp --plots runs/bench_grasp
 
+grasp-golden: $(STAMP) ## the grip's commands, bit by bit beside those of the commit AGAINST=… (HEAD), on this machine
+	$(BIN)/python -m benchmarks.grasp_golden --against $(or $(AGAINST),HEAD)
+
 bench-interop: $(STAMP) ## live views, ROS 2 to another process, exports: what they cost, how quick they are
 	$(BIN)/python -m benchmarks.bench_interop
 

@@ -84,6 +84,8 @@ class Trace:
     turn: list[float] = field(default_factory=list)
     speed: list[float] = field(default_factory=list)
     width: list[float] = field(default_factory=list)
+    commands: list[tuple[float, float]] = field(default_factory=list)
+    """Time [s] and speed [m/s] of each command, from the first sample on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,6 +178,7 @@ def run_trial(
             speed = controller.step(stamp, sequence, wrenches)
             if speed is not None:
                 grasp.command, commanded_at = speed, t
+                trace.commands.append((t, speed))
         if t - commanded_at > 0.1:
             grasp.command = 0.0  # the driver's watchdog
         if watch is not None:
@@ -207,8 +210,9 @@ def run_trial(
                 told_at = t
             trace.t.append(t)
             trace.f_n.append(f_n)
-            trace.f_ref.append(controller.reference.f_ref)
-            trace.least_sensed.append(controller.sense.least)
+            reading = controller.reading
+            trace.f_ref.append(reading.f_ref)
+            trace.least_sensed.append(reading.f_least)
             trace.slip.append(slip)
             trace.turn.append(grasp.turn - turn_0)
             trace.speed.append(grasp.command)
