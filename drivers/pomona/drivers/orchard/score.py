@@ -6,12 +6,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pomona.drivers.orchard.bruises import impact_force, peak_pressure
 from pomona.drivers.orchard.model import WallModel
 from pomona.drivers.orchard.stems import AT_SPUR, HANGS, TORN, Stems
 from pomona.drivers.orchard.touches import BY_HARD, BY_LINING, BY_PAD, Touches
-from pomona.drivers.orchard.wood import GRAVITY, bending_stress
+from pomona.drivers.orchard.wood import bending_stress
 from pomona.drivers.sim.scene import TIMESTEP, container_of
 from pomona.executive.values.arrays import Float64
 
@@ -21,6 +22,8 @@ RECENT = 1.0
 """A fruit that comes off so soon after the robot touched it or its branch was knocked off [s]."""
 STEADY = 0.05
 """Time over which a pressing force is averaged before it counts as static [s]: impacts are judged by themselves."""
+GRIPPED = 0.05
+"""Both pads held a fruit that comes off if they touched it within this time [s]: a break can unload one of them."""
 HIT = 0.5
 """The robot strikes wood, a wire or what is fixed when it presses it by more than this [N]."""
 
@@ -58,8 +61,9 @@ class WallScore:
     wood_stress: float = 0.0
     _touched: Float64 = field(init=False)
     _lateral_touched: Float64 = field(init=False)
+    _lateral_of: NDArray[np.int64] = field(init=False)
     _steady: Float64 = field(init=False)
-    _impulse: Float64 = field(init=False)
+    _gripped: Float64 = field(init=False)
     _striking: dict[str, bool] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -67,7 +71,8 @@ class WallScore:
         self.fruits = [FruitStory(self._pose(i)) for i in range(count)]
         self.touches = Touches(self.built, self.data)
         self._touched, self._lateral_touched = np.full(count, -np.inf), np.full(len(self.built.wall.laterals), -np.inf)
-        self._steady, self._impulse = np.zeros((count, 3)), np.zeros((count, 2))
+        self._lateral_of = np.array([self.built.wall.spurs[each.spur].lateral for each in self.built.wall.fruits], int)
+        self._steady, self._gripped = np.zeros((count, 3)), np.full(count, -np.inf)
 
     def look(self, broken: int) -> None:
         """After a step, in which a stem broke, or none (-1)."""
@@ -75,6 +80,8 @@ class WallScore:
         touches.look()
         self._touched[touches.by_robot] = now
         self._lateral_touched[touches.laterals] = now
+        self._lateral_touched[self._lateral_of[touches.by_robot]] = now  # a pulled fruit shakes its neighbours
+        self._gripped[(touches.pads > TOUCH).all(axis=1)] = now
         self._note_presses()
         self.wood_force = max(self.wood_force, touches.wood)
         for name, force in (("wood", touches.wood), ("wire", touches.wire), ("fixed", touches.fixed)):
@@ -84,9 +91,8 @@ class WallScore:
             self._striking[name] = striking
         if broken >= 0:
             story = self.fruits[broken]
-            lateral = self.built.wall.spurs[self.built.wall.fruits[broken].spur].lateral
-            recent = max(self._touched[broken], self._lateral_touched[lateral]) > now - RECENT
-            gripped = bool((touches.pads[broken] > TOUCH).all())
+            recent = max(self._touched[broken], self._lateral_touched[self._lateral_of[broken]]) > now - RECENT
+            gripped = bool(self._gripped[broken] > now - GRIPPED)
             story.came_off, story.how = now, "gripped" if gripped else "knocked" if recent else "fell"
             story.stem_force = float(self.stems.peak[broken])
 
@@ -107,23 +113,17 @@ class WallScore:
                 story.looked = self._pose(i)
 
     def _note_presses(self) -> None:
-        """Static pressure of what presses for long, and the impulse of what strikes."""
+        """Record the static pressure of lasting forces and the impact of touches that begin."""
         numbers, forces = self.built.wall.numbers, self.touches.forces
         self._steady += (forces - self._steady) * (TIMESTEP / STEADY)
         moduli = np.array([numbers.modulus_pad, numbers.modulus_lining, numbers.modulus_hard])
-        for i in np.flatnonzero((forces > 0.0).any(axis=1) | (self._impulse > 0.0).any(axis=1)):
+        for i in np.flatnonzero((forces > 0.0).any(axis=1)):
             fruit, story = self.built.wall.fruits[i], self.fruits[i]
             for k in (BY_PAD, BY_LINING, BY_HARD):
                 press = peak_pressure(float(self._steady[i, k]), fruit.radius, float(moduli[k]))
+                impulse = fruit.mass * float(self.touches.speeds[i, k])
                 story.pressure = max(story.pressure, press)
-            weight = fruit.mass * GRAVITY
-            for k, column in enumerate((BY_LINING, BY_HARD)):
-                force = float(forces[i, column])
-                self._impulse[i, k] = (
-                    max(0.0, self._impulse[i, k] + (force - weight) * TIMESTEP) if force > 0.0 else 0.0
-                )
-                peak = impact_force(float(self._impulse[i, k]), fruit.mass, fruit.radius, float(moduli[column]))
-                story.impact = max(story.impact, peak)
+                story.impact = max(story.impact, impact_force(impulse, fruit.mass, fruit.radius, float(moduli[k])))
 
     # ------------------------------------------------------------------------------------------ reporting
 
@@ -136,11 +136,12 @@ class WallScore:
         """Where a fruit is: "hangs", "hand", "ground", "lies", or the name of a crate."""
         if self.stems.state[i] == HANGS:
             return "hangs"
-        crate = container_of(self.built.fixed, self._pose(i)[:3, 3])
-        if crate:
-            return crate
-        if (self.touches.pads[i] > TOUCH).all():
+        held = self.touches.pads[i] > TOUCH
+        if held.all():
             return "hand"
+        crate = container_of(self.built.fixed, self._pose(i)[:3, 3], self.built.wall.fruits[i].radius)
+        if crate and not held.any():
+            return crate
         return "ground" if self.touches.grounded[i] else "lies"
 
     def report(self, reachable: tuple[bool, ...] | None = None) -> dict[str, object]:
@@ -150,7 +151,6 @@ class WallScore:
         picked = [p not in ("hangs", "hand", "ground", "lies") for p in places]
         taken = [i for i, story in enumerate(stories) if story.how == "gripped"]
         forces = [stories[i].stem_force for i in taken]
-        off = [i for i in range(len(stories)) if states[i] != HANGS]
         return {
             "apples": len(stories),
             "reachable": sum(reachable) if reachable is not None else None,
@@ -160,7 +160,7 @@ class WallScore:
             "dropped": sum(places[i] in ("ground", "lies") for i in taken),
             "knocked_off": sum(story.how == "knocked" for story in stories),
             "fell": sum(story.how == "fell" for story in stories),
-            "bruised": sum(self.bruised(i) for i in off),
+            "bruised": sum(self.bruised(i) for i in range(len(stories))),
             "stems_torn": int((states == TORN).sum()),
             "stem_force_median_n": float(np.median(forces)) if forces else None,
             "stem_force_p95_n": float(np.percentile(forces, 95)) if forces else None,

@@ -232,12 +232,21 @@ def fixed_names(fixed: tuple[Box, ...]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(box.name for box in fixed))
 
 
-def container_of(fixed: tuple[Box, ...], p: Float64) -> str:
-    """Name of the crate that a point (3,) [m] is in, or nothing; a crate's first box is its floor."""
+def container_of(fixed: tuple[Box, ...], p: Float64, radius: float) -> str:
+    """Return the name of the crate that a fruit lies in, or nothing; a crate's first box is its floor.
+
+    Args:
+        fixed: boxes around the robot.
+        p: the fruit's middle in the base frame, shape (3,) [m].
+        radius: the fruit's [m]; its lowest point must be below the crate's rim.
+    """
     for name in fixed_names(fixed):
         boxes = [box for box in fixed if box.name == name]
-        x, y, z = np.linalg.inv(boxes[0].T_base_box)[:3] @ np.append(p, 1.0)
-        if len(boxes) > 1 and abs(x) < boxes[0].half_extents[0] and abs(y) < boxes[0].half_extents[1] and z > 0.0:
+        T_floor_base = np.linalg.inv(boxes[0].T_base_box)
+        x, y, z = T_floor_base[:3] @ np.append(p, 1.0)
+        rim = max(float((T_floor_base @ box.T_base_box)[2, 3]) + box.half_extents[2] for box in boxes)
+        above = abs(x) < boxes[0].half_extents[0] and abs(y) < boxes[0].half_extents[1]
+        if len(boxes) > 1 and above and 0.0 < z < rim + radius:
             return name
     return ""
 

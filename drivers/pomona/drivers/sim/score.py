@@ -286,7 +286,7 @@ class Scorer:
 
     def _inside(self, i: int) -> str:
         """Name of the crate that a fruit lies in."""
-        return container_of(self.scene.fixed, self._pose(i)[:3, 3])
+        return container_of(self.scene.fixed, self._pose(i)[:3, 3], float(self.scene.fruits[i].dimensions.max()) / 2.0)
 
     def _pose(self, i: int) -> Float64:
         body = self.state.body(f"fruit_{i}")
