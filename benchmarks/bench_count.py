@@ -157,7 +157,7 @@ def _sightings(frame: Frame, T_base_camera: Float64, fruit: FruitModel, method: 
         measured: MeasuredFruit | None = None
         why = ""
         try:
-            measured = measure(detection, method, using="zbuffer")
+            measured = measure(detection, method, renderer="zbuffer")
         except RefineError as error:
             why = error.code
         found.append(sighting_of(detection, measured, why, len(found) + 1))

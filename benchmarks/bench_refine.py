@@ -31,10 +31,11 @@ from pomona.drivers.depth_model import SIMULATED
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import rot_x, rot_y, transform
 from pomona.skills.perception.fruit import FruitModel, load_fruit
-from pomona.skills.perception.refinement import RefineResult, horizontal_plane, refine, render_depth
+from pomona.skills.perception.refinement import DepthLook, Known, RefineResult, horizontal_plane, refine, render_depth
 from pomona.skills.perception.refinement.depth_image import ImageBox, RendererName
 from pomona.skills.perception.refinement.errors import RefineError
 from pomona.skills.perception.refinement.paper import fit_scale_by_rendering
+from pomona.skills.perception.refinement.result import Method
 from pomona.skills.perception.refinement.scale_fit import fit_scale
 
 CELL = Path("trees/cells/sim.yaml")
@@ -101,13 +102,14 @@ def speed(fruit: FruitModel, console: Console) -> dict[str, float]:
     table.title = "time in ms, the fastest calls of one run"
 
     def times(using: RendererName) -> dict[str, float]:
-        _, box = render_depth(fruit, T, CAMERA, using=using)
+        look = DepthLook(depth, CAMERA, SIMULATED, renderer=using)
+        _, box = look.render(fruit, T)
         render, exact, paper, paper_box, shape = milliseconds(
-            lambda: render_depth(fruit, T, CAMERA, using=using),
-            lambda: refine(depth, CAMERA, T, fruit, method="uniform", depth_model=SIMULATED, using=using),
-            lambda: fit_scale_by_rendering(depth, fruit, T, CAMERA, whole, using=using),
-            lambda: fit_scale_by_rendering(depth[box.slices], fruit, T, CAMERA, box, using=using),
-            lambda: refine(depth, CAMERA, T, fruit, depth_model=SIMULATED, using=using),
+            lambda: look.render(fruit, T),
+            lambda: refine(look, T, fruit, method="uniform"),
+            lambda: fit_scale_by_rendering(look, fruit, T, whole),
+            lambda: fit_scale_by_rendering(look, fruit, T, box),
+            lambda: refine(look, T, fruit),
         )
         return {
             "render_ms": render, "exact_ms": exact, "exact_per_render": exact / render, "paper_ms": paper,
@@ -124,7 +126,7 @@ def speed(fruit: FruitModel, console: Console) -> dict[str, float]:
     factor = measured["pyrender as it comes"]["paper_ms"] / measured["pyrender"]["exact_ms"]
     console.print(f"the paper's method by pyrender as it comes takes {factor:.0f} times the closed form's time\n")
     figures = {f"{name}_{key}": value for name, row in measured.items() for key, value in row.items()}
-    exact, mu = measured["pyrender"]["exact_ms"], refine(depth, CAMERA, T, fruit, method="uniform").mu
+    exact, mu = measured["pyrender"]["exact_ms"], refine(DepthLook(depth, CAMERA), T, fruit, method="uniform").mu
     others = Table("the paper's search", "renders", "ms", "/ closed form", "its mu - ours")
     others.title = "the paper's method with other optimisers, whole image, pyrender"
     for name in SEARCHES:
@@ -268,11 +270,10 @@ def _errors(view: View, fruit: FruitModel, mode: str) -> tuple[float, float, flo
 def _refine(view: View, fruit: FruitModel, mode: str, using: RendererName = "zbuffer") -> RefineResult:
     assert view.T_camera_detected is not None
     on_plane = mode == "shape+plane"
-    return refine(
-        view.depth, CAMERA, view.T_camera_detected, fruit, method="shape" if on_plane else mode,  # type: ignore[arg-type]
-        support=horizontal_plane(view.T_base_camera, view.table_z) if on_plane else None, depth_model=SIMULATED,
-        using=using,
-    )  # fmt: skip
+    known = Known(support=horizontal_plane(view.T_base_camera, view.table_z) if on_plane else None)
+    look = DepthLook(view.depth, CAMERA, SIMULATED, renderer=using)
+    method: Method = "shape" if on_plane else mode  # type: ignore[assignment]
+    return refine(look, view.T_camera_detected, fruit, method=method, known=known)
 
 
 def _compare(view: View, T_camera_object: Float64, dimensions: Float64) -> tuple[float, float, float]:

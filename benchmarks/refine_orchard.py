@@ -28,8 +28,8 @@ from pomona.skills.geometry import transform
 from pomona.skills.perception.detection.detection import Detection
 from pomona.skills.perception.detection.options import DetectorOptions
 from pomona.skills.perception.fruit import FruitModel
-from pomona.skills.perception.fruit.sizes import learn_sizes
-from pomona.skills.perception.refinement import Limits, RefineResult, refine, render_depth
+from pomona.skills.perception.fruit.sizes import KindSizes, learn_sizes
+from pomona.skills.perception.refinement import DepthLook, Known, Limits, RefineResult, refine, render_depth
 from pomona.skills.perception.refinement.errors import NoDepth, RefineError
 from pomona.skills.shared.looking import find_in_frame
 
@@ -77,9 +77,12 @@ def _calibre(row: dict[str, str], depth: NDArray[np.float32], fruit: FruitModel,
     distance = KINECT.fx * np.sqrt(fruit.dimensions[0] * fruit.dimensions[1] / (w * h)) * drawn_out
     try:
         result = refine(
-            depth, KINECT, transform(translation=centre * distance), fruit, method=method,  # type: ignore[arg-type]
-            limits=Limits(inlier_band=8e-3), depth_model=AZURE_KINECT, using="zbuffer",
-        )  # fmt: skip
+            DepthLook(depth, KINECT, AZURE_KINECT, renderer="zbuffer"),
+            transform(translation=centre * distance),
+            fruit,
+            method=method,  # type: ignore[arg-type]
+            limits=Limits(inlier_band=8e-3),
+        )
     except RefineError:
         return float("nan")
     return 1e3 * float(max(result.dimensions[0], result.dimensions[2]))
@@ -122,12 +125,11 @@ class Find:
         T = self.detection.T_camera_object
         return float(np.linalg.norm(np.cross(T[:3, 3] / np.linalg.norm(T[:3, 3]), T[:3, 1])))
 
-    def measured(self, fruit: FruitModel, **options: object) -> RefineResult:
-        """As `measure_fruit` does."""
-        return refine(
-            self.depth, KINECT, self.detection.T_camera_object, fruit, method="uniform", depth_model=AZURE_KINECT,
-            size_deviation=self.deviation, using="zbuffer", **options,  # type: ignore[arg-type]
-        )  # fmt: skip
+    def measured(self, fruit: FruitModel, sizes: KindSizes | None = None) -> RefineResult:
+        """Measure as `measure_fruit` does."""
+        look = DepthLook(self.depth, KINECT, AZURE_KINECT, renderer="zbuffer")
+        known = Known(sizes=sizes, size_deviation=self.deviation)
+        return refine(look, self.detection.T_camera_object, fruit, method="uniform", known=known)
 
 
 def found_errors(folder: Path, fruit: FruitModel, console: Console) -> dict[str, object]:

@@ -8,7 +8,7 @@ import numpy as np
 from pomona.drivers import Intrinsics
 from pomona.skills.geometry import rot_x, rot_y, transform
 from pomona.skills.perception.fruit import load_fruit
-from pomona.skills.perception.refinement import refine, render_depth
+from pomona.skills.perception.refinement import DepthLook, refine, render_depth
 
 apple = load_fruit("apple")
 camera = Intrinsics(fx=615.0, fy=615.0, cx=319.5, cy=239.5, width=640, height=480)
@@ -22,7 +22,8 @@ depth = np.full((camera.height, camera.width), 0.6, np.float32)
 depth[box.slices] = np.where(fruit > 0.0, fruit, depth[box.slices])
 depth += np.random.default_rng(1).normal(0.0, 1e-3, depth.shape).astype(np.float32)
 
-found = refine(depth, camera, T_camera_detected, apple, method="uniform", using="zbuffer")
+look = DepthLook(depth, camera, renderer="zbuffer")
+found = refine(look, T_camera_detected, apple, method="uniform")
 error = np.linalg.norm(found.T_camera_object[:3, 3] - scale * T_camera_detected[:3, 3])
 print(f"scale {found.mu:.4f} (true {scale}), position error {1e3 * error:.2f} mm, inliers {found.inlier_ratio:.0%}")
 print(f"dimensions {1e3 * found.dimensions} mm, CAD model {1e3 * apple.dimensions} mm")

@@ -19,6 +19,7 @@ from pomona.skills.perception.frame_check import MISMATCHES, FrameProblem, frame
 from pomona.skills.perception.fruit import Mesh
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.perception.refinement.depth_image import RendererName
+from pomona.skills.perception.refinement.depth_look import DepthLook
 from pomona.skills.perception.refinement.errors import RefineError
 from pomona.skills.perception.refinement.measure import measure, outline
 from pomona.skills.perception.refinement.refinement import refine
@@ -70,7 +71,7 @@ class Refine(Skill):
             virtual_depth, box = render_depth(_SOMETHING, T, _SMALL_CAMERA, using=using)
             depth = np.zeros((_SMALL_CAMERA.height, _SMALL_CAMERA.width), np.float32)
             depth[box.slices] = virtual_depth
-            refine(depth, _SMALL_CAMERA, T, _SOMETHING, using=using)
+            refine(DepthLook(depth, _SMALL_CAMERA, renderer=using), T, _SOMETHING)
 
     def run(
         self,

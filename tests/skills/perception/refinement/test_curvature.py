@@ -11,7 +11,7 @@ from pomona.drivers.depth_model import SIMULATED
 from pomona.drivers.interfaces import Intrinsics
 from pomona.skills.geometry import rot_x, rot_y, rotation_about, transform
 from pomona.skills.perception.fruit import load_fruit
-from pomona.skills.perception.refinement import refine
+from pomona.skills.perception.refinement import DepthLook, refine
 from pomona.skills.perception.refinement.curvature import least_curvature
 from pomona.skills.perception.refinement.errors import RefineError
 from pomona.skills.perception.refinement.render import render_depth
@@ -42,6 +42,10 @@ def post(z: float, radius: float, along: np.ndarray) -> np.ndarray:
     return np.where(root > 0.0, (product - np.sqrt(np.maximum(root, 0.0))) / square, 0.0)
 
 
+def look(depth: np.ndarray) -> DepthLook:
+    return DepthLook(depth, CAMERA, SIMULATED, renderer="zbuffer")
+
+
 @pytest.mark.parametrize("kind", ["wall", "post"])
 def test_a_wall_and_a_post_are_no_fruit(kind: str) -> None:
     ends: Counter[str] = Counter()
@@ -54,7 +58,7 @@ def test_a_wall_and_a_post_are_no_fruit(kind: str) -> None:
         T = transform(turn, (0.0, 0.0, z * rng.uniform(0.8, 1.25)))
         for method in ("uniform", "shape") if seed < 3 else ("uniform",):
             try:
-                refine(noisy(depth, rng), CAMERA, T, APPLE, method=method, depth_model=SIMULATED, using="zbuffer")  # type: ignore[arg-type]
+                refine(look(noisy(depth, rng)), T, APPLE, method=method)  # type: ignore[arg-type]
                 ends["measured"] += 1
             except RefineError as error:
                 ends[error.code] += 1
@@ -75,7 +79,7 @@ def test_fruit_is_as_curved_as_its_model_whole_and_half_hidden(hidden: float) ->
         depth = np.zeros(U.shape)
         depth[box.slices] = virtual
         depth[:, : round(box.left + hidden * virtual.shape[1])] = 0.42 if hidden else 0.0
-        result = refine(noisy(depth, rng), CAMERA, T, APPLE, depth_model=SIMULATED, using="zbuffer")
+        result = refine(look(noisy(depth, rng)), T, APPLE)
         found = least_curvature(noisy(depth, rng)[result.box.slices], result.virtual_depth, result.inliers, 4e-3, 12.0)
         assert found is None or found.least + 2.0 * found.deviation > 0.6
 
@@ -89,7 +93,7 @@ def test_a_leaf_in_front_that_agrees_with_a_smaller_fruit_is_told() -> None:
     depth[box.top : box.bottom, left:right] = 0.53
     measured = noisy(depth, np.random.default_rng(0))
     with pytest.raises(RefineError) as error:
-        refine(measured, CAMERA, T, APPLE, limits=Limits(min_inliers=0.2), depth_model=SIMULATED, using="zbuffer")
+        refine(look(measured), T, APPLE, limits=Limits(min_inliers=0.2))
     assert error.value.code == "NOT_ITS_SHAPE"
     assert "a wall, a post or a leaf" in str(error.value)
 

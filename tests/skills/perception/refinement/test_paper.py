@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pomona.skills.perception.refinement import Limits, refine
+from pomona.skills.perception.refinement import DepthLook, Limits, refine
 from pomona.skills.perception.refinement.paper import moved_and_scaled, sigma_bound
 
 
@@ -25,7 +25,13 @@ def test_both_methods_agree_on_noisy_depth(scene, apple, elevation):
     """They choose their inliers differently; with the inliers alike, so is the scale."""
     s = scene((89, 81, 89), elevation, 1)
     results = [
-        refine(s.depth, s.intrinsics, s.T_camera_detected, apple, method=method, using="zbuffer", limits=Limits(8e-3))
+        refine(
+            DepthLook(s.depth, s.intrinsics, renderer="zbuffer"),
+            s.T_camera_detected,
+            apple,
+            method=method,
+            limits=Limits(8e-3),
+        )
         for method in ("uniform", "paper")
     ]
     assert results[0].mu == pytest.approx(results[1].mu, abs=4e-3)

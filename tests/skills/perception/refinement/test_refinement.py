@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from pomona.drivers.depth_model import AZURE_KINECT, D4XX, SIMULATED
 from pomona.skills.geometry import inverse, rot_x, rotation_about, transform
 from pomona.skills.perception.fruit import Mesh
 from pomona.skills.perception.fruit.sizes import KindSizes
-from pomona.skills.perception.refinement import Limits, OtherLook, horizontal_plane, refine
+from pomona.skills.perception.refinement import DepthLook, Known, Limits, horizontal_plane, refine
 from pomona.skills.perception.refinement.errors import (
     AtBound,
     BadDepth,
@@ -27,14 +27,13 @@ PAPER_APPLES = ((89, 81, 89), (91, 85, 91), (93, 73, 93), (73, 64, 73), (62, 47,
 ELEVATIONS = (32, 50, 68, 84)
 
 
-def measured(scene, apple, **options):
-    return refine(
-        scene.depth,
-        scene.intrinsics,
-        scene.T_camera_detected,
-        apple,
-        **{"using": "zbuffer", "depth_model": SIMULATED, **options},
-    )
+KNOWN = {field.name for field in fields(Known)}
+
+
+def measured(scene, apple, using="zbuffer", **options):
+    look = DepthLook(scene.depth, scene.intrinsics, SIMULATED, renderer=using)
+    known = Known(**{name: options.pop(name) for name in KNOWN & options.keys()})
+    return refine(look, scene.T_camera_detected, apple, known=known, **options)
 
 
 @pytest.fixture(scope="module")
@@ -167,7 +166,7 @@ def test_fruit_cut_by_the_image_border(scene, apple):
 def test_a_second_look_from_the_side_measures_the_height(scene, apple):
     above, side = scene((93, 73, 93), 84, 6), scene((93, 73, 93), 32, 6)
     T_above_side = inverse(above.T_base_camera) @ side.T_base_camera
-    look = OtherLook(side.depth, side.intrinsics, T_above_side)
+    look = DepthLook(side.depth, side.intrinsics, T_camera_look=T_above_side, renderer="zbuffer")
     alone, both = measured(above, apple), measured(above, apple, looks=[look])
     assert both.method == "shape+views"
     height = [abs(r.dimensions[1] - above.dimensions[1]) for r in (alone, both)]
@@ -177,7 +176,12 @@ def test_a_second_look_from_the_side_measures_the_height(scene, apple):
 
 def test_uniform_takes_further_looks_too(scene, apple):
     above, side = scene((89, 81, 89), 75, 7), scene((89, 81, 89), 40, 7)
-    look = OtherLook(side.depth, side.intrinsics, inverse(above.T_base_camera) @ side.T_base_camera)
+    look = DepthLook(
+        side.depth,
+        side.intrinsics,
+        T_camera_look=inverse(above.T_base_camera) @ side.T_base_camera,
+        renderer="zbuffer",
+    )
     r = measured(above, apple, method="uniform", looks=[look])
     assert r.method == "uniform+views"
     ratio = r.dimensions / apple.dimensions
@@ -187,8 +191,8 @@ def test_uniform_takes_further_looks_too(scene, apple):
 
 def test_a_look_at_something_else_changes_nothing(scene, apple):
     s = scene((89, 81, 89), 60, 8)
-    elsewhere = OtherLook(s.depth, s.intrinsics, transform(rot_x(np.pi)))
-    empty = OtherLook(np.zeros_like(s.depth), s.intrinsics, np.eye(4))
+    elsewhere = DepthLook(s.depth, s.intrinsics, T_camera_look=transform(rot_x(np.pi)), renderer="zbuffer")
+    empty = DepthLook(np.zeros_like(s.depth), s.intrinsics, renderer="zbuffer")
     r = measured(s, apple, looks=[elsewhere, empty])
     alone = measured(s, apple)
     assert r.method == "shape"
@@ -198,9 +202,9 @@ def test_a_look_at_something_else_changes_nothing(scene, apple):
 def test_wrong_looks_are_refused(scene, apple):
     s = scene((89, 81, 89), 60, 8)
     with pytest.raises(BadDepth):
-        measured(s, apple, looks=[OtherLook(s.depth[1:], s.intrinsics, np.eye(4))])
+        measured(s, apple, looks=[DepthLook(s.depth[1:], s.intrinsics)])
     with pytest.raises(BadPose):
-        measured(s, apple, looks=[OtherLook(s.depth, s.intrinsics, 2.0 * np.eye(4))])
+        measured(s, apple, looks=[DepthLook(s.depth, s.intrinsics, T_camera_look=2.0 * np.eye(4))])
 
 
 def test_fruit_held_above_the_table_does_not_reach_it(scene, apple):

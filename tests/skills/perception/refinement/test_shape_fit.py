@@ -12,6 +12,7 @@ from pomona.drivers.interfaces import Intrinsics
 from pomona.skills.geometry import rot_x, rot_y, rotation_about, transform
 from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.refinement.cloud import Cloud, cloud, together
+from pomona.skills.perception.refinement.depth_look import DepthLook
 from pomona.skills.perception.refinement.render import render_depth
 from pomona.skills.perception.refinement.shape_fit import RIGID, Priors, fit_shape
 from pomona.skills.perception.refinement.support_plane import Plane
@@ -114,7 +115,7 @@ def test_a_camera_whose_depth_errs_more_leaves_the_fruit_less_surely_known():
     depth, box = render_depth(APPLE, at, camera, using="zbuffer")
     whole = np.zeros((camera.height, camera.width), np.float32)
     whole[box.slices] = depth
-    near, far = (cloud(whole, camera, box, model=DepthModel(disparity, 0.05)) for disparity in (0.08, 0.32))
+    near, far = (cloud(DepthLook(whole, camera, DepthModel(disparity, 0.05)), box) for disparity in (0.08, 0.32))
     assert far.deviation == pytest.approx(4.0 * near.deviation)
     surely, hardly = (fit_shape(points, APPLE, at, 1.0).covariance for points in (near, far))
     assert np.all(np.sqrt(np.diag(hardly)[:3]) > 1.2 * np.sqrt(np.diag(surely)[:3]))
@@ -129,6 +130,6 @@ def test_a_fruit_that_is_not_round_is_turned_about_its_stem_until_it_fits(turned
     depth = np.zeros((CAMERA.height, CAMERA.width), np.float32)
     depth[box.slices] = virtual
     start = T_true @ transform(rot_y(turned))
-    fit = fit_shape(cloud(depth, CAMERA, box, model=DepthModel()), mango, start, 1.0)
+    fit = fit_shape(cloud(DepthLook(depth, CAMERA, DepthModel()), box), mango, start, 1.0)
     assert np.degrees(np.arccos(fit.T_camera_object[:3, 0] @ T_true[:3, 0])) < 3.0
     assert fit.stretch == pytest.approx([1.0, 1.0, 1.0], abs=0.03)

@@ -10,7 +10,7 @@ from hypothesis import given, strategies as st
 
 from pomona.drivers.depth_model import SIMULATED
 from pomona.skills.geometry import is_pose, rot_x, rot_y, rotation_about, transform
-from pomona.skills.perception.refinement import refine
+from pomona.skills.perception.refinement import DepthLook, Known, refine
 from pomona.skills.perception.refinement.starts import other_starts
 from pomona.skills.perception.refinement.support_plane import Plane
 
@@ -40,7 +40,8 @@ def test_a_detection_with_a_wrong_axis_is_recovered_from(scene, apple, degrees, 
         T[:3, :3] = T[:3, :3] @ rotation_about((np.sqrt(0.5), 0.0, np.sqrt(0.5)), np.radians(degrees))
         seen = replace(seen, T_camera_detected=T)
         support = seen.table if on_table else None
-        result = refine(seen.depth, seen.intrinsics, T, apple, support=support, depth_model=SIMULATED, using="zbuffer")
+        look = DepthLook(seen.depth, seen.intrinsics, SIMULATED, renderer="zbuffer")
+        result = refine(look, T, apple, known=Known(support=support))
         errors.append(seen.errors(result.T_camera_object, result.dimensions))
     centroid, size = np.median(errors, axis=0)
     assert centroid < (1.5 if on_table else 4.0)

@@ -2,8 +2,8 @@
 
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.perception.refinement.depth_image import ImageBox
-from pomona.skills.perception.refinement.gather import OtherLook
-from pomona.skills.perception.refinement.refinement import refine
+from pomona.skills.perception.refinement.depth_look import DepthLook
+from pomona.skills.perception.refinement.refinement import Known, refine
 from pomona.skills.perception.refinement.render import render_depth
 from pomona.skills.perception.refinement.result import Limits, RefineResult
 from pomona.skills.perception.refinement.scale_fit import ScaleFit, fit_scale
@@ -11,10 +11,11 @@ from pomona.skills.perception.refinement.shape_fit import Priors
 from pomona.skills.perception.refinement.support_plane import Plane, horizontal_plane
 
 __all__ = [
+    "DepthLook",
     "ImageBox",
+    "Known",
     "Limits",
     "MeasuredFruit",
-    "OtherLook",
     "Plane",
     "Priors",
     "RefineResult",

@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pomona.drivers.depth_model import D4XX, DepthModel
-from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import apply
-from pomona.skills.perception.refinement.depth_image import DepthImage, ImageBox
+from pomona.skills.perception.refinement.depth_image import ImageBox
+from pomona.skills.perception.refinement.depth_look import DepthLook
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,23 +53,16 @@ class Cloud:
         return replace(few, deviation=few.deviation * gain, beside=few.beside * gain)
 
 
-def cloud(
-    depth: DepthImage,
-    intrinsics: Intrinsics,
-    box: ImageBox,
-    mask: NDArray[np.bool_] | None = None,
-    model: DepthModel = D4XX,
-) -> Cloud:
-    """The measured points of a box, in the camera frame.
+def cloud(look: DepthLook, box: ImageBox, mask: NDArray[np.bool_] | None = None) -> Cloud:
+    """Return the measured points of a box, in the frame of the look's camera.
 
     Args:
-        depth: z-depth of the whole image [m]; 0 or not finite where there is none.
-        intrinsics: of the image.
-        box: the part to take.
-        mask: pixels of the box to take, shape `box.shape`; all by default.
-        model: how the depth errs, as the camera says.
+        look: the depth image.
+        box: the part of the image.
+        mask: pixels of the box, shape `box.shape`; all by default.
     """
-    z = depth[box.slices].astype(np.float64)
+    intrinsics, model = look.intrinsics, look.depth_model
+    z = look.depth[box.slices].astype(np.float64)
     taken = np.isfinite(z) & (z > 0.0)
     if mask is not None:
         taken &= mask

@@ -8,15 +8,15 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import inverse
 from pomona.skills.perception.detection.detection import Detection
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.perception.refinement.depth_image import DepthImage, ImageBox, RendererName
+from pomona.skills.perception.refinement.depth_look import DepthLook
 from pomona.skills.perception.refinement.errors import NoDepth
-from pomona.skills.perception.refinement.gather import OtherLook, points_around
-from pomona.skills.perception.refinement.refinement import refine
+from pomona.skills.perception.refinement.gather import points_around
+from pomona.skills.perception.refinement.refinement import Known, refine
 from pomona.skills.perception.refinement.render import render_depth
 from pomona.skills.perception.refinement.result import Limits, Method, RefineResult
 from pomona.skills.perception.refinement.support_plane import Plane, horizontal_plane, seen_elsewhere
@@ -26,7 +26,7 @@ def measure(
     detection: Detection,
     method: Method | Literal["none"] = "shape",
     limits: Limits | None = None,
-    using: RendererName = "pyrender",
+    renderer: RendererName = "pyrender",
     table_z: float | None = None,
     earlier: MeasuredFruit | None = None,
 ) -> MeasuredFruit:
@@ -37,7 +37,8 @@ def measure(
 
     Args:
         detection: the fruit as the detector saw it.
-        method, limits, using: see `refinement.refine`.
+        method, limits: see `refinement.refine`.
+        renderer: name of the renderer of the virtual depth.
         table_z: height of the table in the base frame [m], if the fruit may stand on one.
         earlier: the same fruit, measured from another place: its looks are fused in.
 
@@ -46,28 +47,20 @@ def measure(
     """
     frame = detection.frame
     if method == "none":
-        return _unrefined(detection, using)
+        return _unrefined(detection, renderer)
     if frame.depth is None:
         raise NoDepth(0, 0)
     past = () if earlier is None else (*earlier.earlier, (earlier.frame, earlier.T_base_camera))
     T_camera_base = inverse(detection.T_base_camera)
     support = None if table_z is None else horizontal_plane(detection.T_base_camera, table_z)
-    result = refine(
-        frame.depth,
-        frame.intrinsics,
-        detection.T_camera_object,
-        detection.fruit,
-        method=method,
-        support=support,
-        looks=[
-            OtherLook(f.depth, f.intrinsics, T_camera_base @ T, f.depth_model) for f, T in past if f.depth is not None
-        ],
-        limits=limits,
-        depth_model=frame.depth_model,
-        size_deviation=detection.size_deviation,
-        sizes=detection.fruit.sizes,
-        using=using,
+    look = DepthLook(frame.depth, frame.intrinsics, frame.depth_model, renderer=renderer)
+    looks = tuple(
+        DepthLook(f.depth, f.intrinsics, f.depth_model, T_camera_base @ T, renderer)
+        for f, T in past
+        if f.depth is not None
     )
+    known = Known(support=support, looks=looks, sizes=detection.fruit.sizes, size_deviation=detection.size_deviation)
+    result = refine(look, detection.T_camera_object, detection.fruit, method=method, known=known, limits=limits)
     turn = np.eye(6)
     turn[:3, :3] = detection.T_base_camera[:3, :3]
     return MeasuredFruit(
@@ -84,13 +77,13 @@ def measure(
         frame=frame,
         method=result.method,
         earlier=past if result.method.endswith("+views") else (),
-        doubt="" if support is None else _doubt(frame.depth, frame.intrinsics, result, support),
+        doubt="" if support is None else _doubt(look, result, support),
     )
 
 
-def _doubt(depth: DepthImage, intrinsics: Intrinsics, result: RefineResult, support: Plane) -> str:
-    """What around the fruit contradicts the cell file, for people; empty where nothing does."""
-    elsewhere = seen_elsewhere(support, points_around(depth, intrinsics, result.box, result.virtual_depth))
+def _doubt(look: DepthLook, result: RefineResult, support: Plane) -> str:
+    """Return a sentence if the surface around the fruit contradicts the cell file, otherwise an empty text."""
+    elsewhere = seen_elsewhere(support, points_around(look, result.box, result.virtual_depth))
     if elsewhere is None:
         return ""
     height, tilt = elsewhere
@@ -113,9 +106,9 @@ def outline(virtual_depth: DepthImage, box: ImageBox) -> Float64:
     return shifted
 
 
-def _unrefined(detection: Detection, using: RendererName) -> MeasuredFruit:
+def _unrefined(detection: Detection, renderer: RendererName) -> MeasuredFruit:
     virtual_depth, box = render_depth(
-        detection.fruit, detection.T_camera_object, detection.frame.intrinsics, using=using
+        detection.fruit, detection.T_camera_object, detection.frame.intrinsics, using=renderer
     )
     R = detection.T_base_camera[:3, :3]
     covariance = np.zeros((6, 6))

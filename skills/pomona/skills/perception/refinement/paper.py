@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.values.arrays import Float64
-from pomona.skills.perception.refinement.depth_image import DepthImage, ImageBox, RendererName, Triangles
+from pomona.skills.perception.refinement.depth_image import DepthImage, ImageBox, Triangles
+from pomona.skills.perception.refinement.depth_look import DepthLook
 from pomona.skills.perception.refinement.errors import DepthNotInMetres, NoDepth
-from pomona.skills.perception.refinement.render import render_depth
 from pomona.skills.perception.refinement.scale_fit import MIN_PIXELS, MIN_VALID, TOO_DEEP, ScaleFit
 
 _TRIALS = 200
@@ -36,14 +35,12 @@ def moved_and_scaled(T_camera_object: Float64, sigma: float) -> Float64:
 
 
 def fit_scale_by_rendering(
-    depth: DepthImage,
+    look: DepthLook,
     mesh: Triangles,
     T_camera_object: Float64,
-    intrinsics: Intrinsics,
     box: ImageBox,
     *,
     inlier_band: float = 4e-3,
-    using: RendererName = "pyrender",
     tolerance: float = 1e-5,
 ) -> ScaleFit:
     """Fit sigma by eq. (f_obj) within +- 0.8 p_hat_z, rendering anew for every sigma that the search tries.
@@ -52,12 +49,10 @@ def fit_scale_by_rendering(
     (Brent's) minimises the mean square over the rest.
 
     Args:
-        depth: measured z-depth of the box, shape `box.shape` [m].
+        look: the depth image.
         mesh, T_camera_object: the model as detected.
-        intrinsics: of the whole image.
         box: part of the image that is rendered and compared; the whole image in the paper.
         inlier_band: half-width of RANSAC's band [m].
-        using: name of the renderer.
         tolerance: of sigma, at which the search stops [m].
 
     Raises:
@@ -65,7 +60,8 @@ def fit_scale_by_rendering(
         DepthNotInMetres: the measurements are about a thousand times the virtual depth.
         RenderFailed: the model cannot be rendered.
     """
-    virtual_depth, _ = render_depth(mesh, T_camera_object, intrinsics, box, using)
+    depth = look.depth[box.slices]
+    virtual_depth, _ = look.render(mesh, T_camera_object, box)
     covered = virtual_depth > 0.0
     valid = covered & np.isfinite(depth) & (depth > 0.0)
     model_pixels, valid_pixels = int(np.count_nonzero(covered)), int(np.count_nonzero(valid))
@@ -77,7 +73,7 @@ def fit_scale_by_rendering(
     inliers[valid] = line_inliers(virtual_depth[valid], depth[valid], inlier_band)
 
     def objective(sigma: float) -> float:
-        rendered, _ = render_depth(mesh, moved_and_scaled(T_camera_object, sigma), intrinsics, box, using)
+        rendered, _ = look.render(mesh, moved_and_scaled(T_camera_object, sigma), box)
         compared = inliers & (rendered > 0.0)  # a pixel at the rim may be lost to rounding
         difference = depth[compared].astype(np.float64) - rendered[compared]
         return float(np.mean(difference**2))

@@ -3,25 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pomona.drivers.depth_model import D4XX, DepthModel
 from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.values.arrays import Float64
 from pomona.skills.perception.fruit.sizes import KindSizes
-from pomona.skills.perception.refinement.checks import check_depth, check_pose, extents
+from pomona.skills.perception.refinement.checks import check_pose, extents
 from pomona.skills.perception.refinement.curvature import least_curvature
-from pomona.skills.perception.refinement.depth_image import DepthImage, ImageBox, RendererName, Triangles
-from pomona.skills.perception.refinement.errors import AtBound, NotItsShape, SizeOutOfRange, TooFewInliers
-from pomona.skills.perception.refinement.gather import OtherLook, gather, gather_others, near_model
+from pomona.skills.perception.refinement.depth_image import DepthImage, ImageBox, Triangles
+from pomona.skills.perception.refinement.depth_look import DepthLook
+from pomona.skills.perception.refinement.errors import (
+    AtBound,
+    NotItsShape,
+    RefineError,
+    SizeOutOfRange,
+    TooFewInliers,
+)
+from pomona.skills.perception.refinement.gather import gather, gather_others, near_model
 from pomona.skills.perception.refinement.paper import fit_scale_by_rendering, sigma_bound
-from pomona.skills.perception.refinement.render import render_depth
 from pomona.skills.perception.refinement.result import Limits, Method, RefineResult
 from pomona.skills.perception.refinement.scale_fit import ScaleFit, fit_scale
 from pomona.skills.perception.refinement.shape_fit import RIGID, Priors, ShapeFit, fit_shape
-from pomona.skills.perception.refinement.starts import Judge, best_of_starts, other_starts
+from pomona.skills.perception.refinement.starts import Judge, other_starts
 from pomona.skills.perception.refinement.support_plane import Plane
 
 _LEAST_POINTS = 150
@@ -72,97 +77,149 @@ calipered apples height over width is 0.957 ± 0.061, and 0.875 of the model: wh
 depends on the picture (widths 10 % too large and heights 3 % off in two real frames)."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Known:
+    """Knowledge of a fruit beyond its detection and one depth image.
+
+    Attributes:
+        support: the plane that the fruit stands on, in the camera frame; used by method shape.
+        looks: other looks at the same fruit; used by shape and uniform.
+        sizes: sizes of this kind of fruit; with them one scale gives width and height separately.
+        size_deviation: standard deviation of the size that the detector saw in the picture, relative. One scale keeps
+            it; a shape is fitted to points instead.
+        priors: prior deviations of the shape.
+    """
+
+    support: Plane | None = None
+    looks: Sequence[DepthLook] = ()
+    sizes: KindSizes | None = None
+    size_deviation: float = 0.0
+    priors: Priors = field(default_factory=Priors)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Task:
+    """One fruit to measure; `limits.inlier_band` already holds the sensor's noise."""
+
+    look: DepthLook
+    mesh: Triangles
+    method: Method
+    known: Known
+    limits: Limits
+
+    @property
+    def model_proportion(self) -> float:
+        """Height over mean width of the model."""
+        size = extents(self.mesh)
+        return float(size[1] / size[[0, 2]].mean())
+
+
 def refine(
-    depth: DepthImage,
-    intrinsics: Intrinsics,
+    look: DepthLook,
     T_camera_object: Float64,
     mesh: Triangles,
     *,
     method: Method = "shape",
-    support: Plane | None = None,
-    looks: Sequence[OtherLook] = (),
+    known: Known | None = None,
     limits: Limits | None = None,
-    priors: Priors | None = None,
-    depth_model: DepthModel = D4XX,
-    size_deviation: float = 0.0,
-    sizes: KindSizes | None = None,
-    using: RendererName = "pyrender",
 ) -> RefineResult:
     """Measure a fruit whose pose was estimated as if it had the size of its CAD model.
 
     Args:
-        depth: z-depth, shape (h, w) [m]; 0 or not finite where the sensor saw nothing.
-        intrinsics: of the depth image.
+        look: the depth image.
         T_camera_object: the detector's pose of the CAD-sized model (the paper's p_hat and Q_hat).
-        mesh: the CAD model or a scan, its origin in the centre of its cuboid; a `FruitModel` is one. Holes may be where
-            the camera does not look.
-        method: shape - height, widths and tilt by themselves, where the depth supports it, else uniform;
+        mesh: the CAD model or a scan, its origin in the centre of its cuboid; a `FruitModel` is one. It may have holes
+            where the camera does not look.
+        method: shape - height, widths and tilt separately where the depth supports it, otherwise uniform;
             uniform - the closed form with one render; paper - the same optimum by repeated rendering.
-        support: the plane that the fruit stands on, in the camera frame, where one is known; used by shape.
-        looks: other looks at the same fruit; used by shape and uniform.
+        known: support, other looks, sizes of the kind.
         limits: what is accepted as a measurement.
-        priors: what shape knows beforehand about fruit.
-        depth_model: how the depth errs, as its camera says.
-        size_deviation: standard deviation of the size that the detector saw in the picture, of that size: one scale
-            keeps it, a shape is fitted to points instead.
-        sizes: what is known of the sizes of this kind; with it one scale gives width and height apart.
-        using: name of the renderer.
 
     Raises:
-        RefineError: `BadDepth`, `BadMesh`, `BadPose` for what is no depth image of this camera, no mesh, no pose;
-            `NoDepth`, `TooFewInliers`, `SizeOutOfRange`, `AtBound`, `NotItsShape`, `RenderFailed` where there is no
-            measurement.
+        RefineError: `BadDepth`, `BadMesh` or `BadPose` if an argument is no depth image of this camera, no mesh or no
+            pose; `NoDepth`, `TooFewInliers`, `SizeOutOfRange`, `AtBound`, `NotItsShape` or `RenderFailed` if there is
+            no measurement.
     """
-    limits = limits or Limits()
-    check_depth(depth, intrinsics)
-    for look in looks:
-        check_depth(look.depth, look.intrinsics)
-        check_pose(look.T_camera_look)
+    known, limits = known or Known(), limits or Limits()
+    for one in (look, *known.looks):
+        one.check()
     check_pose(T_camera_object)
-    model_dimensions = extents(mesh)
-    model_proportion = float(model_dimensions[1] / model_dimensions[[0, 2]].mean())
-    if sizes is not None:
-        proportion = float(np.log(sizes.height_over_width / model_proportion))
-        priors = replace(priors or Priors(), proportion=proportion, aspect=sizes.height_over_width_deviation)
-    apart = depth_model.agreeing(_distance(depth, intrinsics, T_camera_object[:3, 3]), intrinsics.fx)
+    extents(mesh)
+    apart = look.depth_model.agreeing(
+        _distance(look.depth, look.intrinsics, T_camera_object[:3, 3]), look.intrinsics.fx
+    )
     limits = replace(limits, inlier_band=max(limits.inlier_band, _NOISE_IN_BAND * float(apart)))
-
-    def scaled_from(T_start: Float64) -> RefineResult:
-        virtual_depth, box = render_depth(mesh, T_start, intrinsics, using=using)
-        measured = depth[box.slices]
-        if method == "paper":
-            fit = fit_scale_by_rendering(
-                measured, mesh, T_start, intrinsics, box, inlier_band=limits.inlier_band, using=using
-            )
-        else:
-            fit = fit_scale(measured, virtual_depth, limits.inlier_band)
-        scaled = _scaled(fit, T_start, model_dimensions, virtual_depth, box, limits, method, size_deviation)
-        if sizes is not None and method == "uniform":
-            return _of_kind(scaled, fit, sizes, model_proportion, size_deviation, intrinsics, depth_model)
-        return _with_sensor(scaled, fit, intrinsics, depth_model)
-
-    def fitted(scaled: RefineResult) -> RefineResult:
-        return _fitted(depth, intrinsics, depth_model, mesh, scaled, method, support, looks, limits, priors, using)
-
-    if method == "paper" or (method == "uniform" and not looks):
-        result = scaled_from(T_camera_object)
-    elif method == "uniform":
-        result = fitted(scaled_from(T_camera_object))
+    task = _Task(look, mesh, method, known, limits)
+    if known.sizes is not None:
+        proportion = float(np.log(known.sizes.height_over_width / task.model_proportion))
+        priors = replace(known.priors, proportion=proportion, aspect=known.sizes.height_over_width_deviation)
+        task = replace(task, known=replace(known, priors=priors))
+    if method == "shape":
+        result = _best_of_starts(task, T_camera_object)
     else:
-        judge = Judge(depth, limits.inlier_band, model_dimensions, (priors or Priors()).aspect)
-        result = best_of_starts(scaled_from, fitted, judge, T_camera_object, other_starts(T_camera_object, support))
-    _check_curvature(result, depth, limits.inlier_band, depth_model)
+        result = _scaled_from(task, T_camera_object)
+        if method == "uniform" and known.looks:
+            result = _fitted(task, result)
+    _check_curvature(task, result)
     return result
 
 
-def _check_curvature(result: RefineResult, depth: DepthImage, band: float, depth_model: DepthModel) -> None:
-    """
+def _best_of_starts(task: _Task, T_camera_object: Float64) -> RefineResult:
+    """Fit from the detected pose and, if that does not fit well, from other axes of the stem.
+
     Raises:
-        NotItsShape: what agrees with the model is one smooth surface that is flat in some direction.
+        RefineError: no start leads to a measurement; the error is that of the detected pose.
+    """
+    judge = Judge(task.look.depth, task.limits.inlier_band, extents(task.mesh), task.known.priors.aspect)
+    best: RefineResult | None = None
+    problem: TooFewInliers | None = None
+    score = 0.0
+    try:
+        best = _fitted(task, _scaled_from(task, T_camera_object))
+        score, _, settled = judge.score(best)
+        if settled:
+            return best
+    except TooFewInliers as error:
+        problem = error
+    # Every start is tried: if half of the fruit is hidden, the first one that fits well may be wrong.
+    for T_start in other_starts(T_camera_object, task.known.support):
+        try:
+            other = _fitted(task, _scaled_from(task, T_start))
+        except RefineError:
+            continue
+        found, clearly, _ = judge.score(other)
+        if other.method.startswith("shape") and found > score + clearly:
+            best, score = other, found
+    if best is None:
+        assert problem is not None
+        raise problem
+    return best
+
+
+def _scaled_from(task: _Task, T_start: Float64) -> RefineResult:
+    """Move and scale the model along the ray through its centre, from a pose."""
+    look, band = task.look, task.limits.inlier_band
+    virtual_depth, box = look.render(task.mesh, T_start)
+    if task.method == "paper":
+        fit = fit_scale_by_rendering(look, task.mesh, T_start, box, inlier_band=band)
+    else:
+        fit = fit_scale(look.depth[box.slices], virtual_depth, band)
+    scaled = _scaled(task, fit, T_start, virtual_depth, box)
+    if task.known.sizes is not None and task.method == "uniform":
+        return _of_kind(task, scaled, fit, task.known.sizes)
+    return _with_sensor(scaled, fit, look)
+
+
+def _check_curvature(task: _Task, result: RefineResult) -> None:
+    """Refuse a measurement whose surface is flat.
+
+    Raises:
+        NotItsShape: the points that agree with the model form one smooth surface that is flat in some direction.
     """
     if result.inlier_ratio > _NO_DOUBT:
         return
-    found = least_curvature(depth[result.box.slices], result.virtual_depth, result.inliers, band, depth_model.alike)
+    measured, band = task.look.depth[result.box.slices], task.limits.inlier_band
+    found = least_curvature(measured, result.virtual_depth, result.inliers, band, task.look.depth_model.alike)
     if found is None or found.explained < _SMOOTH:
         return
     unsure = _SURELY * found.deviation
@@ -182,16 +239,14 @@ def _distance(depth: DepthImage, intrinsics: Intrinsics, p_camera: Float64) -> F
 
 
 def _scaled(
-    fit: ScaleFit,
-    T_camera_object: Float64,
-    model_dimensions: Float64,
-    virtual_depth: DepthImage,
-    box: ImageBox,
-    limits: Limits,
-    method: str,
-    size_deviation: float,
+    task: _Task, fit: ScaleFit, T_camera_object: Float64, virtual_depth: DepthImage, box: ImageBox
 ) -> RefineResult:
-    """The model moved and scaled by a fit (eqs. position-update and scale-update), if that is acceptable."""
+    """Return the model moved and scaled by a fit (eqs. position-update and scale-update).
+
+    Raises:
+        RefineError: the fit is beyond the limits.
+    """
+    limits = task.limits
     p_hat = T_camera_object[:3, 3]
     sigma = (1.0 - fit.mu) * float(np.linalg.norm(p_hat))
     bound = sigma_bound(p_hat)
@@ -203,10 +258,10 @@ def _scaled(
         raise SizeOutOfRange(fit.mu, *limits.size)
     T_refined = T_camera_object.copy()
     T_refined[:3, 3] = fit.mu * p_hat
-    dimensions = fit.mu * model_dimensions
+    dimensions = fit.mu * extents(task.mesh)
     # Depth shows where the front is: a larger fruit in the picture lies half of the difference farther away.
     deeper = 0.5 * dimensions.mean() * p_hat / np.linalg.norm(p_hat)
-    seen_larger = size_deviation * np.concatenate([deeper, dimensions])
+    seen_larger = task.known.size_deviation * np.concatenate([deeper, dimensions])
     unlike_model = np.concatenate([np.full(3, _MISPLACED * dimensions.mean()), _PROPORTIONS * dimensions])
     return RefineResult(
         T_camera_object=T_refined,
@@ -219,12 +274,13 @@ def _scaled(
         box=box,
         inliers=fit.inliers,
         virtual_depth=np.float32(fit.mu) * virtual_depth,
-        method="paper" if method == "paper" else "uniform",
+        method="paper" if task.method == "paper" else "uniform",
     )
 
 
-def _with_sensor(scaled: RefineResult, fit: ScaleFit, intrinsics: Intrinsics, depth_model: DepthModel) -> RefineResult:
-    """With what the sensor errs by: neighbouring pixels together, all of them together, and either outline."""
+def _with_sensor(scaled: RefineResult, fit: ScaleFit, look: DepthLook) -> RefineResult:
+    """Add the sensor's errors to the covariance: of neighbouring pixels, of all pixels, and of either outline."""
+    intrinsics, depth_model = look.intrinsics, look.depth_model
     change = np.concatenate([scaled.T_camera_object[:3, 3], scaled.dimensions])
     z = float(scaled.T_camera_object[2, 3])
     alike = depth_model.alike * fit.variance / fit.mu**2
@@ -233,16 +289,9 @@ def _with_sensor(scaled: RefineResult, fit: ScaleFit, intrinsics: Intrinsics, de
     return replace(scaled, covariance=scaled.covariance + whole + outline)
 
 
-def _of_kind(
-    scaled: RefineResult,
-    fit: ScaleFit,
-    sizes: KindSizes,
-    model_proportion: float,
-    size_deviation: float,
-    intrinsics: Intrinsics,
-    depth_model: DepthModel,
-) -> RefineResult:
-    """Width and height of a fruit of which one scale and its kind's sizes are known; its front stays where it is."""
+def _of_kind(task: _Task, scaled: RefineResult, fit: ScaleFit, sizes: KindSizes) -> RefineResult:
+    """Estimate width and height from one scale and the sizes of the kind; the front of the fruit stays in place."""
+    intrinsics, depth_model, size_deviation = task.look.intrinsics, task.look.depth_model, task.known.size_deviation
     p = scaled.T_camera_object[:3, 3]
     ray = p / np.linalg.norm(p)
     shown = float(scaled.dimensions[[0, 2]].mean())
@@ -250,7 +299,7 @@ def _of_kind(
     outline = depth_model.outline(float(p[2]), intrinsics.fx) / shown
     deviation = float(np.sqrt(size_deviation**2 + outline**2 + whole**2 + depth_model.alike * fit.variance / fit.mu**2))
     sine = float(np.linalg.norm(np.cross(ray, scaled.T_camera_object[:3, 1])))
-    size, covariance = sizes.given(shown, deviation, sine, model_proportion)
+    size, covariance = sizes.given(shown, deviation, sine, task.model_proportion)
     dimensions = size[[0, 1, 0]]
     spread = covariance[np.ix_([0, 1, 0], [0, 1, 0])] + np.diag((_OVAL * dimensions * [1.0, 0.0, 1.0]) ** 2)
     T_camera_object = scaled.T_camera_object.copy()
@@ -263,24 +312,13 @@ def _of_kind(
     return replace(scaled, T_camera_object=T_camera_object, dimensions=dimensions, covariance=full)
 
 
-def _fitted(
-    depth: DepthImage,
-    intrinsics: Intrinsics,
-    depth_model: DepthModel,
-    mesh: Triangles,
-    scaled: RefineResult,
-    method: str,
-    support: Plane | None,
-    looks: Sequence[OtherLook],
-    limits: Limits,
-    priors: Priors | None,
-    using: RendererName,
-) -> RefineResult:
-    """The model stretched onto the points of all looks; the scaled one where they do not support it."""
-    points, plane = gather(depth, intrinsics, scaled.box, scaled.virtual_depth, scaled.inliers, support, depth_model)
+def _fitted(task: _Task, scaled: RefineResult) -> RefineResult:
+    """Stretch the model onto the points of all looks; return the scaled one where the points do not support that."""
+    look, mesh, known, limits = task.look, task.mesh, task.known, task.limits
+    points, plane = gather(look, scaled, known.support)
     T_scaled = scaled.T_camera_object.copy()
     T_scaled[:3, :3] *= scaled.mu
-    others = gather_others(looks, mesh, T_scaled, plane, limits.inlier_band, using)
+    others = gather_others(known.looks, mesh, T_scaled, plane, limits.inlier_band)
     cloud = near_model([points, *others], mesh, T_scaled)
     if len(cloud.points) < _LEAST_POINTS:
         return scaled
@@ -289,14 +327,14 @@ def _fitted(
         mesh,
         scaled.T_camera_object,
         scaled.mu,
-        support=plane if support is not None else None,
+        support=plane if known.support is not None else None,
         band=limits.inlier_band,
-        priors=RIGID if method == "uniform" else priors,
+        priors=RIGID if task.method == "uniform" else known.priors,
     )
     T_fitted = fit.T_camera_object.copy()
     T_fitted[:3, :3] *= fit.stretch
-    virtual_depth, box = render_depth(mesh, T_fitted, intrinsics, using=using)
-    measured = depth[box.slices]
+    virtual_depth, box = look.render(mesh, T_fitted)
+    measured = look.depth[box.slices]
     valid = (virtual_depth > 0.0) & np.isfinite(measured) & (measured > 0.0)
     difference = np.where(valid, measured - virtual_depth, np.inf)
     inliers = np.abs(difference) <= limits.inlier_band
@@ -309,9 +347,9 @@ def _fitted(
     ):
         return scaled
     dimensions = fit.stretch * extents(mesh)
-    seen = agreeing / np.count_nonzero(virtual_depth > 0.0) * _share_inside(mesh, T_fitted, intrinsics)
+    seen = agreeing / np.count_nonzero(virtual_depth > 0.0) * _share_inside(mesh, T_fitted, look.intrinsics)
     doubt = _UNSEEN_DOUBT * (1.0 - seen) / seen * float(dimensions.mean() - scaled.dimensions.mean())
-    whole = depth_model.of_the_whole(float(fit.T_camera_object[2, 3]))
+    whole = look.depth_model.of_the_whole(float(fit.T_camera_object[2, 3]))
     return replace(
         scaled,
         T_camera_object=fit.T_camera_object,
@@ -322,7 +360,7 @@ def _fitted(
         box=box,
         inliers=inliers,
         virtual_depth=virtual_depth,
-        method=method + ("+plane" if fit.on_support else "") + ("+views" if others else ""),
+        method=task.method + ("+plane" if fit.on_support else "") + ("+views" if others else ""),
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +9,6 @@ import numpy as np
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import rotation_about
 from pomona.skills.perception.refinement.depth_image import DepthImage
-from pomona.skills.perception.refinement.errors import RefineError, TooFewInliers
 from pomona.skills.perception.refinement.result import RefineResult
 from pomona.skills.perception.refinement.support_plane import Plane
 
@@ -96,46 +94,3 @@ class Judge:
         agree, differ = self.explained(result)
         penalty = _ASPECT_WEIGHT * self.aspect_penalty(result.dimensions) * agree
         return agree - differ - penalty, _CLEARLY * agree, agree >= _SETTLED * (agree + differ)
-
-
-def best_of_starts(
-    scaled_from: Callable[[Float64], RefineResult],
-    fitted: Callable[[RefineResult], RefineResult],
-    judge: Judge,
-    T_camera_object: Float64,
-    others: Sequence[Float64],
-) -> RefineResult:
-    """What the detected pose leads to, or, where that does not fit well, what another axis of the stem leads to.
-
-    Args:
-        scaled_from: the model scaled from a pose.
-        fitted: the same stretched onto the points; the scaled one where they do not support it.
-        judge: of the depth image.
-        T_camera_object: as detected.
-        others: poses with other axes.
-
-    Raises:
-        RefineError: the detected pose leads to no measurement, and no other one does.
-    """
-    best: RefineResult | None = None
-    problem: TooFewInliers | None = None
-    score = 0.0
-    try:
-        best = fitted(scaled_from(T_camera_object))
-        score, _, settled = judge.score(best)
-        if settled:
-            return best
-    except TooFewInliers as error:
-        problem = error
-    for T_start in others:  # all of them: the first that fits well is not always right where half the fruit is hidden
-        try:
-            other = fitted(scaled_from(T_start))
-        except RefineError:
-            continue
-        found, clearly, _ = judge.score(other)
-        if other.method.startswith("shape") and found > score + clearly:
-            best, score = other, found
-    if best is None:
-        assert problem is not None
-        raise problem
-    return best

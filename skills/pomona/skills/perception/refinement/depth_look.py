@@ -1,0 +1,51 @@
+"""One depth image with its camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pomona.drivers.depth_model import D4XX, DepthModel
+from pomona.drivers.interfaces import Intrinsics
+from pomona.executive.values.arrays import Float64
+from pomona.skills.perception.refinement.checks import check_depth, check_pose
+from pomona.skills.perception.refinement.depth_image import DepthImage, ImageBox, RendererName, Triangles
+from pomona.skills.perception.refinement.render import render_depth
+
+
+def _identity() -> Float64:
+    return np.eye(4)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DepthLook:
+    """One depth image of a fruit, with its camera.
+
+    Attributes:
+        depth: z-depth, shape (h, w) [m]; 0 or not finite where the sensor saw nothing.
+        intrinsics: of the depth image.
+        depth_model: errors of the depth, as the camera states them.
+        T_camera_look: pose of this camera in the frame of the look that is refined, shape (4, 4).
+        renderer: name of the renderer of the virtual depth.
+    """
+
+    depth: DepthImage
+    intrinsics: Intrinsics
+    depth_model: DepthModel = D4XX
+    T_camera_look: Float64 = field(default_factory=_identity)
+    renderer: RendererName = "pyrender"
+
+    def check(self) -> None:
+        """Refuse a depth image of another size and a pose that is none.
+
+        Raises:
+            BadDepth: the depth is no array of real numbers with the shape of the camera's image.
+            BadPose: the camera's pose is no finite rigid transform.
+        """
+        check_depth(self.depth, self.intrinsics)
+        check_pose(self.T_camera_look)
+
+    def render(self, mesh: Triangles, T_look_mesh: Float64, box: ImageBox | None = None) -> tuple[DepthImage, ImageBox]:
+        """Render the depth of a mesh as this camera would measure it; see `render.render_depth`."""
+        return render_depth(mesh, T_look_mesh, self.intrinsics, box, self.renderer)
