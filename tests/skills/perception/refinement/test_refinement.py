@@ -30,8 +30,8 @@ ELEVATIONS = (32, 50, 68, 84)
 KNOWN = {field.name for field in fields(Known)}
 
 
-def measured(scene, apple, using="zbuffer", **options):
-    look = DepthLook(scene.depth, scene.intrinsics, SIMULATED, renderer=using)
+def measured(scene, apple, using="zbuffer", depth_model=SIMULATED, **options):
+    look = DepthLook(scene.depth, scene.intrinsics, depth_model, renderer=using)
     known = Known(**{name: options.pop(name) for name in KNOWN & options.keys()})
     return refine(look, scene.T_camera_detected, apple, known=known, **options)
 
