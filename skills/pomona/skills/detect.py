@@ -14,7 +14,7 @@ from pomona.executive.values.arrays import Float64
 from pomona.executive.views import ProgressView
 from pomona.skills.perception.detection.detection import Detection
 from pomona.skills.perception.detection.instances import POLICIES, Instance, rank
-from pomona.skills.perception.detection.options import DetectorOptions, DopeFiles
+from pomona.skills.perception.detection.options import BoxModelFile, DetectorOptions, DopeFiles, PoseSource, Search
 from pomona.skills.shared.looking import LOOKING_FAILURES, LookingSkill, picture
 
 SAME_FRUIT = 0.04
@@ -77,12 +77,18 @@ class Detect(LookingSkill):
             str, Port(help="another weights file than the fruit's own; with config, DOPE's full network")
         ] = "",
         config: Annotated[str, Port(help="config_pose.yaml of DOPE's full network whose weights are given")] = "",
+        boxes: Annotated[str, Port(help="detector of boxes as an ONNX file, which finds the fruit: model.onnx")] = "",
+        pose_from: Annotated[
+            PoseSource, Port(help="with boxes, source of the pose: the weights' close look, or the depth in the box")
+        ] = "close_look",
     ) -> Work[Detected]:
-        model = self.fruit_model(fruit, weights)
+        model = self.fruit_model(fruit, weights, needs_weights=not (boxes and pose_from == "depth"))
         frame = self.newest_frame(max_age)
         T_base_camera = self.camera_pose(frame)
-        options: DetectorOptions | DopeFiles = DetectorOptions(working_width=working_width)
-        if config:
+        options: Search = DetectorOptions(working_width=working_width)
+        if boxes:
+            options = BoxModelFile(Path(boxes), pose_from, working_width)
+        elif config:
             if not weights:
                 raise self.failure(
                     "NO_WEIGHTS", f"{config} needs the weights that it configures: weights: epoch_60.pth"

@@ -20,13 +20,15 @@ from pomona.executive.views import ImageView, Line2, Pinhole
 from pomona.skills.motion.robot.model import RobotModel
 from pomona.skills.perception.detection.errors import BadFrame, BadPoseConfig, BadWeights, MissingPackage
 from pomona.skills.perception.detection.instances import Instance, find_instances
-from pomona.skills.perception.detection.options import DetectorOptions, DopeFiles
+from pomona.skills.perception.detection.options import BoxModelFile, DetectorOptions, DopeFiles, Search
+from pomona.skills.perception.detection.pose_config import find_entry
 from pomona.skills.perception.detection.weights_file import ENDING, is_torch_file
 from pomona.skills.perception.fruit import FruitModel, load_fruit
 from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS, damage, known_fruits
 from pomona.skills.perception.fruit.errors import FruitError
 
 if TYPE_CHECKING:  # engines are loaded where they are used: importing PyTorch takes seconds
+    from pomona.skills.perception.detection.box_detector import BoxDetector
     from pomona.skills.perception.detection.compact_detector import CompactDetector
     from pomona.skills.perception.detection.dope_detector import DopeDetector
 
@@ -45,15 +47,27 @@ class LookingSkill(Skill):
     moves = ()
 
     def prepare(self) -> None:
-        """Load and warm the detector of the fruit to look for; what only the run tells is loaded at its first use.
+        """Load and warm the detector of the fruit to look for; values that only the run gives are loaded at first use.
 
         Raises:
-            BadWeights: those that are shipped are missing or cannot be used.
+            BadWeights, BadPoseConfig: a file of the detector is missing or cannot be used.
+            MissingPackage: PyTorch runs these weights, and it is not installed.
         """
-        name = self.known("fruit")
-        if name is None or self.known("weights"):
+        name, weights, config, boxes = (self.known(port) for port in ("fruit", "weights", "config", "boxes"))
+        if name is None:
             return
         fruit = load_fruit(name)
+        if weights:
+            fruit = replace(fruit, weights=Path(weights))
+        if boxes:
+            plain = BoxModelFile(Path(boxes))
+            pose = self.known("pose_from") or plain.pose
+            width = self.known("working_width") or plain.working_width
+            _box_detector(BoxModelFile(plain.model, pose, width), fruit.name, fruit.weights, _sides(fruit))
+            return
+        if config and weights:
+            _dope_detector(DopeFiles(Path(weights), Path(config)), fruit.name, _sides(fruit))
+            return
         if fruit.weights is None:
             raise BadWeights(SHIPPED_WEIGHTS / f"{fruit.name}{ENDING}", "is missing: restore it, or train the detector")
         _detector(fruit.weights, DetectorOptions())
@@ -69,19 +83,19 @@ class LookingSkill(Skill):
         except FruitError as error:
             yield Problem("fruit", str(error))
             return
-        if known.get("weights"):
-            weights = Path(known["weights"])
-            if not weights.is_file():
-                yield Problem("weights", f"there is no file {weights}")
-            elif needs_torch(weights):
-                yield Problem("weights", *_without_torch(weights))
-        elif fruit.weights is None:
-            hint = f"train its detector: {_training(name, fruit)}"
-            yield Problem("fruit", f"there are no weights to find {fruit.name} by", hint)
-        elif problem := damage(fruit.weights):
-            yield Problem("fruit", f"the weights {fruit.weights} cannot be read: {problem}", "restore the file")
-        elif needs_torch(fruit.weights):
-            yield Problem("fruit", *_without_torch(fruit.weights))
+        if (boxes := known.get("boxes")) and not Path(boxes).is_file():
+            yield Problem("boxes", f"there is no file {boxes}")
+        if config := known.get("config"):
+            try:
+                find_entry(Path(config), fruit.name, fruit.dimensions)
+            except BadPoseConfig as error:
+                yield Problem("config", str(error))
+            if boxes:
+                yield Problem("config", f"it goes with DOPE's weights, not with boxes: {boxes}", "wire one of them")
+            elif "weights" in known and not known["weights"]:
+                yield Problem("config", f"{config} needs the weights that it configures", "weights: epoch_60.pth")
+        if not (boxes and known.get("pose_from") == "depth"):  # with depth alone, no weights are read
+            yield from _weights_problems(name, fruit, known.get("weights"))
         kinds = None if cell is None else cell.known(FruitKinds)
         if cell is not None and kinds is not None and fruit.name not in kinds.names:
             there = ", ".join(kinds.names)
@@ -96,15 +110,21 @@ class LookingSkill(Skill):
         kinds = None if cell is None else cell.known(FruitKinds)
         return known_fruits() if kinds is None else tuple(kinds.names)
 
-    def fruit_model(self, fruit: str, weights: str = "") -> FruitModel:
-        """The fruit of a name or path, with its own or other weights to find it by; fails with NO_WEIGHTS."""
+    def fruit_model(self, fruit: str, weights: str = "", needs_weights: bool = True) -> FruitModel:
+        """The fruit of a name or path, with its own or other weights; fails with NO_WEIGHTS.
+
+        Args:
+            fruit: name or path.
+            weights: other weights; empty for the fruit's own.
+            needs_weights: fail where the fruit has none.
+        """
         try:
             model = load_fruit(fruit)
         except FruitError as error:
             raise self.failure("NO_WEIGHTS", str(error), fruit=fruit) from error
         if weights:
             return replace(model, weights=Path(weights))
-        if model.weights is None:
+        if model.weights is None and needs_weights:
             raise self.failure(
                 "NO_WEIGHTS",
                 f"there are no detector weights for {model.name}: {_training(fruit, model)}",
@@ -138,9 +158,7 @@ class LookingSkill(Skill):
         T_base_camera: Float64 = robot.fk(frame.q) @ frame.T_mount_camera
         return T_base_camera
 
-    def find(
-        self, frame: Frame, model: FruitModel, options: DetectorOptions | DopeFiles
-    ) -> Generator[str | None, None, list[Instance]]:
+    def find(self, frame: Frame, model: FruitModel, options: Search) -> Generator[str | None, None, list[Instance]]:
         """Every fruit of a frame, found beside the tick; fails with NO_FRAME or NO_WEIGHTS where these are unusable."""
         try:
             return (yield from self.compute(find_in_frame, frame, model, options))
@@ -148,6 +166,22 @@ class LookingSkill(Skill):
             raise self.failure("NO_FRAME", f"the camera's frame cannot be used: {error}") from error
         except (BadWeights, BadPoseConfig, MissingPackage) as error:
             raise self.failure("NO_WEIGHTS", str(error), fruit=model.name) from error
+
+
+def _weights_problems(name: str, fruit: FruitModel, weights: str | None) -> Iterator[Problem]:
+    if weights:
+        path = Path(weights)
+        if not path.is_file():
+            yield Problem("weights", f"there is no file {path}")
+        elif needs_torch(path):
+            yield Problem("weights", *_without_torch(path))
+    elif fruit.weights is None:
+        hint = f"train its detector: {_training(name, fruit)}"
+        yield Problem("fruit", f"there are no weights to find {fruit.name} by", hint)
+    elif problem := damage(fruit.weights):
+        yield Problem("fruit", f"the weights {fruit.weights} cannot be read: {problem}", "restore the file")
+    elif needs_torch(fruit.weights):
+        yield Problem("fruit", *_without_torch(fruit.weights))
 
 
 def needs_torch(weights: Path) -> bool:
@@ -178,7 +212,21 @@ def _dope_detector(files: DopeFiles, fruit: str, dimensions: tuple[float, float,
     return DopeDetector.load(files, fruit, dimensions)
 
 
-def find_in_frame(frame: Frame, fruit: FruitModel, options: DetectorOptions | DopeFiles) -> list[Instance]:
+@lru_cache(maxsize=1)
+def _box_detector(
+    file: BoxModelFile, fruit: str, weights: Path | None, dimensions: tuple[float, float, float]
+) -> BoxDetector:
+    from pomona.skills.perception.detection.box_detector import BoxDetector
+
+    return BoxDetector.load(file, fruit, weights, dimensions)
+
+
+def _sides(fruit: FruitModel) -> tuple[float, float, float]:
+    x, y, z = fruit.dimensions.tolist()
+    return x, y, z
+
+
+def find_in_frame(frame: Frame, fruit: FruitModel, options: Search) -> list[Instance]:
     """Every fruit of a frame; its detector is loaded once in a process.
 
     Raises:
@@ -186,11 +234,14 @@ def find_in_frame(frame: Frame, fruit: FruitModel, options: DetectorOptions | Do
         BadWeights, BadPoseConfig: the detector's files cannot be used.
         MissingPackage: PyTorch runs these weights, and it is not installed.
     """
+    colour, K = frame.colour, frame.intrinsics.K
+    if isinstance(options, BoxModelFile):
+        boxes = _box_detector(options, fruit.name, fruit.weights, _sides(fruit))
+        return boxes.find_instances(colour, K, frame.depth)
     if isinstance(options, DopeFiles):
-        x, y, z = fruit.dimensions.tolist()
-        return _dope_detector(options, fruit.name, (x, y, z)).find_instances(frame.colour, frame.intrinsics.K)
+        return _dope_detector(options, fruit.name, _sides(fruit)).find_instances(colour, K)
     assert fruit.weights is not None
-    return find_instances(_detector(fruit.weights, options), frame.colour, frame.intrinsics.K, fruit)
+    return find_instances(_detector(fruit.weights, options), colour, K, fruit)
 
 
 def picture(

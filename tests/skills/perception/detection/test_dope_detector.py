@@ -5,8 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from py_trees.common import Status
 
+from pomona.drivers.interfaces import Camera, Frame, Intrinsics
+from pomona.executive.skill_testing import drive
+from pomona.skills.detect import Detect
 from pomona.skills.geometry import rotation_about, transform
+from pomona.skills.perception.detection import dope_detector
 from pomona.skills.perception.detection.cuboid import cuboid_keypoints
 from pomona.skills.perception.detection.dope_decode import OFFSET_DUE_TO_UPSAMPLING
 from pomona.skills.perception.detection.dope_detector import DopeDetector
@@ -55,6 +60,35 @@ def test_a_cuboid_is_found_where_it_is_at_the_configs_scale(tmp_path: Path) -> N
     assert np.abs(found.keypoints - keypoints).max() < 5.0
     assert found.score > 0.5
     assert found.visibility == 1.0
+
+
+def test_detect_poses_a_fruit_with_a_users_checkpoint_and_config(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From files in the form of DOPE's own tools to a Detection; the network alone is drawn."""
+    T = transform(rotation_about((1.0, 0.0, 0.0), 0.6), (0.03, -0.02, 0.35))
+    corners = cuboid_keypoints(APPLE) @ T[:3, :3].T + T[:3, 3]
+    network = Drawn(corners[:, :2] / corners[:, 2:] * (K[0, 0], K[1, 1]) + K[:2, 2])
+    loaded: list[Path] = []
+    monkeypatch.setattr(dope_detector, "load_weights", lambda path: loaded.append(path) or network)
+    config = tmp_path / "config_pose.yaml"
+    config.write_text(
+        "input_is_rectified: True\ndownscale_height: 240\n"
+        'dimensions: {"003_soup": [6.77, 10.19, 6.77], "apple": [9.756, 8.539, 9.590]}\n'
+        'class_ids: {"003_soup": 1, "apple": 2}\ndraw_colors: {"apple": [0x76, 0xb9, 0x00]}\n'
+        "thresh_angle: 0.5\nthresh_map: 0.01\nsigma: 3\nthresh_points: 0.0\n"
+    )
+    intrinsics = Intrinsics(610.6, 610.6, 317.7, 238.1, 640, 480)
+    frame = Frame(0.0, 0, np.zeros((480, 640, 3), np.uint8), None, intrinsics, None, np.eye(4))
+    camera = type("Shown", (), {"latest": lambda _self: frame})()
+    weights = tmp_path / "epoch_60.pth"
+    wired = {"fruit": "apple", "weights": str(weights), "config": str(config), "score": 0.5}
+    outcome = drive(Detect(), wired, devices={Camera: camera})
+    assert outcome.status is Status.SUCCESS
+    assert loaded == [weights]
+    detection = outcome.outputs["detection"]
+    assert np.linalg.norm(detection.T_camera_object[:3, 3] - T[:3, 3]) < 0.02
+    assert detection.covariance.shape == (6, 6)
 
 
 def test_a_checkpoint_is_loaded_with_the_config_that_goes_with_it(tmp_path: Path) -> None:

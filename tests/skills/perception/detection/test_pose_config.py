@@ -56,6 +56,15 @@ def test_thresholds_that_are_not_given_are_dopes(tmp_path: Path) -> None:
     assert (t.thresh_angle, t.thresh_map, t.sigma, t.thresh_points) == (0.5, 0.01, 3.0, 0.1)
 
 
+def test_a_file_of_the_newer_tools_names_its_objects_by_their_dimensions(tmp_path: Path) -> None:
+    text = "downscale_height: 512\nthresh_points: 0.0\n"
+    text += "dimensions: {soup: [6.8, 10.2, 6.8], apple: [9.756, 8.539, 9.590]}\n"
+    config = load_pose_config(write(tmp_path, text))
+    assert list(config.objects) == ["soup", "apple"]
+    assert config.objects["apple"].weights == ""
+    assert (config.downscale_height, config.thresholds.thresh_points) == (512, 0.0)
+
+
 def test_entries_nested_as_ros_parameters_are_found(tmp_path: Path) -> None:
     nested = "dope:\n  ros__parameters:\n    weights: {a: a.pth}\n    dimensions: {a: [1, 2, 3]}\n"
     assert load_pose_config(write(tmp_path, nested)).objects["a"].weights == "a.pth"
@@ -72,8 +81,9 @@ def test_flat_sixteen_numbers_are_a_transform(tmp_path: Path) -> None:
     [
         ("- a\n", "mapping"),
         ("a: [", "cannot be read"),
-        ("topic: x\nsigma: 3\n", "no weights"),
-        ("weights: {a: b}\nsigma: 3\n", "a has weights but no dimensions"),
+        ("topic: x\nsigma: 3\n", "names no dimensions of any object"),
+        ("weights: {a: b}\nsigma: 3\n", "names no dimensions of any object"),
+        ("weights: {a: b}\ndimensions: {c: [1, 2, 3]}\n", "a has weights but no dimensions"),
         ("weights: {a: b}\ndimensions: {a: [1, 2]}\n", "dimensions of a"),
         ("weights: {a: b}\ndimensions: {a: wide}\n", "dimensions of a"),
         ("weights: {a: b}\ndimensions: {a: [1, 2, 3]}\nsigma: big\n", "not a number"),

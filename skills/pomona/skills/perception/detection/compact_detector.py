@@ -154,6 +154,20 @@ class CompactDetector:
         ]
         return places, found, features
 
+    def look_closely(self, colour: UInt8, K: Float64, spots: list[tuple[Float64, float]]) -> list[FoundFruit]:
+        """Fruit at centres and sizes [px], as yet without score: every spot gets all looks.
+
+        Raises:
+            BadFrame: another shape or type.
+        """
+        check_picture(colour)
+        found: list[FoundFruit] = []
+        for number in range(self.options.looks if spots else 0):
+            last = number == self.options.looks - 1
+            found, _ = self._look(colour, K, spots, self.options.mirrored and last)
+            spots = [(fruit.centre, fruit.size) for fruit in found]
+        return found
+
     def places(self, colour: UInt8, threshold: float) -> list[Proposal]:
         """Places that the finder proposes, by falling score of its own, in pixels of the picture.
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -11,16 +9,13 @@ from numpy.typing import NDArray
 from pomona.executive.values.arrays import Float64
 from pomona.skills.perception.detection.dope_decode import decode_maps
 from pomona.skills.perception.detection.dope_network import DopeNetwork, dope_input
-from pomona.skills.perception.detection.errors import BadPoseConfig, PoseUnsolved
+from pomona.skills.perception.detection.errors import PoseUnsolved
 from pomona.skills.perception.detection.instances import Instance
 from pomona.skills.perception.detection.options import DopeFiles
 from pomona.skills.perception.detection.pose import solve_pose
-from pomona.skills.perception.detection.pose_config import ObjectEntry, PoseConfig, load_pose_config
+from pomona.skills.perception.detection.pose_config import PoseConfig, find_entry
 from pomona.skills.perception.detection.rigid_pose import cuboid_in_picture
 from pomona.skills.perception.detection.weights import load_weights
-
-SAME_SIZE = 0.05
-"""A configured cuboid whose sides differ more than this part from the fruit's mesh belongs to something else."""
 
 
 class DopeDetector:
@@ -48,8 +43,7 @@ class DopeDetector:
             BadWeights: unreadable, or not the full network's.
             BadPoseConfig: unreadable, without this fruit, or with a cuboid that is not the fruit's.
         """
-        config = load_pose_config(files.config)
-        entry = _entry(files.config, config, fruit, np.array(dimensions))
+        config, entry = find_entry(files.config, fruit, np.array(dimensions))
         return cls(load_weights(files.weights), config, entry.dimensions)
 
     def find_instances(self, colour: NDArray[np.uint8], K: Float64) -> list[Instance]:
@@ -80,21 +74,6 @@ class DopeDetector:
             belief, seen = _belief(one.score), _seen(keypoints)
             instances.append(Instance(drawn, belief, seen, solved.T_camera_object, solved.covariance))
         return instances
-
-
-def _entry(path: Path, config: PoseConfig, fruit: str, dimensions: Float64) -> ObjectEntry:
-    """The fruit's entry: of its name, or the only one."""
-    entry = config.objects.get(fruit)
-    if entry is None and len(config.objects) == 1:
-        entry = next(iter(config.objects.values()))
-    if entry is None:
-        raise BadPoseConfig(path, f"configures {', '.join(config.objects)}, not {fruit}")
-    if np.any(np.abs(entry.dimensions - dimensions) > SAME_SIZE * dimensions):
-        cuboid, mesh = (" × ".join(f"{100 * v:.1f}" for v in sides) for sides in (entry.dimensions, dimensions))
-        raise BadPoseConfig(
-            path, f"{entry.name} is {cuboid} cm, the mesh of {fruit} {mesh} cm: they must be the same object"
-        )
-    return entry
 
 
 def _belief(score: float) -> float:

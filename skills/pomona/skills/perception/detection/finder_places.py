@@ -91,16 +91,14 @@ def read_places(maps: Float32, width: float, height: float, threshold: float = 0
         if box[2:].min() > 0.0
     ]
     places = sorted((place for place in places if place.score >= threshold), key=lambda place: -place.score)
-    return _without_doubles(places)
+    return [places[k] for k in distinct(np.array([place.box for place in places]).reshape(-1, 4))]
 
 
-def _without_doubles(places: list[Proposal]) -> list[Proposal]:
-    if not places:
-        return []
-    boxes = np.stack([place.box for place in places])
+def distinct(boxes: Float64) -> list[int]:
+    """Indices of the boxes (n, 4), surest first, that no kept one before covers by `SAME_FRUIT`."""
     overlaps = iou(boxes, boxes)
     kept: list[int] = []
-    for k in range(len(places)):
-        if not kept or overlaps[k, kept].max() < SAME_FRUIT:
+    for k in range(len(boxes)):
+        if overlaps[k, kept].max(initial=0.0) < SAME_FRUIT:
             kept.append(k)
-    return [places[k] for k in kept]
+    return kept

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
 from pomona.skills.perception.detection.close_look import keypoint_size
-from pomona.skills.perception.detection.found_fruit import Finder
+from pomona.skills.perception.detection.found_fruit import Finder, FoundFruit
 from pomona.skills.perception.detection.rigid_pose import cuboid_in_picture, pose_covariance, pose_of
 from pomona.skills.perception.fruit import FruitModel
 
@@ -24,9 +24,9 @@ class Instance:
     Attributes:
         keypoints: (9, 2) [px].
         score: belief that it is fruit, 0..1.
-        visibility: part of its silhouette that is seen, 0..1, as estimated.
         T_camera_object: pose of the CAD-sized model; None when the keypoints of DOPE's full network gave none.
         covariance: of (rotation vector, translation) in the camera frame, (6, 6); None without a pose.
+        visibility: part of its silhouette that is seen, 0..1, as estimated; NaN without an estimate.
         problem: why there is no pose; empty otherwise.
         box: around what is seen, x, y, w, h (4,) [px]; None with weights that know no boxes.
     """
@@ -57,13 +57,15 @@ def find_instances(detector: Finder, colour: NDArray[np.uint8], K: Float64, frui
     Raises:
         BadFrame: the picture has another shape or type.
     """
-    instances = []
-    for found in detector.find(colour, K):
-        T_camera_object = pose_of(found)
-        keypoints = cuboid_in_picture(T_camera_object, fruit.dimensions, K)
-        covariance = pose_covariance(found, K)
-        instances.append(Instance(keypoints, found.score, found.visibility, T_camera_object, covariance, box=found.box))
-    return instances
+    return [instance_of(found, K, fruit.dimensions) for found in detector.find(colour, K)]
+
+
+def instance_of(found: FoundFruit, K: Float64, dimensions: Float64) -> Instance:
+    """One detection with the pose of its close look; `dimensions` (3,) [m] are those of the drawn cuboid."""
+    T_camera_object = pose_of(found)
+    keypoints = cuboid_in_picture(T_camera_object, dimensions, K)
+    covariance = pose_covariance(found, K)
+    return Instance(keypoints, found.score, found.visibility, T_camera_object, covariance, box=found.box)
 
 
 def rank(instances: list[Instance], policy: str, index: int = 0) -> list[int]:

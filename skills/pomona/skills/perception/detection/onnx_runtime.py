@@ -14,6 +14,14 @@ from pomona.skills.perception.detection.outputs import Network
 INPUT = "picture"
 
 
+def single_thread() -> Any:
+    """Return the settings of a session that runs in the caller's thread and reports errors by exceptions alone."""
+    settings = onnxruntime.SessionOptions()
+    settings.intra_op_num_threads = settings.inter_op_num_threads = 1
+    settings.log_severity_level = 4  # errors raise; their copy on the error stream would be a second message
+    return settings
+
+
 def onnx_network(content: bytes, path: Path | str, name: str) -> Network:
     """Return a network that runs in the caller's thread, without the interpreter's lock.
 
@@ -26,11 +34,8 @@ def onnx_network(content: bytes, path: Path | str, name: str) -> Network:
     Raises:
         BadWeights: ONNX Runtime cannot read the content, or it takes anything but a picture.
     """
-    settings = onnxruntime.SessionOptions()
-    settings.intra_op_num_threads = settings.inter_op_num_threads = 1
-    settings.log_severity_level = 4  # errors raise; their copy on the error stream would be a second message
     try:
-        session: Any = onnxruntime.InferenceSession(content, settings, providers=["CPUExecutionProvider"])
+        session: Any = onnxruntime.InferenceSession(content, single_thread(), providers=["CPUExecutionProvider"])
     except Exception as error:  # ONNX Runtime's errors have no common root
         raise BadWeights(path, f"{name} in it cannot be read as ONNX: {type(error).__name__}") from error
     inputs = [given.name for given in session.get_inputs()]

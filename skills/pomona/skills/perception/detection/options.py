@@ -1,9 +1,10 @@
-"""How fruit is looked for: the compact detector's options, or a DOPE user's own files."""
+"""How fruit is looked for: the compact detector's options, a DOPE user's own files, or a detector of boxes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 WORKING_WIDTH = 320
 """Width to which pictures are shrunk for the finder [px]."""
@@ -41,3 +42,26 @@ class DopeFiles:
 
     weights: Path
     config: Path
+
+
+PoseSource = Literal["close_look", "depth"]
+"""Where the pose in a box comes from: the close look of the fruit's weights, or the depth in the box."""
+
+
+@dataclass(frozen=True, slots=True)
+class BoxModelFile:
+    """A detector of boxes (`box_model`), and where poses come from.
+
+    Attributes:
+        model: ONNX file.
+        pose: see `PoseSource`.
+        working_width: width of the picture in a model without a fixed input size [px].
+    """
+
+    model: Path
+    pose: PoseSource = "close_look"
+    working_width: int = WORKING_WIDTH
+
+
+Search = DetectorOptions | DopeFiles | BoxModelFile
+"""Any of the ways to find fruit in a frame."""

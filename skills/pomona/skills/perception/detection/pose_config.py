@@ -14,6 +14,9 @@ from pomona.executive.values.plain_text import read_plain_text
 from pomona.skills.perception.detection.dope_decode import DecodeThresholds
 from pomona.skills.perception.detection.errors import BadPoseConfig
 
+SAME_SIZE = 0.05
+"""Greatest relative difference between the sides of a configured cuboid and those of the fruit's mesh."""
+
 _THRESHOLDS = ("thresh_angle", "thresh_map", "sigma", "thresh_points")
 
 
@@ -23,7 +26,7 @@ class ObjectEntry:
 
     Attributes:
         name: its key in the file.
-        weights: as written: a path or URL.
+        weights: as written: a path or URL; empty in files of DOPE's newer tools, which take weights as an option.
         dimensions: cuboid [m]; the file gives centimetres.
         class_id: number for messages; 0 when the file gives none.
         draw_colour: RGB.
@@ -55,17 +58,18 @@ class PoseConfig:
 def load_pose_config(path: Path | str) -> PoseConfig:
     """Read a config_pose.yaml, plain or with its entries under `/dope: ros__parameters:` as in ROS 2 launches.
 
-    Keys that Detect has no use for (topics, frames) are ignored, as DOPE itself does.
+    Keys without a use in Detect (topics, frames, camera settings) are ignored, as in DOPE. The objects are those with
+    weights; in a file without weights, as DOPE's tools under `train/` read it, those with dimensions.
 
     Raises:
-        BadPoseConfig: unreadable, without weights, or an object without dimensions.
+        BadPoseConfig: unreadable, without objects, or an object without dimensions.
     """
     content = _read(Path(path))
     weights, dimensions = _table(path, content, "weights"), _table(path, content, "dimensions")
-    if not weights:
-        raise BadPoseConfig(path, "names no weights")
+    if not dimensions:
+        raise BadPoseConfig(path, "names no dimensions of any object, expected dimensions: {apple: [9.8, 8.5, 9.6]}")
     objects = {}
-    for name, source in weights.items():
+    for name, source in (weights or dict.fromkeys(dimensions, "")).items():
         if name not in dimensions:
             raise BadPoseConfig(path, f"{name} has weights but no dimensions")
         objects[name] = ObjectEntry(
@@ -91,12 +95,37 @@ def load_pose_config(path: Path | str) -> PoseConfig:
     return PoseConfig(objects, thresholds, downscale, bool(content.get("input_is_rectified", True)))
 
 
+def find_entry(path: Path, fruit: str, dimensions: NDArray[np.float64]) -> tuple[PoseConfig, ObjectEntry]:
+    """Read a config_pose.yaml and the fruit's entry in it: that of its name, or the only one.
+
+    Args:
+        path: of the file.
+        fruit: name.
+        dimensions: of its mesh, (3,) [m].
+
+    Raises:
+        BadPoseConfig: unreadable, without this fruit, or with a cuboid of another size.
+    """
+    config = load_pose_config(path)
+    entry = config.objects.get(fruit)
+    if entry is None and len(config.objects) == 1:
+        entry = next(iter(config.objects.values()))
+    if entry is None:
+        raise BadPoseConfig(path, f"configures {', '.join(config.objects)}, not {fruit}")
+    if np.any(np.abs(entry.dimensions - dimensions) > SAME_SIZE * dimensions):
+        cuboid, mesh = (" × ".join(f"{100 * v:.1f}" for v in sides) for sides in (entry.dimensions, dimensions))
+        raise BadPoseConfig(
+            path, f"{entry.name} is {cuboid} cm, the mesh of {fruit} {mesh} cm: they must be the same object"
+        )
+    return config, entry
+
+
 def _read(path: Path) -> dict[str, Any]:
     try:
         content = yaml.safe_load(read_plain_text(path))
     except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
         raise BadPoseConfig(path, f"cannot be read: {error}") from error
-    while isinstance(content, dict) and len(content) == 1 and "weights" not in content:
+    while isinstance(content, dict) and len(content) == 1 and not content.keys() & {"weights", "dimensions"}:
         content = next(iter(content.values()))
     if not isinstance(content, dict):
         raise BadPoseConfig(path, "must be a mapping with weights and dimensions")

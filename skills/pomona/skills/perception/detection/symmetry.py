@@ -48,10 +48,26 @@ def label_rotation(stem_camera: ArrayLike, centre_camera: ArrayLike) -> NDArray[
         centre_camera: the fruit's centre in the camera frame, (3,) [m].
     """
     stem = np.asarray(stem_camera, np.float64) / np.linalg.norm(stem_camera)
-    ray = np.asarray(centre_camera, np.float64) / np.linalg.norm(centre_camera)
-    R_ray = minimal_rotation((0.0, 0.0, 1.0), ray)
+    upright = upright_rotation(centre_camera)
+    # Turned back into the ray's frame, so that the label is the same wherever in the picture the fruit lies.
+    R_ray = _ray_rotation(centre_camera)
+    swing = minimal_rotation(R_ray.T @ upright @ STEM_AXIS, R_ray.T @ stem)
+    rotation: NDArray[np.float64] = R_ray @ swing @ R_ray.T @ upright
+    return rotation
+
+
+def upright_rotation(centre_camera: ArrayLike) -> NDArray[np.float64]:
+    """R_camera_object (3, 3) of a fruit with its stem up, as a camera sees it at the mean elevation.
+
+    Args:
+        centre_camera: the fruit's centre in the camera frame, (3,) [m].
+    """
     cosine, sine = np.cos(MEAN_ELEVATION), np.sin(MEAN_ELEVATION)
     R_mean = np.array([[1.0, 0.0, 0.0], [0.0, cosine, -sine], [0.0, sine, cosine]])
-    swing = minimal_rotation(R_mean @ STEM_AXIS, R_ray.T @ stem)
-    rotation: NDArray[np.float64] = R_ray @ swing @ R_mean
+    rotation: NDArray[np.float64] = _ray_rotation(centre_camera) @ R_mean
     return rotation
+
+
+def _ray_rotation(centre_camera: ArrayLike) -> NDArray[np.float64]:
+    ray = np.asarray(centre_camera, np.float64) / np.linalg.norm(centre_camera)
+    return minimal_rotation((0.0, 0.0, 1.0), ray)

@@ -18,6 +18,7 @@ import numpy as np
 import yaml
 
 from pomona.executive.values.plain_text import read_plain_text
+from pomona.skills.perception.detection.class_names import ClassUnknown, class_of
 from pomona.skills.perception.detection.errors import BadPhotographs
 from pomona.skills.perception.training.photographs import Photograph, PhotoSet
 
@@ -272,12 +273,10 @@ def _wanted(folder: Path, fruit: str) -> int | None:
 
 
 def _class_of(path: Path, names: dict[int, str], fruit: str) -> int:
-    right = [number for number, name in names.items() if fruit.lower() in name.lower()]
-    if len(right) != 1:
-        none = "none of them is" if not right else f"{len(right)} of them could be"
-        listed = ", ".join(list(names.values())[:8]) + (", …" if len(names) > 8 else "")
-        raise BadPhotographs(path, f"has the classes {listed}: {none} {fruit}")
-    return right[0]
+    try:
+        return class_of(names, fruit)
+    except ClassUnknown as error:
+        raise BadPhotographs(path, str(error)) from None
 
 
 def _coco(path: Path, folder: Path, fruit: str) -> list[_Labelled]:
