@@ -2,6 +2,7 @@
 
 The fruit is a spring between the pads. At 1.5 s it is lifted: its weight loads the pads. With a recording of your own,
 replace `wrenches` by its samples and ignore the commanded speed.
+Needs the distribution pomona.
 """
 
 import numpy as np

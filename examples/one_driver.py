@@ -1,6 +1,7 @@
 """A driver: a device behind a Protocol, with options that a cell file may give. Run: python examples/one_driver.py
 
 An entry point makes it known to cell files: [project.entry-points."pomona.drivers"] wall-camera = "one_driver:connect"
+Needs the distribution pomona.
 """
 
 from dataclasses import dataclass

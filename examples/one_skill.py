@@ -1,4 +1,7 @@
-"""A skill: typed ports, a body that is ticked, a failure code. Run: python examples/one_skill.py"""
+"""A skill: typed ports, a body that is ticked, a failure code. Run: python examples/one_skill.py
+
+Needs the distribution pomona.
+"""
 
 from typing import Annotated
 

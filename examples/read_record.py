@@ -1,6 +1,7 @@
 """Read a record: how long each skill ran, and why nodes failed. Run: python examples/read_record.py [FOLDER]
 
 Without a folder the newest one in runs/ is read.
+Needs the distribution pomona or pomona-executive.
 """
 
 import sys

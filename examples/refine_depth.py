@@ -1,6 +1,7 @@
 """True size and position of a fruit from a depth image. Run: python examples/refine_depth.py
 
 A fruit that is smaller than its CAD model and nearer to the camera has the same keypoints. Depth tells both apart.
+Needs the distribution pomona.
 """
 
 import numpy as np

@@ -1,6 +1,7 @@
 """Run a tree file from Python. Run: python examples/run_tree.py [--dry]
 
 With --dry each skill is a mock that succeeds at once. Without it the simulated cell picks an apple.
+Needs the distribution pomona.
 """
 
 import sys

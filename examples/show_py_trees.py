@@ -1,6 +1,7 @@
 """A tree of plain py_trees behaviours on Pomona's page, with a record. Run: python examples/show_py_trees.py [--page]
 
 With --page the link of the page is printed and the tree waits for Enter. `pomona explain last` reads the record.
+Needs the distribution pomona or pomona-executive.
 """
 
 import sys

@@ -23,6 +23,8 @@ ROOT = Path(__file__).resolve().parents[1]
 
 PLACEHOLDER = "example.org"
 """Address in the project's files until the public one is decided."""
+ADDRESSED = ("pyproject.toml", "CITATION.cff", "mkdocs.yml", "SECURITY.md", ".github/ISSUE_TEMPLATE/config.yml")
+"""Files with public addresses."""
 TRIED = (("--version",), ("check", "pick_apple"), ("run", "pick_apple", "--seed", "3"), ("explain", "last"))
 TRIED_ALONE = (("--version",), ("check", "count_down"), ("run", "count_down"), ("explain", "last"), ("replay", "last"))
 """Commands of an installed Pomona, and of `pomona-executive`, that must end with 0."""
@@ -44,7 +46,7 @@ def problems(root: Path, version: str) -> Iterator[str]:
 
 def placeholders(root: Path) -> Iterator[str]:
     """Yield the files that hold no public address yet."""
-    for name in ("pyproject.toml", "CITATION.cff", "mkdocs.yml"):
+    for name in ADDRESSED:
         if PLACEHOLDER in (root / name).read_text("utf-8"):
             yield f"{name} holds the placeholder {PLACEHOLDER}: write the repository's public address in its place"
 

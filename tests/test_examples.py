@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -26,6 +27,13 @@ def test_each_example_is_short_and_tested() -> None:
     found = {path.stem: path.read_text("utf-8").count("\n") for path in EXAMPLES.glob("*.py")}
     assert found.keys() == PRINTED.keys()
     assert max(found.values()) <= LINES
+
+
+def test_each_example_names_the_distribution_that_its_imports_need() -> None:
+    for path in EXAMPLES.glob("*.py"):
+        text = path.read_text("utf-8")
+        whole = re.search(r"pomona\.(skills|drivers)\b|pick_apple", text) is not None
+        assert f"Needs the distribution pomona{'' if whole else ' or pomona-executive'}.\n" in text, path
 
 
 @pytest.mark.parametrize("name", [name for name in PRINTED if name != "read_record"])

@@ -13,6 +13,7 @@ import pytest
 from pomona.drivers import machine
 from pomona.drivers.errors import DeviceFault
 from pomona.drivers.machine import ReportLine, examine_machine
+from pomona.executive.values.installation import install_extra
 
 
 def lines(records: Path = Path("runs")) -> dict[str, ReportLine]:
@@ -61,7 +62,7 @@ def test_a_package_that_lacks_another_one_is_sent_to_pip_and_not_to_apt(monkeypa
         raise ModuleNotFoundError("No module named 'trimesh.base'", name="trimesh.base")
 
     monkeypatch.setattr("pomona.drivers.machine.importlib.import_module", refuse)
-    assert lines()["pyrender"].advice.endswith("-m pip install trimesh")
+    assert lines()["pyrender"].advice.endswith("pip install trimesh")
 
 
 def test_graphics_that_draw_nothing_are_told_with_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -108,7 +109,7 @@ def test_it_says_which_extras_are_there_and_how_to_install_the_others(monkeypatc
     monkeypatch.setattr(machine, "version", version)
     found = {line.name: line for line in machine._extras()}
     assert all(line.ok for line in found.values())
-    assert found["extra ros2"].found == "not installed; pip install 'pomona[ros2]'"
+    assert found["extra ros2"].found == f"not installed; {install_extra('ros2')}"
     assert found["extra foxglove"].found == "foxglove-sdk 1.2"
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8"))["project"]
     assert set(machine.EXTRAS) == set(project["optional-dependencies"]) - {"dev"}

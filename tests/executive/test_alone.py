@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import tomllib
@@ -17,8 +18,10 @@ import pytest
 from packaging.requirements import Requirement
 
 from pomona.executive.commands import command_line
+from pomona.executive.commands.new import KINDS_ELSEWHERE
 from pomona.executive.errors import UsageError
 from pomona.executive.extras import need, remedy
+from pomona.executive.values.installation import install_extra, pip, reinstall
 
 ROOT = Path(__file__).parents[2]
 TREES = ROOT / "executive" / "trees"
@@ -176,23 +179,30 @@ def free_port() -> int:
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (("lsp",), "pomona lsp needs the extra 'lsp': pip install 'pomona-executive[lsp]'"),
+        (("lsp",), "pomona lsp needs the extra 'lsp': {pip} install 'pomona-executive[lsp]'"),
         (
             ("campaign", "c.yaml"),
-            "pomona campaign needs the extra 'pictures': pip install 'pomona-executive[pictures]'",
+            "pomona campaign needs the extra 'pictures': {pip} install 'pomona-executive[pictures]'",
         ),
+        (
+            ("doctor",),
+            "pomona doctor: the distribution pomona has this command: install it in an environment of its own, without "
+            "pomona-executive",
+        ),
+        (("new", "driver", "scale"), "pomona new driver: the distribution pomona has this kind"),
+        (("skills", "Plan"), "No skill is installed here: `pomona new skill NAME` begins a package with one."),
         (("check", "pick_apple"), "no tree file 'pick_apple'; installed: count_down"),
         (
             ("run", "count_down", "--cell", str(ROOT / "trees" / "cells" / "sim.yaml")),
             "this installation has no drivers",
         ),
     ],
-    ids=["lsp", "campaign", "tree", "cell"],
+    ids=["lsp", "campaign", "doctor", "driver", "skill", "tree", "cell"],
 )
 def test_what_is_not_there_is_named(alone: Alone, words: tuple[str, ...], says: str) -> None:
     done = alone.pomona(*words)
     assert done.returncode == 2
-    assert says in " ".join(done.stderr.split())
+    assert says.format(pip=f"{alone.folder / 'env' / 'bin' / 'python'} -m pip") in " ".join(done.stderr.split())
     assert "Traceback" not in done.stderr
 
 
@@ -200,7 +210,25 @@ def test_what_is_not_there_is_named(alone: Alone, words: tuple[str, ...], says: 
 def test_an_image_that_cannot_be_coded_is_a_problem_of_the_record_that_names_the_extra(alone: Alone) -> None:
     said = alone.python("-c", PICTURE).stdout
     assert said.startswith("the record lacks what happened at 0.50 s of the run")
-    assert "pip install 'pomona-executive[pictures]'" in said
+    assert "-m pip install 'pomona-executive[pictures]'" in said
+
+
+@pytest.mark.slow
+def test_a_package_begun_here_requires_neither_distribution_and_its_kinds_are_those_of_the_help(alone: Alone) -> None:
+    assert alone.pomona("new", "skill", "Weigh").returncode == 0
+    begun = tomllib.loads((alone.folder / "weigh" / "pyproject.toml").read_text("utf-8"))["project"]
+    assert begun["dependencies"] == []
+    helped = alone.pomona("new", "--help").stdout
+    assert "{node,package,skill}" in helped
+    assert not [word for word in ("driver", "fruit", "camera") if word in helped]
+    assert alone.pomona("skills").stdout.startswith("No skill is installed here")
+
+
+@pytest.mark.slow
+def test_a_dry_run_is_repeated_from_its_record(alone: Alone) -> None:
+    assert alone.pomona("run", "count_down", "--dry", "--record", "dry").returncode == 0
+    done = alone.pomona("rerun", "last", "--record", "dry")
+    assert done.returncode == 0, done.stderr
 
 
 def test_both_distributions_agree() -> None:
@@ -217,6 +245,13 @@ def test_both_distributions_agree() -> None:
             assert target == theirs[name] or target.startswith("pomona.executive.running.empty_cell:"), name
 
 
+def test_what_the_part_lacks_is_listed() -> None:
+    part, whole = project(ROOT / "executive")["entry-points"], project(ROOT)["entry-points"]
+    commands = whole["pomona.commands"].keys() - part["pomona.commands"].keys()
+    assert commands == set(command_line.ELSEWHERE)
+    assert whole["pomona.new"].keys() - part["pomona.new"].keys() == set(KINDS_ELSEWHERE)
+
+
 def test_both_distributions_in_one_environment_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     def points(group: str) -> list[EntryPoint]:
         return [
@@ -225,12 +260,13 @@ def test_both_distributions_in_one_environment_are_refused(monkeypatch: pytest.M
         ]
 
     monkeypatch.setattr(command_line, "entry_points", points)
-    with pytest.raises(UsageError, match="are both installed here and hold the same files: pip uninstall"):
+    words = f"are both installed here and hold the same files: {pip()} uninstall pomona-executive, then "
+    with pytest.raises(UsageError, match=re.escape(words + reinstall("pomona"))):
         command_line.make_parser(["run"])
 
 
 def test_a_missing_package_is_told_with_the_command_that_brings_it() -> None:
-    with pytest.raises(UsageError, match=r"sums needs the extra 'sums': pip install 'pomona\[sums\]' \(No module"):
+    with pytest.raises(UsageError, match=re.escape(f"sums needs the extra 'sums': {install_extra('sums')} (No module")):
         need("no_such_module", "sums", "sums")
-    assert remedy("pygls.lsp") == "pip install 'pomona[lsp]'"
+    assert remedy("pygls.lsp") == install_extra("lsp")
     assert remedy("no_such_module") == "pomona doctor"

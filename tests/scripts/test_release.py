@@ -57,10 +57,19 @@ def test_a_version_is_released_once(release: ModuleType, repository: Path) -> No
 
 
 def test_a_version_is_not_tagged_with_a_placeholder_for_the_public_address(release: ModuleType, tmp_path: Path) -> None:
-    for name, address in (("pyproject.toml", "example.org"), ("CITATION.cff", "x.net"), ("mkdocs.yml", "x.net")):
-        (tmp_path / name).write_text(f"url: https://{address}/pomona\n")
+    for name in release.ADDRESSED:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("url: https://x.net/pomona\n")
+    (tmp_path / "SECURITY.md").write_text("write to security@example.org\n")
     (problem,) = release.placeholders(tmp_path)
-    assert problem.startswith("pyproject.toml holds the placeholder example.org")
+    assert problem.startswith("SECURITY.md holds the placeholder example.org")
+
+
+def test_each_file_with_a_placeholder_is_looked_at(release: ModuleType) -> None:
+    names = ("git", "ls-files", "*.md", "*.toml", "*.yml", "*.cff", ".github")
+    listed = subprocess.run(names, cwd=ROOT, check=True, capture_output=True, text=True).stdout.split()
+    found = {name for name in listed if "docs/" not in name and release.PLACEHOLDER in (ROOT / name).read_text("utf-8")}
+    assert found == set(release.ADDRESSED)
 
 
 def test_the_container_holds_what_the_package_needs() -> None:

@@ -16,6 +16,8 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 
+from pomona.executive.values.installation import install_extra, pip
+
 MODULES = {
     "onnxruntime": "onnxruntime",
     "opencv-python-headless": "cv2",
@@ -89,16 +91,16 @@ def _packages() -> Iterator[ReportLine]:
             found = version(name)
         except PackageNotFoundError:
             wanted = requirement.partition(";")[0].strip()
-            yield ReportLine(name, False, "is not installed", f"{sys.executable} -m pip install '{wanted}'")
+            yield ReportLine(name, False, "is not installed", f"{pip()} install '{wanted}'")
             continue
         try:
             if name in MODULES:
                 importlib.import_module(MODULES[name])
         except ModuleNotFoundError as error:  # of another package, which has a line of its own if it is declared
             missing = (error.name or name).partition(".")[0]
-            yield ReportLine(name, False, f"cannot be imported: {error}", f"{sys.executable} -m pip install {missing}")
+            yield ReportLine(name, False, f"cannot be imported: {error}", f"{pip()} install {missing}")
         except Exception as error:  # a missing system library shows in many ways
-            advice = f"a library of the system is missing, or: {sys.executable} -m pip install --force-reinstall {name}"
+            advice = f"a library of the system is missing, or: {pip()} install --force-reinstall {name}"
             yield ReportLine(name, False, f"cannot be imported: {error}", EGL if name == "pyrender" else advice)
         else:
             yield ReportLine(name, True, found)
@@ -110,7 +112,7 @@ def _extras() -> Iterator[ReportLine]:
         try:
             found = ", ".join(f"{package} {version(package)}" for package in packages)
         except PackageNotFoundError:
-            absent = f"not installed; pip install 'pomona[{extra}]'"
+            absent = f"not installed; {install_extra(extra)}"
             yield ReportLine(f"extra {extra}", True, absent, absent=True)
         else:
             yield ReportLine(f"extra {extra}", True, found)

@@ -16,7 +16,6 @@ from pathlib import Path
 
 from pomona.executive.board import Board
 from pomona.executive.errors import UsageError
-from pomona.executive.extras import distribution
 from pomona.executive.files import read_text
 from pomona.executive.judging import judge, split_settings
 from pomona.executive.language import BuiltTree, Document, Mocks, build, format_findings
@@ -46,6 +45,7 @@ from pomona.executive.running.watching import installed_watchers
 from pomona.executive.source_commit import commit_here
 from pomona.executive.terminal.summary import Summary
 from pomona.executive.values.findings import did_you_mean
+from pomona.executive.values.installation import distribution
 from pomona.executive.values.sentences import sentence_of
 from pomona.executive.values.shipped import installed_trees
 from pomona.executive.values.written import written

@@ -1,18 +1,13 @@
-"""Packages that an extra brings, and the distribution to which the executive belongs.
-
-`pomona` holds executive, skills and drivers; `pomona-executive` holds the executive alone.
-"""
+"""Packages that an extra brings."""
 
 from __future__ import annotations
 
 import importlib
-from functools import cache
-from importlib.metadata import PackageNotFoundError, metadata, version
+from importlib.metadata import metadata
 from typing import Any
 
 from pomona.executive.errors import UsageError
-
-WHOLE, ALONE = "pomona", "pomona-executive"
+from pomona.executive.values.installation import WHOLE, distribution, install_extra, reinstall
 
 _EXTRA_OF = {
     "PIL": "pictures",
@@ -25,21 +20,6 @@ _EXTRA_OF = {
     "ray": "ray",
 }
 """Packages that are imported without `need`."""
-
-
-@cache
-def distribution() -> str:
-    """Name of the installed distribution: `pomona`, or `pomona-executive` without it."""
-    try:
-        version(WHOLE)
-    except PackageNotFoundError:
-        return ALONE
-    return WHOLE
-
-
-def installed_version() -> str:
-    """Version of the installed distribution."""
-    return version(distribution())
 
 
 def need(module: str, extra: str, what: str) -> Any:
@@ -56,16 +36,12 @@ def need(module: str, extra: str, what: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        raise UsageError(f"{what} needs the extra '{extra}': {_install(extra)} ({error})") from error
+        raise UsageError(f"{what} needs the extra '{extra}': {install_extra(extra)} ({error})") from error
 
 
 def remedy(module: str) -> str:
     """Return the command that helps when a module is not found."""
     extra = _EXTRA_OF.get(module.partition(".")[0], "")
     if extra in (metadata(distribution()).get_all("Provides-Extra") or ()):
-        return _install(extra)
-    return "pomona doctor" if distribution() == WHOLE else f"pip install --force-reinstall {ALONE}"
-
-
-def _install(extra: str) -> str:
-    return f"pip install '{distribution()}[{extra}]'"
+        return install_extra(extra)
+    return "pomona doctor" if distribution() == WHOLE else reinstall(distribution(), requirements=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 
 from pomona.drivers.errors import DeviceFault
 from pomona.drivers.realsense.source import Aligner, load_library
+from pomona.executive.values.installation import install_extra
 
 WIDTH, HEIGHT, UNIT = 64, 48, 0.001
 
@@ -107,5 +109,5 @@ def test_filters_of_the_library_are_applied(rs: Any) -> None:
 
 def test_without_the_library_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyrealsense2", None)
-    with pytest.raises(DeviceFault, match=r"pip install 'pomona\[realsense\]'"):
+    with pytest.raises(DeviceFault, match=re.escape(install_extra("realsense"))):
         load_library()

@@ -48,7 +48,7 @@ def test_a_page_shows_each_failure_with_its_reason_and_its_last_pictures(
 
 
 def test_only_the_last_pictures_are_taken_and_a_file_that_is_there_is_left_alone(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     runs = tmp_path / "runs"
     view = next(e.value for e in everything() if isinstance(e, Published) and isinstance(e.value, ImageView))
@@ -63,6 +63,10 @@ def test_only_the_last_pictures_are_taken_and_a_file_that_is_there_is_left_alone
     assert main(command) == 2
     assert "is there already" in capsys.readouterr().err
     assert page.read_bytes() == before
+    monkeypatch.chdir(tmp_path)
+    page.unlink()
+    assert main(["runs", "failures", "--record", str(runs)]) == 0  # its name is the default
+    assert page.is_file()
     assert main(["runs", "failures", str(tmp_path / "x.html"), "apple_1", "--record", str(runs)]) == 2
     assert "no run" in capsys.readouterr().err
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ from pomona.executive.recording.folder import DEVICES, EVENTS_FILE
 from pomona.executive.recording.read import decode_image
 from pomona.executive.ros2.definitions import ACTIONS, POMONA, SERVICES
 from pomona.executive.ros2.types import coder, typestore
+from pomona.executive.values.installation import install_extra
 from pomona.skills.motion.occupancy.occupancy_map import OCCUPIED, UNKNOWN, OccupancyMap
 from pomona.skills.motion.occupancy.octomap import to_bt
 
@@ -242,5 +244,5 @@ def test_without_the_extra_it_says_how_to_install_it(
     made: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "rosbags.rosbag2", None)
-    with pytest.raises(UsageError, match=r"pip install 'pomona\[ros2\]'"):
+    with pytest.raises(UsageError, match=re.escape(install_extra("ros2"))):
         export_rosbag2(made[0].parent, tmp_path / "bag")

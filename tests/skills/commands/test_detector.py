@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 import torch
 
 from pomona.executive.errors import UsageError
+from pomona.executive.values.installation import install_extra
 from pomona.skills.commands.detector import add_data, add_export, add_train
 from pomona.skills.perception.detection.annotations import read_annotation
 from pomona.skills.perception.detection.compact_network import BeliefFinder, CloseLookNetwork
@@ -207,5 +209,5 @@ def test_weights_are_exported_in_one_command_and_what_cannot_be_is_said_in_one_l
 
 def test_training_without_pytorch_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "torch", None)
-    with pytest.raises(UsageError, match=r"pomona train needs the extra 'torch': pip install 'pomona\[torch\]'"):
+    with pytest.raises(UsageError, match=re.escape(f"pomona train needs the extra 'torch': {install_extra('torch')}")):
         run("train", "detect")

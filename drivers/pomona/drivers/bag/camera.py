@@ -18,6 +18,7 @@ from pomona.drivers.frames.camera import FramesCamera
 from pomona.drivers.frames.folder import Images, UnusableFrames
 from pomona.drivers.interfaces import Intrinsics
 from pomona.drivers.registration import Settings, driver
+from pomona.executive.values.installation import install_extra
 from pomona.executive.values.kinds import Measure, Text, Whole
 from pomona.executive.values.sections import Section, value
 from pomona.executive.values.units import TIME
@@ -26,7 +27,7 @@ try:
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 except ImportError as error:
-    raise ImportError(f"it needs the extra 'ros2': pip install 'pomona[ros2]' ({error})") from error
+    raise ImportError(f"it needs the extra 'ros2': {install_extra('ros2')} ({error})") from error
 
 
 NOT_ROS = (AttributeError, TypeError, ValueError, IndexError)

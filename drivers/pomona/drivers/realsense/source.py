@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from pomona.drivers.errors import DeviceFault, DeviceLost
 from pomona.drivers.interfaces import Intrinsics
+from pomona.executive.values.installation import install_extra
 
 FILTERS = ("decimation", "spatial", "temporal", "hole_filling")
 
@@ -29,7 +30,7 @@ def load_library() -> ModuleType:
         raise DeviceFault(
             "camera",
             f"the RealSense library cannot be imported ({error}); "
-            "pip install 'pomona[realsense]', and apt install libusb-1.0-0",
+            f"{install_extra('realsense')}, and apt install libusb-1.0-0",
         ) from error
     module: ModuleType = pyrealsense2
     return module

@@ -14,13 +14,26 @@ from typing import Any
 
 from pomona.executive.commands.examples import examples
 from pomona.executive.errors import UsageError
-from pomona.executive.extras import ALONE, WHOLE, distribution, installed_version
+from pomona.executive.values.installation import (
+    ALONE,
+    WHOLE,
+    distribution,
+    elsewhere,
+    installed_version,
+    pip,
+    reinstall,
+)
 
 COMMANDS = "pomona.commands"
 """Entry point group of subcommands: functions that add one parser to argparse's subparsers and set its `main`.
 
 An entry point has its subcommand's name and is loaded alone when that is asked for: the others' imports cost seconds.
 Its help is read from its source, where the module says `add_parser("name", help="…")`."""
+
+ELSEWHERE = (
+    "bench", "calibrate", "data", "detect", "doctor", "emulate", "evidence", "export-weights", "measure", "train",
+)  # fmt: skip
+"""Subcommands of the distribution `pomona` that the executive alone lacks."""
 
 EPILOG = """Exit status: 0 the task succeeded, 1 the tree failed, 2 unusable input, 3 stopped
 in the safe state (also by SIGTERM and SIGHUP), 130 interrupted; 129 and 143
@@ -84,14 +97,21 @@ def _commands() -> list[EntryPoint]:
     owners = {entry.dist.name for entry in entries if entry.dist is not None}
     if {WHOLE, ALONE} <= owners:
         raise UsageError(
-            f"{WHOLE} and {ALONE} are both installed here and hold the same files: pip uninstall {ALONE}, then "
-            f"pip install --force-reinstall --no-deps {WHOLE}"
+            f"{WHOLE} and {ALONE} are both installed here and hold the same files: {pip()} uninstall {ALONE}, then "
+            f"{reinstall(WHOLE)}"
         )
     return entries
 
 
 def make_parser(wanted: Iterable[str]) -> argparse.ArgumentParser:
-    """The parser. Only the subcommands that are wanted are loaded; of the others it knows what their sources say."""
+    """The parser. Only the subcommands that are wanted are loaded; of the others it knows what their sources say.
+
+    Raises:
+        UsageError: both distributions are installed, or the other one has a subcommand that is wanted.
+    """
+    entries, wanted = _commands(), tuple(wanted)
+    for name in set(wanted).intersection(ELSEWHERE).difference(entry.name for entry in entries):
+        raise UsageError(f"pomona {name}: {elsewhere('this command')}")
     parser = argparse.ArgumentParser(
         prog="pomona",
         description="Run tasks that are written as behaviour trees in YAML.",
@@ -103,7 +123,7 @@ def make_parser(wanted: Iterable[str]) -> argparse.ArgumentParser:
         "--skill", action=_Choose, metavar="NAME=PACKAGE", help="whose skill NAME is, when several packages offer one"
     )
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
-    for entry in _commands():
+    for entry in entries:
         if entry.name in wanted:
             entry.load()(subparsers)
             _add_examples(subparsers.choices[entry.name], entry.name)

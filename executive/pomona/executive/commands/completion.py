@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from pomona.executive.commands.command_line import children, command_names, make_parser
-from pomona.executive.extras import distribution, installed_version
 from pomona.executive.terminal.filtered import Filtered
+from pomona.executive.values.installation import distribution, installed_version
 from pomona.executive.values.shipped import installed_trees
 
 

@@ -35,8 +35,8 @@ _EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "lsp": (("pomona lsp --cell sim", "what an editor starts; with the names that this cell knows"),),
     "new": (
         ("pomona new package my_kit", "a package with a skill, a tree and tests"),
-        ("pomona new driver my_camera --into my_kit", "add a driver to it"),
-        ("pomona new cell my_cell", "a cell file to begin with"),
+        ("pomona new skill Weigh --into my_kit", "add a skill to it"),
+        ("pomona new node forgive --into my_kit", "add a node type to it"),
     ),
     "dashboard": (
         ("pomona dashboard", "all recorded runs, and new ones"),

@@ -1,4 +1,4 @@
-"""`pomona new`: a skill, a driver, a cell, a fruit, a node type, or a package for them: typed, tested, ready to run."""
+"""`pomona new`: a package, or a piece of one such as a skill or a node type: typed, tested, ready to run."""
 
 from __future__ import annotations
 
@@ -13,23 +13,36 @@ from string import Template
 from typing import Any
 
 from pomona.executive.errors import UsageError
-from pomona.executive.extras import distribution
 from pomona.executive.kit.package import PACKAGE, TREE
+from pomona.executive.values.installation import elsewhere
 from pomona.executive.values.piece import Piece
 
 GROUP = "pomona.new"
+KINDS_ELSEWHERE = ("cell", "driver", "fruit")
+"""Kinds of the distribution `pomona` that the executive alone lacks."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
     kinds = sorted({point.name for point in entry_points(group=GROUP)} | {"package"})
-    parser = subparsers.add_parser("new", help="begin a skill, a driver, a cell, a fruit, a node type or a package")
-    parser.add_argument("kind", choices=kinds)
-    parser.add_argument("name", help="such as Weigh or force_camera")
+    parser = subparsers.add_parser("new", help="begin a package, or a piece of one such as a skill")
+    parser.add_argument("kind", type=_kind, choices=kinds)
+    parser.add_argument("name", help="such as Weigh")
     about = "a folder; a package that stands there gets the piece, else a new one is begun"
     parser.add_argument("--into", type=Path, default=Path(), metavar="DIR", help=about)
     parser.set_defaults(main=main)
+
+
+def _kind(word: str) -> str:
+    """A kind that this installation can begin, or any other word, which argparse refuses.
+
+    Raises:
+        UsageError: the distribution `pomona` begins it, and this is the executive alone.
+    """
+    if word in KINDS_ELSEWHERE and not entry_points(group=GROUP, name=word):
+        raise UsageError(f"pomona new {word}: {elsewhere('this kind')}")
+    return word
 
 
 def main(options: argparse.Namespace) -> int:
@@ -84,7 +97,7 @@ def begin(folder: Path, module: str, *, example: bool = True) -> list[Path]:
     Raises:
         UsageError: there is something already.
     """
-    words = {"name": module, "Name": _capitals(module), "module": module, "distribution": distribution()}
+    words = {"name": module, "Name": _capitals(module), "module": module}
     written = _write(PACKAGE, words, folder)
     if example:
         (point,) = entry_points(group=GROUP, name="skill")

@@ -25,6 +25,8 @@ if TYPE_CHECKING:  # what reads whole records is imported where it is needed: a 
 
 RUN = "a record's folder or MCAP file, its name (or the beginning of it) below --record, or 'last'"
 
+FAILURES = Path("failures.html")
+
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
@@ -67,8 +69,10 @@ def add(subparsers: Any) -> None:
     page.add_argument("file", nargs="?", type=Path, metavar="FILE.html", help="default: RUN.html here")
 
     failures = _command(commands, "failures", _failures, "failed runs with pictures as one page that can be sent")
-    failures.add_argument("file", type=Path, metavar="FILE.html", help="of the page; there must be none yet")
-    failures.add_argument("words", nargs="*", help="only runs with all of these words, as in `runs list`")
+    failures.add_argument(
+        "words", nargs="*", metavar="[FILE.html] [WORD ...]",
+        help=f"a new file for the page (default: {FAILURES} here); only runs with all of these words",
+    )  # fmt: skip
 
     prune = _command(commands, "prune", _prune, "throw away old records; asks first, spares a run that is going on")
     prune.add_argument("--older", metavar="AGE", help="older than this: 30 d, 12 h, 4 w")
@@ -231,11 +235,14 @@ def _failures(options: argparse.Namespace) -> int:
     from pomona.executive.interop.pages import write_failures
 
     options.failed = False
+    named = bool(options.words) and options.words[0].endswith(".html")
+    file = Path(options.words.pop(0)) if named else FAILURES
     chosen = [run for run in RunIndex(options.record).read() if run.state == "ended" and _wanted(run, options)]
     if not chosen:
-        raise UsageError(f"no run in {options.record} has all of these words: {' '.join(options.words)}")
-    count = write_failures([options.record / run.run for run in chosen], options.file)
-    Screen().print(f"{options.file}  {count} failures, {size(options.file.stat().st_size)}", soft_wrap=True)
+        words = f" has all of these words: {' '.join(options.words)}" if options.words else " has ended"
+        raise UsageError(f"no run in {options.record}{words}")
+    count = write_failures([options.record / run.run for run in chosen], file)
+    Screen().print(f"{file}  {count} failures, {size(file.stat().st_size)}", soft_wrap=True)
     return 0
 
 

@@ -18,6 +18,8 @@ from pomona.executive.terminal.screen import Screen
 from pomona.executive.values.failure_codes import failure_codes
 from pomona.executive.values.findings import did_you_mean
 
+NONE = "No skill is installed here: `pomona new skill NAME` begins a package with one."
+
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
@@ -34,6 +36,11 @@ def main(options: argparse.Namespace) -> int:
         the exit status.
     """
     registry = declared_skills()
+    if not registry and not registry.problems and not options.json:
+        if options.name:
+            raise UsageError(NONE)
+        Screen().print(NONE)
+        return 0
     listing = [skill for skill in registry.listing() if options.name in (None, skill.name)]
     if options.name and not listing:
         hint = did_you_mean(options.name, registry) or f"there are {', '.join(sorted(registry))}"

@@ -15,7 +15,7 @@ build-backend = "hatchling.build"
 name = "$module"
 version = "0.1.0"
 requires-python = ">=3.11"
-dependencies = ["$distribution"]
+dependencies = []  # neither pomona nor pomona-executive: both hold the executive, and the user's environment has one
 
 [project.optional-dependencies]
 dev = ["pytest>=8.2", "mypy>=1.13"]
@@ -33,6 +33,8 @@ pythonpath = ["."]
         "$module/__init__.py": '"""$Name: skills, drivers and words of trees for Pomona."""\n',
         "$module/py.typed": "",
         "README.md": """# $module
+
+In an environment with Pomona (the distribution pomona or pomona-executive):
 
     pip install -e '.[dev]'
     pomona skills            # lists what this package adds

@@ -14,7 +14,6 @@ from pygls.lsp.server import LanguageServer
 from pygls.uris import from_fs_path, to_fs_path
 
 from pomona.executive.errors import PomonaError
-from pomona.executive.extras import installed_version
 from pomona.executive.files import find_cell
 from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.language.format import FormatError, formatted
@@ -23,6 +22,7 @@ from pomona.executive.language_server.service import Offer, TreeService
 from pomona.executive.nodes.node_type import TreeNode
 from pomona.executive.registry import Registry
 from pomona.executive.values.findings import Finding, Located, said
+from pomona.executive.values.installation import installed_version
 
 KINDS = {
     "skill": lsp.CompletionItemKind.Function,

@@ -15,6 +15,7 @@ from pomona.executive.running.cell_files import CellFile
 from pomona.executive.running.dry_cell import DryCell
 from pomona.executive.values.documents import Outline, read_value_file, with_includes
 from pomona.executive.values.findings import Findings
+from pomona.executive.values.installation import elsewhere
 from pomona.executive.values.kinds import Schema, Text
 from pomona.executive.values.reading import Refused
 from pomona.executive.values.scoring import Score
@@ -83,7 +84,7 @@ class EmptyCellFiles:
         devices = written.root.get("devices") or written.root.get("world")
         if devices is not None:
             message = "this installation has no drivers, so a cell has no devices"
-            findings.error(devices, "unfit", message, "pip install pomona, in an environment of its own")
+            findings.error(devices, "unfit", message, elsewhere("them"))
             return None
         try:
             return EmptyCellFile(EMPTY_CELL.read(written.root, written.reader).name, written.files)

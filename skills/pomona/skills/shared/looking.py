@@ -15,6 +15,7 @@ from pomona.drivers.errors import FrameUnreadable
 from pomona.drivers.interfaces import Arm, Camera, Frame, FruitKinds
 from pomona.executive.skill import CellFacts, Skill
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.installation import install_extra
 from pomona.executive.values.sections import Problem
 from pomona.executive.views import ImageView, Line2, Pinhole
 from pomona.skills.motion.robot.model import RobotModel
@@ -190,7 +191,7 @@ def needs_torch(weights: Path) -> bool:
 
 
 def _without_torch(weights: Path) -> tuple[str, str]:
-    return f"PyTorch wrote the weights {weights}, and it is not installed", "pip install 'pomona[torch]'"
+    return f"PyTorch wrote the weights {weights}, and it is not installed", install_extra("torch")
 
 
 @lru_cache(maxsize=4)

@@ -16,6 +16,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from pomona.executive.values.installation import install_extra
+
 
 class DetectError(Exception):
     """Root of this package's errors."""
@@ -85,4 +87,4 @@ class MissingPackage(DetectError):
 
     def __init__(self, package: str, purpose: str) -> None:
         self.package = package
-        super().__init__(f"{package} {purpose} and is not installed: pip install 'pomona[torch]'")
+        super().__init__(f"{package} {purpose} and is not installed: {install_extra('torch')}")

@@ -1,0 +1,83 @@
+"""The installed distribution, and the pip commands that add to it or repair it.
+
+An editable checkout, a wheel file and an index need different commands: pip records the origin of each installation
+(PEP 610), and the commands name that origin.
+"""
+
+from __future__ import annotations
+
+import json
+import shlex
+import shutil
+import sys
+from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution as metadata_of, version
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlsplit
+from urllib.request import url2pathname
+
+WHOLE, ALONE = "pomona", "pomona-executive"
+"""Distributions: `pomona` holds executive, skills and drivers, `pomona-executive` the executive alone."""
+
+
+@cache
+def distribution() -> str:
+    """Name of the installed distribution: `pomona`, or `pomona-executive` without it."""
+    try:
+        version(WHOLE)
+    except PackageNotFoundError:
+        return ALONE
+    return WHOLE
+
+
+def installed_version() -> str:
+    """Version of the installed distribution."""
+    return version(distribution())
+
+
+def pip() -> str:
+    """The command of this environment's pip: `pip` where the shell finds that one, else with this Python's path."""
+    found = shutil.which("pip")
+    here = found is not None and Path(found).parent == Path(sys.executable).parent
+    return "pip" if here else f"{shlex.quote(sys.executable)} -m pip"
+
+
+def install_extra(extra: str) -> str:
+    """The command that adds an extra to the installed distribution."""
+    return f"{pip()} install {_source(distribution(), extra)}"
+
+
+def reinstall(name: str, *, requirements: bool = False) -> str:
+    """The command that installs a distribution again, with or without its requirements."""
+    alone = "" if requirements else "--no-deps "
+    return f"{pip()} install --force-reinstall {alone}{_source(name)}"
+
+
+def elsewhere(what: str) -> str:
+    """The remedy for a thing of the distribution `pomona` where `pomona-executive` is installed."""
+    return f"the distribution {WHOLE} has {what}: install it in an environment of its own, without {ALONE}"
+
+
+def _source(name: str, extra: str = "") -> str:
+    """What pip takes to install a distribution from where it came, for a shell."""
+    extras, origin = f"[{extra}]" if extra else "", _origin(name)
+    url = str(origin.get("url", ""))
+    if url.startswith("file:"):
+        place = Path(url2pathname(unquote(urlsplit(url).path)))
+        editable = "-e " if origin.get("dir_info", {}).get("editable") else ""
+        gone = "" if place.exists() else f"  # {place} is gone: name its new place"
+        return f"{editable}{shlex.quote(f'{place}{extras}')}{gone}"
+    if "vcs_info" in origin:
+        vcs = origin["vcs_info"]
+        url = f"{vcs['vcs']}+{url}@{vcs['commit_id']}"
+    return shlex.quote(f"{name}{extras} @ {url}" if url else f"{name}{extras}")
+
+
+def _origin(name: str) -> dict[str, Any]:
+    """The record that pip keeps of a distribution that came from no index; empty for one from an index."""
+    try:
+        found: dict[str, Any] = json.loads(metadata_of(name).read_text("direct_url.json") or "{}")
+    except (PackageNotFoundError, ValueError):
+        return {}
+    return found
