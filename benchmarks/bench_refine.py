@@ -31,7 +31,14 @@ from pomona.drivers.depth_model import SIMULATED
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import rot_x, rot_y, transform
 from pomona.skills.perception.fruit import FruitModel, load_fruit
-from pomona.skills.perception.refinement import DepthLook, Known, RefineResult, horizontal_plane, refine, render_depth
+from pomona.skills.perception.refinement import (
+    DepthLook,
+    FruitContext,
+    RefineResult,
+    horizontal_plane,
+    refine,
+    render_depth,
+)
 from pomona.skills.perception.refinement.depth_image import ImageBox, RendererName
 from pomona.skills.perception.refinement.errors import RefineError
 from pomona.skills.perception.refinement.paper import fit_scale_by_rendering
@@ -270,7 +277,7 @@ def _errors(view: View, fruit: FruitModel, mode: str) -> tuple[float, float, flo
 def _refine(view: View, fruit: FruitModel, mode: str, using: RendererName = "zbuffer") -> RefineResult:
     assert view.T_camera_detected is not None
     on_plane = mode == "shape+plane"
-    known = Known(support=horizontal_plane(view.T_base_camera, view.table_z) if on_plane else None)
+    known = FruitContext(support=horizontal_plane(view.T_base_camera, view.table_z) if on_plane else None)
     look = DepthLook(view.depth, CAMERA, SIMULATED, renderer=using)
     method: Method = "shape" if on_plane else mode  # type: ignore[assignment]
     return refine(look, view.T_camera_detected, fruit, method=method, known=known)

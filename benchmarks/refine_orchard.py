@@ -29,7 +29,7 @@ from pomona.skills.perception.detection.detection import Detection
 from pomona.skills.perception.detection.options import DetectorOptions
 from pomona.skills.perception.fruit import FruitModel
 from pomona.skills.perception.fruit.sizes import KindSizes, learn_sizes
-from pomona.skills.perception.refinement import DepthLook, Known, Limits, RefineResult, refine, render_depth
+from pomona.skills.perception.refinement import DepthLook, FruitContext, Limits, RefineResult, refine, render_depth
 from pomona.skills.perception.refinement.errors import NoDepth, RefineError
 from pomona.skills.shared.looking import find_in_frame
 
@@ -128,7 +128,7 @@ class Find:
     def measured(self, fruit: FruitModel, sizes: KindSizes | None = None) -> RefineResult:
         """Measure as `measure_fruit` does."""
         look = DepthLook(self.depth, KINECT, AZURE_KINECT, renderer="zbuffer")
-        known = Known(sizes=sizes, size_deviation=self.deviation)
+        known = FruitContext(sizes=sizes, size_deviation=self.deviation)
         return refine(look, self.detection.T_camera_object, fruit, method="uniform", known=known)
 
 

@@ -359,7 +359,7 @@ def test_where_there_is_no_way_back_it_says_that_the_fruit_is_still_up(monkeypat
         line = straight_line(robot, q, T_base_goal)
         return line if T_base_goal[2, 3] > robot.tcp(q)[2, 3] else replace(line, reason="a limit is reached")
 
-    monkeypatch.setattr("pomona.skills.lift.straight_line", only_up)
+    monkeypatch.setattr("pomona.skills.shared.carrying.straight_line", only_up)
     outcome = fruit.lift()
     assert outcome.reason.code == "TOO_HEAVY"
     assert "mm up, with no straight way back" in outcome.reason.message

@@ -19,9 +19,9 @@ from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.motion.straight_line import straight_line
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
 from pomona.skills.shared.live_watch import WATCH_FAILURES, KnownAround, prepare_watch
+from pomona.skills.shared.straight_travel import free_line
 from pomona.skills.shared.touch import Touch
 from pomona.skills.shared.usable_map import usable_field
 from pomona.skills.shared.warm_motion import prepare_moving
@@ -77,22 +77,11 @@ class Approach(MovingSkill):
     ) -> Work[None]:
         arm, gripper = self.device(Arm), self.device(Gripper)
         robot = RobotModel.load(arm.description)
-        q = arm.state().q
-        self._require_pre_grasp(robot.tcp(q), grasp)
-        line = straight_line(robot, q, grasp.T_base_grasp)
-        if not line.complete:
-            raise self.failure(
-                "NO_STRAIGHT_LINE",
-                f"{line.reason} after {1e3 * line.reached * line.length:.0f} of {1e3 * line.length:.0f} mm",
-                candidate=grasp.index,
-                reached_m=line.reached * line.length,
-            )
+        self._require_pre_grasp(robot.tcp(arm.state().q), grasp)
         width = min(grasp.width, gripper.limits.width_max)
         space = arm_space(arm, self.device(Workspace), usable_field(self, map), width, clearance, target=grasp.fruit)
-        blocked = space.first_blocked(line.q)
-        if blocked is not None:
-            reason, found = space.explain(line.q[blocked + 1])
-            raise self.failure("IN_COLLISION", f"on the approach {reason}", candidate=grasp.index, **found)
+        codes = ("NO_STRAIGHT_LINE", "IN_COLLISION")
+        line = free_line(self, grasp.T_base_grasp, space, codes, "on the approach", candidate=grasp.index)
         tcp_line = np.array([robot.tcp(state)[:3, 3] for state in line.q])
         self.publish("approach", SceneView(lines=(Line3(tcp_line, "approach", "approach"),)))
         if abs(gripper.state().width - width) > WIDTH_TOLERANCE:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -17,50 +17,39 @@ from pomona.skills.motion.collision import Margins
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import ArmSpace, arm_space
-from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.motion.straight_line import straight_line
+from pomona.skills.shared.carrying import TouchedDown, is_held
+from pomona.skills.shared.contact_check import LOST, contact_doubt
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.grip_view import show_grip
 from pomona.skills.shared.live_watch import prepare_watch
 from pomona.skills.shared.moving import POSE_FAILURES, move_to_pose
 from pomona.skills.shared.named_pose import judge_pose, offered_poses
-from pomona.skills.shared.touch import HELD_FORCE, Touch, load, pressing_forces, something_between
+from pomona.skills.shared.straight_travel import follow_way, tool_pose, vertical_way
+from pomona.skills.shared.touch import Touch, load
 from pomona.skills.shared.usable_map import usable_field
 from pomona.skills.shared.warm_motion import prepare_planning
 
-ACCELERATION, JERK = 0.5, 5.0
-"""Of lowering [m/s², m/s³]: with twice as much the fruit's own inertia feels like a contact."""
-RISING, RISING_JERK = 1.5, 15.0
-"""Of the empty gripper's way up [m/s², m/s³]."""
-RAISING_SPEED = 0.02
-"""Of being raised a little from what carries it [m/s]."""
+LOWERING = (0.5, 5.0)
+"""Acceleration [m/s²] and jerk [m/s³] of lowering: with twice as much the inertia of the fruit resembles a contact."""
+RISING = (1.5, 15.0)
+"""Acceleration [m/s²] and jerk [m/s³] of the empty gripper's way up."""
 OPENING_SPEED = 0.05
-"""Of the opening while the fruit is let go [m/s]."""
+"""Of the fingers while they release the fruit [m/s]."""
 SLOW_WITHIN = 0.015
-"""Way of the fruit to what it will meet at which lowering slows down [m]: more than its measured height and what it has
-slid in the fingers are wrong together."""
+"""Distance to the first contact at which lowering slows down [m]: more than the errors of the measured height and of
+the slip in the fingers together."""
 BESIDE = 0.005
-"""What is nearer than this to the fruit's way may be met [m]; a wall that is farther is passed."""
-RESTING = 0.1
-"""So long after the arm has come to rest a fruit that is carried must still weigh less [s]: a jolt is over then."""
-RAISED = 0.002
-"""So far it is then raised again: from a floor it hangs as before, while what only drifts goes on as it did [m]."""
-LOST = "the fruit was lost on the way down: it presses on neither finger"
+"""Distance to the fruit's path below which an obstacle counts as the first contact [m]; farther walls are passed."""
 RELEASED_WIDTH = 0.02
-"""How much wider than the fruit the fingers open before they rise [m]."""
-
-
-class _Grounded(Exception):
-    """The fruit touched something below."""
+"""Width by which the fingers open beyond the fruit before they rise [m]."""
 
 
 class Release(MovingSkill):
     """Put a held fruit down: lower it until it touches, open gently, rise again.
 
-    The fingers open only after the fruit has met something that carries it. When it meets nothing within `depth`, or
-    before the gripper itself would come too near to something, the fruit stays held and the skill fails: nothing is
-    dropped.
+    The fingers open only after the fruit has met a support. If it meets none within `depth`, or before the gripper
+    comes too near to an obstacle, the fruit stays held and the skill fails.
     """
 
     devices = (Arm, Gripper, ForceSensor, Workspace)
@@ -111,33 +100,28 @@ class Release(MovingSkill):
             "0.25 m/s"
         ),
     ) -> Work[None]:
-        if not self._held():
+        if not is_held(self):
             raise self._not_held()
         if into is not None:
             yield from move_to_pose(self, into, variation, map, grasp, clearance, upright=upright)
-        gripper, before = self.device(Gripper), self._tcp()[2, 3]
-        way = self._vertical(-depth, map, clearance)
+        gripper, before = self.device(Gripper), tool_pose(self)[2, 3]
+        way = vertical_way(self, -depth, "LOWERING_BLOCKED", self._space(map, clearance))
         slow_from = self._near(way, grasp, map, clearance)
         yield from self._lower((way[: slow_from + 1], fast), (way[slow_from:], speed), hold, grasp, contact)
         width = self._opening(map, clearance)
         take_over(gripper)
         yield from self.move_fingers(width, min(OPENING_SPEED, gripper.limits.speed_max))
-        yield from self._along(self._vertical(before - self._tcp()[2, 3]), fast, None, RISING, RISING_JERK)
+        way_up = vertical_way(self, before - tool_pose(self)[2, 3], "LOWERING_BLOCKED")
+        yield from follow_way(self, way_up, fast, RISING)
         return None
 
     def _not_held(self) -> Exception:
-        """Nothing is felt: the state of the hand decides whether that means that nothing is there."""
+        """Return NOT_HELD, or HAND_UNCLEAR if the hand may hold a fruit that the fingers do not measure."""
         hand = None if current_hold(self.device(Gripper)) is not None else self.optional_device(Hand)
         held = None if hand is None else hand.in_hand()
         if held:
             return self.failure("HAND_UNCLEAR", f"{held}; it cannot be put down, since no contact would be felt")
         return self.failure("NOT_HELD", "there is nothing between the fingers to put down")
-
-    def _held(self) -> bool:
-        hold = current_hold(self.device(Gripper))
-        if hold is not None:
-            return hold.holds
-        return something_between(self.device(Gripper), self.device(ForceSensor))
 
     def _lower(
         self,
@@ -147,73 +131,32 @@ class Release(MovingSkill):
         grasp: Grasp | None,
         contact: float,
     ) -> Watching:
-        """Down along two ways with their speeds until the load on the pads changes: something carries the fruit."""
-        before = float(self._tcp()[2, 3])
+        """Go down along two ways with their speeds until the load on the pads changes: a support carries the fruit."""
+        before, words = float(tool_pose(self)[2, 3]), ""
         with Touch(self.device(ForceSensor), load) as touch:
 
             def watch() -> None:
                 if hold is not None:
                     show_grip(self, hold)
-                if touch.change > contact:  # asked first: a floor's push may take the pressing force from a finger
-                    raise _Grounded
-                if not self._held():
+                if touch.change > contact:  # first: the support's push may unload a finger
+                    raise TouchedDown
+                if not is_held(self):
                     raise self.failure("LOST", LOST)
 
             try:
-                yield from self._along(*quickly, watch, held=grasp)
-                yield from self._along(*gently, watch, held=grasp)
-            except _Grounded:
-                words = yield from self._doubt_contact(touch, contact)
+                for way, speed in (quickly, gently):
+                    yield from follow_way(self, way, speed, LOWERING, watch, grasp)
+            except TouchedDown:
+                words = yield from contact_doubt(self, touch, contact, "LOWERING_BLOCKED")
                 if not words:
                     return
-                lowered = before - float(self._tcp()[2, 3])
-                raise self.failure("NO_CONTACT", f"{words}: the fruit is still held", lowered_m=lowered) from None
-        lowered = before - float(self._tcp()[2, 3])
-        raise self.failure(
-            "NO_CONTACT", f"the fruit met nothing within {1e3 * lowered:.0f} mm and is still held", lowered_m=lowered
-        )
-
-    def _doubt_contact(self, touch: Touch, contact: float) -> Work[str]:
-        """Return why what was felt is no contact with a floor; empty for a fruit that something carries.
-
-        The fingers stand meanwhile: force control would answer a floor's push by pressing harder. It goes on unless the
-        fruit is carried.
-        """
-        hold, carried = current_hold(self.device(Gripper)), False
-        if hold is not None:
-            hold.stand(True)
-        try:
-            yield from self.wait(RESTING)
-            self._refuse_lost()
-            if touch.present <= 0.5 * contact or touch.stale_for(self.clock.now()):
-                return "what was felt on the way down has gone again, as after a jolt"
-            if (yield from self._hangs_when_raised(touch, contact)):
-                carried = True
-                return ""
-            self._refuse_lost()
-            return "what was felt stays when the fruit is raised again: the fingers drift"
-        finally:
-            if hold is not None and not carried:
-                hold.stand(False)
-
-    def _refuse_lost(self) -> None:
-        if max(pressing_forces(self.device(ForceSensor))) <= HELD_FORCE:
-            raise self.failure("LOST", LOST) from None
-
-    def _hangs_when_raised(self, touch: Touch, contact: float) -> Work[bool]:
-        """Whether what is felt goes back, at least by half a contact, while the fruit is raised from what carries it.
-
-        Ends where it began. Sensors that drift, grow or are told a bias in between do not go back with a motion.
-        """
-        below = touch.average()
-        yield from self._along(self._vertical(RAISED), RAISING_SPEED)
-        yield from self.wait(RESTING)
-        raised = touch.average()
-        yield from self._along(self._vertical(-RAISED), RAISING_SPEED)
-        return touch.gone_back(below, raised) > 0.5 * contact
+        lowered = before - float(tool_pose(self)[2, 3])
+        met_nothing = f"the fruit met nothing within {1e3 * lowered:.0f} mm and is still held"
+        message = f"{words}: the fruit is still held" if words else met_nothing
+        raise self.failure("NO_CONTACT", message, lowered_m=lowered)
 
     def _near(self, way: Float64, grasp: Grasp | None, map: OccupancyMap | None, clearance: float) -> int:
-        """From which posture of the way on the fruit is near to what it will meet; 0 when nothing is known of that."""
+        """Return the first posture at which the fruit is near its first contact; 0 if that is unknown."""
         if grasp is None:
             return 0
         space = self._space(map, clearance, grasp)
@@ -226,54 +169,13 @@ class Release(MovingSkill):
         return int(np.flatnonzero(heights <= heights[-1] + SLOW_WITHIN)[0])
 
     def _opening(self, map: OccupancyMap | None, clearance: float) -> float:
-        """How wide to open: as much less as it takes not to touch what is beside the fruit."""
+        """Return the largest opening that touches nothing beside the fruit [m]."""
         gripper, q = self.device(Gripper), self.device(Arm).state().q
         widths = [min(gripper.state().width + RELEASED_WIDTH / part, gripper.limits.width_max) for part in (1, 2, 4)]
         space = self._space(map, clearance)
         return next((width for width in widths if space.at_width(width).free(q)), widths[-1])
 
-    def _vertical(self, rise: float, map: OccupancyMap | None = None, clearance: float | None = None) -> Float64:
-        """Postures straight up (or down, for a negative rise) as far as the arm reaches, shape (n, dof).
-
-        With a clearance they end where the gripper (not the fruit, which is to touch) would come too near to something.
-        The way up is the one that it came, and free.
-        """
-        arm = self.device(Arm)
-        T_base_goal = self._tcp()
-        T_base_goal[2, 3] += rise
-        line = straight_line(RobotModel.load(arm.description), arm.state().q, T_base_goal)
-        way, ends = line.q, line.reason
-        if clearance is not None:
-            space = self._space(map, clearance)
-            blocked = space.first_blocked(way)
-            if blocked is not None:
-                way, ends = way[: blocked + 1], space.explain(way[blocked + 1])[0]
-        if len(way) < 4:
-            raise self.failure("LOWERING_BLOCKED", f"the gripper cannot move vertically: {ends}")
-        return way
-
-    def _along(
-        self,
-        way: Float64,
-        speed: float,
-        watch: Callable[[], None] | None = None,
-        acceleration: float = ACCELERATION,
-        jerk: float = JERK,
-        held: Grasp | None = None,
-    ) -> Watching:
-        """Follow postures on a straight line of the tool."""
-        arm = self.device(Arm)
-        robot = RobotModel.load(arm.description)
-        length = float(np.linalg.norm(robot.tcp(way[-1])[:3, 3] - robot.tcp(way[0])[:3, 3]))
-        if length > 0.0:
-            curve = time_curve(way, length, arm.limits, speed, acceleration, jerk)
-            yield from self.travel(curve, watch, carrying=held)
-
     def _space(self, map: OccupancyMap | None, clearance: float, held: Grasp | None = None) -> ArmSpace:
         width = self.device(Gripper).state().width
         field = usable_field(self, map)
         return arm_space(self.device(Arm), self.device(Workspace), field, width, clearance, held=held)
-
-    def _tcp(self) -> Float64:
-        arm = self.device(Arm)
-        return RobotModel.load(arm.description).tcp(arm.state().q)

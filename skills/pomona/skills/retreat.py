@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from enum import Enum
 from typing import Annotated, ClassVar
 
 import numpy as np
 
-from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Trajectory, Workspace
+from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
 from pomona.executive.ports import ACCELERATION, FORCE, SPEED, Acceleration, Force, Port, Speed
 from pomona.executive.skill import Work
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import angle_between, inverse
-from pomona.skills.grip.hold import current_hold, take_over
+from pomona.skills.grip.hold import take_over
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.planning.timing import time_curve
-from pomona.skills.motion.robot import RobotModel
-from pomona.skills.motion.straight_line import straight_line
+from pomona.skills.motion.straight_line import StraightLine
+from pomona.skills.shared.carrying import JERK_TIME, TouchedDown, is_held, lower_until_contact
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
-from pomona.skills.shared.setting_down import GENTLE, NEAR, SETTING_DOWN, TouchedDown, set_down
+from pomona.skills.shared.straight_travel import free_line, tool_pose
 from pomona.skills.shared.touch import Touch, load, something_between
 from pomona.skills.shared.warm_motion import prepare_moving
 
@@ -30,7 +31,9 @@ TILT_TOLERANCE = 0.2
 SUPPORTED = 3e-3
 """A fruit that is held this little above where it was taken still stands on its support [m]."""
 OPENING_SPEED = 0.05
-JERK_TIME = 0.1
+"""Of the fingers [m/s]."""
+AT_GOAL = 1e-4
+"""Distance below which the tool is at its goal [m]."""
 
 
 class StoppedAt(Enum):
@@ -67,74 +70,42 @@ class Retreat(MovingSkill):
         if grasp is None:
             return None
         arm, gripper = self.device(Arm), self.device(Gripper)
-        robot = RobotModel.load(arm.description)
-        place, height = where(robot.tcp(arm.state().q), grasp)
-        held = self._held()
+        place, height = where(tool_pose(self), grasp)
+        held = is_held(self) or something_between(gripper, self.device(ForceSensor))
         if place is StoppedAt.ELSEWHERE or (place is StoppedAt.ABOVE and not held):
             return None
         if held and height > SUPPORTED:
-            yield from self._lower(robot, height, speed, acceleration, contact)
+            yield from self._lower(height, speed, acceleration, contact)
         open_to = min(max(grasp.width, gripper.state().width), gripper.limits.width_max)
         take_over(gripper)
         if open_to - gripper.state().width > 1e-3:
             yield from self.move_fingers(open_to, min(OPENING_SPEED, gripper.limits.speed_max))
-        back = self._line(robot, grasp.T_base_pre_grasp, speed, acceleration)
-        if back is not None:
-            yield from self.travel(back)
+        back = self._line(grasp.T_base_pre_grasp)
+        if back.length > AT_GOAL:
+            jerk = acceleration / JERK_TIME
+            yield from self.travel(time_curve(back.q, back.length, arm.limits, speed, acceleration, jerk))
         return None
 
-    def _held(self) -> bool:
-        hold = current_hold(self.device(Gripper))
-        if hold is not None and hold.holds:
-            return True
-        return something_between(self.device(Gripper), self.device(ForceSensor))
-
-    def _lower(self, robot: RobotModel, height: float, speed: float, acceleration: float, contact: float) -> Watching:
-        """Straight down by the height to which the fruit was lifted, or until it stands on something."""
-        T_base_goal = robot.tcp(self.device(Arm).state().q)
+    def _lower(self, height: float, speed: float, acceleration: float, contact: float) -> Watching:
+        """Go straight down by the height to which the fruit was lifted, or until it stands on something."""
+        T_base_goal = tool_pose(self)
         T_base_goal[2, 3] -= height
-        self._line(robot, T_base_goal, speed, acceleration)  # all of it is free, or nothing moves
-        T_base_near = T_base_goal.copy()
-        T_base_near[2, 3] += min(NEAR, height)
+        line = self._line(T_base_goal)
         with Touch(self.device(ForceSensor), load) as touch:
 
             def watch() -> None:
                 if touch.change > contact:
-                    take_over(self.device(Gripper))  # or the grip answers what carries the fruit by pressing harder
+                    take_over(self.device(Gripper))  # force control would answer the push by pressing harder
                     raise TouchedDown
 
-            try:
-                quickly = self._line(robot, T_base_near, speed, acceleration)
-                if quickly is not None:
-                    yield from self.travel(quickly, watch)
-                gently = self._line(robot, T_base_goal, SETTING_DOWN, GENTLE)
-                if gently is not None:
-                    yield from set_down(self, gently)
-            except TouchedDown:
-                return
+            with suppress(TouchedDown):
+                yield from lower_until_contact(self, line, speed, acceleration, watch)
 
-    def _line(self, robot: RobotModel, T_base_goal: Float64, speed: float, acceleration: float) -> Trajectory | None:
-        """The straight way to a pose of the tool; None where it is there already.
-
-        Raises:
-            SkillFailure: RETREAT_BLOCKED; nothing has moved.
-        """
-        arm = self.device(Arm)
-        line = straight_line(robot, arm.state().q, T_base_goal)
-        if not line.complete:
-            raise self.failure(
-                "RETREAT_BLOCKED",
-                f"{line.reason} after {1e3 * line.reached * line.length:.0f} of {1e3 * line.length:.0f} mm",
-                reached_m=line.reached * line.length,
-            )
-        space = arm_space(arm, self.device(Workspace), None, self.device(Gripper).state().width, 0.0).leaving_table()
-        blocked = space.first_blocked(line.q)
-        if blocked is not None:
-            reason, found = space.explain(line.q[blocked + 1])
-            raise self.failure("RETREAT_BLOCKED", f"on the way back {reason}", **found)
-        if line.length <= 1e-4:
-            return None
-        return time_curve(line.q, line.length, arm.limits, speed, acceleration, acceleration / JERK_TIME)
+    def _line(self, T_base_goal: Float64) -> StraightLine:
+        """Return the straight line to a pose of the tool; fails with RETREAT_BLOCKED, and then nothing has moved."""
+        width = self.device(Gripper).state().width
+        space = arm_space(self.device(Arm), self.device(Workspace), None, width, 0.0).leaving_table()
+        return free_line(self, T_base_goal, space, ("RETREAT_BLOCKED", "RETREAT_BLOCKED"), "on the way back")
 
 
 def where(T_base_tcp: Float64, grasp: Grasp) -> tuple[StoppedAt, float]:

@@ -11,7 +11,7 @@ from pomona.drivers.depth_model import AZURE_KINECT, D4XX, SIMULATED
 from pomona.skills.geometry import inverse, rot_x, rotation_about, transform
 from pomona.skills.perception.fruit import Mesh
 from pomona.skills.perception.fruit.sizes import KindSizes
-from pomona.skills.perception.refinement import DepthLook, Known, Limits, horizontal_plane, refine
+from pomona.skills.perception.refinement import DepthLook, FruitContext, Limits, horizontal_plane, refine
 from pomona.skills.perception.refinement.errors import (
     AtBound,
     BadDepth,
@@ -27,12 +27,12 @@ PAPER_APPLES = ((89, 81, 89), (91, 85, 91), (93, 73, 93), (73, 64, 73), (62, 47,
 ELEVATIONS = (32, 50, 68, 84)
 
 
-KNOWN = {field.name for field in fields(Known)}
+KNOWN = {field.name for field in fields(FruitContext)}
 
 
 def measured(scene, apple, using="zbuffer", depth_model=SIMULATED, **options):
     look = DepthLook(scene.depth, scene.intrinsics, depth_model, renderer=using)
-    known = Known(**{name: options.pop(name) for name in KNOWN & options.keys()})
+    known = FruitContext(**{name: options.pop(name) for name in KNOWN & options.keys()})
     return refine(look, scene.T_camera_detected, apple, known=known, **options)
 
 

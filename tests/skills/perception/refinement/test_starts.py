@@ -10,7 +10,7 @@ from hypothesis import given, strategies as st
 
 from pomona.drivers.depth_model import SIMULATED
 from pomona.skills.geometry import is_pose, rot_x, rot_y, rotation_about, transform
-from pomona.skills.perception.refinement import DepthLook, Known, refine
+from pomona.skills.perception.refinement import DepthLook, FruitContext, refine
 from pomona.skills.perception.refinement.starts import other_starts
 from pomona.skills.perception.refinement.support_plane import Plane
 
@@ -41,7 +41,7 @@ def test_a_detection_with_a_wrong_axis_is_recovered_from(scene, apple, degrees, 
         seen = replace(seen, T_camera_detected=T)
         support = seen.table if on_table else None
         look = DepthLook(seen.depth, seen.intrinsics, SIMULATED, renderer="zbuffer")
-        result = refine(look, T, apple, known=Known(support=support))
+        result = refine(look, T, apple, known=FruitContext(support=support))
         errors.append(seen.errors(result.T_camera_object, result.dimensions))
     centroid, size = np.median(errors, axis=0)
     assert centroid < (1.5 if on_table else 4.0)

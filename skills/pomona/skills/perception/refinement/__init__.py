@@ -3,7 +3,7 @@
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.perception.refinement.depth_image import ImageBox
 from pomona.skills.perception.refinement.depth_look import DepthLook
-from pomona.skills.perception.refinement.refinement import Known, refine
+from pomona.skills.perception.refinement.refinement import FruitContext, refine
 from pomona.skills.perception.refinement.render import render_depth
 from pomona.skills.perception.refinement.result import Limits, RefineResult
 from pomona.skills.perception.refinement.scale_fit import ScaleFit, fit_scale
@@ -12,8 +12,8 @@ from pomona.skills.perception.refinement.support_plane import Plane, horizontal_
 
 __all__ = [
     "DepthLook",
+    "FruitContext",
     "ImageBox",
-    "Known",
     "Limits",
     "MeasuredFruit",
     "Plane",

@@ -47,5 +47,8 @@ class DepthLook:
         check_pose(self.T_camera_look)
 
     def render(self, mesh: Triangles, T_look_mesh: Float64, box: ImageBox | None = None) -> tuple[DepthImage, ImageBox]:
-        """Render the depth of a mesh as this camera would measure it; see `render.render_depth`."""
+        """Render the depth of a mesh as this camera would measure it, float32, shape `box.shape` [m].
+
+        See `render.render_depth` for the arguments, the returned box and the errors.
+        """
         return render_depth(mesh, T_look_mesh, self.intrinsics, box, self.renderer)

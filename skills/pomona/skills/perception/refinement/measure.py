@@ -16,7 +16,7 @@ from pomona.skills.perception.refinement.depth_image import DepthImage, ImageBox
 from pomona.skills.perception.refinement.depth_look import DepthLook
 from pomona.skills.perception.refinement.errors import NoDepth
 from pomona.skills.perception.refinement.gather import points_around
-from pomona.skills.perception.refinement.refinement import Known, refine
+from pomona.skills.perception.refinement.refinement import FruitContext, refine
 from pomona.skills.perception.refinement.render import render_depth
 from pomona.skills.perception.refinement.result import Limits, Method, RefineResult
 from pomona.skills.perception.refinement.support_plane import Plane, horizontal_plane, seen_elsewhere
@@ -59,7 +59,9 @@ def measure(
         for f, T in past
         if f.depth is not None
     )
-    known = Known(support=support, looks=looks, sizes=detection.fruit.sizes, size_deviation=detection.size_deviation)
+    known = FruitContext(
+        support=support, looks=looks, sizes=detection.fruit.sizes, size_deviation=detection.size_deviation
+    )
     result = refine(look, detection.T_camera_object, detection.fruit, method=method, known=known, limits=limits)
     turn = np.eye(6)
     turn[:3, :3] = detection.T_base_camera[:3, :3]

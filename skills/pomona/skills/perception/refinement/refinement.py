@@ -78,7 +78,7 @@ depends on the picture (widths 10 % too large and heights 3 % off in two real fr
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Known:
+class FruitContext:
     """Knowledge of a fruit beyond its detection and one depth image.
 
     Attributes:
@@ -104,7 +104,7 @@ class _Task:
     look: DepthLook
     mesh: Triangles
     method: Method
-    known: Known
+    known: FruitContext
     limits: Limits
 
     @property
@@ -120,7 +120,7 @@ def refine(
     mesh: Triangles,
     *,
     method: Method = "shape",
-    known: Known | None = None,
+    known: FruitContext | None = None,
     limits: Limits | None = None,
 ) -> RefineResult:
     """Measure a fruit whose pose was estimated as if it had the size of its CAD model.
@@ -140,7 +140,7 @@ def refine(
             pose; `NoDepth`, `TooFewInliers`, `SizeOutOfRange`, `AtBound`, `NotItsShape` or `RenderFailed` if there is
             no measurement.
     """
-    known, limits = known or Known(), limits or Limits()
+    known, limits = known or FruitContext(), limits or Limits()
     for one in (look, *known.looks):
         one.check()
     check_pose(T_camera_object)

@@ -1,0 +1,215 @@
+"""Steps of the skills that carry a fruit: is it held, is the load too much, put it down, put it back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from pomona.drivers.interfaces import Arm, ForceSensor, Gripper
+from pomona.executive.skill import SkillFailure, Work
+from pomona.executive.values.arrays import Float64
+from pomona.skills.grip.grip import GripProblem
+from pomona.skills.grip.hold import Hold, current_hold, take_over
+from pomona.skills.motion.planning.timing import time_curve
+from pomona.skills.motion.robot import RobotModel
+from pomona.skills.motion.straight_line import StraightLine, straight_line
+from pomona.skills.shared.following import MovingSkill, Watching
+from pomona.skills.shared.grip_view import show_grip
+from pomona.skills.shared.hanging import LEAST, require_truth
+from pomona.skills.shared.touch import HELD_FORCE, Touch, load, pressing_forces, something_between
+
+JERK_TIME = 0.1
+"""Time in which the arm reaches its acceleration [s]."""
+
+NEAR = 0.015
+"""Height above the support below which a fruit may touch down [m]: it may have slid down in the fingers."""
+
+SETTING_DOWN = 0.03
+"""Speed of the tool near the support [m/s]."""
+
+GENTLE = 0.3
+"""Acceleration of the tool near the support [m/s²]."""
+
+CONTACT, CARRIED = 0.35, 0.1
+"""Change of load that shows contact [N], as in Release, and the least change relative to the load. The inertia of a
+heavy fruit is 3 % of its load with the acceleration above."""
+
+OVERLOAD_TIME = 0.06
+"""Duration of an overload that ends a lift [s]; the load of an acceleration that begins passes within `JERK_TIME`."""
+
+LOWERING = 0.1
+"""Speed of the tool while a fruit is put back, until it is `NEAR` [m/s]."""
+
+BACK = 1e-3
+"""Height above its first place below which a fruit is back [m]."""
+
+RESTING = 0.1
+"""Delay after touchdown before the pads are read [s]."""
+
+LOST_PUT_BACK = "the fruit was lost while it was put back"
+
+
+class TouchedDown(Exception):
+    """The fruit stands before the arm has reached the end of its line."""
+
+
+class GripOverloaded(Exception):
+    """The grip cannot hold the load."""
+
+    def __init__(self, problem: GripProblem, load: PadLoad) -> None:
+        self.problem, self.load = problem, load
+        super().__init__(problem.message)
+
+
+class PadLoad:
+    """Load on the pads along the direction of the load that was too much."""
+
+    def __init__(self, hold: Hold) -> None:
+        self._hold = hold
+        self._along = np.array(hold.controller.sense.load)
+        self._along /= max(float(np.linalg.norm(self._along)), 1e-9)
+
+    @property
+    def is_gone(self) -> bool:
+        """True if nothing hangs on the pads: the fruit stands, and pads that go on downwards would press on it.
+
+        A fruit that has slid until the pads close over its top is pressed down and lifts the pads.
+        """
+        return float(self._along @ self._hold.controller.sense.load) < LEAST
+
+
+class OverloadMonitor:
+    """Detects a load that the grip cannot hold."""
+
+    def __init__(self, hold: Hold) -> None:
+        self._hold, self._since = hold, math.nan
+
+    def require_bearable(self) -> None:
+        """Check the grip, once a tick.
+
+        Raises:
+            GripOverloaded: the load has needed more than the allowed force, or the fruit has slipped, for
+                `OVERLOAD_TIME`.
+        """
+        problem = self._hold.problem
+        if problem is None or problem.code not in ("FORCE_LIMIT", "SLIPPED"):
+            self._since = math.nan
+            return
+        if math.isnan(self._since):
+            self._since = problem.stamp
+        if problem.stamp - self._since > OVERLOAD_TIME:
+            raise GripOverloaded(problem, PadLoad(self._hold))
+
+
+def is_held(skill: MovingSkill, hold: Hold | None = None) -> bool:
+    """Return True while the fruit is held.
+
+    The given grip decides, or the one that has the fingers. Without a grip, force and opening show an object between
+    the fingers.
+    """
+    grip = hold if hold is not None and not hold.ended else current_hold(skill.device(Gripper))
+    return grip.holds if grip is not None else something_between(skill.device(Gripper), skill.device(ForceSensor))
+
+
+def grip_failure(
+    skill: MovingSkill, code: str, message: str, hold: Hold | None, problem: GripProblem | None = None
+) -> SkillFailure:
+    """Return a failure with the state of the fingers, and with the grip's problem where it has one.
+
+    Data of the time when the problem arose precede those of now.
+    """
+    if problem is None and hold is not None:
+        problem = hold.problem
+    left, right = pressing_forces(skill.device(ForceSensor))
+    now = {
+        "width_m": float(np.round(skill.device(Gripper).state().width, 5)),
+        "left_force_n": round(left, 3),
+        "right_force_n": round(right, 3),
+    }
+    if problem is None:
+        return skill.failure(code, message, grip="", **now)
+    return skill.failure(code, f"{message}: {problem.message}", **{**now, **problem.data, "grip": problem.code})
+
+
+def lower_until_contact(
+    skill: MovingSkill, line: StraightLine, speed: float, acceleration: float, watch: Callable[[], None]
+) -> Watching:
+    """Follow a line downwards, gently near its end, until the fruit touches down or to the end of the line.
+
+    Args:
+        skill: moves the arm, and has the fingers.
+        line: downwards.
+        speed: above `NEAR` [m/s].
+        acceleration: above `NEAR` [m/s²].
+        watch: called in each tick; raises to end the motion.
+
+    Raises:
+        TouchedDown: the fruit has touched down.
+    """
+    limits = skill.device(Arm).limits
+    steps = len(line.q) - 1
+    split = steps - min(math.ceil(NEAR / line.length * steps), steps)
+    split = 0 if min(split, steps - split) < 3 else split
+    if split:
+        height = split / steps * line.length
+        quickly = time_curve(line.q[: split + 1], height, limits, speed, acceleration, acceleration / JERK_TIME)
+        yield from skill.travel(quickly, watch)
+    height = (steps - split) / steps * line.length
+    gently = time_curve(line.q[split:], height, limits, SETTING_DOWN, GENTLE, GENTLE / JERK_TIME)
+    with Touch(skill.device(ForceSensor), load) as touch:
+        contact = max(CONTACT, CARRIED * touch.at_first())
+
+        def feel() -> None:
+            if touch.change > contact:  # first: the support's push may unload a finger
+                take_over(skill.device(Gripper))  # force control would answer the push by pressing harder
+                raise TouchedDown
+            watch()
+
+        yield from skill.travel(gently, feel)
+        feel()
+
+
+def put_back(
+    skill: MovingSkill, T_base_start: Float64, acceleration: float, hold: Hold | None, pad_load: PadLoad
+) -> Work[bool]:
+    """Lower a fruit to its first place, on the line on which it came up. Without such a line the arm stays.
+
+    Args:
+        skill: moves the arm, and has the fingers; it must declare LOST.
+        T_base_start: pose of the TCP at the first place.
+        acceleration: of the tool [m/s²].
+        hold: the grip.
+        pad_load: load that was too much.
+
+    Returns:
+        True if the fruit stands: at its first place, or where it touched down before. The fingers then rest.
+
+    Raises:
+        SkillFailure: LOST.
+    """
+    arm = skill.device(Arm)
+    robot, q = RobotModel.load(arm.description), arm.state().q
+    line = straight_line(robot, q, T_base_start)
+    if line.length < BACK or not line.complete:
+        return line.length < BACK
+
+    def watch() -> None:
+        if pad_load.is_gone:
+            take_over(skill.device(Gripper))
+            raise TouchedDown
+        if hold is not None:
+            show_grip(skill, hold)
+            require_truth(hold)
+        if not is_held(skill, hold):
+            raise grip_failure(skill, "LOST", LOST_PUT_BACK, hold)
+
+    try:
+        watch()
+        yield from lower_until_contact(skill, line, LOWERING, acceleration, watch)
+    except TouchedDown:
+        yield from skill.wait(RESTING)
+        if max(pressing_forces(skill.device(ForceSensor))) <= HELD_FORCE:
+            raise grip_failure(skill, "LOST", LOST_PUT_BACK, hold) from None
+    return True

@@ -1,0 +1,71 @@
+"""Confirm that a fruit which was lowered stands on something, before the fingers open."""
+
+from __future__ import annotations
+
+from pomona.drivers.interfaces import ForceSensor, Gripper
+from pomona.executive.skill import Work
+from pomona.skills.grip.hold import current_hold
+from pomona.skills.shared.carrying import RESTING
+from pomona.skills.shared.following import MovingSkill
+from pomona.skills.shared.straight_travel import follow_way, vertical_way
+from pomona.skills.shared.touch import HELD_FORCE, Touch, pressing_forces
+
+RAISED, RAISING_SPEED = 0.002, 0.02
+"""Height [m] and speed [m/s] of raising the fruit from its support: a fruit that hangs again loads the pads as before,
+while a drift continues."""
+
+DYNAMICS = (0.5, 5.0)
+"""Acceleration [m/s²] and jerk [m/s³] of raising."""
+
+LOST = "the fruit was lost on the way down: it presses on neither finger"
+
+
+def contact_doubt(skill: MovingSkill, touch: Touch, contact: float, code: str) -> Work[str]:
+    """Return why a change of load is no contact with a support, or an empty text if something carries the fruit.
+
+    The fingers stand meanwhile, since force control would answer the push of a support by pressing harder. It goes on
+    unless the fruit is carried.
+
+    Args:
+        skill: moves the arm, and has the fingers; it must declare LOST and the code.
+        touch: load since the fruit hung freely.
+        contact: change of load that shows contact [N].
+        code: failure code if the tool cannot move vertically.
+
+    Raises:
+        SkillFailure: LOST, or the code.
+    """
+    hold, carried = current_hold(skill.device(Gripper)), False
+    if hold is not None:
+        hold.stand(True)
+    try:
+        yield from skill.wait(RESTING)
+        _require_fruit(skill)
+        if touch.present <= 0.5 * contact or touch.stale_for(skill.clock.now()):
+            return "the change of load on the way down has gone again, as after a jolt"
+        if (yield from _hangs_when_raised(skill, touch, contact, code)):
+            carried = True
+            return ""
+        _require_fruit(skill)
+        return "the change of load stays when the fruit is raised again: the fingers drift"
+    finally:
+        if hold is not None and not carried:
+            hold.stand(False)
+
+
+def _require_fruit(skill: MovingSkill) -> None:
+    if max(pressing_forces(skill.device(ForceSensor))) <= HELD_FORCE:
+        raise skill.failure("LOST", LOST) from None
+
+
+def _hangs_when_raised(skill: MovingSkill, touch: Touch, contact: float, code: str) -> Work[bool]:
+    """Return True if the load goes back by at least half a contact while the fruit is raised; ends where it began.
+
+    The load of sensors that drift or get another bias does not go back with a motion.
+    """
+    below = touch.average()
+    yield from follow_way(skill, vertical_way(skill, RAISED, code), RAISING_SPEED, DYNAMICS)
+    yield from skill.wait(RESTING)
+    raised = touch.average()
+    yield from follow_way(skill, vertical_way(skill, -RAISED, code), RAISING_SPEED, DYNAMICS)
+    return touch.gone_back(below, raised) > 0.5 * contact

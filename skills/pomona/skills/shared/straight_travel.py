@@ -1,0 +1,110 @@
+"""Straight motions of the tool that skills share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pomona.drivers.interfaces import Arm
+from pomona.executive.values.arrays import Float64
+from pomona.skills.motion.grasp import Grasp
+from pomona.skills.motion.planning.arm_space import ArmSpace
+from pomona.skills.motion.planning.timing import time_curve
+from pomona.skills.motion.robot import RobotModel
+from pomona.skills.motion.straight_line import StraightLine, straight_line
+from pomona.skills.shared.following import MovingSkill, Watching
+
+LEAST_POSTURES = 4
+"""Fewer postures give no path that can be timed."""
+
+
+def tool_pose(skill: MovingSkill) -> Float64:
+    """Return T_base_tcp of the arm as it stands, shape (4, 4)."""
+    arm = skill.device(Arm)
+    return RobotModel.load(arm.description).tcp(arm.state().q)
+
+
+def free_line(
+    skill: MovingSkill,
+    T_base_goal: Float64,
+    space: ArmSpace,
+    codes: tuple[str, str],
+    words: str,
+    **data: object,
+) -> StraightLine:
+    """Return the complete and free straight line of the tool to a pose.
+
+    Args:
+        skill: moves; it must declare the codes.
+        T_base_goal: pose of the TCP at the end.
+        space: obstacles on the line.
+        codes: failure codes of a line that the arm cannot follow, and of one that is blocked.
+        words: begins the message of a blocked line, such as "on the way up".
+        data: added to the failure.
+
+    Raises:
+        SkillFailure: one of the codes; nothing has moved.
+    """
+    arm = skill.device(Arm)
+    line = straight_line(RobotModel.load(arm.description), arm.state().q, T_base_goal)
+    reached = line.reached * line.length
+    if not line.complete:
+        message = f"{line.reason} after {1e3 * reached:.0f} of {1e3 * line.length:.0f} mm"
+        raise skill.failure(codes[0], message, **data, reached_m=reached)
+    blocked = space.first_blocked(line.q)
+    if blocked is not None:
+        reason, found = space.explain(line.q[blocked + 1])
+        raise skill.failure(codes[1], f"{words} {reason}", **data, **found)
+    return line
+
+
+def vertical_way(skill: MovingSkill, rise: float, code: str, space: ArmSpace | None = None) -> Float64:
+    """Return postures straight up, or down for a negative rise [m], as far as the arm reaches, shape (n, dof).
+
+    Args:
+        skill: moves; it must declare the code.
+        rise: height of the last posture over the first [m].
+        code: failure code if the tool cannot move at all.
+        space: obstacles, before which the postures end; None on a way that the arm has just come.
+
+    Raises:
+        SkillFailure: the code; nothing has moved.
+    """
+    arm = skill.device(Arm)
+    T_base_goal = tool_pose(skill)
+    T_base_goal[2, 3] += rise
+    line = straight_line(RobotModel.load(arm.description), arm.state().q, T_base_goal)
+    way, reason = line.q, line.reason
+    blocked = None if space is None else space.first_blocked(way)
+    if space is not None and blocked is not None:
+        way, reason = way[: blocked + 1], space.explain(way[blocked + 1])[0]
+    if len(way) < LEAST_POSTURES:
+        raise skill.failure(code, f"the gripper cannot move vertically: {reason}")
+    return way
+
+
+def follow_way(
+    skill: MovingSkill,
+    way: Float64,
+    speed: float,
+    dynamics: tuple[float, float],
+    watch: Callable[[], None] | None = None,
+    held: Grasp | None = None,
+) -> Watching:
+    """Follow postures on a straight line of the tool.
+
+    Args:
+        skill: moves.
+        way: shape (n, dof) [rad].
+        speed: of the tool [m/s].
+        dynamics: acceleration [m/s²] and jerk [m/s³] of the tool.
+        watch: see `following.follow_motion`.
+        held: the grasp by which a fruit is held.
+    """
+    arm = skill.device(Arm)
+    robot = RobotModel.load(arm.description)
+    length = float(np.linalg.norm(robot.tcp(way[-1])[:3, 3] - robot.tcp(way[0])[:3, 3]))
+    if length > 0.0:
+        curve = time_curve(way, length, arm.limits, speed, *dynamics)
+        yield from skill.travel(curve, watch, carrying=held)
