@@ -1,18 +1,15 @@
 """A tree of plain py_trees behaviours on Pomona's page, with a record. Run: python examples/show_py_trees.py [--page]
 
-With --page the link of the page is printed and the tree waits for Enter. `pomona explain last` reads the record.
+With --page the link of the page is printed. `pomona explain last` reads the record.
 Needs the distribution pomona or pomona-executive.
 """
 
 import sys
-from pathlib import Path
 
 import py_trees
 from py_trees.common import Status
 
-from pomona.executive.behaviours import run_behaviour
-from pomona.executive.dashboard.security import Access
-from pomona.executive.dashboard.server import Dashboard
+from pomona.executive import run_behaviour
 
 
 class Count(py_trees.behaviour.Behaviour):
@@ -36,10 +33,5 @@ grasp = py_trees.composites.Selector("grasp", memory=True)
 grasp.add_children([Count("from above", 15, Status.FAILURE), Count("from the side", 20)])
 root = py_trees.composites.Sequence("fetch", memory=True, children=[look, grasp])
 
-dashboard = Dashboard(Access("127.0.0.1", 8420, may_act=True), Path("runs"))
-if "--page" in sys.argv:
-    dashboard.start()
-    input(f"open {dashboard.link} and press Enter")
-executed = run_behaviour(root, listeners=[dashboard.hub.on_event], on_ready=dashboard.control.serve)
-dashboard.close()
+executed = run_behaviour(root, dashboard="--page" in sys.argv)
 print(f"{executed.result.outcome} after {executed.result.time:.1f} s, record in {executed.record}")

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import json
+import re
+import socket
+import threading
 from pathlib import Path
+from typing import Any
+from urllib.request import Request, urlopen
 
 import py_trees
 import pytest
@@ -10,6 +16,7 @@ from py_trees.common import Status
 
 from pomona.executive.behaviours import run_behaviour
 from pomona.executive.cli import main
+from pomona.executive.errors import UsageError
 from pomona.executive.recording.read import read_events
 from pomona.executive.running.events import NodeChanged
 
@@ -69,3 +76,47 @@ def test_a_decorator_and_a_slash_in_a_name_get_paths_of_their_own() -> None:
     executed = run_behaviour(sequence(tree), record=None, period=0.001)
     assert executed.result.outcome == "success"
     assert tree.children[0].path == "fetch/not/a∕b"  # type: ignore[attr-defined]
+
+
+def test_the_page_shows_the_tree_and_stops_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    answers: list[dict[str, Any]] = []
+
+    def stop() -> None:
+        address, token = re.findall(r"dashboard: (http://\S+/)#token=(\S+?)&", capsys.readouterr().out)[0]
+        headers = {"content-type": "application/json", "x-pomona-token": token}
+        body = json.dumps({"action": "safe_stop", "viewer": "me", "who": "ada"}).encode()
+        with urlopen(Request(f"{address}api/act", body, headers), timeout=60) as answer:
+            answers.append(json.load(answer))
+
+    thread = threading.Thread(target=stop)
+    executed = run_behaviour(
+        sequence(Count("go", 10**9)), dashboard=True, port=port, record=tmp_path, period=0.001,
+        on_ready=lambda _runner: thread.start(),
+    )  # fmt: skip
+    thread.join()
+    assert executed.result.outcome == "stopped"
+    assert answers[0]["confirmed"] == "safe state: safe stop by ada"
+
+
+def test_a_port_that_is_taken_is_refused_before_the_first_tick(tmp_path: Path) -> None:
+    tree = sequence(counter := Count("go", 5))
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        with pytest.raises(UsageError, match="the port is taken"):
+            run_behaviour(tree, dashboard=True, port=taken.getsockname()[1], record=tmp_path)
+    assert counter.left == 5
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_lines_of_the_readme_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = (Path(__file__).parents[2] / "README.md").read_text("utf-8")
+    (lines,) = re.findall(r"```python\n(import py_trees\n.*?)```", text, re.DOTALL)
+    script = lines.replace("dashboard=True", "period=0.001").replace("2.0", "0.01")
+    pasted: dict[str, Any] = {}
+    exec(script, pasted)
+    assert pasted["executed"].result.outcome == "success"

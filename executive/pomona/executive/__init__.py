@@ -8,6 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from pomona.executive.behaviours import run_behaviour as run_behaviour
     from pomona.executive.errors import (
         PomonaError as PomonaError,
         SkillError as SkillError,
@@ -72,6 +73,7 @@ if TYPE_CHECKING:
     )
 
 PUBLIC = {
+    "behaviours": ("run_behaviour",),
     "errors": (
         "PomonaError",
         "SkillError",

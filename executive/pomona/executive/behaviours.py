@@ -1,12 +1,13 @@
 """Run a tree of plain py_trees behaviours: recorded, explained and shown on the page like a tree file.
 
-    run_behaviour(py_trees.composites.Sequence("fetch", memory=True, children=[…]))
+    run_behaviour(py_trees.composites.Sequence("fetch", memory=True, children=[…]), dashboard=True)
 
 The behaviours need no change. They get no devices of a cell and no static check; a tree file has both.
 """
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -23,10 +24,17 @@ from pomona.executive.recording.session import RecordingSession
 from pomona.executive.running.dry_cell import DryCell
 from pomona.executive.running.events import EventStream, Listener, RunStarted
 from pomona.executive.running.runner import Runner
+from pomona.executive.terminal.screen import Screen, stay_open
 from pomona.executive.terminal.summary import Summary
 
 PERIOD = 0.05
 """Default tick period [s]: 20 Hz, between the 10 Hz of py_trees_ros and the 50 Hz of tree files."""
+
+PORT = 8420
+"""Default port of the page, as of `pomona run --dashboard`."""
+
+RECORDS = Path("runs")
+"""Default folder of records."""
 
 _KINDS = (
     (py_trees.composites.Sequence, "sequence"),
@@ -39,20 +47,58 @@ _KINDS = (
 def run_behaviour(
     root: Behaviour,
     *,
-    record: Path | None = Path("runs"),
+    dashboard: bool = False,
+    port: int = PORT,
+    record: Path | None = RECORDS,
     period: float = PERIOD,
     listeners: Sequence[Listener] = (),
-    on_ready: Callable[[Runner], None] = lambda _runner: None,
+    on_ready: Callable[[Runner], None] | None = None,
 ) -> Executed:
     """Tick a py_trees tree until its root succeeds or fails. An exception in a behaviour ends the run as an error.
 
     Args:
         root: the tree; each of its behaviours gets an attribute `path`.
+        dashboard: serve the operator's page on this machine and print its link. Started in a terminal, the page stays
+            after the run until Ctrl-C.
+        port: of the page.
         record: folder of records; None: no record.
         period: tick period [s of the wall clock].
-        listeners: receive each event of the run, for example `Dashboard.hub.on_event`.
+        listeners: receive each event of the run.
         on_ready: receives the runner before the first tick, to pause, step or stop it from another thread.
+
+    Raises:
+        UsageError: the record cannot be opened or the page's address is in use; nothing was ticked.
     """
+    if not dashboard:
+        return _run(root, record, period, listeners, on_ready)
+    from pomona.executive.dashboard.apart import PageProcess  # a server, where one is wanted
+    from pomona.executive.dashboard.security import Access
+
+    def serve(runner: Runner) -> None:
+        page.control.serve(runner)
+        if on_ready is not None:
+            on_ready(runner)
+
+    page, console = PageProcess(Access("127.0.0.1", port), record or RECORDS), Screen()
+    try:
+        page.start()
+        console.print(f"dashboard: {page.access.link}", soft_wrap=True)
+        executed = _run(root, record, period, [*listeners, page.on_event], serve)
+        page.control.clear()
+        if sys.stdin.isatty():
+            stay_open(console)
+    finally:
+        page.close()
+    return executed
+
+
+def _run(
+    root: Behaviour,
+    record: Path | None,
+    period: float,
+    listeners: Sequence[Listener],
+    on_ready: Callable[[Runner], None] | None,
+) -> Executed:
     cell, events, summary = DryCell(), EventStream(), Summary()
     session = RecordingSession(record, cell)
     runner = Runner(
@@ -64,7 +110,8 @@ def run_behaviour(
     try:
         session.begin(runner, events)
         events.emit(_started(runner, session.folder, period))
-        on_ready(runner)
+        if on_ready is not None:
+            on_ready(runner)
         result = runner.run()
     finally:
         runner.close()

@@ -7,7 +7,6 @@ import contextlib
 import logging
 import signal
 import sys
-import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,7 +29,7 @@ from pomona.executive.speed import SpeedRefusedError, speed_of
 from pomona.executive.terminal.filtered import write_json
 from pomona.executive.terminal.keys import Keys
 from pomona.executive.terminal.live import LiveTree
-from pomona.executive.terminal.screen import Screen
+from pomona.executive.terminal.screen import Screen, stay_open
 
 if TYPE_CHECKING:
     from pomona.executive.interop.live import Live
@@ -148,9 +147,7 @@ def main(options: argparse.Namespace) -> int:
 
         status = run_on_save(order.tree, order.settings, run, console) if options.watch else run()
         if dashboard is not None and sys.stdin.isatty() and not options.quiet:
-            console.print("the page stays open; Ctrl-C ends it")
-            with contextlib.suppress(KeyboardInterrupt):
-                threading.Event().wait()
+            stay_open(console)
     return status
 
 

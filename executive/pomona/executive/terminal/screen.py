@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
+import threading
 from collections.abc import Iterable
 from typing import IO, NoReturn
 
@@ -56,3 +58,10 @@ class Screen(Console):
                 yield Segment(visible(text), style.update_link(None) if style is not None else None)
             else:
                 yield segment
+
+
+def stay_open(console: Screen) -> None:
+    """Keep the page of an ended run until Ctrl-C."""
+    console.print("the page stays open; Ctrl-C ends it")
+    with contextlib.suppress(KeyboardInterrupt):
+        threading.Event().wait()
