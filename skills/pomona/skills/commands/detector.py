@@ -49,7 +49,8 @@ def add_train(subparsers: Any) -> None:
     detect.add_argument(
         "--photos",
         type=Path,
-        help="folder of photographs with boxes (tables, YOLO or COCO): the fruit's weights go on learning from them",
+        help="folder of photographs with boxes (tables, YOLO, COCO, MinneApple or KFuji): the fruit's weights go on "
+        "learning from them",
     )
     detect.add_argument("--empty", type=Path, help="with --photos, a folder of pictures in which no fruit is")
     detect.add_argument(

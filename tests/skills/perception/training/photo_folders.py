@@ -1,4 +1,4 @@
-"""Small folders of labelled photographs in the three layouts, drawn here: red discs on green."""
+"""Small folders of labelled photographs in the five layouts, drawn here: red discs on green."""
 
 import json
 from pathlib import Path
@@ -75,4 +75,39 @@ def coco(folder: Path) -> Path:
         (folder / "annotations" / f"instances_{split}.json").write_text(json.dumps(content))
     for name, discs in TRUTH.items():
         draw(folder / "images" / name, discs)
+    return folder
+
+
+def minneapple(folder: Path) -> Path:
+    """As MinneApple's archive unpacks: masks of one value per apple, and a test folder without masks."""
+    for name, discs in TRUTH.items():
+        stem = f"2015_17{name[0]}_image{name[2]}"
+        draw(folder / "detection" / "train" / "images" / f"{stem}.png", discs)
+        mask = np.zeros((SIDE, SIDE), np.uint8)
+        for value, (x, y, w, h) in enumerate(boxes_of(discs), start=1):
+            mask[round(y) : round(y + h), round(x) : round(x + w)] = value
+        path = folder / "detection" / "train" / "masks" / f"{stem}.png"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        assert cv2.imwrite(str(path), mask)
+    draw(folder / "detection" / "test" / "images" / "dataset2_front_1.png", [])
+    return folder
+
+
+def kfuji(folder: Path) -> Path:
+    """As KFuji's archive unpacks."""
+    place = folder / "KFuji_RGB-DS_dataset" / "preprocessed data"
+    for part in ("images", "square_annotations1", "sets"):
+        (place / part).mkdir(parents=True)
+    for split in ("train", "val", "test"):
+        names = [name[:-4] for name in TRUTH if GROUP[name[0]] == split]
+        (place / "sets" / f"{split}.txt").write_text("\n".join([*names, ""]))
+    for name, discs in TRUTH.items():
+        draw(place / "images" / f"{name[:-4]}hr.jpg", discs)
+        objects = "".join(
+            f"<object><name>Poma</name><bbox><xmin>{x:.0f}</xmin><ymin>{y:.0f}</ymin>"
+            f"<xmax>{x + w:.0f}</xmax><ymax>{y + h:.0f}</ymax></bbox></object>"
+            for x, y, w, h in boxes_of(discs)
+        )
+        text = f"<annotations><filename>{name}</filename>{objects}</annotations>"
+        (place / "square_annotations1" / f"{name[:-4]}.xml").write_text(text)
     return folder

@@ -1,4 +1,4 @@
-"""Folders of labelled photographs: three layouts say the same, and every mistake is named in one line."""
+"""Folders of labelled photographs: every layout says the same, and every mistake is named in one line."""
 
 import json
 from collections.abc import Callable
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pomona.skills.perception.detection.errors import BadPhotographs
-from pomona.skills.perception.training import photo_folder
+from pomona.skills.perception.training import labelled
 from pomona.skills.perception.training.photo_folder import read_photographs
 from tests.skills.perception.training.photo_folders import SIDE, TRUTH, boxes_of, coco, draw, tables, yolo
 
@@ -147,8 +147,8 @@ def test_folders_that_are_none_or_hold_too_much_are_refused(tmp_path: Path, monk
     with pytest.raises(BadPhotographs, match="no such folder"):
         read_photographs(tmp_path / "elsewhere")
     draw(tmp_path / "empty" / "a.jpg", [])
-    with pytest.raises(BadPhotographs, match=r"has no labels: neither images\.csv"):
+    with pytest.raises(BadPhotographs, match=r"has no labels, expected images\.csv"):
         read_photographs(tmp_path / "empty")
-    monkeypatch.setattr(photo_folder, "MOST_FILES", 1)
+    monkeypatch.setattr(labelled, "MOST_FILES", 1)
     with pytest.raises(BadPhotographs, match="holds more than 1 files"):
         read_photographs(yolo(tmp_path / "yolo"))

@@ -1,4 +1,4 @@
-"""Reads a folder of labelled photographs: tables, YOLO's text files, or COCO's JSON.
+"""Reads a folder of labelled photographs: tables, YOLO's text files, COCO's JSON, MinneApple or KFuji.
 
 Everything is read and checked before anything is learnt: a mistake is named with its file and line.
 """
@@ -8,8 +8,6 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +18,12 @@ import yaml
 from pomona.executive.values.plain_text import read_plain_text
 from pomona.skills.perception.detection.class_names import ClassUnknown, class_of
 from pomona.skills.perception.detection.errors import BadPhotographs
+from pomona.skills.perception.training.labelled import PICTURES, Labelled, files
 from pomona.skills.perception.training.photographs import Photograph, PhotoSet
-
-PICTURES = (".jpg", ".jpeg", ".png")
+from pomona.skills.perception.training.published import kfuji, kfuji_folder, minneapple, minneapple_folders
 
 MOST_COCO = 1 << 30
 """Bytes of a COCO file; a hundred thousand pictures with their outlines have less."""
-MOST_FILES = 200_000
-"""A folder with more is refused: every file is looked at."""
 
 SLACK = 3.0
 """A box may end this far outside of its picture, as rounding leaves it, and is cut there [px]."""
@@ -37,37 +33,15 @@ HELD_OUT = 8
 
 TRAIN, VAL, NEITHER = ("train", "training"), ("val", "valid", "validation"), ("test", "testing")
 
-Boxes = list[tuple[float, float, float, float]]
-
-
-@dataclass(slots=True)
-class _Labelled:
-    """One picture with its labels as they were written; `says` names where."""
-
-    path: Path
-    says: str
-    split: str = ""
-    group: str = ""
-    size: tuple[int, int] | None = None
-    parts: bool = False  # boxes are in parts of the picture, not in pixels
-    boxes: Boxes = field(default_factory=list)
-    lines: list[str] = field(default_factory=list)
-    crowd: list[bool] = field(default_factory=list)
-
-    def add(self, box: tuple[float, float, float, float], line: str, crowd: bool = False) -> None:
-        self.boxes.append(box)
-        self.lines.append(line)
-        self.crowd.append(crowd)
-
 
 def read_photographs(
     folder: Path, fruit: str = "apple", progress: Callable[[int, int], None] | None = None
 ) -> PhotoSet:
-    """All labelled photographs of a folder.
+    """Read all labelled photographs of a folder.
 
-    Three layouts are known: `images.csv` (image, split, and tree or group) with `fruit.csv` (image, x, y, w, h in
-    pixels) and the pictures in `images/`; YOLO's `images/` with `labels/` of the same names and `data.yaml`; and
-    COCO's `.json`.
+    Five layouts are known: `images.csv` (image, split, and tree or group) with `fruit.csv` (image, x, y, w, h in
+    pixels) and the pictures in `images/`; YOLO's `images/` with `labels/` of the same names and `data.yaml`; COCO's
+    `.json`; and the folders of MinneApple and KFuji RGB-DS as they are unpacked.
 
     Args:
         folder: of one of these layouts.
@@ -86,10 +60,13 @@ def read_photographs(
         labelled = [item for path in jsons for item in _coco(path, folder, fruit)]
     elif any(folder.glob("labels")) or any(folder.glob("*/labels")):
         labelled = _yolo(folder, fruit)
+    elif (place := kfuji_folder(folder)) is not None:
+        labelled = kfuji(place)
+    elif minneapple_folders(folder):
+        labelled = minneapple(folder)
     else:
-        raise BadPhotographs(
-            folder, "has no labels: neither images.csv with fruit.csv, nor YOLO's labels/, nor a .json of COCO's"
-        )
+        known = "images.csv with fruit.csv, YOLO's labels/, a .json of COCO's, masks/ of MinneApple, or KFuji's folder"
+        raise BadPhotographs(folder, f"has no labels, expected {known}")
     photographs = []
     for number, item in enumerate(labelled):
         photographs.append(_checked(item))
@@ -104,13 +81,13 @@ def read_empty(folder: Path) -> tuple[Photograph, ...]:
     Raises:
         BadPhotographs: no such folder, none in it, or a file that is no picture.
     """
-    paths = sorted(path for path in _files(folder) if path.suffix.lower() in PICTURES)
+    paths = sorted(path for path in files(folder) if path.suffix.lower() in PICTURES)
     if not paths:
         raise BadPhotographs(folder, f"holds no pictures ({', '.join(PICTURES)})")
-    return tuple(_checked(_Labelled(path, str(folder))) for path in paths)
+    return tuple(_checked(Labelled(path, str(folder))) for path in paths)
 
 
-def _split(folder: Path, labelled: list[_Labelled], photographs: list[Photograph]) -> PhotoSet:
+def _split(folder: Path, labelled: list[Labelled], photographs: list[Photograph]) -> PhotoSet:
     sets: dict[str, list[Photograph]] = {"train": [], "val": []}
     if any(item.split for item in labelled):
         for item, photograph in zip(labelled, photographs, strict=True):
@@ -123,8 +100,10 @@ def _split(folder: Path, labelled: list[_Labelled], photographs: list[Photograph
                 )
     else:
         by_name = sorted(photographs, key=lambda photograph: (photograph.group, photograph.name))
-        kept_out = len(by_name) // HELD_OUT
-        sets = {"train": by_name[: len(by_name) - kept_out], "val": by_name[len(by_name) - kept_out :]}
+        first = len(by_name) - len(by_name) // HELD_OUT
+        while 0 < first < len(by_name) and by_name[first].group and by_name[first].group == by_name[first - 1].group:
+            first -= 1  # a group is measured on whole
+        sets = {"train": by_name[:first], "val": by_name[first:]} if first else {"train": by_name, "val": []}
     shared = {p.group for p in sets["train"] if p.group} & {p.group for p in sets["val"] if p.group}
     if shared:
         raise BadPhotographs(folder, f"{sorted(shared)[0]} is in both train and val: measured would be what was learnt")
@@ -133,7 +112,7 @@ def _split(folder: Path, labelled: list[_Labelled], photographs: list[Photograph
     return PhotoSet(tuple(sets["train"]), tuple(sets["val"]))
 
 
-def _checked(item: _Labelled) -> Photograph:
+def _checked(item: Labelled) -> Photograph:
     """The photograph, once its file and every box have been looked at."""
     path = item.path
     if not path.is_file():
@@ -164,14 +143,14 @@ def _checked(item: _Labelled) -> Photograph:
     return Photograph(path, width, height, np.hstack([low, high - low]), np.array(item.crowd, np.bool_), item.group)
 
 
-def _tables(folder: Path) -> list[_Labelled]:
+def _tables(folder: Path) -> list[Labelled]:
     says, fruit = folder / "images.csv", folder / "fruit.csv"
-    items: dict[str, _Labelled] = {}
+    items: dict[str, Labelled] = {}
     for line, row in _rows(says, ("image", "split")):
         if row["image"] in items:
             raise BadPhotographs(says, f"line {line}: {row['image']} is listed twice")
         group = row.get("tree") or row.get("group") or ""
-        items[row["image"]] = _Labelled(folder / "images" / row["image"], str(fruit), row["split"], group)
+        items[row["image"]] = Labelled(folder / "images" / row["image"], str(fruit), row["split"], group)
     for line, row in _rows(fruit, ("image", "x", "y", "w", "h")):
         item = items.get(row["image"])
         if item is None:
@@ -201,19 +180,19 @@ def _rows(path: Path, columns: tuple[str, ...]) -> Iterator[tuple[int, dict[str,
         raise BadPhotographs(path, f"is no table: {error}") from error
 
 
-def _yolo(folder: Path, fruit: str) -> list[_Labelled]:
+def _yolo(folder: Path, fruit: str) -> list[Labelled]:
     """`images/` beside `labels/`, either with the splits as folders in them or inside folders of the splits."""
     wanted = _wanted(folder, fruit)
     items, seen = [], set()
     for labels in sorted([*folder.glob("labels"), *folder.glob("*/labels")]):
         images = labels.parent / "images"
-        texts = {p.relative_to(labels).with_suffix("") for p in _files(labels) if p.suffix == ".txt"}
-        pictures = {p.relative_to(images).with_suffix(""): p for p in _files(images) if p.suffix.lower() in PICTURES}
+        texts = {p.relative_to(labels).with_suffix("") for p in files(labels) if p.suffix == ".txt"}
+        pictures = {p.relative_to(images).with_suffix(""): p for p in files(images) if p.suffix.lower() in PICTURES}
         _both(images, labels, set(pictures), texts)
         for name in sorted(texts):
             split = next((w.lower() for w in (*name.parts[:-1], labels.parent.name) if _is_split(w)), "")
             text = (labels / name).with_name(f"{name.name}.txt")
-            item = _Labelled(pictures[name], str(text), split, parts=True)
+            item = Labelled(pictures[name], str(text), split, parts=True)
             for line, (kind, box) in enumerate(_yolo_lines(text), start=1):
                 seen.add(kind)
                 if wanted is None or kind == wanted:
@@ -279,7 +258,7 @@ def _class_of(path: Path, names: dict[int, str], fruit: str) -> int:
         raise BadPhotographs(path, str(error)) from None
 
 
-def _coco(path: Path, folder: Path, fruit: str) -> list[_Labelled]:
+def _coco(path: Path, folder: Path, fruit: str) -> list[Labelled]:
     try:
         content: Any = json.loads(read_plain_text(path, MOST_COCO))
         images, annotations, categories = (content[key] for key in ("images", "annotations", "categories"))
@@ -288,7 +267,7 @@ def _coco(path: Path, folder: Path, fruit: str) -> list[_Labelled]:
         items = {}
         for image in images:
             size = int(image["width"]), int(image["height"])
-            items[image["id"]] = _Labelled(_picture(folder, path, str(image["file_name"])), str(path), split, size=size)
+            items[image["id"]] = Labelled(_picture(folder, path, str(image["file_name"])), str(path), split, size=size)
         for number, annotation in enumerate(annotations):
             if annotation["category_id"] != wanted:
                 continue
@@ -308,12 +287,3 @@ def _picture(folder: Path, described: Path, name: str) -> Path:
 
 def _is_split(word: str) -> bool:
     return word.lower() in (*TRAIN, *VAL, *NEITHER)
-
-
-def _files(folder: Path) -> list[Path]:
-    if not folder.is_dir():
-        raise BadPhotographs(folder, "no such folder")
-    found = list(islice((p for p in folder.rglob("*") if p.is_file()), MOST_FILES + 1))
-    if len(found) > MOST_FILES:
-        raise BadPhotographs(folder, f"holds more than {MOST_FILES} files: give a part of them")
-    return found

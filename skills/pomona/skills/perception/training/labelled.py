@@ -1,0 +1,62 @@
+"""Pictures and labels as the files of a data set give them, before they are checked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path
+
+from pomona.skills.perception.detection.errors import BadPhotographs
+
+PICTURES = (".jpg", ".jpeg", ".png")
+
+MOST_FILES = 200_000
+"""A folder with more files is refused: each is looked at."""
+
+Boxes = list[tuple[float, float, float, float]]
+
+
+@dataclass(slots=True)
+class Labelled:
+    """One picture with its labels as they are written.
+
+    Attributes:
+        path: of the picture.
+        says: file of the labels, for messages.
+        split, group: as of `Photograph`; empty where nothing gives them.
+        size: width and height that the labels give [px]; None without.
+        parts: boxes are in parts of the picture, not in pixels.
+        boxes: x, y, w, h.
+        lines: place of each box in `says`.
+        crowd: whether each box is of more than one fruit or marked as doubtful.
+    """
+
+    path: Path
+    says: str
+    split: str = ""
+    group: str = ""
+    size: tuple[int, int] | None = None
+    parts: bool = False
+    boxes: Boxes = field(default_factory=list)
+    lines: list[str] = field(default_factory=list)
+    crowd: list[bool] = field(default_factory=list)
+
+    def add(self, box: tuple[float, float, float, float], line: str, crowd: bool = False) -> None:
+        """Append a box with its place in the file of labels."""
+        self.boxes.append(box)
+        self.lines.append(line)
+        self.crowd.append(crowd)
+
+
+def files(folder: Path) -> list[Path]:
+    """Return all files in a folder and its folders.
+
+    Raises:
+        BadPhotographs: no such folder, or more than `MOST_FILES` files.
+    """
+    if not folder.is_dir():
+        raise BadPhotographs(folder, "no such folder")
+    found = list(islice((p for p in folder.rglob("*") if p.is_file()), MOST_FILES + 1))
+    if len(found) > MOST_FILES:
+        raise BadPhotographs(folder, f"holds more than {MOST_FILES} files: give a part of them")
+    return found
