@@ -21,7 +21,12 @@ def iou(a: Float64, b: Float64) -> Float64:
 
 
 def match_boxes(found: Float64, scores: Float64, labelled: Float64, least: float) -> NDArray[np.bool_]:
-    """Which found boxes are right: surest first, each takes the free label that it overlaps most, if by `least`.
+    """Return which found boxes have a label, (n,); arguments as of `labels_of`."""
+    return labels_of(found, scores, labelled, least) >= 0
+
+
+def labels_of(found: Float64, scores: Float64, labelled: Float64, least: float) -> NDArray[np.int64]:
+    """Return the label of each found box, (n,), -1 for none: surest first, each takes the free one of most overlap.
 
     Args:
         found: x, y, w, h (n, 4).
@@ -29,16 +34,16 @@ def match_boxes(found: Float64, scores: Float64, labelled: Float64, least: float
         labelled: x, y, w, h (m, 4).
         least: intersection over union that counts.
     """
-    right = np.zeros(len(found), np.bool_)
+    label = np.full(len(found), -1, np.int64)
     if not len(found) or not len(labelled):
-        return right
+        return label
     overlaps = iou(found, labelled)
     for k in np.argsort(-scores, kind="stable"):
         best = int(np.argmax(overlaps[k]))
         if overlaps[k, best] >= least:
-            right[k] = True
+            label[k] = best
             overlaps[:, best] = -1.0
-    return right
+    return label
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,4 +1,4 @@
-"""How well the detector searches photographs, measured against the boxes that people drew."""
+"""Figures of the detector on photographs, against labelled boxes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.perception.detection.box_evaluation import JudgedPicture, box_figures, box_intervals, judge
+from pomona.skills.perception.detection.box_evaluation import (
+    JudgedPicture,
+    box_figures,
+    box_intervals,
+    judge,
+    labels_of,
+)
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.training.photographs import Photograph
 
@@ -21,6 +27,12 @@ TITLES = {
     "threshold": "score at precision 0.90",
 }
 """Figures of a table, by their names in `BoxFigures`."""
+
+AT_BORDER = 1.0
+"""A box that ends this near to the picture's border counts as cut by it [px]."""
+
+LEAST_SCORE = 0.05
+"""Detections with less score are left out of calibration."""
 
 MOST_FRUIT = 60
 """Places that are looked at in one photograph."""
@@ -48,12 +60,14 @@ class Finds:
         scores: (n,).
         labelled: boxes that people drew, (m, 4) [px].
         group: as of `Photograph`.
+        cut: which labelled boxes the picture's border cuts, (m,).
     """
 
     boxes: Float64
     scores: Float64
     labelled: Float64
-    group: str = ""
+    group: str
+    cut: NDArray[np.bool_]
 
     def judged(self) -> JudgedPicture:
         """These against the labels."""
@@ -71,10 +85,29 @@ def find_boxes(
     for number, photo in enumerate(photographs):
         fruit = searching(detector, photo, scale).find(photo.picture(), photo.K)
         boxes = np.array([f.outline(photo.width, photo.height) for f in fruit]).reshape(-1, 4)
-        found.append(Finds(boxes, np.array([f.score for f in fruit], np.float64), photo.boxes, photo.group))
+        scores = np.array([f.score for f in fruit], np.float64)
+        found.append(Finds(boxes, scores, photo.boxes, photo.group, cut_by_border(photo)))
         if progress is not None:
             progress(number + 1, len(photographs))
     return found
+
+
+def cut_by_border(photo: Photograph) -> NDArray[np.bool_]:
+    """Return which boxes of a photograph end at its border, (n,)."""
+    low, high = photo.boxes[:, :2], photo.boxes[:, :2] + photo.boxes[:, 2:]
+    limits = np.array([photo.width, photo.height]) - AT_BORDER
+    return np.asarray((low <= AT_BORDER).any(axis=1) | (high >= limits).any(axis=1), np.bool_)
+
+
+def recall_at_border(found: Sequence[Finds], score: float) -> tuple[int, int]:
+    """Return how many of the boxes that the border cuts are found with at least this score, and how many there are."""
+    right = asked = 0
+    for finds in found:
+        sure = finds.scores >= score
+        label = labels_of(finds.boxes[sure], finds.scores[sure], finds.labelled, 0.5)
+        right += int(finds.cut[label[label >= 0]].sum())
+        asked += int(finds.cut.sum())
+    return right, asked
 
 
 def judged(found: Sequence[Finds]) -> tuple[Float64, NDArray[np.bool_]]:
@@ -123,7 +156,12 @@ def calibration(
     return error, points
 
 
-def calibration_table(scores: Float64, right: NDArray[np.bool_], least: float = 0.05) -> str:
+def calibration_error(scores: Float64, right: NDArray[np.bool_], least: float = LEAST_SCORE) -> float:
+    """Return the expected calibration error of the detections with at least this score."""
+    return calibration(scores[scores >= least], right[scores >= least])[0]
+
+
+def calibration_table(scores: Float64, right: NDArray[np.bool_], least: float = LEAST_SCORE) -> str:
     """Scores against the ratio of such detections that are right, as Markdown."""
     error, points = calibration(scores[scores >= least], right[scores >= least])
     lines = [f"Expected calibration error of detections with score ≥ {least}: {error:.3f}.", ""]
