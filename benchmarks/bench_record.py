@@ -97,7 +97,7 @@ def main() -> None:
         print(f"alone, processor: recording {1e3 * recording:.0f} ms, drawing the picture {1e3 * drawing:.0f} ms")
         print(f"a pick's record: median {statistics.median(sizes) / 1e6:.2f} MB, largest {max(sizes) / 1e6:.2f} MB")
         topics: Counter[str] = Counter()
-        for topic, content in scan(newest / EVENTS_FILE):
+        for topic, content, *_ in scan(newest / EVENTS_FILE):
             topics["/".join(topic.split("/")[:2])] += len(content)
         print("of which " + ", ".join(f"{topic} {size / 1e6:.2f} MB" for topic, size in topics.most_common()))
 

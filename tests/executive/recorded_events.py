@@ -15,7 +15,8 @@ from scipy.spatial.transform import Rotation
 from pomona.executive.encode import encoded
 from pomona.executive.reasons import Reason
 from pomona.executive.recording.folder import EVENTS_FILE
-from pomona.executive.recording.recorder import Recorder, message_of, new_writer
+from pomona.executive.recording.message import message_of
+from pomona.executive.recording.recorder import Recorder, new_writer
 from pomona.executive.running.events import (
     AttemptEnded,
     Event,

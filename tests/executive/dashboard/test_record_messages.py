@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import pytest
@@ -13,9 +15,10 @@ from pomona.executive.dashboard.messages import encode
 from pomona.executive.dashboard.record_messages import between, image, moment, overview, record_messages
 from pomona.executive.errors import UsageError
 from pomona.executive.reasons import Reason
-from pomona.executive.recording import overview as thinning, recorder
+from pomona.executive.recording import overview as thinning, recorder, scan as scanning
+from pomona.executive.recording.mcap_file import RawRecord, raw_record_at
 from pomona.executive.recording.recorder import Recorder
-from pomona.executive.recording.scan import attachment, believed, walk, walk_topics
+from pomona.executive.recording.scan import attachment, require_valid, scan
 from pomona.executive.running.events import Event, NodeChanged, PortWritten, Published, RunEnded, StateChanged
 from pomona.executive.views import ImageView, Line2, Points3, SceneView, SeriesView
 
@@ -93,7 +96,7 @@ def small(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> st
 
 def test_a_long_record_is_thinned_for_the_eye_and_no_result_is_lost(tmp_path: Path, small: str) -> None:
     folder = write(tmp_path / "r", long_run(400))
-    made = attachment(folder / "run.mcap", thinning.OVERVIEW, believed(folder / "run.mcap"))
+    made = attachment(folder / "run.mcap", thinning.OVERVIEW, require_valid(folder / "run.mcap"))
     assert (made is not None) == (small == "made when recorded")
     note, *messages = (json.loads(line) for line in b"".join(overview(folder, "/images/")).splitlines())
     assert note == {"v": 1, "event": "Overview", "interval": pytest.approx(0.8)}  # doubled until all fits
@@ -141,11 +144,11 @@ def test_an_image_stays_behind_until_it_is_asked_for(tmp_path: Path) -> None:
     (line,) = b"".join(overview(folder, "/images/")).splitlines()
     value = json.loads(line)["value"]
     assert value["size"] == [64, 48]
-    at = int(value["image"].removeprefix("/images/"))
+    at = value["image"].removeprefix("/images/")
     found = image(folder, at)
     assert found is not None
     assert found.startswith(b"\xff\xd8")
-    for wrong in (0, at + 1, 10**30, (folder / "run.mcap").stat().st_size):
+    for wrong in ("", "0", "0-1", "0--1", "1-0", f"{10**30}-0", "a-b", "0-0-0"):
         assert image(folder, wrong) is None
 
 
@@ -174,44 +177,50 @@ def test_how_things_stand_is_read_with_the_moment_and_not_with_the_overview(
             look = [m for m in found if m["t"] <= t and m["event"] == "Published" and m["topic"] == "camera"][-1]
             assert look["tick"] == int(t)
             assert look["value"]["size"] == [8 + 8 * int(t), 8]
-            assert image(folder, int(look["value"]["image"].removeprefix("/images/"))) is not None
+            assert image(folder, look["value"]["image"].removeprefix("/images/")) is not None
             port = [m for m in found if m["t"] <= t and m["event"] == "PortWritten"][-1]
             assert (port["tick"], port["value"]) == (int(t), "fruit " * int(t))
 
 
-def test_a_stretch_of_a_record_is_found_without_reading_the_rest(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_part_of_a_record_is_found_without_reading_the_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recorder, "CHUNK_BYTES", 2_000)
     path = write(tmp_path / "r", long_run(300)) / "run.mcap"
     whole = path.read_bytes()
     everything = [json.loads(line) for line in b"".join(record_messages(path.parent)).splitlines()]
-    for length in (len(whole), len(whole) * 2 // 3):
+    chunks = require_valid(path).chunks
+    assert chunks is not None
+    read: list[int] = []
+
+    def counted(stream: BinaryIO, at: int, size: int | None = None) -> RawRecord:
+        read.append(at)
+        return raw_record_at(stream, at, size)
+
+    monkeypatch.setattr(scanning, "raw_record_at", counted)
+    for length in (len(whole), len(whole) * 2 // 3):  # the second one has no index
         path.write_bytes(whole[:length])
-        table = believed(path).table
-        assert table is not None
-        assert 1 <= len(table.within(1_000_000_000, 1_100_000_000)) < len(table.chunks) / 5
+        list(record_messages(path.parent))
+        read.clear()
         found = [json.loads(line) for line in b"".join(between(path.parent, "/images/", 1.0, 1.1)).splitlines()]
         assert found == [message for message in everything if 1.0 <= message["t"] <= 1.1]
         assert len(found) == 12
+        if length == len(whole):
+            assert 1 <= len(set(read) & {chunk.at for chunk in chunks}) < len(chunks) / 5
 
 
-def test_chunks_indexes_lead_to_the_same_messages_as_a_walk_through_all(
+def test_the_index_leads_to_the_same_messages_as_reading_record_by_record(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(recorder, "CHUNK_BYTES", 2_000)
     path = write(tmp_path / "r", long_run(300)) / "run.mcap"
-    whole = path.read_bytes()
-    for length in (len(whole), len(whole) * 2 // 3, len(whole) // 3):
-        path.write_bytes(whole[:length])
-        events = [found for found in walk(path) if found.topic == "/events"]
-        assert events
-        assert list(walk_topics(path, lambda topic: topic == "/events")) == events
-        some = list(walk_topics(path, lambda topic: topic == "/events", 1_000_000_000, 2_000_000_000))
-        assert [found.at for found in some] == [found.at for found in events]
-        assert {found.stamp for found in some if found.content} >= {
-            found.stamp for found in events if 1e9 <= found.stamp <= 2e9
-        }
+    verdict = require_valid(path)
+    assert verdict.chunks
+    everything = list(scan(path, verdict))
+    assert len(everything) > 600
+    assert everything == list(scan(path, replace(verdict, chunks=None, topics={})))
+    numbers = [found.sequence for found in everything if found.topic == "/events"]
+    assert numbers == list(range(1, 600))
+    some = list(scan(path, verdict, topics="/events".__eq__, begin=1_000_000_000, end=2_000_000_000))
+    assert some == [found for found in everything if found.topic == "/events" and 1e9 <= found.stamp <= 2e9]
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,7 @@ def test_a_page_shows_each_failure_with_its_reason_and_its_last_pictures(
     assert "there is no path" in text
     (image,) = re.findall(r'src="data:image/jpeg;base64,([^"]+)"', text)
     content = next(
-        content for topic, content in scan(runs / "2026-01-01_a" / "run.mcap") if topic == "/images/detection"
+        content for topic, content, *_ in scan(runs / "2026-01-01_a" / "run.mcap") if topic == "/images/detection"
     )
     assert unescape(image).encode() in content
     assert "<script" not in text.lower()

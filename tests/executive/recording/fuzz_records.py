@@ -29,15 +29,16 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
+from mcap.opcode import Opcode
 from py_trees.common import Status
 
 from pomona.executive.commands.dashboard import Launcher
 from pomona.executive.dashboard import record_messages
 from pomona.executive.dashboard.choices import Choices
 from pomona.executive.dashboard.control_lock import ControlLock
-from pomona.executive.dashboard.messages import encode
+from pomona.executive.dashboard.messages import encode, numbered
 from pomona.executive.dashboard.presses import Presses, object_of
-from pomona.executive.dashboard.record_messages import _is_message, image, moment, overview
+from pomona.executive.dashboard.record_messages import cloud, image, moment, overview
 from pomona.executive.dashboard.security import Access
 from pomona.executive.dashboard.server import Dashboard
 from pomona.executive.encode import encoded
@@ -45,15 +46,16 @@ from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.language import build, read
 from pomona.executive.reasons import Reason
 from pomona.executive.recording import overview as overview_module, recorder as recorder_module, scan as scan_module
-from pomona.executive.recording.container import CHUNK, HEAD, MAGIC
 from pomona.executive.recording.decode import event_from
 from pomona.executive.recording.difference import comparable, differences
 from pomona.executive.recording.digest import digest
 from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.recording.interventions import interventions
 from pomona.executive.recording.json_text import parse, parse_object
+from pomona.executive.recording.mcap_file import HEAD, MAGIC
+from pomona.executive.recording.message import message_of
 from pomona.executive.recording.read import read_events
-from pomona.executive.recording.recorder import Recorder, message_of
+from pomona.executive.recording.recorder import Recorder
 from pomona.executive.recording.scan import examine
 from pomona.executive.registry import Registry
 from pomona.executive.running.dry_cell import DryCell
@@ -153,8 +155,7 @@ class Records:
         self.before = list(comparable(folder / "good"))
         self.screen = Screen(width=100)
         self.screen.file = io.StringIO()
-        for module in (scan_module, record_messages):
-            vars(module)["open_plain"] = self._open
+        vars(scan_module)["open_plain"] = self._open
 
     def _open(self, _path: Path) -> io.BytesIO:
         return io.BytesIO(self.content)
@@ -181,7 +182,7 @@ class Records:
         self._read_all(rng, forged)
 
     def _read_all(self, rng: random.Random, forged: bool) -> None:
-        for kept in (record_messages._believed, record_messages._standing_of):  # another file at the same place
+        for kept in (record_messages._checked, record_messages._standing_of):  # another file at the same place
             kept.cache_clear()
         found = digest(self.odd)
         read = []
@@ -198,7 +199,8 @@ class Records:
             lambda: list(itertools.islice(differences(self.before, comparable(self.odd)), 1)),
             lambda: list(overview(self.odd, "/images/")),
             lambda: list(moment(self.odd, "/images/", 0.5, 1.0)),
-            lambda: image(self.odd, rng.randrange(len(self.content) + 1)),
+            lambda: image(self.odd, f"{rng.choice((0, 400_000_000, 2**63))}-{rng.randrange(3)}"),
+            lambda: cloud(self.odd, f"{rng.choice((0, 400_000_000, 2**63))}-{rng.randrange(3)}"),
             lambda: interventions(self.odd / EVENTS_FILE, cut=rng.random() < 0.5),
         )
         try:
@@ -227,7 +229,7 @@ def _chunk(content: bytes) -> tuple[int, int]:
     at = len(MAGIC)
     while True:
         opcode, length = HEAD.unpack_from(content, at)
-        if opcode == CHUNK:
+        if opcode == Opcode.CHUNK:
             return at + HEAD.size + 40, at + HEAD.size + length
         at += HEAD.size + length
 
@@ -249,7 +251,7 @@ def _forged(content: bytes, chunk: tuple[int, int], rng: random.Random) -> bytes
     records = content[begin:at] + message + content[at + HEAD.size + length : end]
     times = content[begin - 40 : begin - 24]
     body = times + struct.pack("<QII", len(records), zlib.crc32(records), 0) + struct.pack("<Q", len(records)) + records
-    return content[: begin - 40 - HEAD.size] + HEAD.pack(CHUNK, len(body)) + body
+    return content[: begin - 40 - HEAD.size] + HEAD.pack(Opcode.CHUNK, len(body)) + body
 
 
 class Messages:
@@ -265,9 +267,8 @@ class Messages:
             self.desk.case(rng)
             return
         content = changed(rng.choice(self.good), rng)
-        if _is_message(content):
-            json.loads(content, parse_constant=_no_constant)
         try:
+            json.loads(numbered(parse_object(content), 1), parse_constant=_no_constant)
             event = event_from(parse_object(content))
         except (PomonaError, ValueError):
             return

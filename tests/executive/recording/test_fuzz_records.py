@@ -15,8 +15,7 @@ from pomona.executive.recording import overview, recorder, scan
 
 @pytest.fixture
 def fuzzer(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    for module in (scan, record_messages):  # the fuzzer puts files in memory in its place
-        monkeypatch.setattr(module, "open_plain", module.open_plain)
+    monkeypatch.setattr(scan, "open_plain", scan.open_plain)  # the fuzzer replaces it by files in memory
     sizes = (
         (overview, "WHOLE"),
         (recorder, "WHOLE_BYTES"),

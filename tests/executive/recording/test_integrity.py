@@ -18,12 +18,12 @@ from pomona.executive.cli import main
 from pomona.executive.dashboard.record_messages import image, overview, record_messages
 from pomona.executive.errors import UsageError
 from pomona.executive.recording import recorder as recorder_module
-from pomona.executive.recording.container import HEAD, MAGIC
 from pomona.executive.recording.digest import digest
 from pomona.executive.recording.ending import ENDING_FILE, why_cut
 from pomona.executive.recording.export import export
 from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.recording.index import RunIndex
+from pomona.executive.recording.mcap_file import HEAD, MAGIC
 from pomona.executive.recording.read import read_events
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.recording.repair import repair
@@ -135,7 +135,7 @@ def test_a_byte_that_turned_a_failure_into_a_success_is_believed_by_no_command(
     for messages in (record_messages, overview):
         with pytest.raises(DamagedRecordError):
             list(messages(Path("runs/odd"), "/images/"))
-    assert image(Path("runs/odd"), 8) is None
+    assert image(Path("runs/odd"), "0-0") is None
 
 
 @pytest.mark.usefixtures("small_chunks")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from pomona.executive.recording.container import FREE_GROWTH, MOST_GROWTH
+from pomona.executive.recording.mcap_file import FREE_GROWTH, MOST_GROWTH
 from pomona.executive.recording.recorder import BATCH, CHUNK_BYTES
 from pomona.executive.recording.repair import repair
 

@@ -4,22 +4,14 @@ from __future__ import annotations
 
 import base64
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pomona.executive.errors import PomonaError
 from pomona.executive.images import from_file
-from pomona.executive.recording.container import HEAD, MESSAGE_HEAD
-from pomona.executive.recording.folder import EVENTS
 from pomona.executive.recording.image_size import size_of_image
 from pomona.executive.recording.json_text import parse_object
-from pomona.executive.recording.overview import TOPIC
-from pomona.executive.recording.plain_file import open_plain
-from pomona.executive.recording.scan import Verdict, walk_topics
-from pomona.executive.recording.well_known import DEPTH, IMAGES
 from pomona.executive.views import ImageView, Pinhole
 
 MOST_POINTS = 6_000
@@ -37,40 +29,8 @@ def cloud_of(view: ImageView) -> dict[str, str] | None:
     return _packed(view.image, view.depth, view.pinhole)
 
 
-def cloud_in_record(path: Path, image_at: int, verdict: Verdict) -> dict[str, str]:
-    """The same of a look in a record, by the place of its image; empty where there is none.
-
-    Raises:
-        PomonaError: the record is not believed.
-    """
-    try:
-        with open_plain(path) as stream:
-            stream.seek(image_at + HEAD.size)
-            _channel, _sequence, stamp, _published = MESSAGE_HEAD.unpack(stream.read(MESSAGE_HEAD.size))
-    except (OSError, ValueError) as error:
-        raise PomonaError(f"{path}: there is no image at {image_at}") from error
-    image: bytes = b""
-    topic, depth = "", b""
-    for found in walk_topics(path, _belongs_to_a_look, stamp, stamp, verdict):
-        if found.at == image_at:
-            image, topic, depth = found.content, found.topic.removeprefix(IMAGES), b""
-        elif topic and found.topic == f"{DEPTH}{topic}" and found.content:
-            depth = found.content
-        elif depth and found.topic == EVENTS and _topic_of(found.content) == topic:
-            return _unpacked(image, depth, parse_object(found.content)["value"].get("pinhole"))
-    return {}
-
-
-def _topic_of(event: bytes) -> str:
-    found = TOPIC.search(event)
-    return found[1].decode(errors="replace") if found is not None else ""
-
-
-def _belongs_to_a_look(topic: str) -> bool:
-    return topic == EVENTS or topic.startswith((IMAGES, DEPTH))
-
-
-def _unpacked(image: bytes, depth: bytes, pinhole: Any) -> dict[str, str]:
+def cloud_of_messages(image: bytes, depth: bytes, pinhole: Any) -> dict[str, str]:
+    """The same from a record: the messages of image and depth, and the camera of their event; empty without depth."""
     if not isinstance(pinhole, dict) or pinhole.get("T_base_camera") is None:
         return {}
     jpeg, png = _coded(image), _coded(depth)

@@ -13,33 +13,27 @@ import secrets
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from pomona.executive.dashboard.connections import LiveWire, frame_of
-from pomona.executive.dashboard.messages import encode, message
-from pomona.executive.running.breakpoints import BREAK_ACTIONS
-from pomona.executive.running.events import (
-    AttemptEnded,
-    Event,
-    LinkChanged,
-    NodeChanged,
-    OperatorActed,
-    PortWritten,
-    Published,
-    RunEnded,
-    RunStarted,
-    SafeStopped,
-    StateChanged,
-)
+from pomona.executive.dashboard.messages import fields_of, message, numbered
+from pomona.executive.recording.message import key_of
+from pomona.executive.running.events import Event, OperatorActed, Published, SafeStopped, StateChanged
 from pomona.executive.running.unencodable import in_place_of, refuse
-from pomona.executive.views import BodiesView, ImageView, PosesView, ProgressView, SceneView, TableView
 
 HISTORY_BYTES = 32_000_000
 """Characters of a run's messages that are kept for viewers who come later. Of older ones each key's last word stays."""
 
 BATCH = 0.033
 """Seconds in which messages are gathered, so that fifty viewers cost thirty sends a second each and no more."""
+
+PICTURES = frozenset(("ImageView", "SceneView"))
+"""Kinds of views of which only the newest one of a topic is kept."""
+
+LASTING = frozenset(("NodeChanged", "AttemptEnded", "PortWritten", "LinkChanged", "OperatorActed", "StateChanged"))
+LASTING |= {"SafeStopped", "RunEnded", "TableView", "BodiesView", "PosesView", "ProgressView"}
+"""Kinds of messages of which the last one of each key describes the present."""
 
 URGENT = (OperatorActed, StateChanged, SafeStopped, type(None))
 """Nothing is gathered after these: somebody has pressed a button and waits to see it taken."""
@@ -286,38 +280,19 @@ class Hub:
 def _word_of(event: Event, seq: int) -> Word:
     if isinstance(event, Published) and not isinstance(event.topic, str):
         raise TypeError(f"its topic is no text but {type(event.topic).__name__}")
-    slot, key = _slot(event)
-    return Word(seq, encode(event, seq), slot, key)
+    fields = fields_of(event)
+    slot, key = _slot(fields)
+    return Word(seq, numbered(fields, seq).decode(), slot, key)
 
 
-def _slot(event: Event) -> tuple[str, Hashable]:
-    """Where the hub keeps an event, and its key: the last word of each key is enough to know the present."""
-    match event:
-        case RunStarted():
-            return "start", None
-        case Published(value=ImageView() | SceneView() as view):
-            return "picture", (type(view).__name__, event.topic)
-    return "", _key(event)
-
-
-def _key(event: Event) -> Hashable:
-    kind = type(event).__name__
-    match event:
-        case NodeChanged() | AttemptEnded():
-            return kind, event.path
-        case PortWritten():
-            return kind, event.key
-        case LinkChanged():
-            return kind, event.device
-        case OperatorActed(action=action) if action in BREAK_ACTIONS:
-            return kind, BREAK_ACTIONS[action][0], event.detail
-        case OperatorActed(action="speed"):
-            return kind, "speed"
-        case Published(value=TableView() | BodiesView() | PosesView() | ProgressView()):
-            return type(event.value).__name__, event.topic
-        case StateChanged() | SafeStopped() | RunEnded():
-            return (kind,)
-    return None
+def _slot(fields: Mapping[str, Any]) -> tuple[str, Hashable]:
+    """Where the hub keeps an event, and its key: the last message of each key is enough to know the present."""
+    if fields["event"] == "RunStarted":
+        return "start", None
+    key = key_of(fields)
+    if key is not None and key[0] in PICTURES:
+        return "picture", key
+    return "", key if key is not None and key[0] in LASTING else None
 
 
 def _chunks(texts: Iterable[str]) -> list[str]:

@@ -7,31 +7,26 @@ and the event's fields. Images travel as JPEG data URLs.
 from __future__ import annotations
 
 import base64
-import dataclasses
 import json
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from pomona.executive.dashboard.cloud import cloud_of
-from pomona.executive.encode import plain
+from pomona.executive.encode import encoded, plain
 from pomona.executive.errors import PomonaError
 from pomona.executive.images import shrunk, to_jpeg
-from pomona.executive.running.events import Event, PortWritten, Published
+from pomona.executive.recording.message import message_of
+from pomona.executive.running.events import Event, Published
 from pomona.executive.views import ImageView
 
 VERSION = 1
 MOST_SCENE_ELEMENTS = 60_000
 """Larger arrays in a view are described instead of sent: no browser draws them in time."""
 
-
 MOST_TEXT = 32_000_000
-"""Largest message [characters]."""
-
-
-def encode_number(seq: int) -> bytes:
-    """How every message begins."""
-    return b'{"v":%d,"seq":%d,' % (VERSION, seq)
+"""Largest message [bytes]."""
 
 
 def message(event: str, **fields: Any) -> str:
@@ -45,42 +40,30 @@ def encode(event: Event, seq: int) -> str:
     Raises:
         PomonaError: it is larger than `MOST_TEXT`. What cannot be encoded may raise anything.
     """
-    fields: dict[str, Any] = {"v": VERSION, "seq": seq, "event": type(event).__name__}
-    for field in dataclasses.fields(event):
-        value = getattr(event, field.name)
-        if isinstance(event, Published) and field.name == "value":
-            fields["value"] = _view(value)
-        elif isinstance(event, PortWritten) and field.name == "value":
-            fields["value"] = plain(value, arrays=16, depth=4)
-        else:
-            fields[field.name] = plain(value)
-    text = json.dumps(fields, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    return numbered(fields_of(event), seq).decode()
+
+
+def fields_of(event: Event) -> dict[str, Any]:
+    """One event as an object: as in a record, with its image as a data URL and without very large arrays."""
+    fields = message_of(event, views=MOST_SCENE_ELEMENTS)
+    view = event.value if isinstance(event, Published) else None
+    if isinstance(view, ImageView) and view.image is not None:
+        fields["value"] |= {"image": _data_url(view.image), "size": [view.image.shape[1], view.image.shape[0]]}
+        if (cloud := cloud_of(view)) is not None:
+            fields["value"]["cloud"] = cloud
+    return fields
+
+
+def numbered(fields: Mapping[str, Any], seq: int) -> bytes:
+    """The text of an event's message: its object with the version of the schema and the event's number.
+
+    Raises:
+        PomonaError: it is larger than `MOST_TEXT`.
+    """
+    text = encoded({"v": VERSION, "seq": seq, **fields})
     if len(text) > MOST_TEXT:
         raise PomonaError(f"{len(text) / 1e6:.0f} MB of text; at most {MOST_TEXT / 1e6:.0f} MB are shown")
     return text
-
-
-def _view(value: Any) -> Any:
-    if isinstance(value, ImageView) and value.image is not None:
-        message = plain(dataclasses.replace(value, image=None), arrays=MOST_SCENE_ELEMENTS)
-        message.pop("depth", None)
-        message["image"] = _data_url(value.image)
-        if (cloud := cloud_of(value)) is not None:
-            message["cloud"] = cloud
-        message["size"] = [value.image.shape[1], value.image.shape[0]]
-        return message
-    return _rounded(plain(value, arrays=MOST_SCENE_ELEMENTS))
-
-
-def _rounded(value: Any) -> Any:
-    """Five digits are more than a screen shows, and a third of the bytes."""
-    if isinstance(value, float):
-        return float(f"{value:.6g}")
-    if isinstance(value, list):
-        return [_rounded(item) for item in value]
-    if isinstance(value, dict):
-        return {key: _rounded(item) for key, item in value.items()}
-    return value
 
 
 def picture_message(device: str, image: np.ndarray[Any, Any], age: float) -> dict[str, Any]:

@@ -1,8 +1,8 @@
-"""A record as messages of the live stream, fast: what a record holds is nearly a message already.
+"""A record as messages of the live stream.
 
-Events are spliced out of the MCAP file without being decoded; only those with an image or with very large arrays are.
-Images stay behind, under an address of their own, until a browser shows them. Of a long record `overview` gives what a
-screen can show of the whole, and `between` everything of a stretch of it.
+An event of a record is a message of the stream without its number. Images stay in the record under an address of their
+own until a browser shows them. Of a long record `overview` yields as much as a screen can show of the whole, and
+`between` everything of a part of the time.
 """
 
 from __future__ import annotations
@@ -10,95 +10,94 @@ from __future__ import annotations
 import base64
 import json
 import math
-import struct
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Container, Iterable, Iterator
 from functools import lru_cache
+from itertools import islice
 from pathlib import Path
+from typing import Any, NamedTuple
 
-import orjson
-
-from pomona.executive.dashboard.cloud import cloud_in_record
-from pomona.executive.dashboard.messages import VERSION, encode, encode_number
-from pomona.executive.errors import PomonaError, UsageError
-from pomona.executive.recording.container import HEAD, MESSAGE, MESSAGE_HEAD
+from pomona.executive.dashboard.cloud import cloud_of_messages
+from pomona.executive.dashboard.messages import VERSION, encode, numbered
+from pomona.executive.errors import UsageError
 from pomona.executive.recording.decode import ForeignRecordError, event_from
 from pomona.executive.recording.folder import EVENTS, EVENTS_FILE
 from pomona.executive.recording.image_size import size_of_jpeg
-from pomona.executive.recording.json_text import is_deep, parse_object
+from pomona.executive.recording.json_text import parse_object
 from pomona.executive.recording.overview import (
-    FREQUENT,
     MOST_BYTES,
     OVERVIEW,
-    TOPIC,
     WHOLE,
     WHOLE_BYTES,
     Overview,
     Standing,
     standing,
 )
-from pomona.executive.recording.plain_file import open_plain
-from pomona.executive.recording.read import read_events
-from pomona.executive.recording.scan import Found, Verdict, attachment, believed, read_chunks, walk_topics
-from pomona.executive.recording.well_known import IMAGES
-
-MOST_IMAGE = 50_000_000
-"""Bytes of an image that is handed out."""
+from pomona.executive.recording.scan import Found, Verdict, attachment, require_valid, scan
+from pomona.executive.recording.well_known import DEPTH, IMAGES
 
 LARGE = 200_000
-"""Bytes above which an event is decoded, so that arrays that no browser draws in time are left out."""
+"""Size above which an event is decoded, to leave out arrays that no browser draws in time [bytes]."""
 
 PIECE = 262_144
-"""Bytes that are sent at once."""
+"""Size of one piece of the answer [bytes]."""
 
 _LONGEST = 1e10
-"""Seconds; no stamp is later."""
-
-_NEAR = 1e-6
-"""Seconds between an event's time as it is written and as its message's stamp says it."""
+"""Latest stamp [s]."""
 
 
-class _PackedError(Exception):
-    """A record whose chunks are compressed: nothing can be cut out of it."""
+class Line(NamedTuple):
+    """One event of a record: its number, its message, its text, and the address of its image or an empty text."""
+
+    seq: int
+    message: dict[str, Any]
+    content: bytes
+    image: str
 
 
-Line = tuple[int, float, bytes, int]
-"""One event of a record: its number, its time [s], its text, and where its image stands in the file, or -1.
+class _Valid(NamedTuple):
+    """Verdict on a valid record, and whether its messages carry the numbers of their events."""
 
-A plain tuple, since a record has 100 000 of them: Python's garbage collector does not follow plain tuples of numbers.
-"""
+    verdict: Verdict
+    numbered: bool
 
 
 def record_messages(folder: Path, images: str = "") -> Iterator[bytes]:
-    """Pieces of NDJSON: the record's messages in order, each with its line's end. A record that was cut off ends there.
+    """Yield the record's messages in order as pieces of NDJSON. A record that was cut off ends there.
 
     Args:
-        folder: of the record.
-        images: the address below which `image` answers; without one images travel within their messages.
+        folder: folder of the record.
+        images: address below which `image` answers; without one, images travel within their messages.
 
     Raises:
         UsageError: the file is not a record.
     """
-    return _pieces(_written(folder, images))
+    return between(folder, images, 0.0, math.inf)
 
 
 def overview(folder: Path, images: str) -> Iterator[bytes]:
-    """Like `record_messages`, for the eye: of a long record the messages that change something, and of those that are
-    said again and again (feedback, samples, poses, pictures) the last of each key in each part of the time. The first
-    line of a thinned overview says so: `{"event": "Overview", "interval": seconds}`."""
+    """Yield a long record as far as a screen can show it, else the whole record.
+
+    A long record keeps every message that changes something. Of repeated messages (feedback, samples, poses, pictures)
+    it keeps the last of each key in each part of the time. Then the first line is
+    `{"event": "Overview", "interval": seconds}`.
+    """
     if (folder / EVENTS_FILE).stat().st_size <= WHOLE_BYTES:
         return record_messages(folder, images)
-    return _pieces(_overview(folder, images))
+    return _pieces(_overview(folder / EVENTS_FILE, images))
 
 
 def between(folder: Path, images: str, begin: float, end: float) -> Iterator[bytes]:
-    """Every message of a stretch of a record: begin ≤ t ≤ end [s]."""
-    return _pieces(_written(folder, images, begin, end))
+    """Yield every message of a part of the time: begin ≤ t ≤ end [s]."""
+    path = folder / EVENTS_FILE
+    return _pieces(_message(path, line, images) for line in _lines(path, begin, end))
 
 
 def moment(folder: Path, images: str, begin: float, end: float) -> Iterator[bytes]:
-    """What an overview leaves out of a stretch of a record: how things stood when it began, then every message of it.
+    """Yield what an overview omits: the state at the beginning of a part of the time, and the messages in it.
 
-    It begins up to one of the overview's parts of the time earlier, since of each part the overview knows the last."""
+    It begins up to one interval of the overview earlier, since the overview knows the last message of each interval.
+    """
     path = folder / EVENTS_FILE
     interval, known = _standing(path)
     if interval and 0.0 < begin < _LONGEST:
@@ -108,36 +107,48 @@ def moment(folder: Path, images: str, begin: float, end: float) -> Iterator[byte
     yield from between(folder, images, begin, end)
 
 
-def image(folder: Path, at: int) -> bytes | None:
-    """The JPEG image at a place in the record, or None: there is none."""
-    path = folder / EVENTS_FILE
+def image(folder: Path, at: str) -> bytes | None:
+    """Return the JPEG image at an address in the record, or None if there is none."""
     try:
-        with open_plain(path) as stream:
-            try:
-                _verdict(path)
-            except UsageError:
-                return None
-            stream.seek(at)
-            opcode, length = HEAD.unpack(stream.read(HEAD.size))
-            if opcode != MESSAGE or length > MOST_IMAGE:
-                return None
-            found = parse_object(stream.read(length)[MESSAGE_HEAD.size :])
-            return base64.b64decode(found["data"]) if found["format"] == "jpeg" else None
-    except (OSError, OverflowError, ValueError, KeyError, TypeError, struct.error):
+        found = parse_object(_look(folder / EVENTS_FILE, at)[0].content)
+        return base64.b64decode(found["data"]) if found["format"] == "jpeg" else None
+    except (UsageError, ValueError, KeyError, TypeError, IndexError):
         return None
 
 
-def cloud(folder: Path, at: int) -> dict[str, str]:
-    """The depth points of the look whose image stands at a place in the record; empty where there are none."""
-    path = folder / EVENTS_FILE
+def cloud(folder: Path, at: str) -> dict[str, str]:
+    """Return the depth points that belong to the image at an address in the record; empty where there are none."""
     try:
-        return cloud_in_record(path, at, _verdict(path)) if image(folder, at) is not None else {}
-    except (PomonaError, ValueError, KeyError, TypeError, AttributeError):
-        return {}
+        picture, *rest = _look(folder / EVENTS_FILE, at)
+        topic = picture.topic.removeprefix(IMAGES)
+        depth = b""
+        for found in rest:
+            if found.topic == f"{DEPTH}{topic}":
+                depth = found.content
+            elif depth and found.topic == EVENTS and (event := parse_object(found.content)).get("topic") == topic:
+                return cloud_of_messages(picture.content, depth, event["value"].get("pinhole"))
+    except (UsageError, ForeignRecordError, ValueError, KeyError, TypeError, IndexError, AttributeError):
+        pass
+    return {}
 
 
-def _verdict(path: Path) -> Verdict:
-    """The verdict on a file that is believed; asked once of a file that nobody has changed.
+def _look(path: Path, at: str) -> list[Found]:
+    """Return the message of an image, and the later messages of the same time.
+
+    Raises:
+        UsageError: the record is not valid.
+        ValueError, IndexError: there is no image at this address.
+    """
+    stamp, _, number = at.partition("-")
+    if len(at) > 40 or not 0 <= int(stamp) < _LONGEST * 1e9 or int(number) < 0:
+        raise ValueError(f"{at[:40]} is no address of an image")
+    found = list(scan(path, _valid(path).verdict, begin=int(stamp), end=int(stamp)))
+    pictures = (k for k, message in enumerate(found) if message.topic.startswith(IMAGES))
+    return found[next(islice(pictures, int(number), None), len(found)) :]
+
+
+def _valid(path: Path) -> _Valid:
+    """Return the verdict on a valid file; a file that has not changed is checked once.
 
     Raises:
         UsageError: it is damaged, or no record.
@@ -146,12 +157,14 @@ def _verdict(path: Path) -> Verdict:
         about = path.stat()
     except OSError as error:
         raise UsageError(f"{path}: {error.strerror}") from error
-    return _believed(path, about.st_ino, about.st_size, about.st_mtime_ns)
+    return _checked(path, about.st_ino, about.st_size, about.st_mtime_ns)
 
 
-@lru_cache(maxsize=64)
-def _believed(path: Path, _inode: int, _size: int, _changed: int) -> Verdict:
-    return believed(path)
+@lru_cache(maxsize=16)
+def _checked(path: Path, _inode: int, _size: int, _changed: int) -> _Valid:
+    verdict = require_valid(path)
+    first = next(scan(path, verdict, topics=EVENTS.__eq__), None)
+    return _Valid(verdict, first is not None and first.sequence > 0)
 
 
 def _pieces(lines: Iterable[bytes]) -> Iterator[bytes]:
@@ -165,54 +178,38 @@ def _pieces(lines: Iterable[bytes]) -> Iterator[bytes]:
     yield bytes(piece)
 
 
-def _written(folder: Path, images: str, begin: float = 0.0, end: float = math.inf) -> Iterator[bytes]:
-    path = folder / EVENTS_FILE
-    try:
-        for line in _lines(path, begin, end):
-            yield _message(path, line, images)
-    except _PackedError:
-        for number, event in enumerate(read_events(folder), start=1):
-            if begin <= event.t <= end:
-                yield encode(event, number).encode(errors="replace")
-
-
 def _message(path: Path, line: Line, images: str) -> bytes:
-    seq, _t, content, image_at = line
-    if image_at >= 0:
+    if line.image:
         return _with_image(path, line, images)
-    if len(content) <= LARGE and _is_message(content):
-        return b"%b%b" % (encode_number(seq), content[1:])
-    return encode(event_from(parse_object(content)), seq).encode(errors="replace")
+    if len(line.content) > LARGE:
+        return encode(event_from(line.message), line.seq).encode()
+    return numbered(line.message, line.seq)
 
 
-def _is_message(content: bytes) -> bool:
-    """Whether an event can go out as it stands: one of the frequent kinds, in one line of JSON that a browser reads."""
-    if FREQUENT.match(content) is None or b'"reason":{' in content or b"\n" in content or is_deep(content):
-        return False
-    try:
-        orjson.loads(content)  # it takes neither NaN nor what else a browser does not
-    except ValueError:
-        return False
-    return True
+def _with_image(path: Path, line: Line, images: str) -> bytes:
+    coded = image(path.parent, line.image) or b""
+    address = f"{images}{line.image}" if images else f"data:image/jpeg;base64,{base64.b64encode(coded).decode()}"
+    value = line.message.get("value")
+    if not isinstance(value, dict):
+        raise ForeignRecordError("an event with an image has no view")
+    value = value | {"image": address, "size": size_of_jpeg(coded)}
+    if images and isinstance(value.get("pinhole"), dict):
+        value["cloud"] = f"{address}/cloud"
+    return numbered(line.message | {"value": value}, line.seq)
 
 
-def _overview(folder: Path, images: str) -> Iterator[bytes]:
-    path = folder / EVENTS_FILE
-    try:
-        interval, lines = _prepared(path) or _made(path)
-    except _PackedError:
-        yield from _written(folder, images)
-        return
+def _overview(path: Path, images: str) -> Iterator[bytes]:
+    interval, lines = _prepared(path) or _made(path)
     if interval:
         note = {"v": VERSION, "event": "Overview", "interval": interval}
         yield json.dumps(note, separators=(",", ":")).encode()
     for line in lines:
-        if not interval or standing(line[0], line[2]) is None:
+        if not interval or standing(line.seq, line.message) is None:
             yield _message(path, line, images)
 
 
 def _standing(path: Path) -> tuple[float, tuple[Standing, ...]]:
-    """The interval of a thinned overview, or 0, and where what stands in it stands."""
+    """Return the interval of a thinned overview, or 0, and the places that it keeps."""
     about = path.stat()
     return _standing_of(path, about.st_ino, about.st_size, about.st_mtime_ns)
 
@@ -221,97 +218,81 @@ def _standing(path: Path) -> tuple[float, tuple[Standing, ...]]:
 def _standing_of(path: Path, _inode: int, _size: int, _changed: int) -> tuple[float, tuple[Standing, ...]]:
     if _size <= WHOLE_BYTES:
         return 0.0, ()
-    try:
-        interval, lines = _prepared(path) or _made(path)
-    except _PackedError:
-        return 0.0, ()
-    found = (standing(seq, content) for seq, _t, content, _image in lines) if interval else ()
+    interval, lines = _prepared(path) or _made(path)
+    found = (standing(line.seq, line.message) for line in lines) if interval else ()
     return interval, tuple(entry for entry in found if entry is not None)
 
 
 def _chosen(path: Path, entries: Iterable[Standing]) -> Iterator[Line]:
-    """The events that stand there, in order."""
+    """Yield the events at these places, in order."""
     wanted = {entry.seq: entry.t for entry in entries}
-    if _verdict(path).table is None:
-        yield from (line for line in _lines(path) if line[0] in wanted)
+    if not _valid(path).numbered or _valid(path).verdict.chunks is None:
+        yield from _lines(path, wanted=wanted)
         return
     for seq, t in sorted(wanted.items()):
-        yield from (line for line in _lines(path, t - _NEAR, t + _NEAR) if line[0] == seq)
+        yield from _lines(path, t, t, {seq})
 
 
-def _prepared(path: Path) -> tuple[float, list[Line]] | None:
-    """The overview that was made while the run was recorded; None where there is none, or it is not as expected."""
-    written = attachment(path, OVERVIEW, _verdict(path))
+def _prepared(path: Path) -> tuple[float, Iterable[Line]] | None:
+    """Return the overview that the recorder made; None without one, or if it is malformed."""
+    written = attachment(path, OVERVIEW, _valid(path).verdict)
     if written is None or len(written) > 2 * MOST_BYTES:  # a recorder makes none that is larger
         return None
     try:
         head, *rest = written.splitlines()
-        interval = float(orjson.loads(head)["interval"])
-        lines = [(int(seq), 0.0, content, -1) for seq, _, content in (line[1:-1].partition(b",") for line in rest)]
-        if not 0.0 < interval < _LONGEST or any(content[:1] != b"{" for _seq, _t, content, _image in lines):
-            return None
+        interval = float(parse_object(head)["interval"])
+        lines = [_kept(int(seq), text) for seq, _, text in (line[1:-1].partition(b",") for line in rest)]
     except (ValueError, KeyError, TypeError, IndexError):
         return None
-    return interval, lines
+    return (interval, lines) if 0.0 < interval < _LONGEST else None
 
 
-def _made(path: Path) -> tuple[float, list[Line]]:
-    """The overview of a record that has none: one that was cut off, or was written before there were any."""
-    made, lines = Overview(), list[Line]()
+def _made(path: Path) -> tuple[float, Iterable[Line]]:
+    """Make the overview of a record without one: of an earlier version, cut off, or repaired."""
+    made, first = Overview(), list[Line]()
     for line in _lines(path):
-        lines.append(line)
-        made.add(*line[:3])
-    if made.count <= WHOLE or not made.entries:
-        return 0.0, lines
-    return made.interval, [(e.seq, 0.0, e.text, -1) for e in made.entries]
+        made.add(line.seq, _time_of(line.message), line.message, line.content)
+        first += [line] if made.count <= WHOLE else []
+    if made.count <= WHOLE:
+        return 0.0, first
+    if not made.entries:
+        return 0.0, _lines(path)
+    return made.interval, [_kept(entry.seq, entry.text) for entry in made.entries]
 
 
-def _with_image(path: Path, line: Line, images: str) -> bytes:
-    seq, _t, content, image_at = line
-    event = parse_object(content)
-    coded = image(path.parent, image_at) or b""
-    address = f"{images}{image_at}" if images else f"data:image/jpeg;base64,{base64.b64encode(coded).decode()}"
-    value = event.get("value")
-    if not isinstance(value, dict):
-        raise ForeignRecordError("an event with an image has no view")
-    event["value"] = value | {"image": address, "size": size_of_jpeg(coded)}
-    if images and isinstance(value.get("pinhole"), dict):
-        event["value"]["cloud"] = f"{address}/cloud"
-    text = json.dumps({"v": VERSION, "seq": seq, **event}, ensure_ascii=False, separators=(",", ":"))
-    return text.encode(errors="replace")
+def _kept(seq: int, text: bytes) -> Line:
+    return Line(seq, parse_object(text), text, "")
 
 
-def _lines(path: Path, begin: float = 0.0, end: float = math.inf) -> Iterator[Line]:
-    """Every event of a stretch of time [s]; an image belongs to the event after it."""
-    pictures: dict[str, int] = {}
+def _time_of(message: dict[str, Any]) -> float:
+    t = message.get("t")
+    return float(t) if isinstance(t, (int, float)) else 0.0
+
+
+def _lines(
+    path: Path, begin: float = 0.0, end: float = math.inf, wanted: Container[int] | None = None
+) -> Iterator[Line]:
+    """Yield the events of a part of the time [s], all or those with a wanted number.
+
+    An image belongs to the next event of its topic.
+    """
     first, last = (round(min(max(t, 0.0), _LONGEST) * 1e9) for t in (begin, end))
-    for seq, (topic, stamp, content, at) in _numbered(path, first, last):
-        if at < 0:
-            raise _PackedError
-        if topic == EVENTS:
-            if not first <= stamp <= last:
-                continue
-            image_at = -1
-            if pictures and (view := TOPIC.search(content)) is not None:
-                image_at = pictures.pop(IMAGES + view[1].decode(errors="replace"), -1)
-            yield seq, stamp / 1e9, content, image_at
-        elif first <= stamp <= last and topic.startswith(IMAGES):
-            pictures[topic] = at
-
-
-def _numbered(path: Path, first: int, last: int) -> Iterator[tuple[int, Found]]:
-    """Messages, each with the number of the newest event; of a stretch of time [ns] at least those within."""
-    verdict, seq = _verdict(path), 0
-    if verdict.table is None or (first <= 0 and last >= _LONGEST * 1e9):
-        for found in walk_topics(path, _is_shown, first, last, verdict):
-            seq += found.topic == EVENTS
-            yield seq, found
-        return
-    for chunk, messages in read_chunks(path, verdict.table.within(first, last), verdict.table):
-        seq = chunk.events_before
-        for found in messages:
-            seq += found.topic == EVENTS
-            yield seq, found
+    verdict, has_numbers = _valid(path)
+    found_in = scan(path, verdict, topics=_is_shown, begin=first if has_numbers else 0, end=last)
+    pictures: dict[str, str] = {}
+    at_stamp: Counter[int] = Counter()
+    seq = 0
+    for found in found_in:
+        if found.topic != EVENTS:
+            pictures[found.topic] = f"{found.stamp}-{at_stamp[found.stamp]}"
+            at_stamp[found.stamp] += 1
+            continue
+        seq = found.sequence or seq + 1
+        if found.stamp >= first and (pictures or wanted is None or seq in wanted):
+            message = parse_object(found.content)
+            address = pictures.pop(f"{IMAGES}{message.get('topic')}", "") if pictures else ""
+            if wanted is None or seq in wanted:
+                yield Line(seq, message, found.content, address)
 
 
 def _is_shown(topic: str) -> bool:

@@ -18,7 +18,7 @@ from pomona.executive.errors import UsageError
 from pomona.executive.recording.folder import DEVICES, EVENTS, events_file
 from pomona.executive.recording.image_size import size_of_image
 from pomona.executive.recording.json_text import parse_object
-from pomona.executive.recording.scan import walk
+from pomona.executive.recording.scan import scan
 from pomona.executive.recording.well_known import DEPTH, IMAGES
 from pomona.executive.values.arrays import Float64
 
@@ -96,7 +96,7 @@ class _Taken:
         self._devices: dict[str, list[tuple[float, Mapping[str, Any]]]] = {}
         self._with_depth: list[tuple[float, bytes, bytes]] = []
         waiting: dict[str, bytes] = {}
-        for found in walk(events_file(record)):
+        for found in scan(events_file(record)):
             self._last = found.stamp / 1e9
             if found.topic == EVENTS:
                 self._take_event(found.content)

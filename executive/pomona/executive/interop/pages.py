@@ -140,7 +140,7 @@ def _looks(record: Path, most: int) -> list[_Look]:
     """The newest pictures, each with the newest drawing of its topic over it."""
     looks: dict[tuple[str, str], _Look] = {}
     waiting: dict[str, str] = {}
-    for topic, content in scan(events_file(record)):
+    for topic, content, *_ in scan(events_file(record)):
         if topic.startswith(IMAGES):
             waiting[topic.removeprefix(IMAGES)] = str(parse_object(content).get("data", ""))
         elif waiting and topic == EVENTS:

@@ -12,7 +12,7 @@ from pomona.executive.interop.to_ros2 import RosMessage, ToRos2
 from pomona.executive.recording.folder import events_file
 from pomona.executive.recording.json_text import parse_object
 from pomona.executive.recording.new_place import made_whole
-from pomona.executive.recording.scan import believed, walk
+from pomona.executive.recording.scan import require_valid, scan
 from pomona.executive.ros2.types import EXTRA, coder, typestore
 
 VERSION = 9
@@ -37,12 +37,12 @@ def export_rosbag2(record: Path, folder: Path) -> Mapping[str, str]:
     path = events_file(record)
     try:
         with made_whole(folder) as place:  # the file in it bears the folder's name
-            verdict = believed(path)
+            verdict = require_valid(path)
             writer = rosbag2.Writer(place, version=VERSION, storage_plugin=rosbag2.StoragePlugin.MCAP)
             writer.set_compression(rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD)
             writer.open()
             bag, run, last = _Bag(writer), ToRos2(), 0
-            for found in walk(path, verdict):
+            for found in scan(path, verdict):
                 last = found.stamp
                 for message in run.messages(found.topic, parse_object(found.content), found.stamp):
                     bag.write(message)

@@ -44,7 +44,7 @@ class Difference:
 
 def comparable(record: Path) -> Iterator[dict[str, Any]]:
     """The events of a record, and a fingerprint of each image, without what belongs to the moment."""
-    for topic, content in scan(events_file(record)):
+    for topic, content, *_ in scan(events_file(record)):
         if topic == EVENTS:
             event = parse_object(content)
             event.setdefault("event", "")

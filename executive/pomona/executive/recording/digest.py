@@ -19,7 +19,7 @@ from pomona.executive.recording.folder import EVENTS, events_file, hash_of
 from pomona.executive.recording.interventions import INTERVENTIONS, read_log
 from pomona.executive.recording.json_text import LONGEST, parse_object
 from pomona.executive.recording.plain_file import is_plain
-from pomona.executive.recording.scan import DamagedRecordError, Verdict, believed, scan
+from pomona.executive.recording.scan import DamagedRecordError, Verdict, require_valid, scan
 
 _NAMES = ("RunStarted", "AttemptEnded", "RunEnded", "OperatorActed", "NodeChanged")
 _HEADS = tuple(f'{{"event":"{name}"'.encode() for name in _NAMES)
@@ -98,7 +98,7 @@ def digest(record: Path) -> Digest:
     about: dict[str, Any] = {"run": record.name, "state": "cut off", "bytes": path.lstat().st_size}
     about["picture"] = is_plain(record / "picture.png")
     try:
-        verdict = believed(path)
+        verdict = require_valid(path)
         about |= _read(path, verdict)
         if about["state"] == "cut off":
             about["message"] = why_cut(record, about["bytes"])
@@ -116,7 +116,7 @@ def _read(path: Path, verdict: Verdict) -> dict[str, Any]:
     entries: list[bytes] = []
     acts: list[dict[str, Any]] = []
     peaks: dict[str, float] = {}
-    for topic, content in scan(path, verdict):
+    for topic, content, *_ in scan(path, verdict):
         if topic == INTERVENTIONS:
             entries.append(content)
         if topic == EVENTS and _SERIES.match(content):

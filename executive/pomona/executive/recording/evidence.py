@@ -23,13 +23,13 @@ from pomona.executive.recording.digest import Digest, digest
 from pomona.executive.recording.folder import DEVICES, EVENTS, events_file
 from pomona.executive.recording.interventions import interventions
 from pomona.executive.recording.json_text import parse_object
-from pomona.executive.recording.overview import TOPIC
 from pomona.executive.recording.plain_file import open_plain
 from pomona.executive.recording.scan import scan
 from pomona.executive.values.plain_text import read_plain_text
 
 MOST_OF_A_HEAD = 512
-"""Bytes of an event in which its topic stands."""
+"""Start of a published event in which the type of its view stands [bytes]."""
+_SERIES = b'"type":"SeriesView"'
 TAKES = ("largest", "sum", "rate")
 _KEYS = ("hazard", "node", "limit", "unit", "saturates", "measure", "meaning")
 
@@ -201,7 +201,7 @@ class _Run:
         self._series: dict[str, list[Mapping[str, Any]]] = {}
         self._events: dict[str, list[dict[str, Any]]] = {}
         columns: dict[str, dict[str, list[Any]]] = {}
-        for topic, content in scan(path):
+        for topic, content, *_ in scan(path):
             if topic.startswith(DEVICES):
                 device = columns.setdefault(topic.removeprefix(DEVICES), {})
                 for name, values in parse_object(content).items():
@@ -210,10 +210,10 @@ class _Run:
             elif topic == EVENTS and content.startswith((b'{"event":"RunStarted"', b'{"event":"TickOverran"')):
                 event = parse_object(content)
                 self._events.setdefault(event["event"], []).append(event)
-            elif topic == EVENTS and content.startswith(b'{"event":"Published"'):
-                published = TOPIC.search(content, 0, MOST_OF_A_HEAD)
-                if published is not None and published[2] == b"SeriesView" and published[1].decode() in topics:
-                    self._series.setdefault(published[1].decode(), []).append(parse_object(content)["value"])
+            elif topic == EVENTS and _SERIES in content[:MOST_OF_A_HEAD]:
+                published = parse_object(content)
+                if published["event"] == "Published" and published["topic"] in topics:
+                    self._series.setdefault(published["topic"], []).append(published["value"])
         for started in self._events.get("RunStarted", ()):
             self.cell = _cell(started["cell_text"])
         self._devices = {

@@ -11,7 +11,7 @@ from pomona.executive.recording.folder import EVENTS, events_file
 from pomona.executive.recording.json_text import parse_object
 from pomona.executive.recording.new_place import made_whole
 from pomona.executive.recording.plain_file import is_plain
-from pomona.executive.recording.scan import believed, scan
+from pomona.executive.recording.scan import require_valid, scan
 
 
 def _zip(record: Path, target: Path) -> None:
@@ -33,9 +33,9 @@ def _json_lines(record: Path, target: Path) -> None:
 
 def _mcap(record: Path, target: Path) -> None:
     """One indexed and compressed file, for Foxglove and other readers."""
-    from pomona.executive.recording.copy import copy  # who lists records copies none
+    from pomona.executive.recording.repair import copy  # it loads the picture's library
 
-    believed(events_file(record))
+    require_valid(events_file(record))
     copy(events_file(record), target, compressed=True)
 
 
@@ -62,7 +62,7 @@ def export(record: Path, target: Path) -> None:
 
 
 def _events(record: Path) -> list[bytes]:
-    found = [content for topic, content in scan(events_file(record)) if topic == EVENTS]
+    found = [found.content for found in scan(events_file(record), topics=EVENTS.__eq__)]
     for content in found[:1]:
         try:
             parse_object(content)["event"]

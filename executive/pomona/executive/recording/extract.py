@@ -130,7 +130,7 @@ class _Taken:
 def _measurements(record: Path, folder: Path) -> dict[str, str]:
     """One CSV file for each device and each plot."""
     rows: dict[str, list[Mapping[str, Any]]] = defaultdict(list)
-    for topic, content in scan(events_file(record)):
+    for topic, content, *_ in scan(events_file(record)):
         if topic.startswith(DEVICES):
             reading = parse_object(content)
             columns = {name: values for name, values in reading.items() if name not in ("t", "tick")}

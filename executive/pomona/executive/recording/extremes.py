@@ -1,41 +1,42 @@
-"""Many samples as few: the least and the greatest of each quantity, so that a peak is never lost."""
+"""Many samples as few: the smallest and the largest of each quantity, so that no peak is lost."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import orjson
 
 
 class Extremes:
-    """Messages of one topic's samples, added up; `message` gives one that stands for all of them."""
+    """Messages of one topic's samples, combined; `message` returns one that represents all of them."""
 
     def __init__(self) -> None:
         self._count = 0
         self._begin = math.nan
-        self._last = b""
+        self._last = b"{}"
         self._found: dict[str, tuple[float, int, float, int]] = {}
 
-    def add(self, content: bytes) -> None:
-        """Add a message's samples. One that is not as expected adds nothing: it is left to whoever reads it whole."""
+    def add(self, message: Mapping[str, Any], content: bytes) -> None:
+        """Add the samples of a message with this text. A malformed one adds nothing."""
         self._last = content
         try:
-            value = orjson.loads(content)["value"]
-            times, values = value["t"], value["values"]
+            times, values = _listed(message["value"]["t"]), message["value"]["values"]
             if not self._count:
                 self._begin = float(times[0])
             for name, series in values.items():
-                measured = series if None not in series else [sample for sample in series if sample is not None]
+                found = _listed(series)
+                measured = [sample for sample in found if sample is not None and sample == sample]  # NaN differs
                 if measured:
                     low, high = min(measured), max(measured)
-                    self._widen(name, low, self._count + series.index(low), high, self._count + series.index(high))
+                    self._widen(name, low, self._count + found.index(low), high, self._count + found.index(high))
             self._count += len(times)
         except (ValueError, TypeError, KeyError, IndexError, AttributeError):
             return
 
     def join(self, later: Extremes) -> None:
-        """Add what came after this."""
+        """Add the samples that came after these."""
         if not self._count:
             self._begin = later._begin
         for name, (low, low_at, high, high_at) in later._found.items():
@@ -51,12 +52,12 @@ class Extremes:
         self._found[name] = (low, low_at, high, high_at)
 
     def message(self) -> bytes:
-        """The last of the messages, with two samples for all: of each quantity least and greatest, as they came."""
+        """Return the last message with two samples for all: of each quantity the smallest and the largest, in order."""
         if self._count <= 2:
             return self._last
         try:
-            event: dict[str, Any] = orjson.loads(self._last)
-            value = event["value"]
+            message = orjson.loads(self._last)
+            value = message["value"]
             times = [self._begin, float(value["t"][-1])]
         except (ValueError, TypeError, KeyError, IndexError):
             return self._last
@@ -64,5 +65,13 @@ class Extremes:
             name: [low, high] if low_at <= high_at else [high, low]
             for name, (low, low_at, high, high_at) in self._found.items()
         }
-        event["value"] = {**value, "t": times, "values": values, "thinned": self._count}
-        return orjson.dumps(event)
+        message["value"] = {**value, "t": times, "values": values, "thinned": self._count}
+        return orjson.dumps(message)
+
+
+def _listed(samples: Any) -> list[Any]:
+    """Return samples as a list: an array while a run is recorded, a list when its record is read."""
+    listed = samples.tolist() if hasattr(samples, "tolist") else samples
+    if not isinstance(listed, list):
+        raise TypeError("samples are a list")
+    return listed

@@ -109,7 +109,7 @@ def interventions(path: Path, cut: bool) -> Log:
         UsageError: the file cannot be read or is not believed.
     """
     entries, acts = [], []
-    for topic, content in scan(path):
+    for topic, content, *_ in scan(path):
         if topic == INTERVENTIONS:
             entries.append(content)
         elif topic == "/events" and content.startswith(b'{"event":"OperatorActed"'):

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import re
 from typing import Any
+
+import orjson
 
 MOST_DEPTH = 200
 """Objects and lists within one another. A chain of reasons takes two for each node on its way up a tree."""
@@ -29,6 +32,8 @@ def parse(content: bytes | str) -> Any:
     coded = content.encode(errors="replace") if isinstance(content, str) else content
     if is_deep(coded):
         raise ValueError(f"objects within objects, more than {MOST_DEPTH} deep")
+    with contextlib.suppress(ValueError):
+        return orjson.loads(coded)  # it refuses whatever the lines below repair
     hooks: dict[str, Any] = {"parse_float": _finite} if _HUGE.search(coded) else {}
     try:
         value = json.loads(coded.decode(errors="replace"), parse_constant=lambda _name: None, parse_int=_whole, **hooks)

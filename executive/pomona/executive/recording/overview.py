@@ -1,57 +1,48 @@
-"""What a screen can show of a long run: what changes something, and of what is said again and again the last word of
-each part of the time; of samples the least and the greatest. It is made while a run is recorded, and stands in the
-record as an attachment, so that half an hour opens without being read.
+"""A long run as far as a screen can show it: every change, and of repeated messages the last of each part of the time.
 
-What only says how things stand (a view of a moment, a written value) is most of a picking robot's record, and of all of
-it a screen shows the last: of these an overview has the place only, and they are read with the moment that is shown.
+It is made while a run is recorded and stands in the record as an attachment, so that half an hour opens without being
+read. Of samples it keeps the smallest and the largest. Of views and written values, which are most of a picking robot's
+record, it keeps only the place: the page reads them with the moment that it shows.
 
-An attachment's first line is {"interval": seconds}, every further one [an event's number, the event].
+The first line of an attachment is {"interval": seconds}, every further one [number of an event, the event].
 """
 
 from __future__ import annotations
 
-import json
-import re
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from pomona.executive.encode import encoded
 from pomona.executive.recording.extremes import Extremes
+from pomona.executive.recording.message import Key, key_of
 
 OVERVIEW = "overview.ndjson"
 WHOLE, WHOLE_BYTES = 20_000, 10_000_000
-"""Records with no more events, or of no more bytes, are their own overview."""
+"""A record with at most this number of events, or bytes, is its own overview."""
 
 PARTS = 2_000
-"""Into which the time is divided at most; when it is longer, two parts become one."""
+"""Largest number of parts of the time; beyond it, two parts become one."""
 
 SHORTEST = 0.05
-"""Seconds of a part at first."""
+"""Length of a part at first [s]."""
 
 _LONGEST = 1e9
-"""Seconds; longer is no run."""
+"""Longest run [s]."""
 
 MOST_BYTES = 64_000_000
-"""Of an overview. A run that has more to show has none, and its record is read whole."""
+"""Largest overview [bytes]. A record with a larger one has none, and is read whole."""
 
-FREQUENT = re.compile(
-    rb'\{"event":"(NodeChanged|Published|PortWritten|Computed)",[^{]*?"(?:path|topic|key|node)":"((?:[^"\\]|\\.)*)"'
-)
-_CHANGES = (b'{"event":"NodeChanged",', b'{"event":"Computed",')
-"""How those begin that never stand."""
+STANDING = frozenset(("PortWritten", "ImageView", "SceneView", "BodiesView", "TableView", "ProgressView"))
+"""Kinds of messages that are valid until the next one of their key; the overview keeps their place."""
 
-_STATUS = re.compile(rb'"status":"(\w+)"')
-_STARTS = re.compile(rb'"starts":(\d+)')
-_T = re.compile(rb'"t":([-+0-9.eE]+)')
-STANDING = frozenset((b"PortWritten", b"ImageView", b"SceneView", b"BodiesView", b"TableView", b"ProgressView"))
-"""Kinds of events that stand until the next of their key."""
-
-TOPIC = re.compile(rb'"topic":"((?:[^"\\]|\\.)*)","value":\{"type":"(\w+)"')
+REPEATED = STANDING | {"NodeChanged", "Computed", "PosesView", "SeriesView"}
+"""Kinds of messages of which the last one of each part of the time is enough."""
 
 
 @dataclass(slots=True)
 class OverviewEntry:
-    """One event of an overview: its number, its text, and its samples where it stands for more."""
+    """One event of an overview: its number, its text, and its samples where it represents several messages."""
 
     seq: int
     content: bytes
@@ -59,47 +50,49 @@ class OverviewEntry:
 
     @property
     def text(self) -> bytes:
-        """The event as it is shown."""
+        """The event as the page gets it."""
         return self.content if self.samples is None else self.samples.message()
 
 
 @dataclass(slots=True)
 class Overview:
-    """Takes events in their order; `entries` are what stays of them."""
+    """Takes messages in their order and keeps a part of them as `entries`."""
 
     interval: float = SHORTEST
     count: int = 0
     size: int = 0
-    """Bytes of what stays."""
+    """Bytes of the kept messages."""
     _kept: dict[Hashable, OverviewEntry] = field(default_factory=dict)
-    _state: dict[bytes, tuple[bytes, bytes]] = field(default_factory=dict)
+    _state: dict[str, tuple[Any, Any]] = field(default_factory=dict)
 
-    def add(self, seq: int, t: float, content: bytes) -> None:
-        """Take one event: its text as it is recorded."""
+    def add(self, seq: int, t: float, message: Mapping[str, Any], content: bytes) -> None:
+        """Take one event: its message, and the same as the text in the record."""
         self.count += 1
         if self.size > MOST_BYTES:
             self._kept.clear()
             return
         while t >= self.interval * PARTS and self.interval < _LONGEST:
             self._coarsen()
-        place = self._place(seq, t, content)
-        stands = isinstance(place, tuple) and place[0] in STANDING
-        self._keep(place, OverviewEntry(seq, _head(content) if stands else content))
-        if isinstance(place, tuple) and place[0] == b"SeriesView":
+        key = self._repeated(message)
+        if key is not None and key[0] in STANDING:
+            content = encoded(_head(message))
+        place: Hashable = seq if key is None else (*key, int(t / self.interval))
+        self._keep(place, OverviewEntry(seq, content))
+        if key is not None and key[0] == "SeriesView":
             entry = self._kept[place]
             entry.samples = entry.samples or Extremes()
-            entry.samples.add(content)
+            entry.samples.add(message, content)
 
     @property
     def entries(self) -> list[OverviewEntry]:
-        """What stays, in order."""
+        """The kept messages, in order."""
         return sorted(self._kept.values(), key=lambda entry: entry.seq)
 
     def lines(self) -> Iterator[bytes]:
-        """The attachment's lines; none where the record is short enough to be read, or shows too much."""
+        """Yield the attachment's lines; none if the record is short, or the overview too large."""
         if self.count <= WHOLE or not self._kept:
             return
-        yield json.dumps({"interval": self.interval}).encode() + b"\n"
+        yield encoded({"interval": self.interval}) + b"\n"
         for entry in self.entries:
             yield b"[%d,%b]\n" % (entry.seq, entry.text)
 
@@ -112,14 +105,14 @@ class Overview:
         self.size += len(entry.content)
 
     def _coarsen(self) -> None:
-        """Two parts become one: the later one's last words stay, and both parts' extremes."""
+        """Join two parts each: the later one's last messages stay, and the extremes of both."""
         self.interval *= 2.0
         finer, self._kept, self.size = self._kept, {}, 0
         for place, entry in finer.items():
             if not isinstance(place, tuple):
                 self._keep(place, entry)
                 continue
-            coarser = (*place[:2], place[2] // 2)
+            coarser = (*place[:-1], place[-1] // 2)
             before = self._kept.get(coarser)
             if before is not None and before.samples is not None and entry.samples is not None:
                 before.samples.join(entry.samples)
@@ -127,55 +120,37 @@ class Overview:
             self._keep(coarser, entry)
             entry.samples = entry.samples or samples
 
-    def _place(self, seq: int, t: float, content: bytes) -> Hashable:
-        """Events that share a place replace each other; one that says something new has a place of its own."""
-        found = FREQUENT.match(content)
-        if found is None:
-            return seq
-        kind, key = found.groups()
-        if kind == b"NodeChanged":
-            status, starts = _STATUS.search(content, found.end()), _STARTS.search(content, found.end())
-            now = (status[1] if status else b"", starts[1] if starts else b"")
-            if self._state.get(key) != now:
-                self._state[key] = now
-                return seq
-        elif kind == b"Published":
-            view = TOPIC.search(content, found.start(2))
-            if view is None:
-                return seq
-            key, kind = view.groups()
-        return kind, key, int(t / self.interval)
+    def _repeated(self, message: Mapping[str, Any]) -> Key | None:
+        """Return the key of a message that repeats an earlier one; None if it must be kept."""
+        key = key_of(message)
+        if key is None or key[0] not in REPEATED:
+            return None
+        if key[0] == "NodeChanged":
+            now = (message.get("status"), message.get("starts"))
+            if self._state.get(key[1]) != now:
+                self._state[key[1]] = now
+                return None
+        return key
 
 
 class Standing(NamedTuple):
-    """Where an event stands that says how things are: its number, its time [s], its kind and key."""
+    """Number, time [s] and key of a message that is valid until the next one of its key."""
 
     seq: int
     t: float
-    key: tuple[bytes, bytes]
+    key: Key
 
 
-def standing(seq: int, content: bytes) -> Standing | None:
-    """What an event of an overview says of how things stand, or None: it is of another kind."""
-    found = None if content.startswith(_CHANGES) else FREQUENT.match(content)
-    if found is None:
+def standing(seq: int, message: Mapping[str, Any]) -> Standing | None:
+    """Return the place of a message of an overview, or None if its kind is not one of `STANDING`."""
+    key, t = key_of(message), message.get("t")
+    if key is None or key[0] not in STANDING or not isinstance(t, (int, float)) or not abs(t) < _LONGEST:
         return None
-    kind, key = found.groups()
-    if kind == b"Published":
-        view = TOPIC.search(content, found.start(2))
-        if view is None:
-            return None
-        key, kind = view.groups()
-    t = _T.search(content, 0, found.start(2))
-    if kind not in STANDING or t is None or not -_LONGEST < float(t[1]) < _LONGEST:
-        return None
-    return Standing(seq, float(t[1]), (kind, key))
+    return Standing(seq, float(t), key)
 
 
-def _head(content: bytes) -> bytes:
-    """An event that stands, without what it says."""
-    view = TOPIC.search(content)
-    if view is not None and content.startswith(b'{"event":"Published"'):
-        return content[: view.end()] + b"}}"
-    found = FREQUENT.match(content)
-    return content if found is None else content[: found.end()] + b"}"
+def _head(message: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a message of one of the `STANDING` kinds without its content."""
+    head = {name: message[name] for name in ("event", "t", "tick", "node", "topic", "key", "path") if name in message}
+    value = message.get("value")
+    return {**head, "value": {"type": value["type"]}} if message.get("event") == "Published" and value else head

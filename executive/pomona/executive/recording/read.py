@@ -38,7 +38,7 @@ def read_events(record: Path) -> Iterator[Event]:
     """
     path = events_file(record)
     pixels: dict[str, Any] = {}
-    for topic, data in scan(path):
+    for topic, data, *_ in scan(path):
         try:
             if topic.startswith(("/images/", "/depth/")):
                 if len(pixels) >= MOST_WAITING:

@@ -18,7 +18,6 @@ import queue
 import threading
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -26,12 +25,13 @@ from typing import Any, BinaryIO
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
-from pomona.executive.encode import encoded, field_names, plain
-from pomona.executive.recording.container import LIBRARY, MOST_MESSAGE
+from pomona.executive.encode import encoded, plain
 from pomona.executive.recording.decode import event_from
 from pomona.executive.recording.ending import EndingFile
 from pomona.executive.recording.folder import DEVICES, EVENTS, EVENTS_FILE, RecordError, hash_of
 from pomona.executive.recording.interventions import INTERVENTIONS, EntryChain
+from pomona.executive.recording.mcap_file import LIBRARY, MOST_MESSAGE
+from pomona.executive.recording.message import message_of
 from pomona.executive.recording.order import next_number
 from pomona.executive.recording.overview import OVERVIEW, WHOLE_BYTES, Overview
 from pomona.executive.recording.schemas import EVENT, INTERVENTION, READING, Schema
@@ -51,10 +51,6 @@ from pomona.executive.views import ImageView, SeriesView
 
 BATCH = 0.1
 """Seconds between two times that what came is written: what is not is lost when the process is killed."""
-
-WHOLE, PART = 4_000_000, 48
-"""Elements of arrays that are written out: of views all, of values of ports those of poses, covariances, joints. Thirty
-candidates with all their joint solutions would be half of a pick's record, and half of the work."""
 
 CHUNK_BYTES = 65_536
 """At which a chunk is closed before its batch is: what a damaged byte makes unreadable."""
@@ -208,25 +204,25 @@ class Recorder:
             self._write_about(event)
         stamp = _stamp(event.t)
         event, contents = self._contents(event, stamp)
-        for topic, schema, content in contents:
-            self._write(topic, schema, stamp, content)
+        for topic, schema, message, content in contents:
             if topic == EVENTS:
                 self._events += 1
-                self._overview.add(self._events, stamp / 1e9, content)
+                self._overview.add(self._events, stamp / 1e9, message, content)
+            self._write(topic, schema, stamp, content, self._events if topic == EVENTS else 0)
         if isinstance(event, OperatorActed):
             self._write(INTERVENTIONS, INTERVENTION, stamp, encoded(self._interventions.add(event)))
         if isinstance(event, RunEnded):
             text = json.dumps(plain(event), ensure_ascii=False, indent=1)
             (self.folder / "summary.json").write_bytes(_coded(text))
 
-    def _contents(self, event: Event, stamp: int) -> tuple[Event, list[tuple[str, Schema, bytes]]]:
-        """Return an event and its messages; where one of them cannot be read again, an error in place of the event."""
+    def _contents(self, event: Event, stamp: int) -> tuple[Event, list[tuple[str, Schema, Any, bytes]]]:
+        """Return an event and its messages, each with its text; or an error that replaces an unreadable event."""
         try:
-            written = [(topic, schema, _bounded(message)) for topic, schema, message in self._messages(event, stamp)]
-            return event, written
+            return event, [(*message, _bounded(message[2])) for message in self._messages(event, stamp)]
         except BaseException as error:  # a value of a skill may be anything, and raise anything
             told = self._refuse(event, error)
-            return told, [(EVENTS, EVENT, encoded(message_of(told)))]
+            message = message_of(told)
+            return told, [(EVENTS, EVENT, message, encoded(message))]
 
     def _refuse(self, taken: Any, error: BaseException) -> ErrorRaised:
         refused = refuse(taken, error)
@@ -278,7 +274,7 @@ class Recorder:
         for device, content in coded.items():
             self._write(f"{DEVICES}{device}", READING, _stamp(t), content)
 
-    def _write(self, topic: str, schema: Schema, stamp: int, content: bytes) -> None:
+    def _write(self, topic: str, schema: Schema, stamp: int, content: bytes, number: int = 0) -> None:
         if topic not in self._channels:
             if schema.name not in self._schemas:
                 self._schemas[schema.name] = self._writer.register_schema(
@@ -287,23 +283,14 @@ class Recorder:
             self._channels[topic] = self._writer.register_channel(
                 topic=topic, message_encoding="json", schema_id=self._schemas[schema.name]
             )
-        self._writer.add_message(self._channels[topic], log_time=stamp, publish_time=stamp, data=content)
+        self._writer.add_message(
+            self._channels[topic], log_time=stamp, publish_time=stamp, data=content, sequence=number
+        )
 
 
 def new_writer(stream: BinaryIO, compression: CompressionType) -> Writer:
     """A writer of files in which a change of any byte is found: chunks, data and summary have checksums."""
     return Writer(stream, CHUNK_BYTES, compression, enable_crcs=True, enable_data_crcs=True)
-
-
-def message_of(event: Event) -> dict[str, Any]:
-    """An event as its message on `/events`. An image's pixels are messages of their own, before it."""
-    if isinstance(event, Published) and isinstance(event.value, ImageView):
-        event = replace(event, value=replace(event.value, image=None, depth=None))
-    limit = WHOLE if isinstance(event, Published) else PART
-    message: dict[str, Any] = {"event": type(event).__name__}
-    for name in field_names(type(event)):
-        message[name] = plain(getattr(event, name), arrays=limit, keep=True)
-    return message
 
 
 def _bounded(message: Any) -> bytes:

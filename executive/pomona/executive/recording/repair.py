@@ -1,4 +1,4 @@
-"""A record whose process was killed, made whole again."""
+"""Completing a record whose process was killed or whose file is damaged, and copying one for other tools."""
 
 from __future__ import annotations
 
@@ -8,23 +8,65 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
+
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Schema
+from mcap.writer import CompressionType, Writer
 
 from pomona.executive.encode import plain
 from pomona.executive.errors import UsageError
-from pomona.executive.recording.copy import Copied, copy
 from pomona.executive.recording.ending import why_cut
-from pomona.executive.recording.folder import events_file, is_being_written
+from pomona.executive.recording.folder import EVENTS, events_file, is_being_written
+from pomona.executive.recording.mcap_file import (
+    LIBRARY,
+    MAGIC,
+    CutError,
+    DamagedError,
+    has_begun,
+    next_chunk,
+    raw_records,
+    records_of,
+    size_of,
+)
+from pomona.executive.recording.overview import OVERVIEW
 from pomona.executive.recording.picture import Picture
 from pomona.executive.recording.plain_file import open_plain
 from pomona.executive.recording.read import read_events
-from pomona.executive.recording.scan import examine
+from pomona.executive.recording.recorder import new_writer
+from pomona.executive.recording.scan import REPAIR, examine
 from pomona.executive.running.events import RunEnded, RunStarted
+
+EVENT_START = b'{"event":"'
+"""Start of every message on `/events`: it identifies a channel whose declaration was lost."""
+
+
+@dataclass(frozen=True, slots=True)
+class Copied:
+    """Result of a copy.
+
+    Attributes:
+        messages: number of copied messages.
+        seconds: run time of the newest one [s].
+        cut: bytes at the end of the source that are no complete record.
+        gaps: lost parts, each as (first byte, bytes, run time before [s], run time after [s]).
+    """
+
+    messages: int = 0
+    seconds: float = 0.0
+    cut: int = 0
+    gaps: tuple[tuple[int, int, float, float], ...] = ()
+
+    @property
+    def lost(self) -> str:
+        """The lost parts as a phrase; empty without any."""
+        parts = [f"{size} bytes between {before:.2f} and {after:.2f} s" for _at, size, before, after in self.gaps]
+        return " and ".join(parts)
 
 
 @dataclass(frozen=True, slots=True)
 class Repaired:
-    """What a repair found: what it could copy, why that was needed, and the files that were missing and were made from
-    the events."""
+    """Result of a repair: the copy, the reason for it, and the missing files that were made from the events."""
 
     copied: Copied
     why: str
@@ -65,6 +107,94 @@ def repair(record: Path) -> Repaired | None:
     finally:
         fresh.unlink(missing_ok=True)
     return Repaired(copied, f"{verdict.state}: {why}", tuple(_make_missing(record)) if record.is_dir() else ())
+
+
+def copy(source: Path, target: Path, *, compressed: bool) -> Copied:
+    """Copy every undamaged record; after a damaged one the copy continues with the next undamaged chunk.
+
+    Args:
+        source: an MCAP file.
+        target: the copy; it is replaced.
+        compressed: with zstd, for other tools; otherwise as a run writes it.
+
+    Raises:
+        UsageError: the source is not an MCAP file, or one of the files cannot be used.
+    """
+    try:
+        with open_plain(source) as stream, target.open("wb") as output:
+            begun = has_begun(source, stream)
+            writer = new_writer(output, CompressionType.ZSTD if compressed else CompressionType.NONE)
+            writer.start(profile="pomona", library=LIBRARY)
+            copied = _Copier(stream, writer).run(flush=not compressed) if begun else Copied()
+            if copied.gaps:
+                writer.add_metadata(REPAIR, {"lost": copied.lost})
+            writer.finish()
+            return copied
+    except OSError as error:
+        raise UsageError(f"{error.filename or target}: {error.strerror}") from error
+
+
+class _Copier:
+    def __init__(self, stream: BinaryIO, writer: Writer) -> None:
+        self._stream, self._writer = stream, writer
+        self._schemas: dict[int, int] = {0: 0}
+        self._channels: dict[int, int] = {}
+        self._messages, self._newest = 0, 0
+
+    def run(self, flush: bool) -> Copied:
+        gaps: list[tuple[int, int, float, float]] = []
+        at: int | None = len(MAGIC)
+        good, lost_since, finished = len(MAGIC), None, False
+        while at is not None and not finished:
+            try:
+                for raw in raw_records(self._stream, at):
+                    stamps = [self._take(record) for record in records_of(raw)]
+                    known = [stamp for stamp in stamps if stamp is not None]
+                    if lost_since is not None and known:
+                        gaps.append((lost_since[0], raw.at - lost_since[0], lost_since[1], min(known) / 1e9))
+                        lost_since = None
+                    if flush and raw.opcode == Opcode.CHUNK:
+                        self._writer.flush()
+                    good, finished = raw.end, raw.opcode == Opcode.DATA_END
+                    if finished:
+                        break
+            except (CutError, DamagedError) as error:
+                lost_since = lost_since or (error.at, self._newest / 1e9)
+                at = next_chunk(self._stream, error.at + 1)
+        cut = 0
+        if lost_since is not None or not finished:
+            cut = size_of(self._stream) - (good if lost_since is None else lost_since[0])
+        return Copied(self._messages, self._newest / 1e9, cut, tuple(gaps))
+
+    def _take(self, record: McapRecord) -> int | None:
+        """Copy one record; returns the stamp of a message [ns]."""
+        match record:
+            case Schema() if record.id not in self._schemas:
+                self._schemas[record.id] = self._writer.register_schema(record.name, record.encoding, record.data)
+            case Channel() if record.id not in self._channels:
+                self._channels[record.id] = self._writer.register_channel(
+                    record.topic, record.message_encoding, self._schemas.get(record.schema_id, 0)
+                )
+            case Message():
+                return self._take_message(record)
+            case Attachment() if record.name != OVERVIEW:  # it holds the overview of the original
+                self._writer.add_attachment(
+                    record.create_time, record.log_time, record.name, record.media_type, record.data
+                )
+            case Metadata():
+                self._writer.add_metadata(record.name, record.metadata)
+        return None
+
+    def _take_message(self, message: Message) -> int | None:
+        if message.channel_id not in self._channels:
+            if not message.data.startswith(EVENT_START):
+                return None  # the declaration of its channel was in a lost part
+            self._channels[message.channel_id] = self._writer.register_channel(EVENTS, "json", 0)
+        self._writer.add_message(
+            self._channels[message.channel_id], message.log_time, message.data, message.publish_time, message.sequence
+        )
+        self._messages, self._newest = self._messages + 1, max(self._newest, message.log_time)
+        return int(message.log_time)
 
 
 def _make_missing(record: Path) -> list[str]:

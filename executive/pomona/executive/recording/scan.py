@@ -1,86 +1,103 @@
-"""Iterate over a record's messages without decoding them; each is checked before it is yielded.
+"""A verdict on a record's file, and its messages.
 
-A record is trusted as a whole or not at all: `examine` reads the file once and says whether it is as it was written;
-`scan` yields messages only from files that are whole, or whole up to where they were cut off.
+A record is trusted as a whole or not at all. A finished file of Pomona has checksums over every byte, so two sums and
+its summary are enough. Any other file is checked record by record; one that was cut off is trusted up to there.
 """
 
 from __future__ import annotations
 
-import os
-import struct
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Message,
+    Metadata,
+    MetadataIndex,
+)
+
 from pomona.executive.errors import UsageError
-from pomona.executive.recording.container import (
-    ATTACHMENT,
-    CHANNEL,
-    CHUNK,
+from pomona.executive.recording.mcap_file import (
     HEAD,
+    LIBRARY,
     MAGIC,
-    MESSAGE,
-    MESSAGE_HEAD,
-    MESSAGE_INDEX,
-    METADATA,
-    MOST_BYTES,
-    SCHEMA,
     CutError,
     DamagedError,
-    Pieces,
-    TopLevelRecord,
+    RawRecord,
+    crc_of,
+    decode,
+    has_begun,
     next_chunk,
+    only_zeros_follow,
+    raw_record_at,
+    raw_records,
     records_of,
+    size_of,
 )
-from pomona.executive.recording.folder import EVENTS
 from pomona.executive.recording.plain_file import open_plain
 
-_CHANNEL_HEAD = struct.Struct("<HHI")
 REPAIR = "pomona.repair"
-"""Name of the metadata that lists what a repair could not save."""
+"""Name of the metadata that lists the parts that a repair could not save."""
+
+REMEDY = "`pomona runs repair` saves the undamaged parts"
+
+_TAIL = HEAD.size + 20 + len(MAGIC)
+"""Size of the footer with the closing magic [bytes]."""
 
 
 class DamagedRecordError(UsageError):
-    """A record fails its checks, so nothing in it is trusted."""
+    """A run's record fails its checks, so nothing in it is trusted."""
 
 
-class Chunk(NamedTuple):
-    """Offset of a chunk in the file, its oldest and newest stamp [ns], and how many events precede it."""
+class Found(NamedTuple):
+    """One message.
+
+    Attributes:
+        topic: topic of its channel.
+        content: its bytes.
+        stamp: time on the run's clock [ns].
+        sequence: number of the event on `/events`, from 1; 0 on other topics and in records of earlier versions.
+    """  # a plain tuple, since half an hour has 450 000 messages
+
+    topic: str
+    content: bytes
+    stamp: int
+    sequence: int
+
+
+class ChunkPlace(NamedTuple):
+    """Offset of a chunk in the file, its oldest and its newest stamp [ns]."""
 
     at: int
     oldest: int
     newest: int
-    events_before: int
-
-
-@dataclass(frozen=True, slots=True)
-class ChunkTable:
-    """The chunks of a file in order, and its topics by channel number."""
-
-    chunks: tuple[Chunk, ...]
-    topics: Mapping[int, str]
-
-    def within(self, begin: int, end: int) -> list[Chunk]:
-        """Chunks with messages from an interval of time [ns]."""
-        return [chunk for chunk in self.chunks if chunk.oldest <= end and chunk.newest >= begin]
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What an examination found.
+    """Result of an examination.
 
     Attributes:
         state: whole, cut off (whole up to there) or damaged.
-        why: what is wrong, for people; empty when nothing is.
-        t: run time up to which it is whole [s].
-        good: number of bytes up to which it is whole.
-        checked: whether everything read has a checksum. Files of older versions of Pomona, and of some other programs,
-            have none.
-        compressed: whether any chunk is compressed.
-        lost: what an earlier repair could not save, for people; empty when there was none.
-        attachments: their offsets in the file.
-        table: its chunks, if each has its message indexes and no message lies outside a chunk; else None.
+        why: the problem as a phrase; empty for a whole file.
+        t: run time up to which the file is whole [s].
+        good: number of bytes up to which the file is whole.
+        checked: every byte up to `good` has a checksum. Files of earlier versions and of other programs may have none.
+        lost: the parts that an earlier repair could not save, as a phrase; empty without loss.
+        attachments: offset of the newest attachment of each name.
+        chunks: its chunks from the index of a finished file of this recorder; else None.
+        topics: topics by channel number, from the same index.
     """
 
     state: str
@@ -88,26 +105,10 @@ class Verdict:
     t: float = 0.0
     good: int = 0
     checked: bool = True
-    compressed: bool = False
     lost: str = ""
-    attachments: tuple[int, ...] = ()
-    table: ChunkTable | None = None
-
-
-class Found(NamedTuple):
-    """One message.
-
-    Attributes:
-        topic: its channel's.
-        stamp: time on the run's clock [ns].
-        content: its bytes, as written.
-        at: offset of its record in the file; -1 in a compressed chunk.
-    """  # a plain tuple, since a record has 100 000 of them
-
-    topic: str
-    stamp: int
-    content: bytes
-    at: int
+    attachments: Mapping[str, int] = field(default_factory=dict)
+    chunks: tuple[ChunkPlace, ...] | None = None
+    topics: Mapping[int, str] = field(default_factory=dict)
 
 
 def examine(path: Path) -> Verdict:
@@ -124,7 +125,7 @@ def examine(path: Path) -> Verdict:
 
 
 def is_whole(path: Path) -> bool:
-    """Whether an MCAP file was finished and is as it was written.
+    """Return True for an MCAP file that is finished and unchanged.
 
     Raises:
         UsageError: it is not an MCAP file, or cannot be read.
@@ -132,8 +133,8 @@ def is_whole(path: Path) -> bool:
     return examine(path).state == "whole"
 
 
-def believed(path: Path) -> Verdict:
-    """The verdict on a file that can be trusted, at least up to where it was cut off.
+def require_valid(path: Path) -> Verdict:
+    """Return the verdict on a file that can be trusted, at least up to the point where it was cut off.
 
     Raises:
         DamagedRecordError: it is damaged.
@@ -141,331 +142,218 @@ def believed(path: Path) -> Verdict:
     """
     verdict = examine(path)
     if verdict.state == "damaged":
-        raise DamagedRecordError(f"{path}: the record is damaged and is not trusted: {verdict.why}. {REMEDY}")
+        raise _untrusted(path, verdict.why)
     return verdict
 
 
-REMEDY = "`pomona runs repair` saves what is whole"
-
-
-def scan(path: Path, verdict: Verdict | None = None) -> Iterator[tuple[str, bytes]]:
-    """(topic, content) of every message; of a record that was cut off, up to there.
+def scan(
+    path: Path,
+    verdict: Verdict | None = None,
+    *,
+    topics: Callable[[str], bool] | None = None,
+    begin: int = 0,
+    end: int = 2**64,
+) -> Iterator[Found]:
+    """Yield the messages in the order of the file; of a record that was cut off, those up to there.
 
     Args:
-        path: of the MCAP file.
-        verdict: result of `believed`, if it is known already.
+        path: the MCAP file.
+        verdict: result of `require_valid`, if it is known already.
+        topics: returns True for a topic that is wanted; None: all are.
+        begin: oldest stamp that is wanted [ns].
+        end: newest stamp that is wanted [ns].
 
     Raises:
-        DamagedRecordError: something in it is not as it was written.
+        DamagedRecordError: a part of the file is damaged.
         UsageError: it is not an MCAP file, or cannot be read.
     """
-    return ((found.topic, found.content) for found in walk(path, verdict))
-
-
-def walk(path: Path, verdict: Verdict | None = None) -> Iterator[Found]:
-    """Every message, like `scan`.
-
-    Raises:
-        DamagedRecordError: something in it is not as it was written.
-        UsageError: it is not an MCAP file, or cannot be read.
-    """
-    good = (verdict or believed(path)).good
-    topics: dict[int, str] = {}
+    verdict = verdict or require_valid(path)
+    names = dict(verdict.topics)
+    wanted = {number for number, name in names.items() if topics is None or topics(name)}
     try:
         with open_plain(path) as stream:
-            if good <= len(MAGIC) or not has_begun(path, stream):
-                return
-            for piece in Pieces(stream):
-                yield from messages_of(piece, topics)
-                if piece.end >= good:  # the rest was written since the examination, or is incomplete
-                    return
-    except CutError:
-        return
-    except DamagedError as error:  # since it was examined
-        raise DamagedRecordError(f"{path}: the record is damaged and is not trusted: {error}. {REMEDY}") from error
-    except OSError as error:
-        raise UsageError(f"{path}: {error.strerror}") from error
-
-
-def walk_topics(
-    path: Path, wanted: Callable[[str], bool], begin: int = 0, end: int = 2**64, verdict: Verdict | None = None
-) -> Iterator[Found]:
-    """The messages of some topics, found by the chunks' indexes; outside begin ≤ stamp ≤ end their content is empty.
-
-    Raises:
-        DamagedRecordError, UsageError: as `walk`.
-    """
-    good = (verdict or believed(path)).good
-    topics: dict[int, str] = {}
-    chunk: TopLevelRecord | None = None
-    indexes: list[bytes] = []
-    try:
-        with open_plain(path) as stream:
-            if good <= len(MAGIC) or not has_begun(path, stream):
-                return
-            try:
-                for piece in Pieces(stream):
-                    if piece.opcode == MESSAGE_INDEX and chunk is not None:
-                        indexes.append(piece.content)
-                    else:
-                        if chunk is not None:
-                            yield from _indexed(chunk, indexes, topics, wanted, begin, end)
-                        chunk, indexes = (piece, []) if piece.opcode == CHUNK else (None, [])
-                        if chunk is None:
-                            yield from (found for found in messages_of(piece, topics) if wanted(found.topic))
-                    if piece.end >= good:
-                        break
-            except CutError:
-                pass
-            if chunk is not None:  # its indexes may be cut off
-                yield from (found for found in messages_of(chunk, topics) if wanted(found.topic))
-    except DamagedError as error:
-        raise DamagedRecordError(f"{path}: the record is damaged and is not trusted: {error}. {REMEDY}") from error
-    except OSError as error:
-        raise UsageError(f"{path}: {error.strerror}") from error
-
-
-_INDEX_ENTRY = struct.Struct("<QQ")
-
-
-def _indexed(
-    chunk: TopLevelRecord,
-    indexes: list[bytes],
-    topics: dict[int, str],
-    wanted: Callable[[str], bool],
-    begin: int,
-    end: int,
-) -> Iterator[Found]:
-    channels = [int.from_bytes(content[:2], "little") for content in indexes]
-    if not indexes or not topics.keys() >= set(channels):
-        for opcode, first, last in records_of(chunk.content, chunk.at):
-            if opcode == CHANNEL:
-                _add_channel(chunk, first, last, topics)
-    if not indexes or chunk.compressed or not topics.keys() >= set(channels):
-        yield from (found for found in messages_of(chunk, topics) if wanted(found.topic))
-        return
-    start = chunk.end - len(chunk.content)
-    places = sorted(
-        (offset, stamp, topics[channel])
-        for channel, content in zip(channels, indexes, strict=True)
-        if wanted(topics[channel])
-        for stamp, offset in _INDEX_ENTRY.iter_unpack(content[6:])
-    )
-    for offset, stamp, topic in places:
-        content = _message_at(chunk, offset) if begin <= stamp <= end else b""
-        yield Found(topic, stamp, content, start + offset)
-
-
-def _message_at(chunk: TopLevelRecord, offset: int) -> bytes:
-    if offset + HEAD.size <= len(chunk.content):
-        opcode, length = HEAD.unpack_from(chunk.content, offset)
-        last = offset + HEAD.size + length
-        if opcode == MESSAGE and MESSAGE_HEAD.size <= length and last <= len(chunk.content):
-            return chunk.content[offset + HEAD.size + MESSAGE_HEAD.size : last]
-    raise DamagedError(chunk.at, "a message index points to a place where no message begins")
-
-
-def read_chunks(path: Path, chunks: Iterable[Chunk], table: ChunkTable) -> Iterator[tuple[Chunk, Iterator[Found]]]:
-    """Some chunks of a trusted file, each with its messages; nothing else in the file is read.
-
-    Raises:
-        DamagedRecordError: something in them is not as it was written.
-        UsageError: the file cannot be read.
-    """
-    topics = dict(table.topics)
-    try:
-        with open_plain(path) as stream:
-            pieces = Pieces(stream)
-            for chunk in chunks:
-                pieces.go_to(chunk.at)
-                yield chunk, messages_of(next(iter(pieces)), topics)
-    except (CutError, DamagedError) as error:  # since it was examined
-        raise DamagedRecordError(f"{path}: the record is damaged and is not trusted: {error}. {REMEDY}") from error
+            for raw in _trusted_records(stream, verdict, begin, end):
+                for record in records_of(raw):
+                    if isinstance(record, Channel):
+                        names[record.id] = record.topic
+                        if topics is None or topics(record.topic):
+                            wanted.add(record.id)
+                    elif isinstance(record, Message):
+                        if record.channel_id in wanted and begin <= record.log_time <= end:
+                            yield Found(names[record.channel_id], record.data, record.log_time, record.sequence)
+                        elif record.channel_id not in names:
+                            raise DamagedError(raw.at, f"channel {record.channel_id} of a message is not declared")
+    except (CutError, DamagedError) as error:  # changed since the examination, or damage within a chunk
+        raise _untrusted(path, str(error)) from error
     except OSError as error:
         raise UsageError(f"{path}: {error.strerror}") from error
 
 
 def attachment(path: Path, name: str, verdict: Verdict) -> bytes | None:
-    """The newest attachment of this name in a trusted file, or None.
+    """Return the newest attachment of this name in a trusted file, or None.
 
     Raises:
         UsageError: the file cannot be read.
     """
+    at = verdict.attachments.get(name)
+    if at is None:
+        return None
     try:
         with open_plain(path) as stream:
-            for at in reversed(verdict.attachments):
-                stream.seek(at)
-                opcode, length = HEAD.unpack(stream.read(HEAD.size))
-                head = stream.read(min(length, _ATTACHMENT_HEAD + len(name.encode())))
-                if opcode == ATTACHMENT and head[16:] == len(name.encode()).to_bytes(4, "little") + name.encode():
-                    if length > MOST_BYTES:
-                        return None
-                    rest = stream.read(length - len(head) - 4)
-                    start = 4 + int.from_bytes(rest[:4], "little") + 8  # after the media type and the size
-                    return rest[start:]
-    except (OSError, struct.error) as error:
-        raise UsageError(f"{path}: {error}") from error
-    return None
+            (found,) = records_of(raw_record_at(stream, at))
+    except (CutError, DamagedError) as error:
+        raise _untrusted(path, str(error)) from error
+    except OSError as error:
+        raise UsageError(f"{path}: {error.strerror}") from error
+    return bytes(found.data) if isinstance(found, Attachment) and found.name == name else None
 
 
-_ATTACHMENT_HEAD = 20
+def _untrusted(path: Path, why: str) -> DamagedRecordError:
+    return DamagedRecordError(f"{path}: the record is damaged and is not trusted: {why}. {REMEDY}")
 
 
-def messages_of(piece: TopLevelRecord, topics: dict[int, str]) -> Iterator[Found]:
-    """The messages of a top-level record; channels found in it are added to `topics` (number → topic).
-
-    Raises:
-        DamagedError: it holds something other than messages of known channels.
-    """
-    if piece.opcode == CHUNK:
-        offset = -1 if piece.compressed else piece.end - len(piece.content) - HEAD.size
-        for opcode, begin, end in records_of(piece.content, piece.at):
-            if opcode == MESSAGE:
-                yield _message(piece, begin, end, topics, -1 if offset < 0 else offset + begin)
-            elif opcode == CHANNEL:
-                _add_channel(piece, begin, end, topics)
-            elif opcode != SCHEMA:
-                raise DamagedError(piece.at, f"a chunk holds a record with the opcode {opcode}")
-    elif piece.opcode == CHANNEL:
-        _add_channel(piece, 0, len(piece.content), topics)
-    elif piece.opcode == MESSAGE:
-        yield _message(piece, 0, len(piece.content), topics, piece.at)
+def _trusted_records(stream: BinaryIO, verdict: Verdict, begin: int, end: int) -> Iterator[RawRecord]:
+    """Yield the chunks of an interval of time [ns] by the index; without one, every record up to `verdict.good`."""
+    if verdict.chunks is not None:
+        size = size_of(stream)
+        for chunk in verdict.chunks:
+            if chunk.oldest <= end and chunk.newest >= begin:
+                yield raw_record_at(stream, chunk.at, size)
+        return
+    for raw in raw_records(stream) if verdict.good > len(MAGIC) else ():
+        if raw.opcode in (Opcode.CHUNK, Opcode.CHANNEL, Opcode.MESSAGE):
+            yield raw
+        if raw.end >= verdict.good:
+            return
 
 
-def _message(piece: TopLevelRecord, begin: int, end: int, topics: dict[int, str], at: int) -> Found:
-    if end - begin < MESSAGE_HEAD.size:
-        raise DamagedError(piece.at, "a message is shorter than its header")
-    channel, _sequence, stamp, _published = MESSAGE_HEAD.unpack_from(piece.content, begin)
-    if channel not in topics:
-        raise DamagedError(piece.at, f"a message belongs to channel {channel}, which is not declared")
-    return Found(topics[channel], stamp, piece.content[begin + MESSAGE_HEAD.size : end], at)
+# ------------------------------------------------------------------------------------------------- examination
 
 
-def _add_channel(piece: TopLevelRecord, begin: int, end: int, topics: dict[int, str]) -> None:
-    if end - begin < _CHANNEL_HEAD.size:
-        raise DamagedError(piece.at, "a channel is shorter than its header")
-    channel, _schema, size = _CHANNEL_HEAD.unpack_from(piece.content, begin)
-    name = piece.content[begin + _CHANNEL_HEAD.size : begin + _CHANNEL_HEAD.size + size]
-    topics[channel] = name.decode(errors="replace")
+class _End(NamedTuple):
+    """End of a finished file: offset of the data's end, problem of a checksum, and whether one is missing."""
 
-
-def has_begun(path: Path, stream: BinaryIO) -> bool:
-    """Whether the file begins as MCAP; False when the process was killed before it wrote that. Rewinds the stream.
-
-    Raises:
-        UsageError: it is no MCAP file.
-    """
-    start = stream.read(len(MAGIC))
-    stream.seek(0)
-    if start != MAGIC and not MAGIC.startswith(start):
-        raise UsageError(f"{path}: not a record of a run: it is not an MCAP file")
-    return start == MAGIC
+    at: int
+    problem: str
+    unchecked: bool
 
 
 def _examined(path: Path, stream: BinaryIO) -> Verdict:
     if not has_begun(path, stream):
         return Verdict("cut off", "the file ends within its header")
-    pieces = Pieces(stream)
-    topics: dict[int, str] = {}
-    stamp, compressed, lost = 0, False, ""
-    attachments: list[int] = []
-    table = _TableMaker()
+    end = _end_of(stream)
+    sealed = end is not None and not end.problem and not end.unchecked and _library_of(stream) == LIBRARY
+    return _Walk(stream, len(MAGIC) if end is None or not sealed else end.at).verdict(end)
 
-    def verdict(state: str, why: str) -> Verdict:
-        made = table.made()
-        return Verdict(state, why, stamp / 1e9, pieces.at, pieces.checked, compressed, lost, tuple(attachments), made)
 
+def _end_of(stream: BinaryIO) -> _End | None:
+    """Compare the checksums of data and summary; None for a file without a complete end."""
+    size = size_of(stream)
     try:
-        for piece in pieces:
-            compressed |= piece.compressed
-            stamp = max(stamp, piece.stamp)
-            table.take(piece)
-            if piece.opcode in (CHANNEL, MESSAGE):  # a chunk's content is checked when it is read
-                for found in messages_of(piece, topics):
-                    stamp = max(stamp, found.stamp)
-            if piece.opcode == ATTACHMENT:
-                attachments.append(piece.at)
-            if piece.opcode == METADATA and REPAIR.encode() in piece.content[:40]:
-                lost = metadata_of(piece).get(REPAIR, {}).get("lost", lost)
-        good = verdict("whole", "")
-        pieces.pass_summary()
-    except CutError as error:
-        cut = _is_cut(stream, error.at)
-        if pieces.finished and cut:
-            return replace(good, state="cut off", why="its summary is missing")
-        if cut:
-            return verdict("cut off", f"the file ends after {error.at} bytes")
-        return verdict("damaged", str(DamagedError(error.at, "a record has a wrong length")))
-    except DamagedError as error:
-        if _zeros_from(stream, error.at):
-            return verdict("cut off", f"only zeros follow after {error.at} bytes, as after a power failure")
-        return verdict("damaged", f"{error}, at {stamp / 1e9:.2f} s of the run")
-    return replace(good, checked=pieces.checked)
+        tail = raw_record_at(stream, max(size - _TAIL, 0), size)
+        footer, closing = decode(tail), stream.read()
+        at = (footer.summary_start or tail.at) - HEAD.size - 4 if isinstance(footer, Footer) else size
+        data_end = decode(raw_record_at(stream, max(at, 0), size))
+    except (CutError, DamagedError):
+        return None
+    if closing != MAGIC or not isinstance(data_end, DataEnd) or not isinstance(footer, Footer):
+        return None
+    required = _library_of(stream) == LIBRARY
+    unchecked = False
+    for what, begin, end, written in (
+        ("data as a whole do", 0, at, data_end.data_section_crc),
+        ("summary does", at + HEAD.size + 4, size - len(MAGIC) - 4, footer.summary_crc),
+    ):
+        matches = crc_of(stream, begin, end) == written
+        if not matches and (required or written):
+            return _End(at, f"the {what} not match {'their' if begin == 0 else 'its'} checksum", False)
+        unchecked |= not matches
+    return _End(at, "", unchecked)
 
 
-class _TableMaker:
-    """Builds the table of a file's chunks from its top-level records."""
+def _library_of(stream: BinaryIO) -> str:
+    """Return the name of the library that wrote the file; empty if its header cannot be decoded."""
+    try:
+        header = decode(raw_record_at(stream, len(MAGIC)))
+    except (CutError, DamagedError):
+        return ""
+    return header.library if isinstance(header, Header) else ""
 
-    def __init__(self) -> None:
-        self._chunks: list[Chunk] = []
+
+class _Walk:
+    """Checks a file record by record: its summary alone if the checksums of the whole file match."""
+
+    def __init__(self, stream: BinaryIO, begin: int) -> None:
+        self._stream, self._begin, self._indexed = stream, begin, begin > len(MAGIC)
+        self._required = _library_of(stream) == LIBRARY
+        self._good, self._stamp, self._lost = begin, 0, ""
+        self._checked, self._data_ended = True, False
+        self._attachments: dict[str, int] = {}
         self._topics: dict[int, str] = {}
-        self._events = 0
-        self._chunk: TopLevelRecord | None = None  # whose indexes follow
-        self._indexed, self._usable = True, True
+        self._chunks: list[ChunkPlace] = []
 
-    def take(self, piece: TopLevelRecord) -> None:
-        """Take the next record."""
-        if piece.opcode == CHUNK:
-            self._usable &= self._indexed and not piece.compressed
-            self._chunks.append(Chunk(piece.at, piece.oldest, piece.stamp, self._events))
-            self._chunk, self._indexed = piece, False
-        elif piece.opcode == MESSAGE_INDEX and self._chunk is not None:
-            self._count(self._chunk, int.from_bytes(piece.content[:2], "little"), (len(piece.content) - 6) // 16)
-        elif piece.opcode == MESSAGE:
-            self._usable = False
-        else:
-            self._chunk = None
+    def verdict(self, end: _End | None) -> Verdict:
+        """Return the verdict; `end` is the result of `_end_of`."""
+        try:
+            for raw in raw_records(self._stream, self._begin):
+                self._take(raw, decode(raw))
+                self._good = raw.end
+                if raw.opcode == Opcode.FOOTER:
+                    break
+        except CutError as error:
+            return self._ended_within(error.at)
+        except DamagedError as error:
+            if only_zeros_follow(self._stream, error.at):
+                return self._made("cut off", f"only zeros follow after {error.at} bytes, as after a power failure")
+            return self._made("damaged", f"{error}, at {self._stamp / 1e9:.2f} s of the run")
+        if end is None:
+            self._stream.seek(self._good)
+            closing = self._stream.read(len(MAGIC))
+            if len(closing) < len(MAGIC) and MAGIC.startswith(closing):
+                return self._made("cut off", "its summary is missing")
+            return self._made("damaged", f"it does not end as an MCAP file (byte {self._good} of the file)")
+        if end.problem:
+            return self._made("damaged", f"{end.problem} (byte {end.at} of the file)")
+        self._checked &= not end.unchecked
+        return self._made("whole", "")
 
-    def made(self) -> ChunkTable | None:
-        """The table of the records taken; the last chunk may lack its indexes, since nothing is counted from them."""
-        return ChunkTable(tuple(self._chunks), self._topics) if self._usable and self._chunks else None
+    def _take(self, raw: RawRecord, record: McapRecord) -> None:
+        match record:
+            case Chunk():
+                self._stamp = max(self._stamp, record.message_end_time)
+                self._checked &= record.uncompressed_crc != 0
+                if self._required and record.uncompressed_crc == 0:
+                    raise DamagedError(raw.at, "a chunk does not match its checksum")
+            case Message():
+                self._stamp, self._checked = max(self._stamp, record.log_time), False
+            case Channel():
+                self._topics[record.id] = record.topic
+            case Attachment():
+                self._attachments[record.name] = raw.at
+            case Metadata() if record.name == REPAIR:
+                self._lost = record.metadata.get("lost", "")
+            case DataEnd():
+                self._data_ended = True
+            case ChunkIndex() if self._indexed:
+                self._stamp = max(self._stamp, record.message_end_time)
+                place = ChunkPlace(record.chunk_start_offset, record.message_start_time, record.message_end_time)
+                self._chunks.append(place)
+            case AttachmentIndex() if self._indexed:
+                self._attachments[record.name] = record.offset
+            case MetadataIndex() if self._indexed and record.name == REPAIR:
+                metadata = decode(raw_record_at(self._stream, record.offset))
+                self._lost = metadata.metadata.get("lost", "") if isinstance(metadata, Metadata) else ""
 
-    def _count(self, chunk: TopLevelRecord, channel: int, messages: int) -> None:
-        self._indexed = True
-        if channel not in self._topics:
-            try:
-                for opcode, begin, end in records_of(chunk.content, chunk.at):
-                    if opcode == CHANNEL:
-                        _add_channel(chunk, begin, end, self._topics)
-            except DamagedError:  # reported when the chunk is read
-                self._usable = False
-        self._events += messages if self._topics.get(channel) == EVENTS else 0
+    def _ended_within(self, at: int) -> Verdict:
+        """Return the verdict on a file that ends within a record: it was cut off, or the record's length is wrong."""
+        self._stream.seek(max(size_of(self._stream) - len(MAGIC), len(MAGIC)))
+        if self._stream.read() == MAGIC or next_chunk(self._stream, at + 1) is not None:
+            return self._made("damaged", str(DamagedError(at, "a record has a wrong length")))
+        return self._made(
+            "cut off", "its summary is missing" if self._data_ended else f"the file ends after {at} bytes"
+        )
 
-
-def _is_cut(stream: BinaryIO, at: int) -> bool:
-    """Whether a file that ends within a record was cut off there; otherwise the record's length is wrong."""
-    end = stream.seek(0, os.SEEK_END) - len(MAGIC)
-    if end >= len(MAGIC):
-        stream.seek(end)
-        if stream.read() == MAGIC:
-            return False
-    return next_chunk(stream, at + 1) is None
-
-
-def _zeros_from(stream: BinaryIO, at: int) -> bool:
-    stream.seek(at)
-    while piece := stream.read(1 << 20):
-        if piece.count(0) != len(piece):
-            return False
-    return True
-
-
-def metadata_of(piece: TopLevelRecord) -> dict[str, dict[str, str]]:
-    """The metadata of a record, by name; empty when it cannot be read."""
-    words: list[str] = []
-    place, content = 0, piece.content
-    while place + 4 <= len(content):
-        length = int.from_bytes(content[place : place + 4], "little")
-        words.append(content[place + 4 : place + 4 + length].decode(errors="replace"))
-        place += 4 + length + (4 if len(words) == 1 else 0)  # the name is followed by the map's length
-    return {words[0]: dict(zip(words[1::2], words[2::2], strict=False))} if words else {}
+    def _made(self, state: str, why: str) -> Verdict:
+        chunks = tuple(self._chunks) if self._indexed else None
+        t = self._stamp / 1e9
+        return Verdict(state, why, t, self._good, self._checked, self._lost, self._attachments, chunks, self._topics)

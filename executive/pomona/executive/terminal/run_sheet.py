@@ -62,7 +62,7 @@ def print_sheet(console: Screen, record: Path, run: Digest, summary: Summary) ->
 def _topics(record: Path) -> Table:
     counts: Counter[str] = Counter()
     sizes: Counter[str] = Counter()
-    for topic, content in scan(events_file(record)):
+    for topic, content, *_ in scan(events_file(record)):
         counts[topic] += 1
         sizes[topic] += len(content)
     table = Table(box=None, padding=(0, 3, 0, 2), header_style="dim")
