@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from pomona.drivers.errors import UnusableMesh
 from pomona.drivers.interfaces import Box, Hull, PathWatchSettings, Workspace
@@ -71,6 +70,8 @@ class MeshSection:
         Raises:
             UnusableMesh: the file holds no mesh that can be used.
         """
+        from scipy.spatial.transform import Rotation
+
         R: Float64 = Rotation.from_euler("xyz", self.rpy).as_matrix()
         return tuple(
             Hull(self.name, part.points @ R.T + self.at, part.normals @ R.T)

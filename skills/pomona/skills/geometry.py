@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from pomona.executive.values.arrays import Float64
 
@@ -66,6 +65,8 @@ def rot_z(angle: float) -> Float64:
 
 def angle_between(R_a: Float64, R_b: Float64) -> float:
     """The angle of the turn from one rotation to another, shapes (3, 3), from 0 to pi [rad]."""
+    from scipy.spatial.transform import Rotation
+
     return float(Rotation.from_matrix(R_a.T @ R_b).magnitude())
 
 

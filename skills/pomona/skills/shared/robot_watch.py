@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from pomona.drivers.interfaces import Arm, Gripper
 from pomona.executive.values.arrays import Float64
@@ -60,6 +59,8 @@ class RobotWatch:
         return BodiesView(tuple(bodies))
 
     def _poses(self, q: Float64, width: float) -> PosesView:
+        from scipy.spatial.transform import Rotation
+
         links = self._robot.link_poses(q)
         T = np.array([links[part.link] for part, _geoms in self._parts])
         slides = np.array([part.slide for part, _geoms in self._parts]) * (width - self._robot.width_min)

@@ -10,10 +10,11 @@ import numpy as np
 from pomona.drivers.interfaces import Arm, ArmLimits
 from pomona.executive.skill import Skill
 from pomona.skills.compiled_code import tell_the_first
-from pomona.skills.geometry import transform
+from pomona.skills.geometry import angle_between, rot_z, transform
 from pomona.skills.motion.collision import CollisionWorld
 from pomona.skills.motion.planning.arm_space import ArmSpace
 from pomona.skills.motion.planning.plan import PlanRequest, plan
+from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.motion.straight_line import straight_line
 
@@ -29,7 +30,12 @@ def warm_checks(description: Path) -> None:
     space.clearances(q[None])
     space.free_between(q, q)
     space.first_blocked(q[None])
-    straight_line(robot, q, robot.tcp(q) @ transform(None, [0.0, 0.0, 1e-3]))
+    T_base_goal = robot.tcp(q) @ transform(rot_z(1e-3), [0.0, 0.0, 1e-3])
+    line = straight_line(robot, q, T_base_goal)
+    angle_between(robot.tcp(q)[:3, :3], T_base_goal[:3, :3])
+    unit = np.ones(robot.dof)
+    limits = ArmLimits(robot.lower, robot.upper, unit, 10.0 * unit, 100.0 * unit)
+    time_curve(np.tile(line.q[:1], (4, 1)), 1e-3, limits, 0.1, 1.0, 10.0)
 
 
 @lru_cache(maxsize=8)

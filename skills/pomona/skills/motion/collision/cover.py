@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.robot import Geom
@@ -68,6 +67,8 @@ def cover(geom: Geom) -> Cover:
 
 def cover_points(points: Float64) -> Cover:
     """Cover the convex hull of points, shape (n, 3) [m]."""
+    from scipy.spatial import ConvexHull
+
     hull = ConvexHull(points)
     normals, offsets = hull.equations[:, :3], hull.equations[:, 3]
     corners = points[hull.vertices]

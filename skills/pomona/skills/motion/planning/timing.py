@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from pomona.drivers.interfaces import ArmLimits, Trajectory
 from pomona.executive.values.arrays import Float64
@@ -168,6 +167,8 @@ def time_curve(
         period: spacing of the samples [s].
         slow_end: length at the end of the curve [m], and the speed there [m/s].
     """
+    from scipy.interpolate import CubicSpline  # takes 0.3 s of the processor to load
+
     q = np.asarray(points, dtype=np.float64)
     if length < 1e-9:
         return time_polyline(q[:1], limits, period=period)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from pomona.executive.values.arrays import Float64, Int32
 from pomona.skills.motion.robot.description import Geom
@@ -21,6 +20,8 @@ def solid(geom: Geom) -> tuple[Float64, Int32]:
 
 def hull(points: Float64) -> tuple[Float64, Int32]:
     """The convex hull of points, shape (n, 3): its corners and its triangles, counter-clockwise from outside."""
+    from scipy.spatial import ConvexHull
+
     found = ConvexHull(points)
     number = np.full(len(points), -1)
     number[found.vertices] = np.arange(len(found.vertices))
