@@ -1,0 +1,405 @@
+"""Detaching a hanging fruit: draw it out lightly and roll the hand until its stem breaks.
+
+The hand draws the fruit with a small force by admittance and turns about its approach axis. The stem then breaks by
+bending, at a fraction of the force of a straight pull (docs/decisions/detach-by-rolling.md). One
+`DetachController` serves one grasp; it knows no device: each step takes what the pads feel and gives velocities.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from pomona.executive.values.arrays import Float64
+
+GRAVITY = 9.81  # [m/s²]
+
+BRUISE_FORCE, BRUISE_DIAMETER = 8.0, 0.076
+"""Pad force at which the flesh of a fruit of this diameter browns [N, m]; it grows with the square (Hertz)."""
+
+
+class DetachPhase(Enum):
+    """State of a detaching hand."""
+
+    CLOSE = "closing"
+    DRAW = "drawing"
+    ROLL = "rolling"
+    BACK = "moving back"
+    LET_BACK = "letting the branch back"
+    DONE = "done"
+
+
+@dataclass(frozen=True, slots=True)
+class DetachSettings:
+    """Numbers of the motion, from the probe in 76 simulated picks where nothing else is named.
+
+    Attributes:
+        touch: pad force that counts as contact [N]; first_grip: grip force of each pad before drawing [N].
+        closing, closing_touched: speed of the opening while closing, before and after the first contact [m/s].
+        yielding: speed of the hand along the finger axis per force difference of the pads while closing [m/s per N].
+        pull: force by which the fruit is drawn [N]; pull_time: time in which it grows [s].
+        outwards: direction of the pull in the base frame, from the wall to the robot and a little upwards, shape (3,).
+        admittance: speed per force error [m/s per N]; speed_max: of the hand [m/s].
+        roll_after: time of drawing before the hand turns [s]; roll_rate [rad/s]; roll_acceleration [rad/s²].
+        mu: assumed friction of the pads; grip_factor, grip_offset: grip force over needed force, and beyond it [N].
+        grip_share, grip_ceiling: share of the bruising force that the mean and the larger pad may reach.
+        grip_gain: closing speed per missing force [m/s per N]; grip_decay, carried_decay: rates at which
+            the force comes down before and after the break [N/s].
+        carry_acceleration: acceleration that a carried fruit must withstand [m/s²]; carry_factor: reserve on it.
+        loaded: stem force that must have been felt before a fall of it counts as a break [N].
+        broken_share, broken_force: a stem has broken when its force falls below this share of its recent maximum and
+            below this force [N].
+        recent: time over which that maximum is remembered [s].
+        jam_force, jam_force_saturated: net force of the pads that no stem needs, and while a sensor is at the end of
+            its range [N]; jam_time: time that it may last [s].
+        slip_width: loss of opening since the grip at which a fruit is slipping out [m].
+        lost_force: mean pad force below which nothing is held [N]; lost_time: for so long [s].
+        let_back_force: pads' force at which a branch that was drawn has come back [N].
+        back_distance, back_speed, back_acceleration: of the way to the robot after the break [m, m/s, m/s²].
+        closing_patience, patience: longest time of closing, and of all phases together [s].
+    """
+
+    touch: float = 0.2
+    first_grip: float = 2.0
+    closing: float = 0.06
+    closing_touched: float = 0.03
+    yielding: float = 0.004
+    pull: float = 3.0
+    pull_time: float = 0.3
+    outwards: tuple[float, float, float] = (0.0, 0.94, 0.34)
+    admittance: float = 0.006
+    speed_max: float = 0.12
+    roll_after: float = 0.4
+    roll_rate: float = np.pi / 2.0
+    roll_acceleration: float = 6.0
+    mu: float = 0.6
+    grip_factor: float = 1.3
+    grip_offset: float = 0.3
+    grip_share: float = 0.8
+    grip_ceiling: float = 0.88
+    grip_gain: float = 0.012
+    grip_decay: float = 2.0
+    carried_decay: float = 10.0
+    carry_acceleration: float = 4.0
+    carry_factor: float = 1.4
+    loaded: float = 1.2
+    broken_share: float = 0.5
+    broken_force: float = 1.0
+    recent: float = 0.12
+    jam_force: float = 14.0
+    jam_force_saturated: float = 4.0
+    jam_time: float = 0.06
+    slip_width: float = 0.008
+    lost_force: float = 0.15
+    lost_time: float = 0.06
+    let_back_force: float = 0.5
+    back_distance: float = 0.12
+    back_speed: float = 0.25
+    back_acceleration: float = 1.0
+    closing_patience: float = 2.0
+    patience: float = 10.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeldFruit:
+    """What is known of the fruit between the pads.
+
+    Attributes:
+        diameter: largest [m]; mass: estimated from it [kg].
+        p_base_knuckle: where the stem sits on its spur, shape (3,) [m].
+    """
+
+    diameter: float
+    mass: float
+    p_base_knuckle: Float64
+
+    @property
+    def bruise_force(self) -> float:
+        """Pad force at which the flesh browns [N]."""
+        return BRUISE_FORCE * (self.diameter / BRUISE_DIAMETER) ** 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DetachCommand:
+    """Velocities of one step.
+
+    Attributes:
+        velocity: of the TCP in the base frame, shape (3,) [m/s].
+        roll_rate: of the hand about its approach axis, counterclockwise about z [rad/s].
+        opening: rate of the gripper's opening, negative closes [m/s].
+    """
+
+    velocity: Float64
+    roll_rate: float
+    opening: float
+
+
+@dataclass(frozen=True, slots=True)
+class DetachProblem:
+    """Why a fruit was not detached: code, sentence and measured values."""
+
+    code: str
+    message: str
+
+
+class DetachController:
+    """Force, roll and grip of one detaching motion, stepped with what the pads feel.
+
+    Attributes:
+        phase: of the motion; problem: why it ends without a fruit, or None.
+        roll: angle so far [rad]; stem_force: estimate of the stem's force now [N]; stem_peak: its maximum [N].
+        broke_at: time of the detected break since the start [s], or None; roll_at_break [rad].
+    """
+
+    def __init__(self, fruit: HeldFruit, rolls: tuple[float, ...], settings: DetachSettings | None = None) -> None:
+        """
+        Args:
+            fruit: between the pads.
+            rolls: angles to try one after the other, signed [rad]; positive turns counterclockwise about the approach.
+            settings: numbers of the motion.
+        """
+        self.settings = settings if settings is not None else DetachSettings()
+        self.phase = DetachPhase.CLOSE
+        self.problem: DetachProblem | None = None
+        self.roll = self.stem_force = self.stem_peak = 0.0
+        self.broke_at: float | None = None
+        self.roll_at_break = 0.0
+        self._fruit, self._rolls = fruit, rolls
+        self._time = self._since = 0.0
+        self._rate = 0.0  # of the roll
+        self._attempt = 0
+        self._target = self.settings.first_grip
+        self._width_gripped = 0.0
+        self._lever = np.zeros(3)  # from the knuckle to the TCP, in the TCP's frame [m]
+        self._recent: list[tuple[float, float]] = []
+        self._jammed = self._empty = 0.0
+        self._moved_back = self._speed_back = 0.0
+        self._ending: DetachProblem | None = None
+
+    @property
+    def grip_target(self) -> float:
+        """Grip force that each pad shall have [N]."""
+        return self._target
+
+    @property
+    def grip_limit(self) -> float:
+        """Largest grip force that is asked for [N]."""
+        return self.settings.grip_share * self._fruit.bruise_force
+
+    def step(self, dt: float, wrenches: Float64, saturated: bool, T_base_tcp: Float64, width: float) -> DetachCommand:
+        """Advance by one period.
+
+        Args:
+            dt: period [s].
+            wrenches: of the fruit on the pads without the sensors' offset, as in `WrenchSample`, shape (2, 6).
+            saturated: whether a pad's sensor is at the end of its range.
+            T_base_tcp: of the hand, shape (4, 4).
+            width: opening of the gripper [m].
+        """
+        self._time += dt
+        press = -wrenches[:, 2]
+        force = _on_fruit(wrenches, T_base_tcp[:3, :3])
+        self._note_stem(force)
+        if self.phase is DetachPhase.CLOSE:
+            return self._close(press, T_base_tcp, width)
+        self._judge(dt, press, force, saturated, width)
+        if self.phase is DetachPhase.DONE:
+            return DetachCommand(np.zeros(3), 0.0, 0.0)
+        velocity = self._move(dt, force, T_base_tcp)
+        return DetachCommand(velocity, self._rate, self._grip(dt, wrenches))
+
+    def give_up(self, code: str, message: str) -> None:
+        """End the motion: let a branch that was drawn back, else stop."""
+        if self.phase in (DetachPhase.DRAW, DetachPhase.ROLL):
+            self._let_back(DetachProblem(code, message))
+        elif self.phase is DetachPhase.BACK:
+            self._end(None)
+        elif self.phase is DetachPhase.LET_BACK:
+            self._end(self._ending)
+
+    # ------------------------------------------------------------------------------------------- what is felt
+
+    def _note_stem(self, force: Float64) -> None:
+        """The stem carries what the pads do not: its force on the fruit is weight less the pads' force."""
+        weight = np.array([0.0, 0.0, GRAVITY * self._fruit.mass])
+        self.stem_force = float(np.linalg.norm(force - weight))
+        self._recent.append((self._time, self.stem_force))
+        self._recent = [each for each in self._recent if each[0] > self._time - self.settings.recent]
+
+    def _judge(self, dt: float, press: Float64, force: Float64, saturated: bool, width: float) -> None:
+        s = self.settings
+        most = s.jam_force_saturated if saturated else s.jam_force
+        jams = self.broke_at is None and np.linalg.norm(force) > most
+        self._jammed = self._jammed + dt if jams else 0.0
+        self._empty = self._empty + dt if press.mean() < s.lost_force else 0.0
+        if self._jammed > s.jam_time:
+            words = f"the pads feel {press[0]:.1f} and {press[1]:.1f} N, {np.linalg.norm(force):.1f} N in all"
+            self._end(DetachProblem("JAMMED", words))
+        elif self._empty > s.lost_time:
+            freed = self.broke_at is not None
+            code, words = ("LOST", "after the stem broke") if freed else ("SLIPPED", "before the stem broke")
+            self._end(DetachProblem(code, f"the fruit left the pads {words}"))
+        elif self.phase in (DetachPhase.DRAW, DetachPhase.ROLL):
+            self.stem_peak = max(self.stem_peak, self.stem_force)
+            most = max(each for _, each in self._recent)
+            if most > s.loaded and self.stem_force < min(s.broken_share * most, s.broken_force):
+                self.broke_at, self.roll_at_break = self._time, self.roll
+                self._enter(DetachPhase.BACK)
+            elif width < self._width_gripped - s.slip_width:
+                self._let_back(DetachProblem("SLIPPED", f"the opening fell by {1e3 * s.slip_width:.0f} mm"))
+            elif self._time > s.patience:
+                self._let_back(DetachProblem("NOTHING_BROKE", f"the stem held for {s.patience:.0f} s"))
+        elif self.phase is DetachPhase.BACK and self.stem_force > 2.0 * s.pull and self._moved_back > 0.02:
+            self.broke_at = None
+            self._moved_back = self._speed_back = 0.0
+            self._enter(DetachPhase.ROLL)
+
+    # --------------------------------------------------------------------------------------------- motions
+
+    def _close(self, press: Float64, T_base_tcp: Float64, width: float) -> DetachCommand:
+        s = self.settings
+        still = np.zeros(3)
+        if press.min() > s.touch:
+            missing = s.first_grip - float(press.mean())
+            if missing < 0.2 * s.first_grip:
+                self._width_gripped = width
+                self._lever = T_base_tcp[:3, :3].T @ (T_base_tcp[:3, 3] - self._fruit.p_base_knuckle)
+                self._enter(DetachPhase.DRAW)
+            return DetachCommand(still, 0.0, -float(np.clip(s.grip_gain * missing, -s.closing, s.closing)))
+        if self._time > s.closing_patience:
+            left, right = press
+            self._end(DetachProblem("NO_CONTACT", f"the pads feel {left:.1f} and {right:.1f} N after closing"))
+            return DetachCommand(still, 0.0, 0.0)
+        aside = s.yielding * float(press[0] - press[1]) * T_base_tcp[:3, 1]
+        return DetachCommand(aside, 0.0, -(s.closing_touched if press.max() > s.touch else s.closing))
+
+    def _move(self, dt: float, force: Float64, T_base_tcp: Float64) -> Float64:
+        s, since = self.settings, self._time - self._since
+        outwards, drawn = np.array(s.outwards), self._without_weight(force)
+        if self.phase is DetachPhase.BACK:
+            self._turn(dt, 0.0)
+            left = s.back_distance - self._moved_back
+            self._speed_back = min(self._speed_back + s.back_acceleration * dt, s.back_speed)
+            self._speed_back = min(self._speed_back, float(np.sqrt(max(2.0 * s.back_acceleration * left, 0.0))))
+            self._moved_back += self._speed_back * dt
+            if left < 2e-3:
+                self._end(None)
+            return self._speed_back * outwards / float(np.linalg.norm(outwards))
+        pull = s.pull * min(since / s.pull_time, 1.0) if self.phase is DetachPhase.DRAW else s.pull
+        if self.phase is DetachPhase.LET_BACK:
+            pull = 0.0
+            self._turn_to(dt, 0.0)
+            if (np.linalg.norm(drawn) < s.let_back_force and abs(self.roll) < 0.1) or since > s.closing_patience:
+                self._end(self._ending)
+        elif self.phase is DetachPhase.DRAW and since > s.roll_after:
+            self._enter(DetachPhase.ROLL)
+        elif self.phase is DetachPhase.ROLL:
+            self._turn_to(dt, self._rolls[self._attempt])
+            if abs(self.roll - self._rolls[self._attempt]) < 0.02:
+                self._attempt += 1
+                if self._attempt == len(self._rolls):
+                    self._attempt -= 1
+                    tried = " and ".join(f"{np.degrees(roll):.0f}°" for roll in self._rolls)
+                    self._let_back(DetachProblem("NOTHING_BROKE", f"the stem held rolls of {tried}"))
+        spin = self._rate * T_base_tcp[:3, 2]
+        carried = np.cross(spin, T_base_tcp[:3, :3] @ self._lever)
+        velocity = s.admittance * (pull * outwards - drawn)
+        together: Float64 = _shortened(velocity, s.speed_max) + _shortened(carried, s.speed_max)
+        return together
+
+    def _without_weight(self, force: Float64) -> Float64:
+        """Force of the pads that draws at the stem, once they carry the fruit while the branch is let back."""
+        if self.phase is not DetachPhase.LET_BACK:
+            return force
+        borne = min(max(float(force[2]), 0.0), GRAVITY * self._fruit.mass)
+        return np.asarray(force - np.array([0.0, 0.0, borne]), np.float64)
+
+    def _turn_to(self, dt: float, goal: float) -> None:
+        left = goal - self.roll
+        s = self.settings
+        wanted = np.sign(left) * min(s.roll_rate, float(np.sqrt(2.0 * s.roll_acceleration * abs(left))))
+        self._turn(dt, float(wanted))
+
+    def _turn(self, dt: float, wanted: float) -> None:
+        most = self.settings.roll_acceleration * dt
+        self._rate += float(np.clip(wanted - self._rate, -most, most))
+        self.roll += self._rate * dt
+
+    def _grip(self, dt: float, wrenches: Float64) -> float:
+        """Rate of the opening that brings the mean of the pads to the force that holds the larger load."""
+        s, press = self.settings, -wrenches[:, 2]
+        sideways = float(np.hypot(wrenches[:, 0], wrenches[:, 1]).max())
+        needed = max(s.grip_factor * sideways / s.mu + s.grip_offset, s.first_grip)
+        if self.broke_at is not None:
+            weight = self._fruit.mass * (GRAVITY + s.carry_acceleration)
+            needed = max(needed, s.carry_factor * weight / (2.0 * s.mu))
+        needed = min(needed, self.grip_limit)
+        decay = s.grip_decay if self.broke_at is None else s.carried_decay
+        self._target = max(needed, self._target - decay * dt)
+        missing = min(self._target - press.mean(), s.grip_ceiling * self._fruit.bruise_force - press.max())
+        return -float(np.clip(s.grip_gain * missing, -s.closing, s.closing))
+
+    # ---------------------------------------------------------------------------------------------- phases
+
+    def _enter(self, phase: DetachPhase) -> None:
+        self.phase, self._since = phase, self._time
+
+    def _let_back(self, problem: DetachProblem) -> None:
+        self._ending = problem
+        self._enter(DetachPhase.LET_BACK)
+
+    def _end(self, problem: DetachProblem | None) -> None:
+        self.problem = problem
+        self._enter(DetachPhase.DONE)
+
+
+def _on_fruit(wrenches: Float64, R_base_tcp: Float64) -> Float64:
+    """Net force of the pads on the fruit in the base frame, shape (3,) [N].
+
+    Pad frames: x along the approach, z out of the face: -y of the hand for the left pad, +y for the right one.
+    """
+    left, right = wrenches[0, :3], wrenches[1, :3]
+    on_pads: Float64 = np.array([right[1] - left[1], right[2] - left[2], left[0] + right[0]])
+    force: Float64 = -R_base_tcp @ on_pads
+    return force
+
+
+def _shortened(v: Float64, most: float) -> Float64:
+    """A vector, not longer than `most`."""
+    size = float(np.linalg.norm(v))
+    shortened: Float64 = v * min(1.0, most / max(size, 1e-12))
+    return shortened
+
+
+HAND_POINTS = np.array([[0.0, side, z] for side in (-1.0, 1.0) for z in (0.0, -0.025, -0.05, -0.075)])
+"""Points along both fingers in the TCP's frame: y in half openings, z in metres."""
+FINGER_BESIDE, FINGER_RADIUS = 0.0075, 0.013
+"""Distance of a finger's middle from its pad's face, and radius that encloses its section [m]."""
+
+
+def roll_clearance(
+    T_base_grasp: Float64, roll: float, width: float, p_base_knuckle: Float64, neighbours: Float64
+) -> float:
+    """Return the least distance between fingers and neighbours while the hand rolls about the knuckle [m].
+
+    Args:
+        T_base_grasp: of the TCP, shape (4, 4).
+        roll: angle about the approach [rad].
+        width: opening [m].
+        p_base_knuckle: where the stem sits on its spur, shape (3,) [m].
+        neighbours: positions and radii in the base frame, shape (n, 4) [m]. Negative distances are overlaps.
+    """
+    if not len(neighbours):
+        return float("inf")
+    scale = np.array([1.0, width / 2.0 + FINGER_BESIDE, 1.0])
+    points = (HAND_POINTS * scale) @ T_base_grasp[:3, :3].T + T_base_grasp[:3, 3] - p_base_knuckle
+    axis = T_base_grasp[:3, 2]
+    least = np.inf
+    for share in np.linspace(0.0, 1.0, 9):
+        c, s = np.cos(share * roll), np.sin(share * roll)
+        turned = points * c + np.cross(axis, points) * s + np.outer(points @ axis, axis) * (1.0 - c) + p_base_knuckle
+        apart = np.linalg.norm(turned[:, None] - neighbours[None, :, :3], axis=2) - neighbours[None, :, 3]
+        least = min(least, float(apart.min()) - FINGER_RADIUS)
+    return least

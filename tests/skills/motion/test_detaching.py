@@ -1,0 +1,159 @@
+"""The detaching controller on the law of the wall alone: a fruit in the pads, a stem that bends, a springy branch."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pomona.drivers.orchard.reachable import grasp_pose
+from pomona.skills.motion.detaching import (
+    BRUISE_FORCE,
+    FINGER_BESIDE,
+    FINGER_RADIUS,
+    DetachController,
+    DetachPhase,
+    HeldFruit,
+    roll_clearance,
+)
+from tests.skills.hanging_stem import DIAMETER, DT, LEVER, MASS, STRONG, WEAK, G, Stem
+
+
+def controller(stem, rolls=(2.4, -2.4)):
+    return DetachController(HeldFruit(DIAMETER, MASS, stem.rest), rolls)
+
+
+def detach(stem, rolls=(2.4, -2.4), limit=20.0, each=lambda control: None):
+    control = controller(stem, rolls)
+    while control.phase is not DetachPhase.DONE and stem.time < limit:
+        each(control)
+        stem.move(control.step(DT, stem.wrenches(), stem.saturated, stem.T, stem.width))
+    assert control.phase is DetachPhase.DONE
+    return control
+
+
+@pytest.mark.parametrize("branch", [60.0, 150.0, 500.0])
+def test_a_roll_breaks_the_stem_at_a_fraction_of_its_strength(branch):
+    stem = Stem(branch=branch)
+    control = detach(stem)
+    assert control.problem is None
+    assert abs(np.degrees(control.roll_at_break)) < 100.0
+    assert stem.stem < 6.0 < 0.2 * WEAK[0]
+
+
+def test_the_break_is_detected_within_a_period():
+    stem = Stem()
+    control = detach(stem)
+    assert 0.0 <= control.broke_at - stem.broken <= DT + 1e-9
+
+
+def test_after_the_break_the_hand_goes_back_towards_the_robot_and_keeps_the_weight():
+    stem, places = Stem(), []
+    control = detach(stem, each=lambda control: places.append((control.phase, stem.T[:3, 3].copy())))
+    back = [p for phase, p in places if phase is DetachPhase.BACK]
+    moved = back[-1] - back[0]
+    assert np.linalg.norm(moved) == pytest.approx(0.12, abs=0.02)
+    assert moved[1] > 0.9 * np.linalg.norm(moved)
+    assert stem.presses[-1].mean() == pytest.approx(control.grip_target, rel=0.15)
+    assert control.grip_target >= 0.99 * 1.4 * MASS * (G + 4.0) / (2.0 * 0.6)
+
+
+def test_a_strong_stem_is_rolled_both_ways_and_let_back_slowly():
+    stem, rolls = Stem(STRONG, bending=0.01), []
+    control = detach(stem, each=lambda control: rolls.append(control.roll))
+    assert control.problem.code == "NOTHING_BROKE"
+    assert (max(rolls), min(rolls)) == pytest.approx((2.4, -2.4), abs=0.05)
+    assert abs(control.roll) < 0.25
+    assert np.linalg.norm(stem.force()[0]) < 2.5
+    assert np.linalg.norm(stem.T[:3, 3] + [0.0, 0.0, LEVER] - stem.rest) < 0.02
+
+
+def test_the_other_way_round_comes_second():
+    stem, rolls = Stem(STRONG, bending=0.01), []
+    detach(stem, (-1.0, 0.5), each=lambda control: rolls.append(control.roll))
+    assert np.argmin(rolls) < np.argmax(rolls)
+
+
+def test_a_fruit_that_leaves_the_pads_before_the_break_has_slipped():
+    stem = Stem(STRONG)
+    stem.gone = False
+
+    def slip(control):
+        stem.gone = control.phase is DetachPhase.ROLL and abs(control.roll) > 0.5
+
+    assert detach(stem, each=slip).problem.code == "SLIPPED"
+
+
+def test_a_fruit_on_its_way_out_of_the_pads_ends_the_pull_while_it_is_still_held():
+    stem, thinner = Stem(STRONG), []
+
+    def thin(control):
+        if control.phase is DetachPhase.ROLL:
+            thinner.append(control.phase)
+            stem.diameter -= 5e-4
+
+    control = detach(stem, each=thin)
+    assert control.problem.code == "SLIPPED"
+    assert DIAMETER - stem.diameter < 0.012
+    assert thinner
+
+
+def test_a_fruit_that_leaves_the_pads_after_the_break_is_lost():
+    stem = Stem()
+
+    def lose(control):
+        stem.gone = control.phase is DetachPhase.BACK
+
+    assert detach(stem, each=lose).problem.code == "LOST"
+
+
+@pytest.mark.parametrize(("pads", "saturated", "code"), [((9.0, 1.0), True, "JAMMED"), ((7.0, 6.5), True, None)])
+def test_a_pad_that_meets_wood_is_a_jam_within_a_tenth_of_a_second(pads, saturated, code):
+    """A sensor at the end of its range is none while both pads press alike."""
+    stem, began = Stem(), []
+    control, wood = controller(stem), np.zeros((2, 6))
+    wood[:, 2] = -np.array(pads)
+    while control.phase is not DetachPhase.DONE and len(began) < 5:
+        rolling = control.phase is DetachPhase.ROLL
+        if rolling:
+            began.append(stem.time)
+        stem.move(control.step(DT, wood if rolling else stem.wrenches(), rolling and saturated, stem.T, stem.width))
+        if control.problem is not None:
+            break
+    assert (control.problem.code if control.problem else None) == code
+    assert code is None or stem.time - began[0] < 0.1
+
+
+def test_pads_that_meet_nothing_end_with_no_contact():
+    stem = Stem()
+    stem.gone = True
+    assert detach(stem).problem.code == "NO_CONTACT"
+
+
+def test_no_pad_presses_harder_than_its_ceiling():
+    stem = Stem(np.array([1e3, 1e3, 1e3, 1e3]), branch=400.0)
+    detach(stem)
+    assert np.max(stem.presses) < BRUISE_FORCE
+
+
+def test_the_hand_follows_the_pad_that_touches_first():
+    stem = Stem()
+    control = controller(stem)
+    w = np.zeros((2, 6))
+    w[0, 2] = -1.0
+    command = control.step(DT, w, False, stem.T, DIAMETER + 0.01)
+    assert command.velocity @ stem.T[:3, 1] == pytest.approx(0.004)
+
+
+def test_the_clearance_of_a_roll_is_the_fingers_distance_at_its_worst():
+    T = grasp_pose(np.array([0.0, -0.6, 0.4]), 0.0, 0.0, 0.0)
+    side, knuckle = T[:3, 1], T[:3, 3]
+    radius = 0.03
+    half = 0.08 / 2.0 + FINGER_BESIDE
+    beside = np.array([[*(T[:3, 3] + 0.10 * side), radius]])
+    expected = 0.10 - half - radius - FINGER_RADIUS
+    assert roll_clearance(T, 0.0, 0.08, knuckle, beside) == pytest.approx(expected)
+    up = np.cross(T[:3, 2], side)
+    above = np.array([[*(T[:3, 3] + 0.10 * up), radius]])
+    assert roll_clearance(T, np.pi / 2.0, 0.08, knuckle, above) == pytest.approx(expected)
+    assert roll_clearance(T, 0.0, 0.08, knuckle, above) > expected + 0.02
+    assert roll_clearance(T, 1.0, 0.08, knuckle, np.zeros((0, 4))) == np.inf
