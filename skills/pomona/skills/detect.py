@@ -22,7 +22,7 @@ SAME_FRUIT = 0.04
 
 
 class Detected(Outputs):
-    """What Detect gives."""
+    """Outputs of Detect."""
 
     detection: Detection
 
@@ -30,9 +30,9 @@ class Detected(Outputs):
 class Detect(LookingSkill):
     """Find the fruit in the camera's newest frame and choose one as the target.
 
-    A fruit that this node chose before is chosen again only when `reselect` allows it: that the tree comes back here
-    means that it did not work out. With `never`, `max_selections` says how often one fruit is chosen, those chosen less
-    often first. From its second look on it may choose what it doubts (`fallback_score`), when nothing surer is new.
+    A fruit that this node chose before is chosen again only when `reselect` allows it, since a return to this node
+    means that the attempt failed. With `never`, each fruit is chosen at most `max_selections` times, those chosen less
+    often first. From the second look on, `fallback_score` replaces `score` when no surer new fruit is left.
     """
 
     failures = (*LOOKING_FAILURES, "LOW_CONFIDENCE", "POSE_UNSOLVED")
@@ -157,7 +157,7 @@ class Detect(LookingSkill):
         max_selections: int,
         score: float,
     ) -> int:
-        """The target's index among the instances; fails with why there is none."""
+        """Return the target's index among the instances; fails with the reason without one."""
 
         def none(code: str, sentence: str) -> SkillFailure:
             best = max((instance.score for instance in instances), default=0.0)
@@ -191,7 +191,7 @@ class Detect(LookingSkill):
         return order[0]
 
     def _sure_and_new(self, instances: list[Instance], frame: Frame, T_base_camera: Float64, score: float) -> bool:
-        """Whether a fruit can be chosen that has not been before."""
+        """Return True if a fruit with this score has not been chosen before."""
         return any(
             instance.score >= score
             and instance.T_camera_object is not None

@@ -12,7 +12,7 @@ from pomona.skills.shared.looking import LOOKING_FAILURES, LookingSkill, picture
 
 
 class AllDetected(Outputs):
-    """What DetectAll gives."""
+    """Outputs of DetectAll."""
 
     all: AllDetections
 

@@ -157,12 +157,12 @@ def _read(file: Path) -> Any:
     data = np.frombuffer(content, np.uint8)
     try:
         return cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size and not is_cut_off(content) else None
-    except cv2.error:  # a picture that says it is larger than any memory
+    except cv2.error:  # the header gives a size beyond memory
         return None
 
 
 def find_fruit(detector: CompactDetector, colour: UInt8) -> list[FoundFruit]:
-    """All fruit in a picture (h, w, 3) uint8 RGB of a camera that nobody knows: boxes and scores hold, poses do not."""
+    """All fruit in a picture (h, w, 3) uint8 RGB of an unknown camera: boxes and scores hold, poses do not."""
     height, width = colour.shape[:2]
     K = np.array([[width, 0.0, 0.5 * width], [0.0, width, 0.5 * height], [0.0, 0.0, 1.0]])
     return detector.find(np.ascontiguousarray(colour), K)

@@ -1,4 +1,4 @@
-"""What skills share that look for fruit in a frame."""
+"""Base of the skills that find fruit in a frame."""
 
 from __future__ import annotations
 
@@ -263,6 +263,6 @@ def picture(
 
 
 def _training(fruit: str, model: FruitModel) -> str:
-    """The command that makes weights for a fruit of this name or path, and how a tree says that it means them."""
+    """Return the command that makes weights for a fruit of this name or path, and the port that takes them."""
     weights = f"{model.name}{ENDING}"
     return f"pomona train detect --fruit {fruit} --out {weights}, then wire 'weights: {weights}' beside 'fruit'"

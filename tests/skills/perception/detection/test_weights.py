@@ -94,7 +94,7 @@ def test_networks_of_other_widths_load_as_wide_as_they_were_saved(tmp_path: Path
     for widths in ([8, 12], [8, 12, 16, -1], [8, 12, 16, 10**9], None, ["a", 1, 1, 1]):
         content["widths"]["finder"] = widths
         torch.save(content, tmp_path / "small.pt")
-        with pytest.raises(BadWeights, match="how wide its networks are"):
+        with pytest.raises(BadWeights, match="has no usable widths of its networks"):
             load_compact(tmp_path / "small.pt")
 
 

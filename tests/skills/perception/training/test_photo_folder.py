@@ -104,7 +104,7 @@ MISTAKES = [
     (
         yolo,
         _remove("train/labels/a_0.txt"),
-        r"images: has 1 without a file in labels/: a_0 \(an empty file says: no fruit\)",
+        r"images: has 1 without a file in labels/: a_0 \(an empty file: no fruit\)",
     ),
     (yolo, _remove("train/images/a_0.jpg"), r"labels: has 1 without a picture in images/: a_0\.txt"),
     (

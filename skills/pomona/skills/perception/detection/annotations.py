@@ -30,9 +30,9 @@ class AnnotatedObject:
         visibility: part of its silhouette that is seen, 0..1.
         T_camera_object: its pose [m].
         keypoints: corners 0..7 and centroid, (9, 2) [px].
-        scale: size against the CAD model; 1 when the file does not say.
-        dimensions: true cuboid [m], None when the file does not say.
-        box: x, y, w, h of the visible pixels [px], None when the file does not say.
+        scale: size against the CAD model; 1 without it in the file.
+        dimensions: true cuboid [m], None without it in the file.
+        box: x, y, w, h of the visible pixels [px], None without it in the file.
     """
 
     name: str
@@ -46,11 +46,11 @@ class AnnotatedObject:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Annotation:
-    """What is known about one picture.
+    """Annotation of one picture.
 
     Attributes:
-        width, height: picture size [px]; 0 when the file does not say.
-        camera: fx, fy, cx, cy [px]; 0 when the file does not say.
+        width, height: picture size [px]; 0 without it in the file.
+        camera: fx, fy, cx, cy [px]; 0 without it in the file.
         objects: the fruit.
         decoys: u, v, radius of things that are no fruit [px]; training takes hard negatives from them.
         scene: kind of scene, for the tables of a report.
@@ -148,7 +148,7 @@ def _object(item: dict[str, Any]) -> AnnotatedObject:
 def _metres(item: dict[str, Any]) -> float:
     """Metres of one unit of an object's location.
 
-    The files name no unit. Where they hold the cuboid's corners in space, its extent tells; else the distance.
+    The files name no unit. The unit follows from the extent of the cuboid's corners in space, else from the distance.
     """
     if "cuboid" in item:
         corners = np.asarray(item["cuboid"], np.float64).reshape(-1, 3)

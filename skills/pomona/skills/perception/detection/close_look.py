@@ -1,8 +1,8 @@
-"""The second look: a virtual camera turned to one fruit, and what is seen through it.
+"""The second look: the view of a virtual camera turned to one fruit.
 
-The look is not cut out of the picture but seen by a camera that stands where the real one does, is turned to the fruit
-and zoomed to its size. A round fruit off the picture's middle is drawn out by up to a fifth; turned to, it is round,
-and its stem axis appears the same wherever in the picture it lies.
+The virtual camera has the real one's place, is turned to the fruit and zoomed to its size; a plain crop would not do.
+Away from the picture's middle a round fruit appears up to a fifth longer than wide; in the turned view it is round,
+and its stem axis appears the same at every place in the picture.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ REFERENCE_LENGTH = 0.0633
 """Length whose picture is called a fruit's size [m]; about the mean projected distance of the CAD apple's corners."""
 
 OUTLINE_RADIUS = 0.046
-"""Radius of a CAD-sized fruit's outline [m]: what a near camera sees of it is the cone that touches it."""
+"""Radius of a CAD-sized fruit's outline [m]: from near, its outline is the cone that touches the fruit."""
 
 SIZE_OF_BOX = 0.64
 """Apparent size of a whole fruit over its box's longer side: 0.636 in 242 rendered looks (standard deviation 0.015),
@@ -58,7 +58,7 @@ class VirtualCamera:
         return homography
 
     def label(self, T_camera_object: Float64, scale: float) -> Float64:
-        """What a perfect network would say of a fruit: centre and log size in half sides and stem axis, (6,)."""
+        """Return the label of a fruit: centre and log size in half sides, and stem axis, (6,)."""
         p_look = self.R_camera_look.T @ T_camera_object[:3, 3]
         stem_look = self.R_camera_look.T @ T_camera_object[:3, :3] @ STEM_AXIS
         distance = float(np.linalg.norm(p_look))
@@ -71,7 +71,7 @@ class VirtualCamera:
         return label
 
     def place(self, label: Float64) -> tuple[Float64, Float64]:
-        """Centre of a CAD-sized fruit and stem axis in the real camera's frame, from what the network says.
+        """Return centre of a CAD-sized fruit and stem axis in the real camera's frame, from the network's output.
 
         Args:
             label: as `label` gives it, (6,); the axis may have any length.
@@ -90,12 +90,12 @@ class VirtualCamera:
 
 
 def look_at(K: Float64, centre: Float64, size: float, roll: float = 0.0) -> VirtualCamera:
-    """The camera turned to a fruit.
+    """Return the camera turned to a fruit.
 
     Args:
         K: of the real camera (3, 3) [px].
-        centre: where the fruit's centroid is thought to be, (2,) [px].
-        size: what `REFERENCE_LENGTH` measures there [px of the picture], at least 2 counts.
+        centre: estimated centroid of the fruit, (2,) [px].
+        size: length of `REFERENCE_LENGTH` there [px of the picture]; less than 2 counts as 2.
         roll: turn of the look about its own optical axis [rad].
     """
     ray = np.array([(centre[0] - K[0, 2]) / K[0, 0], (centre[1] - K[1, 2]) / K[1, 1], 1.0])

@@ -43,7 +43,7 @@ from pomona.skills.perception.detection.weights_file import (
 
 MIRROR = np.ones(CLOSE_LOOK_OUTPUTS)
 MIRROR[[CENTRE.start, AXIS.start]] = -1.0
-"""What the close look says of a mirrored picture, times this, is true of the picture."""
+"""Factors from the close look's output for a mirrored picture to that for the picture."""
 
 BATCH = 16
 """Looks that go through the network at once: more no longer fit into the processor's cache, and each takes longer."""
@@ -83,7 +83,7 @@ class CompactDetector:
         return cls(finder, close_look, options, stored.scores)
 
     def looking(self, options: DetectorOptions) -> CompactDetector:
-        """The same networks with other options."""
+        """Return a detector of the same networks with other options."""
         other = copy.copy(self)
         other.options = options
         return other
@@ -96,7 +96,7 @@ class CompactDetector:
         self._look(blank, K, [(K[:2, 2], 40.0)], self.options.mirrored)
 
     def find(self, colour: UInt8, K: Float64) -> list[FoundFruit]:
-        """All fruit in a picture, by falling score.
+        """Find all fruit in a picture, by falling score.
 
         Args:
             colour: (h, w, 3) uint8 RGB.
@@ -118,7 +118,7 @@ class CompactDetector:
     def look(
         self, colour: UInt8, K: Float64, hopeless: float | None = None
     ) -> tuple[list[Proposal], list[FoundFruit], Float64]:
-        """Every place that the finder proposes, the fruit there, and the logits of which its score is made, (n, 4).
+        """Return the finder's places, the fruit there, and the logits of their scores, (n, 4).
 
         Args:
             colour: (h, w, 3) uint8 RGB.
@@ -169,7 +169,7 @@ class CompactDetector:
         return found
 
     def places(self, colour: UInt8, threshold: float) -> list[Proposal]:
-        """Places that the finder proposes, by falling score of its own, in pixels of the picture.
+        """Return the finder's places by its own falling score, in pixels of the picture.
 
         Raises:
             BadFrame: another shape or type.
@@ -179,7 +179,7 @@ class CompactDetector:
         return [place.scaled(factor) for place in read_places(maps, width, colour.shape[0] / factor, threshold)]
 
     def heat_map(self, colour: UInt8) -> Float32:
-        """The finder's heat, 0..1, in cells of the finder's input, (h, w).
+        """Return the finder's heat, 0..1, in cells of the finder's input, (h, w).
 
         Raises:
             BadFrame: another shape or type.

@@ -1,4 +1,4 @@
-"""What Detect says about one fruit in one frame."""
+"""Detections: the output of Detect and DetectAll."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class DopeDetector:
         return cls(load_weights(files.weights), config, entry.dimensions)
 
     def find_instances(self, colour: NDArray[np.uint8], K: Float64) -> list[Instance]:
-        """All objects of a picture with their poses, by falling belief.
+        """Find all objects of a picture with their poses, by falling belief.
 
         Args:
             colour: (h, w, 3) uint8 RGB.
@@ -66,7 +66,7 @@ class DopeDetector:
             try:
                 solved = solve_pose(keypoints, self._dimensions, K)
             except PoseUnsolved as error:
-                # What was found is drawn; what was not lies at the centroid.
+                # Keypoints without a peak are drawn at the centroid.
                 drawn = np.where(np.isfinite(keypoints), keypoints, keypoints[8])
                 instances.append(Instance(drawn, _belief(one.score), _seen(keypoints), None, None, str(error)))
                 continue
@@ -81,5 +81,5 @@ def _belief(score: float) -> float:
 
 
 def _seen(keypoints: Float64) -> float:
-    """The part of the corners that were found stands for how much is seen, which DOPE does not say."""
+    """Return the ratio of corners with a peak: DOPE estimates no visibility."""
     return float(np.isfinite(keypoints[:8]).all(axis=1).mean())

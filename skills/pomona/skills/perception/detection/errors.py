@@ -1,4 +1,4 @@
-"""What can go wrong in detection outside the tree.
+"""Errors of detection outside the tree.
 
 DetectError
 ├── BadFrame         a picture of the wrong shape or type

@@ -107,7 +107,7 @@ class Evaluation:
         return scores[needed - 1] if needed <= len(scores) else None
 
     def judged(self) -> tuple[Float64, NDArray[np.bool_]]:
-        """Scores of all detections, and whether each is of a fruit, however visible; (n,) each."""
+        """Return scores of all detections, and which are of a fruit of any visibility; (n,) each."""
         scores = np.array([*(match.score for match in self.matches), *self.wrong], np.float64)
         return scores, np.arange(len(scores)) < len(self.matches)
 

@@ -1,4 +1,4 @@
-"""The finder: where fruit is in a picture, and the box around what is visible of each.
+"""The finder: places of fruit in a picture, and the box around the visible part of each.
 
 EfficientNet-Lite0 (Tan and others, 2020; stages 1 to 6 of it) as trunk, a pyramid of features above it (Lin and
 others, 2017), and heads as in CenterNet (Zhou and others, 2019): a heat map with one peak per fruit, the reaches of its
@@ -123,7 +123,7 @@ class FinderNetwork(nn.Module):
     """Heat, box and box quality for every cell of 4 × 4 pixels.
 
     Input (n, 3, h, w) in 0..1 minus 0.5, RGB, h and w multiples of 32. Output (n, 6, h/4, w/4), rows as named in
-    `outputs`: logit of the heat; logarithms of how far the box of what is visible reaches from the cell's middle to the
+    `outputs`: logit of the heat; logarithms of the reaches of the visible part's box from the cell's middle to the
     left, up, right and down [cells]; logit of the box's expected intersection over union.
     """
 

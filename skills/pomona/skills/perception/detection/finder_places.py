@@ -1,4 +1,4 @@
-"""Reads the finder's maps: the places where it proposes fruit."""
+"""Places of fruit in the finder's maps."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Proposal:
     """A box in which the finder proposes fruit.
 
     Attributes:
-        box: around what is visible of it, x, y, w, h (4,) [px].
+        box: around its visible part, x, y, w, h (4,) [px].
         heat: of the peak, logit.
         quality: expected intersection over union of the box, logit.
     """

@@ -16,16 +16,15 @@ class FoundFruit:
     """One fruit in a picture.
 
     Attributes:
-        p_camera: centre of a CAD-sized fruit that looks like this one, in the camera frame, (3,) [m].
+        p_camera: centre of a CAD-sized fruit of the same appearance, in the camera frame, (3,) [m].
         stem: stem axis in the camera frame, unit vector (3,).
-        centre: where the picture shows the centre [px].
-        size: what `REFERENCE_LENGTH` of a CAD-sized fruit measures in the picture [px].
-        spreads: mean errors of centre [px], of the logarithm of size, and of the axis [rad], as the network expects
-            them, (3,).
-        score: belief that this is fruit, 0..1: geometric mean of the finder's and the close look's, and over looks, as
-            the weights' `ScoreMap` reads it.
+        centre: the centre in the picture [px].
+        size: length of `REFERENCE_LENGTH` of a CAD-sized fruit in the picture [px].
+        spreads: mean errors of centre [px], of the logarithm of size, and of the axis [rad] that the network expects,
+            (3,).
+        score: estimated ratio of fruit among such detections, 0..1, by the weights' score.
         visibility: part of its silhouette that is seen, 0..1, as the network estimates it.
-        box: around what is seen of it, x, y, w, h (4,) [px], inside the picture; None with weights that know no boxes.
+        box: around its visible part, x, y, w, h (4,) [px], inside the picture; None with weights without boxes.
     """
 
     p_camera: Float64

@@ -1,4 +1,4 @@
-"""What a picture must be before a network sees it."""
+"""Form of the pictures that networks take."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ LEAST_SIDE = 32
 
 
 def check_picture(colour: object) -> None:
-    """Refuse what is not an RGB picture.
+    """Refuse a value that is no RGB picture.
 
     Raises:
         BadFrame: not an array of shape (h, w, 3), uint8, at least 32 px on each side.

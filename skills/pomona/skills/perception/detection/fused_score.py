@@ -1,6 +1,6 @@
 """One score from the answers of both networks: a fitted net over heat, box quality and the close look's kind.
 
-Products of powers of these always cost one domain several points of recall: heat is certain on photographs, kind on
+Products of powers of these cost one domain several points of recall: heat separates better on photographs, kind on
 rendered frames. A net of a few units serves both with one threshold (docs/decisions/detect-photographs.md).
 """
 

@@ -23,12 +23,12 @@ class Instance:
 
     Attributes:
         keypoints: (9, 2) [px].
-        score: belief that it is fruit, 0..1.
+        score: estimated ratio of fruit among such detections, 0..1.
         T_camera_object: pose of the CAD-sized model; None when the keypoints of DOPE's full network gave none.
         covariance: of (rotation vector, translation) in the camera frame, (6, 6); None without a pose.
         visibility: part of its silhouette that is seen, 0..1, as estimated; NaN without an estimate.
         problem: why there is no pose; empty otherwise.
-        box: around what is seen, x, y, w, h (4,) [px]; None with weights that know no boxes.
+        box: around its visible part, x, y, w, h (4,) [px]; None with weights without boxes.
     """
 
     keypoints: Float64

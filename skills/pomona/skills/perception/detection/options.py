@@ -1,4 +1,4 @@
-"""How fruit is looked for: the compact detector's options, a DOPE user's own files, or a detector of boxes."""
+"""Ways to find fruit: the compact detector's options, a DOPE user's own files, or a detector of boxes."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ WORKING_WIDTH = 320
 
 @dataclass(frozen=True, slots=True)
 class DetectorOptions:
-    """How the compact detector looks.
+    """Options of the compact detector.
 
     Attributes:
-        finder_threshold: least score of the finder for which a place is looked at closely.
-        looks: how often each fruit is looked at closely; every further look is centred by the one before.
+        finder_threshold: least score of the finder for a place that gets a close look.
+        looks: close looks at each fruit; every further look is centred by the one before.
         mirrored: the last look is taken in a mirror too, and the mean of both answers is used.
         most_fruit: places that get a second look, strongest first.
         apart: two fruit are at least this part of the larger one's keypoint size apart.
@@ -33,7 +33,7 @@ class DetectorOptions:
 
 @dataclass(frozen=True, slots=True)
 class DopeFiles:
-    """A published network and what it was configured with.
+    """A published network and its configuration.
 
     Attributes:
         weights: checkpoint of the full network.

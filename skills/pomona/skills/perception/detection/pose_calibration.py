@@ -1,4 +1,4 @@
-"""Whether the covariance of a detected pose is true: how often the ellipsoids that it draws hold the known pose."""
+"""Calibration of pose covariances: ratio of known poses inside the ellipsoids of detected ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the processor can do."""
+"""Capabilities of the processor."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ CPU_FLAGS = Path("/proc/cpuinfo")
 
 @lru_cache(maxsize=1)
 def has_bfloat16() -> bool:
-    """Whether the processor multiplies matrices of bfloat16 (AMX); elsewhere that is slower than float32.
+    """Return True if the processor multiplies matrices of bfloat16 (AMX); others are slower with it than with float32.
 
     With AVX-512's own bfloat16 and no AMX, finder and eight looks took 48 and 52 ms, in float32 38 and 36 ms.
     """

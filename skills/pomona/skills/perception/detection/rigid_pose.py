@@ -1,4 +1,4 @@
-"""Pose, covariance and keypoints of a fruit from what the close look says about it: centre, size and stem axis."""
+"""Pose, covariance and keypoints of a fruit from the close look's centre, size and stem axis."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ SCALES = np.array([0.97, 1.25, 1.99])
 fruit that is seen whole."""
 
 POWERS = np.array([1.0, 1.0, 1.43])
-"""The deviation grows with this power of the error that the network expects: an axis of which it is unsure may point
-the other way round, so it is worse than it says, and a sure one better."""
+"""The deviation grows with this power of the error that the network expects: an axis with a large expected error may be
+reversed, so its true error is larger than expected, and that of a certain axis smaller."""
 
 HIDDEN = np.array([2.8, 2.8, 0.0])
-"""A fruit of which the part h is hidden has deviations exp(h · this) as large: the network doubts where hidden fruit is
-too little, and takes what is nearly hidden for half seen. Scales and powers are quantile regressions to 90 % ellipsoids
+"""A fruit of which the part h is hidden has deviations exp(h · this) as large: the network underestimates the errors of
+hidden fruit, and takes nearly hidden fruit for half visible. Scales and powers: quantile regressions to 90 % ellipsoids
 over 958 apples and 634 lemons in rendered frames of seed 778001, these the least with which the ellipsoids also hold
 90 % of those less than two fifths visible. docs/decisions/detect-pose-covariance.md has what all of them give on other
 frames (`python -m benchmarks.bench_detect`)."""
 
 LEAST_ROTATION = 1e-3
-"""No axis is told better than this [rad]."""
+"""Least standard deviation of the axis [rad]."""
 
 
 def pose_of(found: FoundFruit) -> Float64:

@@ -1,4 +1,4 @@
-"""Scores that mean how often a detection is fruit."""
+"""Scores that estimate the ratio of fruit among detections."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ EDGE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class ScoreMap:
-    """From what the networks say to the share of such finds that are fruit: a line through logits (Platt's scaling).
+    """Line through logits, from a product of the networks' outputs to a ratio of fruit (Platt's scaling).
 
-    It rises, so that it changes no order. As it stands it changes nothing.
+    It rises, so that it changes no order. The default changes nothing.
 
     Attributes:
         slope: of the line, more than 0.
@@ -30,7 +30,7 @@ class ScoreMap:
     offset: float = 0.0
 
     def __call__(self, score: float) -> float:
-        """The share of fruit among finds with this score, 0..1."""
+        """Return the ratio of fruit among detections with this score, 0..1."""
         return float(self.of(np.array([score]))[0])
 
     def of(self, scores: Float64) -> Float64:

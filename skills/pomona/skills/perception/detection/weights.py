@@ -230,7 +230,7 @@ def _built(path: Path | str, content: Mapping[str, Any]) -> tuple[Finder, CloseL
             finder = BeliefFinder(_widths(content, "finder", 4), knows_boxes)
         close_look = CloseLookNetwork(_widths(content, "close_look", 5))
     except (KeyError, TypeError, ValueError) as error:
-        raise BadWeights(path, f"does not say how wide its networks are: {error!r}") from error
+        raise BadWeights(path, f"has no usable widths of its networks: {error!r}") from error
     for name, network in (("finder", finder), ("close_look", close_look)):
         counters = {key: value for key, value in network.state_dict().items() if key.endswith("num_batches_tracked")}
         tensors = {key: value.float() for key, value in _tensors(path, content.get(name)).items()}

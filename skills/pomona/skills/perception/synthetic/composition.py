@@ -77,7 +77,7 @@ def _random_rotation(rng: np.random.Generator) -> Float64:
 
 
 def _fruit_rotation(kind: SceneKind, rng: np.random.Generator) -> Float64:
-    """R_world_object: on a table mostly upright or lying, on a tree hanging, else anyhow."""
+    """R_world_object: on a table mostly upright or lying, on a tree hanging, else in any orientation."""
     draw = rng.random()
     if kind is SceneKind.RANDOM or draw < 0.12:
         return _random_rotation(rng)

@@ -1,4 +1,4 @@
-"""What stands in a synthetic scene before it is rendered."""
+"""Content of a synthetic scene before it is rendered."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Item:
 
 @dataclass(slots=True)
 class SyntheticScene:
-    """What is rendered: camera, things, and the truth about the fruit among them."""
+    """A scene to render: camera, things, and the truth about the fruit among them."""
 
     kind: SceneKind
     T_world_camera: Float64

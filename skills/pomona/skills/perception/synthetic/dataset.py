@@ -66,7 +66,7 @@ def render_dataset(
 ) -> DatasetReport:
     """Render so many frames of a seed into `folder`: NNNNNN.jpg beside NNNNNN.json.
 
-    Frame i depends on (seed, i) alone, not on the number of workers or on what was rendered before; frames that are
+    Frame i depends on (seed, i) alone, not on the number of workers or on frames rendered before; frames that are
     there already are kept.
 
     Args:
@@ -74,7 +74,7 @@ def render_dataset(
         frames: how many.
         seed: seed of the data set; training and held-out sets take different ones.
         fruit: name in the catalogue, or path.
-        options: what the scenes are made of.
+        options: of the scenes.
         workers: processes on this machine; None for one per core.
         progress: called with (frames done, frames in all).
         engine: renders elsewhere instead, a Ray cluster for instance; files are written by this process alone.

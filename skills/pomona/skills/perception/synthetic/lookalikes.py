@@ -21,7 +21,7 @@ class Lookalike:
         paint: linear RGB per vertex, (n, 3).
         grain_frequency: of the surface's mottling [1/m].
         material: strength and sharpness of highlights, and strength of the mottling.
-        upright: whether it stands as it is modelled; else it lies anyhow.
+        upright: it stands as it is modelled; else it lies in any orientation.
     """
 
     shape: ShadedMesh

@@ -1,4 +1,4 @@
-"""What a data set of synthetic scenes is made of."""
+"""Options of a data set of synthetic scenes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import StrEnum
 
 
 class SceneKind(StrEnum):
-    """What a frame looks like: a robot's table, a randomised heap, fruit among a few leaves, or a tree from near."""
+    """Kind of a frame: a robot's table, a randomised heap, fruit among a few leaves, or a tree from near."""
 
     TABLE = "table"
     RANDOM = "random"
@@ -21,7 +21,7 @@ WITHOUT_TREES = (0.5, 0.3, 0.2, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class SceneOptions:
-    """What a data set is made of.
+    """Options of a data set.
 
     Attributes:
         width, height: picture size [px].

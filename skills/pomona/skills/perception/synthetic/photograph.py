@@ -1,4 +1,4 @@
-"""What a camera makes of the light that reaches it."""
+"""A camera's processing of light: exposure, noise, blur and compression."""
 
 from __future__ import annotations
 

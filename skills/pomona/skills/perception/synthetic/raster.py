@@ -21,7 +21,7 @@ def rasterise(
     camera: Float32,
     shape: tuple[int, int],
 ) -> tuple[Float32, Int32, Float32]:
-    """What each pixel shows: z-depth (h, w) [m], 0 where empty, face (h, w), -1 where empty, shares (h, w, 2).
+    """Return of each pixel: z-depth (h, w) [m], 0 where empty, face (h, w), -1 where empty, shares (h, w, 2).
 
     `points` are (n, 3) in the camera frame [m]; `camera` is (fx, fy, cx, cy); one-sided objects show their outside.
     """
@@ -95,7 +95,7 @@ def shade(
     picture: Float32,
     owner: Int32,
 ) -> None:
-    """Colour every pixel that a face or the table covers; other pixels keep what `picture` holds.
+    """Colour every pixel that a face or the table covers; other pixels keep their value in `picture`.
 
     Per vertex: `points`, `normals` (camera frame), `albedo` (linear RGB), `grain` (coordinates into `noise`),
     `openness` (ambient light let in, 0..1). Per object: `material` = specular strength, shininess, grain contrast.

@@ -15,7 +15,7 @@ from pomona.skills.perception.fruit.apple_mesh import AppleShape, apple_mesh, st
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ShadedMesh:
-    """Triangles with what the shading needs: positions (n, 3) [m], normals, faces (m, 3), ambient openness (n,)."""
+    """Triangles with attributes for shading: positions (n, 3) [m], normals, faces (m, 3), ambient openness (n,)."""
 
     vertices: Float32
     normals: Float32

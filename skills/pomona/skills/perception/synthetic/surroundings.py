@@ -1,4 +1,4 @@
-"""What a synthetic scene stands before, on and in the light of."""
+"""Backdrop, table and lights of a synthetic scene."""
 
 from __future__ import annotations
 

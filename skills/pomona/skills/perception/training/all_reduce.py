@@ -22,7 +22,7 @@ PATIENCE = 600.0
 
 
 class GradientAllReduce:
-    """What the processes share; made by the first and handed to the others.
+    """Memory that the processes share; made by the first and handed to the others.
 
     Args:
         processes: how many.

@@ -1,4 +1,4 @@
-"""Augmentation of pictures; geometry is left to the caller, who moves the labels along."""
+"""Augmentation of pictures; geometry is the caller's, with that of the labels."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pomona.executive.values.arrays import UInt8
 
 
 def change_look(picture: UInt8, rng: np.random.Generator) -> UInt8:
-    """Light, curves, colours, blur, noise, and what cameras do to a picture before they hand it on, (h, w, 3) uint8."""
+    """Light, curves, colours, blur, noise, and the processing of cameras, (h, w, 3) uint8."""
     if rng.random() < 0.12:
         picture = _dapple(picture, rng)
     # Per-channel curves as one look-up: cast, gain, gamma, contrast.

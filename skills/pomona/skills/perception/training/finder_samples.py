@@ -180,7 +180,7 @@ def _shift(photo: Photograph, size: float, around: Float64) -> Float64:
 
 
 def _cut(picture: UInt8, size: float, shift: Float64) -> UInt8:
-    """A window of a picture that is scaled and then moved [px]; what lies beyond the picture is grey."""
+    """A window of a picture that is scaled and then moved [px]; outside of the picture it is grey."""
     while size < 0.6:  # without aliasing
         height, width = picture.shape[:2]
         half = cv2.resize(picture, (width // 2, height // 2), interpolation=cv2.INTER_AREA)

@@ -1,4 +1,4 @@
-"""Fits one score for photographs and rendered frames, from places of which it is known whether they are fruit."""
+"""Fits one score for photographs and rendered frames, from places with known labels."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class JudgedPlaces:
 
     Attributes:
         features: logits, (n, 4).
-        right: whether each is fruit, (n,).
+        right: which are fruit, (n,).
     """
 
     features: Float64

@@ -70,7 +70,7 @@ class Schedule:
 
 @dataclass(slots=True)
 class Progress:
-    """What a training run says while it runs."""
+    """Progress of a training run."""
 
     step: int
     steps: int

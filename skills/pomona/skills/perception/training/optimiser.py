@@ -24,7 +24,7 @@ BETAS = (0.9, 0.99)
 
 
 class Optimiser:
-    """What moves a network's weights along its gradients.
+    """Steps of a network's weights along its gradients.
 
     Args:
         network: its parameters are moved in place.
@@ -72,11 +72,11 @@ class Optimiser:
                 kernel.copy_(matrix.view(kernel.shape))
 
     def state(self) -> dict[str, Any]:
-        """What `restore` goes on from."""
+        """Return the state for `restore`."""
         return {name: part.state_dict() for name, part in self._parts.items()}
 
     def restore(self, state: dict[str, dict[str, Tensor]]) -> None:
-        """Go on from a state.
+        """Continue from a state.
 
         Raises:
             KeyError, ValueError: it belongs to another network or method.

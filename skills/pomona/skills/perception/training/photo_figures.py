@@ -58,7 +58,7 @@ class Finds:
     Attributes:
         boxes: x, y, w, h (n, 4) [px].
         scores: (n,).
-        labelled: boxes that people drew, (m, 4) [px].
+        labelled: labelled boxes, (m, 4) [px].
         group: as of `Photograph`.
         cut: which labelled boxes the picture's border cuts, (m,).
     """
@@ -111,7 +111,7 @@ def recall_at_border(found: Sequence[Finds], score: float) -> tuple[int, int]:
 
 
 def judged(found: Sequence[Finds]) -> tuple[Float64, NDArray[np.bool_]]:
-    """Scores of all detections, and whether each overlaps a label by half; (n,) each."""
+    """Return scores of all detections, and which overlap a label by half; (n,) each."""
     pictures = [finds.judged() for finds in found]
     scores = np.concatenate([np.empty(0), *(picture.scores for picture in pictures)])
     return scores, np.concatenate([np.empty(0, np.bool_), *(picture.right[0] for picture in pictures)])
@@ -139,7 +139,7 @@ def calibration(
 
     Args:
         scores: of detections, 0..1, (n,).
-        right: whether each is fruit, (n,).
+        right: which are fruit, (n,).
         bins: of equal width.
 
     Returns:

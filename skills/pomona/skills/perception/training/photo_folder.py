@@ -29,7 +29,7 @@ SLACK = 3.0
 """A box may end this far outside of its picture, as rounding leaves it, and is cut there [px]."""
 
 HELD_OUT = 8
-"""Where nothing says what to measure on, it is the last of so many parts by name: tiles of one place are neighbours."""
+"""Without given splits, the last of this many parts by name is measured on: tiles of one place are neighbours."""
 
 TRAIN, VAL, NEITHER = ("train", "training"), ("val", "valid", "validation"), ("test", "testing")
 
@@ -106,7 +106,7 @@ def _split(folder: Path, labelled: list[Labelled], photographs: list[Photograph]
         sets = {"train": by_name[:first], "val": by_name[first:]} if first else {"train": by_name, "val": []}
     shared = {p.group for p in sets["train"] if p.group} & {p.group for p in sets["val"] if p.group}
     if shared:
-        raise BadPhotographs(folder, f"{sorted(shared)[0]} is in both train and val: measured would be what was learnt")
+        raise BadPhotographs(folder, f"{sorted(shared)[0]} is in both train and val: expected groups in one of them")
     if not any(len(photograph.boxes) for photograph in sets["train"]):
         raise BadPhotographs(folder, "no photograph of its train split has a box")
     return PhotoSet(tuple(sets["train"]), tuple(sets["val"]))
@@ -200,19 +200,19 @@ def _yolo(folder: Path, fruit: str) -> list[Labelled]:
             items.append(item)
     if wanted is None and len(seen) > 1:
         raise BadPhotographs(
-            folder, f"its labels have {len(seen)} classes, and no data.yaml says which of them is {fruit}"
+            folder, f"its labels have {len(seen)} classes, and no data.yaml names the one that is {fruit}"
         )
     return items
 
 
 def _both(images: Path, labels: Path, pictures: set[Path], texts: set[Path]) -> None:
-    """Refuse pictures without labels, of which nobody knows what is in them, and labels without pictures."""
-    for some, where, what in (
+    """Refuse pictures without labels, whose content is unknown, and labels without pictures."""
+    for some, where, text in (
         (texts - pictures, labels, "has {n} without a picture in images/: {first}.txt"),
-        (pictures - texts, images, "has {n} without a file in labels/: {first} (an empty file says: no fruit)"),
+        (pictures - texts, images, "has {n} without a file in labels/: {first} (an empty file: no fruit)"),
     ):
         if some:
-            raise BadPhotographs(where, what.format(n=len(some), first=min(some)))
+            raise BadPhotographs(where, text.format(n=len(some), first=min(some)))
 
 
 def _yolo_lines(path: Path) -> Iterator[tuple[int, tuple[float, float, float, float]]]:

@@ -50,7 +50,7 @@ def save_places(path: Path, places: dict[str, Float64]) -> None:
 
 
 def load_places(path: Path) -> dict[str, Float64]:
-    """What `save_places` wrote: (n, 4) for each name."""
+    """Read the file of `save_places`: (n, 4) for each name."""
     with np.load(path) as content:
         ends = np.cumsum(content["counts"])
         return dict(zip(content["names"].tolist(), np.split(content["rows"], ends[:-1]), strict=True))

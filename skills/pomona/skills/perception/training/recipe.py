@@ -28,7 +28,7 @@ from pomona.skills.perception.training.train import Part, TrainingRun, train_par
 from pomona.skills.perception.training.trunk import load_trunk
 
 LEAST_SHARE = 8
-"""A process that learns has at least this part of a batch: statistics of fewer pictures say little."""
+"""Least part of a batch in a process that learns: batch norms need this many pictures."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +112,7 @@ SHIPPED = Recipe(
     ),
     fit=FIT,
 )
-"""The recipe of `make train-detect`; docs/model_cards tells how the weights in the repository were made."""
+"""The recipe of `make train-detect`; docs/model_cards describes the making of the shipped weights."""
 
 WITH_PHOTOGRAPHS = Recipe(
     sets=(
@@ -150,7 +150,7 @@ QUICK = Recipe(
     ),
     fit=(FrameSet(24, 53, WITHOUT_TREES),),
 )
-"""What `pomona train detect --quick` carries out, from another fruit's weights: minutes, to see a first pick."""
+"""Recipe of `pomona train detect --quick`, from another fruit's weights: minutes, for a first pick."""
 
 VALIDATE_EVERY, SAVE_EVERY = 100, 25
 """Steps between validations and checkpoints where photographs are learnt from: steps there are few and slow."""
@@ -175,13 +175,13 @@ def make_weights(
     start: Path | None = None,
     trunk: Path | None = None,
 ) -> Path:
-    """Carry out a recipe; what an earlier call left in `work` is kept and gone on with.
+    """Carry out a recipe; the content of `work` from an earlier call is kept and continued.
 
     Args:
         out: the weights file.
         work: folder for frames and checkpoints.
         fruit: name in the catalogue.
-        recipe: what to do.
+        recipe: its sets and stages.
         device: "cpu" or "cuda".
         workers: processes that render, and prepare batches or, on a CPU, learn; 0 prepares them in the one that learns.
         data: folder of frames made before, for all stages; None renders the recipe's into `work`.
@@ -195,7 +195,7 @@ def make_weights(
         `out`.
 
     Raises:
-        BadTraining: what `work` holds belongs to another training.
+        BadTraining: the content of `work` belongs to another training.
         BadWeights: `start` cannot be read or does not fit.
     """
     held_out = work / "held_out"
@@ -236,7 +236,7 @@ def _fitted_score(
 
 
 class _Making:
-    """The networks on their way through a recipe's stages, and the stage that last taught each of them."""
+    """The networks during a recipe, and the last stage of each of them."""
 
     def __init__(
         self,
@@ -268,7 +268,7 @@ class _Making:
         self._rendered, self._photographs = rendered, photographs
 
     def detector(self) -> CompactDetector:
-        """What the networks find as they are now."""
+        """Return a detector of the networks as they are now."""
         self.networks = {name: network.cpu().eval() for name, network in self.networks.items()}
         return torch_detector(self.networks["finder"], self.networks["close_look"])
 
@@ -311,7 +311,7 @@ class _Making:
 
 
 def _source(photographs: PhotoSet | None, start: Path | None) -> dict[str, str]:
-    """What weights were learnt from besides rendered frames, for their file."""
+    """Return the sources besides rendered frames, for the weights file."""
     about = {}
     if photographs is not None:
         boxes = sum(len(photograph.boxes) for photograph in photographs.train)

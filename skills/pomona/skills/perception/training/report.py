@@ -102,7 +102,7 @@ def draw_curves(rendered: Evaluation, found: Sequence[Finds] | None, path: Path)
 
 
 def _on_photographs(found: Sequence[Finds], photographs: PhotoSet, out: Path) -> list[str]:
-    """Figures, and the photographs with fewest and most errors: detections yellow, boxes of people blue."""
+    """Figures, and the photographs with fewest and most errors: detections yellow, boxes of the labels blue."""
     pictures = [finds.judged() for finds in found]
     threshold = box_figures(pictures).threshold
     score = 0.5 if np.isnan(threshold) else threshold
@@ -124,7 +124,7 @@ def _on_photographs(found: Sequence[Finds], photographs: PhotoSet, out: Path) ->
             cv2.imwrite(str(out / f"photograph_{name}_{place}.jpg"), drawn)
             lines.append(
                 f"![One of the {name} photographs, {errors[k]} errors at score ≥ {score:.2f}: detections yellow, boxes "
-                f"of people blue](photograph_{name}_{place}.jpg)"
+                f"of the labels blue](photograph_{name}_{place}.jpg)"
             )
     return lines
 

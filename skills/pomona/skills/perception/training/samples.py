@@ -47,7 +47,7 @@ class FrameFolder:
         return f"{picture.parent.name}/{picture.stem}"
 
     def annotation(self, index: int) -> Annotation:
-        """What is known about a picture; its size is the picture's own where the file does not say.
+        """Return the annotation of a picture, with the picture's own size where the file has none.
 
         Raises:
             BadAnnotation: the file cannot be read.
@@ -191,7 +191,7 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
     def _elsewhere(
         self, annotation: Annotation, seen: list[AnnotatedObject], name: str, rng: np.random.Generator
     ) -> list[tuple[Float64, float]]:
-        """Where a look could be aimed at that is no fruit: what deceives the finder, decoys, beside fruit, anywhere."""
+        """Return aims of looks beside fruit: false places of the finder, decoys, near fruit, anywhere."""
         wrong = [(row[:2], float(row[2])) for row in self.places.get(name, np.empty((0, 4)))]
         decoys = [annotation.decoys[k] for k in rng.permutation(len(annotation.decoys))[: 2 if wrong else 4]]
         wrong += [(np.array([u, v]), max(r, 8.0) * rng.uniform(0.9, 1.6)) for u, v, r in decoys]
@@ -209,8 +209,8 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
 def roll_of_look(turned: float, rng: np.random.Generator) -> float:
     """How far a look is turned about its axis [rad]; the label turns with it exactly.
 
-    Most fruit is taught as cameras see it; a look that is turned by any angle, as the share `turned` is, teaches what
-    a stem looks like, not only where it mostly is.
+    Most fruit is taught as cameras see it; looks turned by any angle, a ratio of `turned`, teach the look of a stem
+    besides its usual place.
     """
     if turned > 0.0 and rng.random() < turned:
         return float(rng.uniform(-np.pi, np.pi))
@@ -241,7 +241,7 @@ def look_sample(
 
 
 def _on_fruit(place: Float64, size: float, keypoints: Float64) -> bool:
-    """Whether a place and size are so near a fruit that calling it wrong would be unfair."""
+    """Return True for a place and size so near a fruit that it is no negative."""
     own = keypoint_size(keypoints)
     return bool(np.linalg.norm(place - keypoints[8]) < 0.5 * max(own, 0.6 * size)) and own < 2.5 * size
 

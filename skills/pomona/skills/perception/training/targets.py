@@ -1,4 +1,4 @@
-"""What the networks are asked for: the finder's maps, and the belief maps of DOPE's full network."""
+"""Targets of the networks: the finder's maps, and the belief maps of DOPE's full network."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ ROWS = 8
 
 
 def finder_targets(boxes: Float64, taught: NDArray[np.bool_], height: int, width: int) -> Float32:
-    """Maps that the finder is asked for, (8, height, width).
+    """Return the finder's target maps, (8, height, width).
 
     Args:
-        boxes: around what is visible, x, y, w, h (n, 4), from the map's corner [cells], inside of it.
+        boxes: around the visible parts, x, y, w, h (n, 4), from the map's corner [cells], inside of it.
         taught: where False, the box's inside is neither fruit nor background, (n,).
         height, width: of the maps [cells].
     """

@@ -45,10 +45,10 @@ PAPER_SCHEDULE = Schedule(
 
 @dataclass(frozen=True, slots=True)
 class TrainingRun:
-    """What to train, from what, and where it is kept.
+    """One training run: network, data and place of its files.
 
     Attributes:
-        part: which network.
+        part: the network.
         data: folders of annotated frames, and how many samples of a batch come from each.
         held_out: folder of validation frames, None for none.
         places: file of where the finder proposes fruit in `data`, for the close look; None without a finder.
@@ -116,7 +116,7 @@ def _follow(run: TrainingRun, all_reduce: GradientAllReduce, rank: int) -> None:
     try:
         _train(run, None, all_reduce, rank)
     except BadTraining:
-        all_reduce.abandon()  # the first one says it
+        all_reduce.abandon()  # the first one reports it
     except BaseException:
         all_reduce.abandon()
         raise
