@@ -72,7 +72,7 @@ def test_it_feels_the_friction_and_holds_for_it(mu):
     assert outcome.status is Status.SUCCESS, outcome.reason
     assert outcome.outputs["mu"] == pytest.approx(mu, rel=0.04)
     assert outcome.outputs["mu_uncertainty"] <= 0.08
-    assert hold.controller.settings.contact.mu == outcome.outputs["mu"]
+    assert hold.settings.contact.mu == outcome.outputs["mu"]
     assert hold.phase is GripPhase.HOLDING
     assert hold.reading.f_n == pytest.approx(2.2, abs=0.2)
     np.testing.assert_allclose(scene.tcp[:3, 3], a_grasp().T_base_grasp[:3, 3] + [0.0, 0.0, 0.001], atol=1e-4)
@@ -106,8 +106,8 @@ def test_a_fruit_that_is_light_by_its_size_is_pressed_before_it_comes_along(know
     scene = Standing(0.9, weight=0.8)
     hold = scene.grasp()
     if known:
-        settings = hold.controller.settings
-        hold.controller.settings = replace(settings, expected_load=0.8 * 1.5)
+        settings = hold.settings
+        hold._controller.settings = replace(settings, expected_load=0.8 * 1.5)
     pressed: list[float] = []
 
     def watch(_tick: int) -> None:

@@ -195,7 +195,7 @@ def test_at_the_top_it_waits_until_the_grip_has_come_to_rest_and_no_longer():
     outcome = fruit.lift(settle_within=3.0)
     assert outcome.status is Status.SUCCESS
     assert up + 0.1 < outcome.duration < up + 1.5
-    assert fruit.hold.controller.at_rest
+    assert fruit.hold.is_at_rest
 
 
 def test_a_fruit_that_creeps_is_watched_for_as_long_as_is_allowed():

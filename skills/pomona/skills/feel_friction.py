@@ -91,7 +91,7 @@ class FeelFriction(MovingSkill):
     ) -> Work[Felt]:
         if not hold.holds:
             raise self.failure("NOT_HELD", "no fruit is held whose friction could be felt")
-        told = hold.controller.settings
+        told = hold.settings
         slide = Slide(told.contact.mu, told.mu_uncertainty, (np.nan, np.nan))
         try:
             try:
@@ -118,17 +118,17 @@ class FeelFriction(MovingSkill):
         Raises:
             NoSlideError: the arm cannot, or the pads did not slide.
         """
-        settings = hold.controller.settings
+        settings = hold.settings
         down, up = self._lines(distance)
         hold.slide(force)
         # Down at once: closing has pressed more, and while that comes down the pads slide as well.
         felt_down = yield from self._slide(hold, down, distance, distance, speed)
         yield from self._press(hold, force)
-        if _comes_along(felt_down, force, hold.controller.sense.force_sum, settings.expected_load):
+        if _comes_along(felt_down, force, hold.estimate.force_sum, settings.expected_load):
             hold.slide(force_after)
         felt_up = yield from self._slide(hold, up, (1.0 + RISING) * distance, distance, speed, force_after)
         return friction_of_slides(
-            felt_up, felt_down, settings.contact, hold.controller.sense.bias_std, settings.rate
+            felt_up, felt_down, settings.contact, hold.estimate.bias_std, settings.rate
         )  # fmt: skip
 
     def _lines(self, distance: float) -> tuple[Float64, Float64]:
@@ -156,9 +156,9 @@ class FeelFriction(MovingSkill):
     def _press(self, hold: Hold, force: float) -> Watching:
         """Wait until the fingers press with a force [N]."""
         began = self.context.elapsed()
-        while abs(hold.controller.tracked_force - force) > SETTLING and self.context.elapsed() - began < PATIENCE:
+        while abs(hold.tracked_force - force) > SETTLING and self.context.elapsed() - began < PATIENCE:
             self._watch(hold)
-            yield f"{hold.controller.tracked_force:.1f} N, on the way to {force:.1f} N"
+            yield f"{hold.tracked_force:.1f} N, on the way to {force:.1f} N"
 
     def _slide(
         self, hold: Hold, line: Float64, way: float, distance: float, speed: float, then: float | None = None
@@ -201,7 +201,7 @@ class FeelFriction(MovingSkill):
             raise DeviceFault("arm", f"{words}, and its driver that it has arrived")
         first, last = np.interp(SLIDING, np.maximum.accumulate(shares), stamps)
         samples = [wrenches for stamp, wrenches in samples_in if first <= stamp <= last]
-        return np.array(samples).reshape(-1, 2, 6) - hold.controller.sense.bias
+        return np.array(samples).reshape(-1, 2, 6) - hold.bias
 
     def _watch(self, hold: Hold) -> None:
         show_grip(self, hold)

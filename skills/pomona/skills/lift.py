@@ -130,12 +130,12 @@ class Lift(MovingSkill):
     def _settle(self, hold: Hold, within: float, watch: Callable[[], None]) -> Watching:
         """Wait until the force has come down to what the load needs, and the fruit slides no more."""
         began = since = self.context.elapsed()
-        slid = hold.controller.slipped
+        slid = hold.slipped
         while (now := self.context.elapsed()) - began < within - 1e-9 and now - since < STILL_FOR - 1e-9:
             yield "held up, until the grip has come to rest"
             watch()
-            if not hold.controller.at_rest or abs(hold.controller.slipped - slid) > STILL:
-                since, slid = self.context.elapsed(), hold.controller.slipped
+            if not hold.is_at_rest or abs(hold.slipped - slid) > STILL:
+                since, slid = self.context.elapsed(), hold.slipped
 
     def _cannot_hold(self, problem: GripProblem, hold: Hold | None, risen: float) -> Exception:
         code = problem.code

@@ -68,7 +68,7 @@ class Pivot(Skill):
             if problem is not None:
                 raise self.failure(problem.code, problem.message, **problem.data)
             lever, now = lever_of(hold), self.context.elapsed()
-            if abs(lever - before) > STILL or not hold.controller.reference.settled:
+            if abs(lever - before) > STILL or not hold.has_settled:
                 before, since = lever, now
             if now - since > STEADY:
                 return lever

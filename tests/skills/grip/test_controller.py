@@ -119,7 +119,7 @@ def test_pivoting_turns_the_fruit_until_it_hangs_plumb_and_hardly_lets_it_slide(
         controller.width = grasp.width
         controller.step(t, i, wrenches)
         grasp.command = controller.speed
-        lever = abs(controller.sense.tau_n) / max(controller.sense.f_t, 0.1)
+        lever = abs(controller.estimate.tau_n) / max(controller.estimate.f_t, 0.1)
         if held == np.inf and controller.phase is GripPhase.HOLDING:
             held = t
         grasp.acceleration = lifting.acceleration_at(t - held - 0.04)
@@ -293,12 +293,12 @@ def test_a_jump_of_one_fingers_load_alone_is_reported_and_the_force_never_falls_
     controller, wrenches = holding()
     for i in range(1000):
         if i == 500:
-            before = controller.reference.f_ref
+            before = controller.reading.f_ref
             wrenches[0, 0] -= 1.0
         controller.step(1.0 + 0.002 * i, 500 + i, wrenches)
         wrenches[:, 2] += 0.5 * controller.settings.loop.stiffness.linear * controller.speed * 0.002  # the pads give
     assert any("jumped alone" in warning for warning in controller.warnings)
-    assert controller.reference.f_ref >= before - 0.02
+    assert controller.reading.f_ref >= before - 0.02
 
 
 def test_a_jump_of_one_fingers_press_alone_is_reported() -> None:

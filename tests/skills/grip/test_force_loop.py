@@ -9,7 +9,6 @@ import pytest
 
 from benchmarks.grasp_patch import Fruit, PatchGrasp
 from pomona.skills.grip.force_loop import ForceLoopSettings, PadStiffness, finger_speed
-from pomona.skills.grip.stream_guard import StreamGuard
 
 SETTINGS = ForceLoopSettings(max_force=10.0)
 
@@ -76,27 +75,3 @@ def test_a_ramp_is_tracked_closely() -> None:
     reference = np.concatenate([np.full(100, 2.0), 2.0 + 2.0 * 0.002 * np.arange(1000)])
     error = (track(reference) - reference)[200:]
     assert np.sqrt(np.mean(error**2)) < 0.06
-
-
-def test_the_guard_counts_periods_and_tells_what_was_odd() -> None:
-    guard = StreamGuard(0.002)
-    zero = np.zeros((2, 6))
-    assert guard.periods(0.000, 0, zero) == 1
-    assert guard.periods(0.002, 1, zero) == 1
-    assert guard.periods(0.002, 1, zero) == 0
-    assert guard.periods(0.001, 0, zero) == 0
-    assert guard.periods(0.004, 2, np.full((2, 6), np.nan)) == 0
-    assert guard.periods(0.012, 6, zero) == 5
-    assert guard.periods(1.012, 506, zero) == 10
-    text = " ".join(guard.findings())
-    assert "1 repeated" in text
-    assert "1 samples came out of order" in text
-    assert "not finite" in text
-    assert "503 samples are missing, the longest gap was 998 ms" in text
-
-
-def test_a_restarted_sensor_is_followed() -> None:
-    guard = StreamGuard(0.002)
-    guard.periods(5.0, 1000, np.zeros((2, 6)))
-    assert guard.periods(5.5, 0, np.zeros((2, 6))) > 0
-    assert guard.periods(5.502, 1, np.zeros((2, 6))) == 1

@@ -2,39 +2,46 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from pomona.skills.grip.estimate_kernel import GripEstimate
 from pomona.skills.grip.reference import ForceReference
+from pomona.skills.grip.reference_modes import ReferenceMode
 from pomona.skills.grip.settings import ForceLaw, GripSettings
 
 PERIOD = 0.002
 MARGIN = 1.1
 
 
-def load(coulomb: float, share: float = 1.0, noise: float = 0.0, rise: float = 0.0, **changes: float) -> Any:
-    """What `SlipSense` would say of a fruit whose moment makes the least force `share` times Coulomb's."""
-    least = coulomb * share
-    felt = {
-        "coulomb": coulomb, "least": least, "reserved": least, "cautious": 1.5 * least, "f_t": 0.6 * coulomb,
-        "rise": rise, "normal_noise_band": 0.0, "least_noise_std": noise, "bias_std": 0.0,
-        "twist": share - 1.0, "f_nd": 0.0, "hit": 0.0, "f_n": least,
-    }  # fmt: skip
-    return SimpleNamespace(**{**felt, **changes})
+def load(coulomb: float, share: float = 1.0, noise: float = 0.0, rise: float = 0.0, **changes: Any) -> GripEstimate:
+    """Estimate of a fruit whose moment makes the minimum force `share` times Coulomb's."""
+    least, f_t = coulomb * share, 0.6 * coulomb
+    estimate = GripEstimate(
+        f_coulomb=coulomb, f_least=least, f_reserved=least, f_cautious=1.5 * least, f_t=f_t, load=(f_t, 0.0),
+        f_least_rise=rise, f_least_std=noise, twist=share - 1.0, f_n=least,
+    )  # fmt: skip
+    return estimate._replace(**changes)
+
+
+def lifted(settings: GripSettings) -> ForceReference:
+    """A reference of a fruit that the next load lifts off the table."""
+    reference = ForceReference(settings)
+    reference.begin(2.2)
+    reference.stand((0.0, 0.0))
+    return reference
 
 
 def carrying(coulomb: float = 2.0, share: float = 1.0, **settings: Any) -> ForceReference:
     """A reference that has borne this load for so long that it is at rest."""
-    reference = ForceReference(GripSettings(margin=MARGIN, **settings))
-    reference.begin(2.2)
+    reference = lifted(GripSettings(margin=MARGIN, **settings))
     follow(reference, [load(coulomb, share)] * 3000)
     return reference
 
 
-def follow(reference: ForceReference, loads: list[Any], f_n: float = 50.0) -> list[float]:
+def follow(reference: ForceReference, loads: list[GripEstimate], f_n: float = 50.0) -> list[float]:
     """The force that is wanted after each sample, while the fingers press with `f_n` [N]."""
     wanted = []
     for felt in loads:
@@ -45,7 +52,7 @@ def follow(reference: ForceReference, loads: list[Any], f_n: float = 50.0) -> li
 
 def test_at_rest_the_margin_is_all_that_is_added() -> None:
     reference = carrying()
-    assert reference.carried
+    assert reference.is_carried
     assert reference.wanted == pytest.approx(MARGIN * 2.0, rel=1e-6)
     assert reference.f_ref == pytest.approx(MARGIN * 2.0, rel=0.01)
 
@@ -53,7 +60,7 @@ def test_at_rest_the_margin_is_all_that_is_added() -> None:
 def test_a_share_of_the_moment_that_grows_slowly_is_answered_beyond_the_margin() -> None:
     reference = carrying(share=1.1)
     growing = [load(2.0, share) for share in np.linspace(1.1, 1.5, 500)]
-    assert follow(reference, growing)[-1] > 1.1 * MARGIN * growing[-1].least
+    assert follow(reference, growing)[-1] > 1.1 * MARGIN * growing[-1].f_least
 
 
 def test_the_answer_fades_when_the_share_grows_no_more() -> None:
@@ -128,8 +135,7 @@ def test_fingers_that_contradict_themselves_raise_the_force_to_twice_what_held_a
 
 def rising(settings: GripSettings, f_t: float) -> float:
     """The largest reference while a load of which a moment twists the fruit rises for 20 ms [N]."""
-    reference = ForceReference(settings)
-    reference.begin(2.2)
+    reference = lifted(settings)
     highest = 0.0
     for _ in range(10):
         reference.follow(load(2.0, share=1.2, rise=3.0, f_t=f_t), 2.6, PERIOD)
@@ -154,7 +160,7 @@ def test_what_a_fruit_that_stands_is_borne_by_is_no_load_until_it_changes() -> N
     pushed = load(4.0, share=1.5, rise=1.0, load=(1.6, 0.1))
     follow(reference, [pushed] * 100)
     assert reference.f_ref == pytest.approx(2.2)
-    assert not reference.carried
+    assert not reference.is_carried
     follow(reference, [load(4.0, share=1.5, rise=1.0, load=(1.9, 0.0))] * 10)
     assert reference.f_ref > 5.0
     follow(reference, [pushed] * 10)  # it hangs, and swings: it does not stand again
@@ -164,30 +170,71 @@ def test_what_a_fruit_that_stands_is_borne_by_is_no_load_until_it_changes() -> N
 def test_a_fruit_that_is_hit_and_slides_is_pressed_harder_as_long_as_it_slides() -> None:
     reference = carrying()
     before = reference.f_ref
-    follow(reference, [load(2.0, hit=0.5, f_n=2.2)] * 2)
+    follow(reference, [load(2.0, push=0.5, f_n=2.2)] * 2)
     first = reference.f_ref
     assert first > 2.0 * before
-    assert reference.catching
-    follow(reference, [load(4.0, hit=0.5, f_n=4.0)] * 2)  # what friction bears grows with the force: it still slides
+    assert reference.mode is ReferenceMode.CATCHING
+    follow(reference, [load(4.0, push=0.5, f_n=4.0)] * 2)  # what friction bears grows with the force: it still slides
     assert reference.f_ref > first + 1.0
-    follow(reference, [load(2.0, hit=0.5, f_n=8.0)] * 10)  # held: nothing is added, nothing let go
+    follow(reference, [load(2.0, push=0.5, f_n=8.0)] * 10)  # held: nothing is added, nothing let go
     held = reference.f_ref
     assert held == pytest.approx(reference.f_ref)
     follow(reference, [load(2.0, f_n=8.0)] * 2000)
-    assert not reference.catching
+    assert reference.mode is ReferenceMode.CARRIED
     assert reference.f_ref == pytest.approx(MARGIN * 2.0, rel=0.02)
 
 
 def test_a_hit_at_a_fruit_that_is_held_well_is_not_answered() -> None:
     reference = carrying()
     before = reference.f_ref
-    follow(reference, [load(2.0, hit=0.5, f_n=4.0)] * 10)
+    follow(reference, [load(2.0, push=0.5, f_n=4.0)] * 10)
     assert reference.f_ref == pytest.approx(before)
 
 
 def test_what_the_reserve_asks_for_has_a_margin_of_its_own() -> None:
-    reference = ForceReference(GripSettings(margin=1.2))
-    reference.begin(2.2)
-    follow(reference, [load(2.0, reserved=6.0)] * 3000)
+    reference = lifted(GripSettings(margin=1.2))
+    follow(reference, [load(2.0, f_reserved=6.0)] * 3000)
     own = GripSettings().reference.reserve_margin
     assert reference.wanted == pytest.approx(1.2 * 2.0 + own * 4.0)
+
+
+def test_the_modes_follow_each_other_as_drawn() -> None:
+    reference = ForceReference(GripSettings(margin=MARGIN))
+    reference.begin(2.2)
+    assert reference.mode is ReferenceMode.RAMP
+    reference.stand((0.0, 0.0))
+    follow(reference, [load(0.2)] * 100)
+    assert reference.mode is ReferenceMode.STANDING
+    follow(reference, [load(2.0)])
+    assert reference.mode is ReferenceMode.LIFTING
+    follow(reference, [load(2.0)] * 60)
+    assert reference.mode is ReferenceMode.CARRIED
+    follow(reference, [load(2.0, push=0.5, f_n=2.2)])
+    assert reference.mode is ReferenceMode.CATCHING
+    follow(reference, [load(2.0)] * 1000)
+    assert reference.mode is ReferenceMode.CARRIED
+
+
+@pytest.mark.parametrize("is_lifted", [True, False])
+def test_a_mode_that_a_skill_asked_for_ends_where_it_began(is_lifted: bool) -> None:
+    reference = carrying() if is_lifted else lifted(GripSettings())
+    before = reference.mode
+    reference.slide(0.7)
+    follow(reference, [load(2.0)] * 1000)
+    assert (reference.mode, reference.f_ref) == (ReferenceMode.SLIDING, pytest.approx(0.7))
+    assert reference.is_carried is is_lifted
+    reference.slide(None)
+    assert reference.mode is before
+    reference.pivot(True)
+    reference.slide(None)  # nothing to end
+    assert reference.mode is ReferenceMode.PIVOTING
+    reference.pivot(False)
+    assert reference.mode is before
+
+
+def test_doubt_about_the_sensors_ends_catching() -> None:
+    reference = carrying()
+    follow(reference, [load(2.0, push=0.5, f_n=2.2)] * 2)
+    reference.freeze("because")
+    follow(reference, [load(2.0, push=0.5, f_n=2.2)])
+    assert reference.mode is ReferenceMode.CARRIED

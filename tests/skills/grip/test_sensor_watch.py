@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from pomona.skills.grip.controller import GripController
+from pomona.skills.grip.estimate_kernel import GripEstimate
 from pomona.skills.grip.grip import GripPhase
 from pomona.skills.grip.sensor_watch import SensorWatch
 from pomona.skills.grip.settings import GripSettings
+from pomona.skills.grip.stream_guard import GripSample
 from pomona.skills.grip.tuning import SensorWatchSettings
 
 NOISE = np.array([1, 1, 1, 0.005, 0.005, 0.005])
@@ -30,7 +32,7 @@ def carrying(noise: float = 0.04, load: float = 2.0, seconds: float = 3.2, **set
         pressing = min(pressing + 1000.0 * -controller.speed * 0.002, 8.0) if 0 < touched + 1 < i and touched else 2.0
         controller.step(0.002 * i, i, wrenches + noise * NOISE * rng.normal(0.0, 1.0, (2, 6)))
     assert controller.phase is GripPhase.HOLDING
-    assert controller.reference.carried
+    assert controller.is_carried
     return controller, rng, wrenches, count
 
 
@@ -81,7 +83,7 @@ def test_samples_that_say_nothing_are_found_within_fifty_milliseconds(change: Ch
     assert controller.phase is GripPhase.HOLDING
     assert controller.problem is not None
     assert "the grip is kept" in controller.problem.message
-    assert controller.reference.frozen
+    assert controller.is_frozen
 
 
 @pytest.mark.parametrize(("noise", "by"), [(0.04, 1.2), (0.2, 2.2)])
@@ -96,7 +98,7 @@ def test_an_offset_that_jumps_is_found_where_it_is_beyond_noise(
     controller, samples = lie(shifted(index, sign * by), noise)
     assert 0 < samples <= 25
     assert controller.phase is GripPhase.HOLDING
-    assert controller.reference.frozen
+    assert controller.is_frozen
 
 
 def bouncing(side: int, share: float = 0.0, back: float = 1.35) -> Change:
@@ -115,7 +117,7 @@ def bouncing(side: int, share: float = 0.0, back: float = 1.35) -> Change:
 def test_contacts_of_a_fruit_that_slides_break_and_form_and_no_finger_is_accused(side: int, noise: float) -> None:
     controller, samples = lie(bouncing(side), noise, most=500)
     assert samples == -1
-    assert not controller.reference.frozen
+    assert not controller.is_frozen
 
 
 @pytest.mark.parametrize("side", [0, 1])
@@ -153,9 +155,8 @@ def test_coarse_steps_are_no_lie() -> None:
     rng, watch = np.random.default_rng(1), SensorWatch(SensorWatchSettings(), 500.0)
     samples = np.round(0.04 * rng.normal(0.0, 1.0, (5000, 2, 6)), 1)
     watch.calibrate(samples[:200])
-    controller = GripController(GripSettings())
-    for sample in samples[200:]:
-        watch.look(sample, 0.002, (False, False), controller.sense, False, 0.0)
+    for i, wrenches in enumerate(samples[200:]):
+        watch.check(GripSample(0.002 * i, 1, 0.002, wrenches), GripEstimate(), False, 0.0)
     assert watch.reason == ""
 
 

@@ -63,5 +63,5 @@ def test_friction_that_is_right_is_left_alone() -> None:
 
 def test_where_the_fruit_touches_says_how_far_it_slid() -> None:
     result, controller, _ = lift(HEAVY, 1.5)
-    assert controller._slips.slipped == pytest.approx(result.slip, abs=5e-4)
-    assert np.isfinite(controller._slips.slipped)
+    assert controller.slipped == pytest.approx(result.slip, abs=5e-4)
+    assert np.isfinite(controller.slipped)

@@ -1,8 +1,7 @@
-"""Refuses a force sensor whose samples at rest show that it is too coarse, too constant or repeats itself.
+"""Recording of the bias, and the check of the sensor by its samples at rest.
 
 Noise makes the resolution of a sensor visible: the smallest difference between two values of a channel is its step. A
-sensor that was coarse or slow when its noise was learned would never be found out later, since its noise is the rule
-by which stuck values are judged.
+coarse or slow sensor must be refused here: later its own noise is the measure by which stuck values are found.
 """
 
 from __future__ import annotations
@@ -14,21 +13,44 @@ from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.errors import UnfitSensor
-from pomona.skills.grip.tuning import BiasCheckSettings
+from pomona.skills.grip.grip import SIDES
+from pomona.skills.grip.tuning import BiasCheckSettings, BiasSettings
 
-SIDES = ("left", "right")
 SAME = 1e-9
-"""Values that differ by less are one value, computed twice [N, N·m]."""
+"""Values that differ by less are equal but for rounding [N, N·m]."""
+
+
+class BiasRecorder:
+    """Collects samples until the error of their mean is small enough."""
+
+    def __init__(self, settings: BiasSettings, rate: float) -> None:
+        self._settings, self._rate = settings, rate
+        self._samples: list[Float64] = []
+        self._received = 0
+
+    def add(self, wrenches: Float64) -> Float64 | None:
+        """Take a sample, shape (2, 6); return all of them, shape (n, 2, 6), once they are enough."""
+        s, rate = self._settings, self._rate
+        self._received += 1
+        if self._received <= round(s.dropped * rate):
+            return None
+        self._samples.append(np.array(wrenches))
+        count, enough, most = len(self._samples), round(s.time * rate), round(s.longest * rate)
+        if count < enough or (count % max(enough // 2, 1) and count < most):
+            return None
+        samples = np.array(self._samples)
+        error = float(samples[:, :, :3].std(axis=0).max()) / math.sqrt(count)
+        return None if error > s.error and count < most else samples
 
 
 def check_bias(samples: Float64, rate: float, settings: BiasCheckSettings) -> None:
     """Check the samples from which a bias is taken.
 
-    Samples without any noise are passed: a sensor that says the same all the time is found by its driver.
+    Samples without any noise pass: the driver detects a constant sensor.
 
     Args:
         samples: with nothing touching, shape (n, 2, 6) [N, N·m].
-        rate: at which they came [Hz].
+        rate: of the samples [Hz].
         settings: the bounds.
 
     Raises:
@@ -61,7 +83,7 @@ def _check_steps(side: str, samples: Float64, noisy: NDArray[np.bool_], settings
 
 
 def _check_copies(side: str, changes: NDArray[np.bool_], rate: float, settings: BiasCheckSettings) -> None:
-    """Channels with few bits repeat their values by chance, each by itself; copies repeat all of them at once."""
+    """Refuse copied samples: they repeat all channels at once, few bits repeat each channel by chance."""
     repeats = float((~changes.any(axis=1)).mean())
     by_chance = math.prod((~changes).mean(axis=0))
     if repeats - by_chance > settings.copies:

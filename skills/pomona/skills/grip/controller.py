@@ -1,7 +1,9 @@
-"""The grip controller: one object, stepped by the sensor's samples, that answers with a speed for the fingers.
+"""The grip controller: each sample of the sensor steps it, and the result is a speed for the fingers.
 
-bias -> closing -> ramp -> holding, with slip avoidance from there on for as long as it is stepped. It knows no device,
-thread or tree: give `step` each sample, command what it returns.
+    sample -> GripEstimate -> monitors -> ForceReference -> speed
+
+The phases are BIAS, CLOSING, RAMP, then HOLDING with slip avoidance for as long as samples come. The controller uses
+no device, thread or tree.
 """
 
 from __future__ import annotations
@@ -12,62 +14,94 @@ from dataclasses import replace
 import numpy as np
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.grip.bias_check import check_bias
+from pomona.skills.grip.bias_check import BiasRecorder, check_bias
+from pomona.skills.grip.closing import Closing
 from pomona.skills.grip.command_timing import CommandTiming
 from pomona.skills.grip.errors import UnfitSensor
-from pomona.skills.grip.grip import IN_HAND, GripPhase, GripProblem, GripReading
+from pomona.skills.grip.estimate import Estimator
+from pomona.skills.grip.estimate_kernel import GripEstimate
+from pomona.skills.grip.grip import FREEZING, IN_HAND, GripPhase, GripProblem, GripReading
 from pomona.skills.grip.limit_surface import SoftContact
+from pomona.skills.grip.monitors import (
+    FingerForceMonitor,
+    GripState,
+    Monitor,
+    SaturationMonitor,
+    SlipMonitor,
+    counted_force,
+    first_problem,
+    has_dead_finger,
+    hold_monitors,
+)
 from pomona.skills.grip.reference import ForceReference
+from pomona.skills.grip.reference_modes import ReferenceMode
 from pomona.skills.grip.sensor_watch import SensorWatch
 from pomona.skills.grip.settings import ForceLaw, GripSettings
-from pomona.skills.grip.slip_sense import SlipSense
 from pomona.skills.grip.slip_watch import SlipWatch
-from pomona.skills.grip.stream_guard import StreamGuard
+from pomona.skills.grip.stream_guard import GripSample, StreamGuard
 from pomona.skills.grip.tracking import ForceTracker
 
 
 class GripController:
     """Steps a grip from bias to slip avoidance.
 
-    `width` and, where the gripper tells it, `motor_force` are to be kept up to date by the caller whenever
-    `wants_width`. `problem` is what is wrong now, `friction_share` what is left of the friction told, `warnings`
-    what was odd in the stream. A problem before HOLDING ends in phase FAILED with the fingers at rest; while HOLDING
-    the grip is kept whatever the problem.
+    A problem before HOLDING ends in phase FAILED with the fingers at rest; while HOLDING the grip is kept whatever the
+    problem.
+
+    Attributes:
+        settings: of the grip; its friction is lowered when the fruit slips.
+        phase: of the grip.
+        problem: the most serious one now, or None.
+        width, motor_force: opening [m] and, where the gripper reports it, force of the motor [N]; the caller updates
+            both whenever `wants_width`.
+        speed: rate of the opening that was commanded last [m/s].
+        friction_share: estimated over configured friction coefficient.
     """
 
     def __init__(self, settings: GripSettings) -> None:
         self.settings = settings
         self.phase = GripPhase.BIAS
         self.problem: GripProblem | None = None
-        self.width = math.nan
-        self.speed = 0.0
-        self.slip = 0.0
-        self.sense = SlipSense(
-            settings.contact, settings.observer, settings.dynamic, settings.rate, settings.offset, settings.reserve,
-            settings.filters,
-        )  # fmt: skip
-        self.reference = ForceReference(settings)
+        self.width, self.speed = math.nan, 0.0
         self.motor_force: float | None = None
+        self.friction_share = 1.0
         self._guard = StreamGuard(settings.period)
+        self._bias = BiasRecorder(settings.bias, settings.rate)
+        self._estimator = Estimator(settings)
+        self._reference = ForceReference(settings)
+        self._tracker = ForceTracker(settings.loop, settings.tracking)
+        self._timing = CommandTiming(settings.rate, settings.loop.command_period, settings.command)
+        self._closing = Closing(settings, self._reference, self._tracker, self._timing.interval)
         self._sensors = SensorWatch(settings.sensors, settings.rate)
         self._slips = SlipWatch(settings.slips, settings.rate)
-        self.friction_share = 1.0
-        self._hit_for = 0
-        self._bias: list[Float64] = []
-        self._dropped = 0
-        self._timing = CommandTiming(settings.rate, settings.loop.command_period, settings.command)
-        self._tracker = ForceTracker(settings.loop, settings.tracking)
-        self._saturated = False
-        self._pressed_alone = ""
-        self._lasting = dict.fromkeys(("saturated", "gone", "beyond", "reached", "stuck", "dead"), 0.0)
-        self._touched_at = math.nan
-        self._last_width = math.nan
+        self._slip = SlipMonitor(settings, self._slips)
+        saturation = SaturationMonitor(settings.watch)
+        self._before_hold: tuple[Monitor, ...] = (saturation, FingerForceMonitor(settings.loop.max_force))
+        self._while_holding = hold_monitors(settings, self._sensors, saturation, self._slip)
+        self._saturated = (False, False)
+        self._pushed_samples = 0
+        self._found: GripProblem | None = None
 
-    # -------------------------------------------------------------------------------------------- for people
+    # --------------------------------------------------------------------------------------------- for skills
+
+    @property
+    def estimate(self) -> GripEstimate:
+        """Estimate after the newest sample."""
+        return self._estimator.estimate
+
+    @property
+    def mode(self) -> ReferenceMode:
+        """Mode of the force reference."""
+        return self._reference.mode
+
+    @property
+    def bias(self) -> Float64:
+        """Reading of the fingers with nothing between them, shape (2, 6) [N, N·m]; not to be changed."""
+        return self._estimator.bias
 
     @property
     def usable_until(self) -> float:
-        """Stamp of the newest usable sample [s]; -inf before the first."""
+        """Timestamp of the newest valid sample [s]; -inf before the first."""
         return self._guard.stamp
 
     @property
@@ -77,80 +111,99 @@ class GripController:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is doubtful about the grip now, as sentences."""
-        notes = (self.reference.frozen, self._pressed_alone)
-        return (*self._guard.findings(), *(sentence for sentence in notes if sentence))
-
-    @property
-    def slip_speed(self) -> float:
-        """Estimated speed of the fruit along the pads [m/s]."""
-        return abs(self.sense.omega) * self.sense.centre
+        """Doubts about the stream and the grip, as sentences."""
+        frozen = (f"{self._reference.frozen}: the force is not lowered any more",) if self._reference.frozen else ()
+        alone = ("one finger's normal force jumped alone",) if self._sensors.has_pressed_alone else ()
+        return (*self._guard.findings(), *frozen, *alone)
 
     @property
     def tracked_force(self) -> float:
-        """The grasp force that is compared with the reference [N]: `SlipSense.f_n`, but where one finger says little.
+        """Grip force that is compared with the reference [N].
 
-        Twice the other one's where one finger feels nothing any more; while the pads slide one may press more.
+        That is `GripEstimate.f_n`; if one sensor reads nothing, twice the other finger's force. While the pads slide,
+        one finger may press more than the other by `apart`.
         """
-        highest = max(self.sense.finger_forces)
-        if self._lasting["dead"] > 0.0:
-            return 2.0 * highest
-        apart = self.settings.watch.apart
-        return max(self.sense.f_n, highest - apart) if self.phase is GripPhase.SLIDING else self.sense.f_n
+        estimate, watch = self.estimate, self.settings.watch
+        if self.mode is ReferenceMode.SLIDING:
+            return max(estimate.f_n, estimate.stronger - watch.apart)
+        return counted_force(estimate, self.mode, watch)
 
     @property
-    def at_rest(self) -> bool:
-        """Whether a carried fruit is held as it will be: the force has come down to what it needs, nothing is wrong."""
+    def is_carried(self) -> bool:
+        """True for a fruit that hangs in the fingers."""
+        return self._reference.is_carried
+
+    @property
+    def has_settled(self) -> bool:
+        """True when the force has come down to what the load needs."""
+        return self._reference.has_settled
+
+    @property
+    def is_at_rest(self) -> bool:
+        """True for a carried fruit without a problem, when the force has come down to what it needs."""
         is_held = self.phase is GripPhase.HOLDING and self.problem is None
-        return is_held and self.reference.carried and self.reference.settled
+        return is_held and self.is_carried and self.has_settled
+
+    @property
+    def is_frozen(self) -> bool:
+        """True when the force may not fall any more."""
+        return bool(self._reference.frozen)
 
     @property
     def slipped(self) -> float:
-        """How far the fruit has slid on the pads, as its contact's place says [m]."""
+        """Distance that the fruit has slid on the pads, by its centre of pressure [m]."""
         return self._slips.slipped
 
     @property
     def reading(self) -> GripReading:
         """The grip of this moment, for records and viewers."""
-        sense = self.sense
+        estimate = self.estimate
         return GripReading(
-            self._guard.stamp, self.phase, sense.f_n, sense.finger_forces, self.reference.f_ref, sense.least, sense.f_t,
-            sense.tau_n, self.slip_speed, self.slip, self.width, self.speed, self._saturated,
-        )  # fmt: skip
+            stamp=self._guard.stamp,
+            phase=self.phase,
+            f_n=estimate.f_n,
+            finger_forces=(estimate.left, estimate.right),
+            f_ref=self._reference.f_ref,
+            f_least=estimate.f_least,
+            f_t=estimate.f_t,
+            tau_n=estimate.tau_n,
+            slip_speed=estimate.slip_speed,
+            slip=self._slip.slip,
+            width=self.width,
+            speed=self.speed,
+            saturated=any(self._saturated),
+        )
 
     def row(self) -> tuple[float, ...]:
-        """Stamp, f_n, f_ref, least, f_t, slip speed, width: one row of `GripSamples`."""
-        sense = self.sense
-        return (
-            self._guard.stamp, sense.f_n, self.reference.f_ref, sense.least, sense.f_t, self.slip_speed, self.width
-        )  # fmt: skip
+        """Return one row of `GripSamples`."""
+        e = self.estimate
+        return self._guard.stamp, e.f_n, self._reference.f_ref, e.f_least, e.f_t, e.slip_speed, self.width
 
     def pivot(self, on: bool) -> None:
         """While holding: let the fruit turn under gravity until it hangs plumb, or hold it again as it hangs."""
         if self.phase in (GripPhase.HOLDING, GripPhase.PIVOTING):
             self.phase = GripPhase.PIVOTING if on else GripPhase.HOLDING
-            self.reference.pivoting = on
+            self._reference.pivot(on)
             self._slips.start()
 
     def slide(self, force: float | None) -> None:
-        """While holding: press with this grasp force [N] and let the pads slide over the fruit; None: hold again."""
+        """While holding: press with this grip force [N] and let the pads slide over the fruit; None: hold again."""
         if self.phase in (GripPhase.HOLDING, GripPhase.SLIDING):
             self.phase = GripPhase.HOLDING if force is None else GripPhase.SLIDING
-            self.reference.sliding = force
+            self._reference.slide(force)
             if force is None:
-                self.sense.start_observer()
-                self._slips.start()
+                self._start_slip_detection()
 
     def set_friction(self, contact: SoftContact, mu_uncertainty: float, initial_force: float) -> None:
-        """Take another friction, and another force to press with until the fruit is carried [N].
+        """Use another friction, and another force until the fruit is carried [N].
 
         The shape of the pressure stays as it was.
         """
         self.settings = replace(
             self.settings, contact=contact, mu_uncertainty=mu_uncertainty, initial_force=initial_force
         )
-        self.sense.set_friction(contact)
-        self.reference.set_friction(self.settings)
+        self._estimator.set_friction(contact)
+        self._reference.set_friction(self.settings)
 
     # ---------------------------------------------------------------------------------------------- stepping
 
@@ -160,95 +213,49 @@ class GripController:
         """Take one sample.
 
         Args:
-            stamp: when it was taken [s].
+            stamp: its time [s].
             sequence: its number.
             wrenches: of both fingers, shape (2, 6) [N, N·m], as in `WrenchSample`.
-            saturated: whether a channel of a finger is at the end of its range.
+            saturated: True for a finger with a channel at the end of its range.
 
         Returns:
             Rate of the opening to command now [m/s]; None most of the time. Never two within the loop's
             `command_period`; while the stream flows, often enough for the driver's watchdog (command_timing.py).
         """
-        periods = self._guard.periods(stamp, sequence, wrenches)
-        if periods == 0:
+        sample = self._guard.accept(stamp, sequence, wrenches, saturated)
+        if sample is None:
             return None
-        self._saturated = saturated[0] or saturated[1]
+        self._saturated = sample.saturated
         if self.phase is GripPhase.BIAS:
-            self._take_bias(wrenches)
+            self._take_bias(sample)
         else:
-            touching = self.phase is GripPhase.RAMP or self.phase in IN_HAND
-            expected = 0.0
-            if touching:
-                expected = self._tracker.expected(self.speed, self.sense.f_n, self.settings.period, periods)
-            self.sense.carries = self.phase is GripPhase.HOLDING and self.reference.carried
-            self.sense.advance(wrenches, periods, expected)
-            self._last("saturated", self._saturated, periods)
-            elapsed = periods * self.settings.period
-            carried = self.reference.carried
-            force_rate = self._tracker.moving * self.settings.loop.stiffness.slope(self.sense.f_n)
-            self._sensors.look(wrenches, elapsed, saturated, self.sense, carried, force_rate)
-            if self._sensors.reason and self.phase is not GripPhase.FAILED:
-                self._distrust()
-            if self.phase in IN_HAND:
-                self._watch_hold(periods)
-            sound = self.phase is GripPhase.HOLDING and not self._sensors.reason
-            slides = sound and self._slips.look(wrenches, periods, self.sense, carried)
-            # A fruit that is hit bears more than friction for a moment, and moves in soft pads without sliding.
-            if slides and self.sense.hit == 0.0 and not self.reference.catching:
-                self._learn_friction()
-        hit_begins = self._hit_begins()
-        if not self._timing.pass_time(periods) or hit_begins:
+            self._observe(sample)
+        push_begins = self._push_begins()
+        if not self._timing.pass_time(sample.periods) or push_begins:
             return None
-        if self.phase is not GripPhase.BIAS:
-            self._sensors.compare_with_motor(self.sense.force_sum, self.motor_force, self._timing.interval)
-        speed = self._command()
+        speed = self._command(sample)
         if not self._timing.goes_out(speed, self.speed, self.phase in IN_HAND):
             return None
-        self._tracker.commanded(self.reference.f_ref)
-        self._last_width = self.width
+        self._tracker.commanded(self._reference.f_ref)
         self.speed = speed
         return speed
 
-    def _last(self, condition: str, true: bool, periods: int) -> float:
-        """For how long a condition has lasted now [s]."""
-        self._lasting[condition] = self._lasting[condition] + periods * self.settings.period if true else 0.0
-        return self._lasting[condition]
-
-    def _hit_begins(self) -> bool:
-        """Whether something has just begun to push at the fruit: the first sample of it says too little to answer.
-
-        The gripper takes the next rate only `command_period` later, so one is kept until the push has shown.
-        """
-        self._hit_for = self._hit_for + 1 if self.sense.hit > 0.0 else 0
-        return 0 < self._hit_for < self.settings.command.hit_samples
-
-    def _take_bias(self, wrenches: Float64) -> None:
-        s, rate = self.settings.bias, self.settings.rate
-        self._dropped += 1
-        if self._dropped <= round(s.dropped * rate):
+    def _take_bias(self, sample: GripSample) -> None:
+        samples = self._bias.add(sample.wrenches)
+        if samples is None:
             return
-        self._bias.append(np.array(wrenches))
-        count, enough, most = len(self._bias), round(s.time * rate), round(s.longest * rate)
-        if count < enough or (count % max(enough // 2, 1) and count < most):
-            return
-        samples = np.array(self._bias)
-        error = float(samples[:, :, :3].std(axis=0).max()) / math.sqrt(count)
-        if error > s.error and count < most:
-            return
-        self._bias.clear()
         try:
-            check_bias(samples, rate, self.settings.bias_check)
+            check_bias(samples, self.settings.rate, self.settings.bias_check)
         except UnfitSensor as unfit:
             self._fail("SENSOR_FAULT", str(unfit), measured=unfit.measured, expected=unfit.expected)
             return
-        felt = float(np.abs(samples[:, :, 2].mean(axis=0)).max())
         self._sensors.calibrate(samples)
         self._slips.calibrate(samples)
-        self.sense.calibrate_bias(samples)
-        if felt > s.limit:
-            self._fail(
-                "FORCE_LIMIT", f"a finger feels {felt:.1f} N before the fingers close: nothing may touch", felt_n=felt
-            )
+        self._estimator.calibrate(samples)
+        force = float(np.abs(samples[:, :, 2].mean(axis=0)).max())
+        if force > self.settings.bias.limit:
+            message = f"a finger reads {force:.1f} N before the fingers close: nothing may touch it"
+            self._fail("FORCE_LIMIT", message, felt_n=force)
         else:
             self.phase = GripPhase.CLOSING
 
@@ -256,181 +263,110 @@ class GripController:
         self.phase = GripPhase.FAILED
         self.problem = GripProblem(code, message, self._guard.stamp, data)
 
-    def _learn_friction(self) -> None:
-        """The fruit slides: its load lies on the limit surface of the force that presses, whatever was told.
+    def _observe(self, sample: GripSample) -> None:
+        """Estimate, watch, and set the reference."""
+        s, is_carried, in_hand = self.settings, self.is_carried, self.phase in IN_HAND
+        expected = 0.0
+        if in_hand or self.phase is GripPhase.RAMP:
+            expected = self._tracker.expected(self.speed, self.estimate.f_n, s.period, sample.periods)
+        may_be_pushed = is_carried and self.phase is GripPhase.HOLDING
+        estimate = self._estimator.advance(sample.wrenches, sample.periods, expected, may_be_pushed)
+        now = self._now(sample)
+        force_rate = self._tracker.moving * s.loop.stiffness.slope(estimate.f_n)
+        self._sensors.check(sample, estimate, is_carried, force_rate)
+        if in_hand:
+            self._watch_hold(now)
+        elif self.phase is not GripPhase.FAILED and self._sensors.reason:
+            self._fail("SENSOR_FAULT", self._sensors.reason, width=self.width)
+        self._found = None if in_hand else first_problem(self._before_hold, now)
+        if self.phase is GripPhase.HOLDING and not self._sensors.reason:
+            slides = self._slips.check(estimate, sample.periods, is_carried)
+            # A fruit that was hit bears more than friction for a moment, and moves in soft pads without sliding.
+            if slides and estimate.push == 0.0 and self.mode is not ReferenceMode.CATCHING:
+                self._learn_friction()
 
-        The least force is as good as inverse to the friction, so their ratio is the share of it that is there.
+    def _now(self, sample: GripSample) -> GripState:
+        reference = self._reference
+        return GripState(sample, self.estimate, self.mode, self.width, reference.wanted, reference.for_weight)
+
+    def _watch_hold(self, now: GripState) -> None:
+        self.problem = first_problem(self._while_holding, now)
+        if self._sensors.doubt:
+            self._reference.freeze(self._sensors.doubt)
+        if self._sensors.reason:
+            self._reference.distrust(self._sensors.reason)
+        elif self.problem is not None and self.problem.code in FREEZING:
+            self._reference.freeze(self.problem.message)
+        # Both fingers together show the lack of force: a fruit presses on both alike, a drifting sensor does not.
+        estimate, loop = now.estimate, self.settings.loop
+        is_dead = has_dead_finger(estimate, now.mode, self.settings.watch)
+        force_sum = 2.0 * estimate.stronger if is_dead else max(estimate.force_sum, 0.0)
+        coming = -self.speed * loop.lag * loop.stiffness.slope(force_sum)
+        self._reference.follow(estimate, force_sum + coming, now.sample.elapsed)
+
+    def _push_begins(self) -> bool:
+        """Return True at the first sample of a push, which shows too little of it to answer.
+
+        The gripper takes the next rate only `command_period` later, so one is kept until the push has shown.
+        """
+        self._pushed_samples = self._pushed_samples + 1 if self.estimate.push > 0.0 else 0
+        return 0 < self._pushed_samples < self.settings.command.hit_samples
+
+    def _learn_friction(self) -> None:
+        """Lower the friction after slip: the load of a sliding fruit lies on the limit surface of the measured force.
+
+        The minimum force is nearly inverse to the friction, so their ratio is the share of it that is there.
         """
         s, contact = self.settings.slips, self.settings.contact
-        share = self.sense.least / max(self.sense.f_n, 0.1)
+        share = self.estimate.f_least / max(self.estimate.f_n, 0.1)
         if self.settings.law is not ForceLaw.SLIP_AVOIDANCE or not s.least_share < share < s.sure_share:
             return
         self.friction_share *= share
         self.settings = replace(self.settings, contact=replace(contact, mu=share * contact.mu))
-        self.sense.set_friction(self.settings.contact)
+        self._estimator.set_friction(self.settings.contact)
 
-    def _distrust(self) -> None:
-        """The fingers' samples are not believed any more: a grip is kept as it is, none is made."""
-        if self.phase in IN_HAND:
-            self.reference.distrust(self._sensors.reason)
-        else:
-            self._fail("SENSOR_FAULT", self._sensors.reason, width=self.width)
+    # -------------------------------------------------------------------------------------------- commanding
 
-    def _command(self) -> float:
-        if self.phase is GripPhase.CLOSING:
-            return self._close()
-        if self.phase is GripPhase.RAMP:
-            return self._ramp()
+    def _command(self, sample: GripSample) -> float:
+        """Return the rate of the opening for the phase [m/s]."""
+        if self.phase is GripPhase.BIAS:
+            return 0.0
+        estimate = self.estimate
+        self._sensors.compare_with_motor(estimate.force_sum, self.motor_force, self._timing.interval)
+        if self.phase in (GripPhase.CLOSING, GripPhase.RAMP):
+            return self._close(self._now(sample))
         if self.phase in IN_HAND:
-            return self._hold()
+            is_gone = estimate.stronger < self.settings.watch.gone
+            if any(sample.saturated) or self._sensors.no_signal or is_gone:
+                return 0.0
+            return self._track(may_open=not self.is_frozen and not estimate.one_presses_more)
         return 0.0
 
-    # --------------------------------------------------------------------------------------- before the hold
+    def _close(self, now: GripState) -> float:
+        closing = self._closing
+        speed = closing.command(now, self.speed) if self._found is None else closing.fail(self._found)
+        self.phase, self.problem = closing.phase, closing.problem
+        if self.phase is not GripPhase.HOLDING:
+            return speed
+        self._reference.stand(now.estimate.load)
+        self._start_slip_detection()
+        return self._track(may_open=False)
 
-    def _close(self) -> float:
-        s, sense = self.settings, self.sense
-        touch = [force > s.watch.contact for force in sense.finger_forces]
-        if self._refused_before_hold():
-            return 0.0
-        if all(touch):
-            self.phase = GripPhase.RAMP
-            self.reference.begin(sense.f_n)
-            return 0.0
-        if any(touch) and math.isnan(self._touched_at):
-            self._touched_at = self.width
-        at_end = self.width <= max(s.width_min + s.watch.stroke_end, s.narrowest)
-        pushed = 0.5 * (self._touched_at - self.width)
-        if any(touch) and (pushed > s.off_centre or max(sense.finger_forces) > s.watch.push_limit or at_end):
-            side = ("left", "right")[touch[1]]
-            message = f"only the {side} finger touches: it pushed the fruit {1e3 * pushed:.1f} mm with "
-            self._fail("ONE_FINGER", f"{message}{max(sense.finger_forces):.1f} N", pushed=pushed, width=self.width)
-            return 0.0
-        if at_end:
-            message = (
-                f"no finger touched anything down to an opening of {1e3 * self.width:.1f} mm: the fruit has moved, or "
-            )
-            self._fail("NO_CONTACT", f"{message}camera or tool are not where the cell says", width=self.width)
-            return 0.0
-        if self._stuck():
-            self._fail("NO_CONTACT", "the fingers do not move although they should close", width=self.width)
-            return 0.0
-        far = s.contact_width is not None and self.width > s.contact_width and not any(touch)
-        braking = s.approach_speed * s.loop.command_period * 2.0
-        if far and s.contact_width is not None and self.width - s.contact_width > braking:
-            return -s.approach_speed
-        return -s.contact_speed
+    def _start_slip_detection(self) -> None:
+        self._estimator.restart_observer()
+        self._slips.start()
 
-    def _ramp(self) -> float:
-        s, sense = self.settings, self.sense
-        if self._refused_before_hold():
-            return 0.0
-        if self.width <= s.width_min + s.watch.stroke_end and sense.f_n < s.initial_force - 0.2:
-            message = f"the gripper's stroke ends at {1e3 * self.width:.1f} mm with {sense.f_n:.1f} N"
-            self._fail("OUT_OF_STROKE", message, width=self.width, f_n=sense.f_n)
-            return 0.0
-        if self._last("gone", min(sense.finger_forces) < s.watch.gone, self._timing.every) > 2.0 * s.watch.gone_after:
-            self._lost_in_ramp()
-            return 0.0
-        f_ref = self.reference.ramp(self._timing.interval)
-        reached = f_ref >= s.initial_force and sense.f_n >= 0.9 * s.initial_force
-        if self._last("reached", reached, self._timing.every) > 1.5 * self._timing.interval:
-            self.phase = GripPhase.HOLDING
-            self.reference.stand(self.sense.load)
-            self.sense.start_observer()
-            self._slips.start()
-        elif f_ref >= s.initial_force and not reached and self._stuck():
-            message = f"the fingers stand still at {sense.f_n:.1f} N and do not reach {s.initial_force:.1f} N"
-            self._fail("FORCE_LIMIT", message, f_n=sense.f_n, f_ref=f_ref)
-            return 0.0
-        return self._track(opening=False)
-
-    def _lost_in_ramp(self) -> None:
-        # A fruit that one finger pushes may hop to the other one and back: closing goes on, and is bounded as before.
-        if max(self.sense.finger_forces) > self.settings.watch.contact:
-            self.phase = GripPhase.CLOSING
-        else:
-            self._fail("NO_CONTACT", "the fruit slipped away while the force rose", width=self.width)
-
-    def _refused_before_hold(self) -> bool:
-        sense, loop = self.sense, self.settings.loop
-        if self._lasting["saturated"] > self.settings.watch.saturated_after:
-            self._fail("SENSOR_SATURATED", "a finger's channel is at the end of its range", f_n=sense.f_n)
-        elif max(sense.finger_forces) > 0.5 * loop.max_force:
-            message = f"a finger feels {max(sense.finger_forces):.1f} N, more than half of {loop.max_force:.1f} N"
-            self._fail("FORCE_LIMIT", message, left=sense.finger_forces[0], right=sense.finger_forces[1])
-        return self.phase is GripPhase.FAILED
-
-    def _stuck(self) -> bool:
-        """Whether the fingers have not moved for a while although they were told to close."""
-        still = self.speed < -1e-3 and abs(self.width - self._last_width) < 1e-5
-        return self._last("stuck", still, self._timing.every) > self.settings.watch.stuck_after
-
-    # -------------------------------------------------------------------------------------------- the hold
-
-    def _watch_hold(self, periods: int) -> None:
-        s, sense, limits = self.settings, self.sense, self.settings.watch
-        elapsed = periods * s.period
-        if sense.one_sided_jump and self.reference.carried:
-            self.reference.freeze("one finger's signal jumped alone: the force is not lowered any more")
-        if sense.one_sided_press and self.reference.carried:
-            self._pressed_alone = "one finger's normal force jumped alone: the smaller one counts"
-        if self._sensors.doubt:
-            self.reference.freeze(f"{self._sensors.doubt}: the force is not lowered any more")
-        left, right = sense.finger_forces
-        low, high = min(left, right), max(left, right)
-        slides = self.phase is GripPhase.SLIDING
-        dead = self._last("dead", low < limits.dead * high and high > limits.alive and not slides, periods) > 0.0
-        f_n = 2.0 * high if dead else sense.f_n
-        needed = sense.coulomb if self.phase is GripPhase.PIVOTING else sense.least
-        beyond = self._last("beyond", needed > limits.beyond * f_n and not slides, periods)
-        if needed > limits.slipping * f_n and not slides:
-            self.slip += self.slip_speed * elapsed
-        stamp, slipped = self._guard.stamp, self._slips.slipped if self.phase is GripPhase.HOLDING else 0.0
-        if self._sensors.reason:
-            message = f"{self._sensors.reason}; the grip is kept"
-            self.problem = GripProblem("SENSOR_FAULT", message, stamp, {"left_force_n": left, "right_force_n": right})
-        elif self._lasting["saturated"] > limits.saturated_after:
-            message = "a finger's channel is at the end of its range; the force is neither raised nor lowered"
-            self.problem = GripProblem("SENSOR_SATURATED", message, stamp, {"force_n": f_n})
-        elif self._last("gone", high < limits.gone, periods) > limits.gone_after:
-            message = f"the fruit is gone: {left:.2f} N and {right:.2f} N at {1e3 * self.width:.1f} mm"
-            self.problem = GripProblem("LOST", message, stamp, {"width_m": self.width})
-        elif dead and self._lasting["dead"] > limits.gone_after:
-            self.reference.freeze("one finger feels nothing any more: the other one's force counts twice")
-            message = f"one finger feels nothing any more ({left:.2f} N, {right:.2f} N); the grip is kept"
-            self.problem = GripProblem("ONE_FINGER", message, stamp, {"left_force_n": left, "right_force_n": right})
-        elif max(self.slip, slipped) > s.slip_limit or beyond > limits.beyond_after:
-            slip = max(self.slip, slipped)
-            message = f"the fruit slips: about {1e3 * slip:.1f} mm, needs {needed:.1f} N, has {f_n:.1f} N"
-            self.problem = GripProblem("SLIPPED", message, stamp, {"slip_m": slip, "least_force_n": needed})
-        elif self.reference.wanted > s.loop.max_force:
-            message = f"the load needs {self.reference.wanted:.1f} N, the limit is {s.loop.max_force:.1f} N"
-            data = {
-                "wanted_force_n": self.reference.wanted,
-                "for_weight_alone_n": self.reference.for_weight,
-                "limit_n": s.loop.max_force,
-            }
-            self.problem = GripProblem("FORCE_LIMIT", message, stamp, data)
-        else:
-            self.problem = None
-        # What is missing is judged by both fingers together: a fruit presses on both alike, a drifting sensor does not.
-        force_sum = 2.0 * high if dead else max(sense.force_sum, 0.0)
-        coming = -self.speed * s.loop.lag * s.loop.stiffness.slope(force_sum)
-        self.reference.follow(sense, force_sum + coming, elapsed)
-
-    def _hold(self) -> float:
-        if self._saturated or self._sensors.still or self._lasting["gone"] > 0.0:
-            return 0.0
-        return self._track(opening=not self.reference.frozen and not self.sense.one_sided_press)
-
-    def _track(self, opening: bool) -> float:
-        f_n, f_ref = self.tracked_force, self.reference.f_ref
-        if self.phase is GripPhase.RAMP:
-            speed = self._tracker.on_ramp(f_ref, f_n, self.speed)
-        else:
-            # A moment shows late and grows fast: rather too much force than too little.
-            feedthrough = min(self.sense.twist, 1.0)
-            band = self.sense.normal_noise_band
-            hardest = 2.0 * max(self.sense.finger_forces)
-            speed = self._tracker.while_holding(f_ref, f_n, self.speed, band, feedthrough, hardest)
-        return speed if opening else min(speed, 0.0)
+    def _track(self, may_open: bool) -> float:
+        """Return the rate that brings the force to its reference [m/s]."""
+        estimate = self.estimate
+        # A moment shows late and grows fast: with it the gain acts on the whole error.
+        feedthrough = min(estimate.twist, 1.0)
+        speed = self._tracker.while_holding(
+            self._reference.f_ref,
+            self.tracked_force,
+            self.speed,
+            estimate.f_n_band,
+            feedthrough,
+            2.0 * estimate.stronger,
+        )
+        return speed if may_open else min(speed, 0.0)

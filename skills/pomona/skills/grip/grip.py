@@ -12,6 +12,9 @@ from pomona.executive.values.units import FORCE, LENGTH, SPEED, TIME, TORQUE
 
 Newton = Annotated[float, FORCE]
 
+SIDES = ("left", "right")
+"""Names of the fingers, in the order of their wrenches."""
+
 
 class GripPhase(Enum):
     """Where a grip stands. Values are for people."""
@@ -29,6 +32,9 @@ class GripPhase(Enum):
 IN_HAND = frozenset({GripPhase.HOLDING, GripPhase.PIVOTING, GripPhase.SLIDING})
 """Phases in which the fingers have a fruit between them and press on it as they should."""
 
+
+FREEZING = frozenset({"SENSOR_FAULT", "ONE_FINGER"})
+"""Problems after which the force of a held fruit never falls again."""
 
 LIES = frozenset({"SENSOR_FAULT", "SENSOR_STALE", "SENSOR_SATURATED", "ONE_FINGER"})
 """Problems of a grip that say, with a fruit in hand, that the fingers are not to be believed."""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pomona.drivers.interfaces import ForceSensor, Gripper, HandTask
 from pomona.skills.grip.calibration import Push, PushRecorder
 from pomona.skills.grip.errors import GuidanceEnded
+from pomona.skills.grip.stream_guard import STALE_AFTER
 
 SQUEEZE_SPEED = 0.004
 """Rate at which the opening closes on the fruit [m/s]."""
@@ -25,7 +26,6 @@ WAYS = (
     ("twist it about the line between the pads while you pull", HandTask.TWIST),
 )
 
-STALE_AFTER = 0.1
 CLOSEST = 0.0005
 BIAS_WITHIN = 2.0
 

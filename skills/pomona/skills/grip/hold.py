@@ -24,15 +24,14 @@ import numpy as np
 from pomona.drivers.errors import DeviceError
 from pomona.drivers.interfaces import ForceSensor, Gripper, Subscription, WrenchSample
 from pomona.executive.lease import give_up, identity, keep
+from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.controller import GripController
+from pomona.skills.grip.estimate_kernel import GripEstimate
 from pomona.skills.grip.grip import IN_HAND, LIES, GripPhase, GripProblem, GripReading, GripSamples
 from pomona.skills.grip.limit_surface import SoftContact
-
-STALE_AFTER = 0.05
-"""A stream that brought no usable sample for so long is stale [s]; the driver's watchdog stops the fingers at 0.1 s."""
-
-EARLIEST = 0.02
-"""A sample whose stamp lies further in the future is not used [s]."""
+from pomona.skills.grip.reference_modes import ReferenceMode
+from pomona.skills.grip.settings import GripSettings
+from pomona.skills.grip.stream_guard import EARLIEST, STALE_AFTER
 
 KEPT = 2000
 """Samples kept until somebody drains them: 20 s at 100 Hz; the oldest go first."""
@@ -58,7 +57,7 @@ class Hold:
             now: the cell's clock, to see a stream that stands still.
         """
         take_over(gripper)
-        self._gripper, self.controller = keep(gripper, "the grip"), controller
+        self._gripper, self._controller = keep(gripper, "the grip"), controller
         self._now, self._started = now, now()
         self._sensor = sensor
         self._lock = RLock()
@@ -77,18 +76,58 @@ class Hold:
     @property
     def phase(self) -> GripPhase:
         """Where the grip is: closing, holding, letting go, ended."""
-        return GripPhase.ENDED if self._ended else self.controller.phase
+        return GripPhase.ENDED if self._ended else self._controller.phase
 
     @property
     def reading(self) -> GripReading:
         """The grip after the newest sample; its `stamp` says how old that is."""
-        reading = self.controller.reading
+        reading = self._controller.reading
         return replace(reading, phase=GripPhase.ENDED) if self._ended else reading
+
+    @property
+    def estimate(self) -> GripEstimate:
+        """Loads, slip and disturbance after the newest sample."""
+        return self._controller.estimate
+
+    @property
+    def mode(self) -> ReferenceMode:
+        """Mode of the grip force reference."""
+        return self._controller.mode
+
+    @property
+    def settings(self) -> GripSettings:
+        """Settings of the grip, with the friction that it uses now."""
+        return self._controller.settings
+
+    @property
+    def bias(self) -> Float64:
+        """Reading of the fingers with nothing between them, shape (2, 6) [N, N·m]; not to be changed."""
+        return self._controller.bias
+
+    @property
+    def tracked_force(self) -> float:
+        """Grip force that is compared with the reference [N]."""
+        return self._controller.tracked_force
+
+    @property
+    def slipped(self) -> float:
+        """Distance that the fruit has slid on the pads [m]."""
+        return self._controller.slipped
+
+    @property
+    def has_settled(self) -> bool:
+        """True when the force has come down to what the load needs."""
+        return self._controller.has_settled
+
+    @property
+    def is_at_rest(self) -> bool:
+        """True for a carried fruit without a problem, when the force has come down to what it needs."""
+        return self._controller.is_at_rest
 
     @property
     def holds(self) -> bool:
         """Whether a fruit is held now: the grip was made, is under control, and the fruit has not gone."""
-        problem = self.controller.problem
+        problem = self._controller.problem
         gone = problem is not None and problem.code == "LOST"
         return self.phase in IN_HAND and not gone
 
@@ -96,17 +135,17 @@ class Hold:
     def problem(self) -> GripProblem | None:
         """What is wrong, or None. While holding, the grip is kept all the same."""
         if not self._ended:
-            newest = max(self.controller.usable_until, self._started)
+            newest = max(self._controller.usable_until, self._started)
             age = self._now() - newest
             if age > STALE_AFTER:
                 message = f"the fingers have sent no usable sample for {1e3 * age:.0f} ms; the grip is kept as it is"
                 return GripProblem("SENSOR_STALE", message, newest, {"age_s": age})
-        return self.controller.problem or self._device_problem
+        return self._controller.problem or self._device_problem
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What was odd in the stream so far and how it was met, one sentence each."""
-        return self.controller.warnings
+        return self._controller.warnings
 
     @property
     def ended(self) -> bool:
@@ -116,12 +155,12 @@ class Hold:
     def pivot(self, on: bool) -> None:
         """Let the fruit turn in the fingers until it hangs plumb, or hold it again as it hangs; see `Pivot`."""
         with self._lock:
-            self.controller.pivot(on)
+            self._controller.pivot(on)
 
     def slide(self, force: float | None) -> None:
         """Press with this grasp force [N] and let the pads slide; None: hold again; see `FeelFriction`."""
         with self._lock:
-            self.controller.slide(force)
+            self._controller.slide(force)
 
     def stand(self, on: bool) -> None:
         """Let the fingers stand although the load changes, or control the force again; see `Release`.
@@ -137,7 +176,7 @@ class Hold:
     def set_friction(self, contact: SoftContact, mu_uncertainty: float, initial_force: float) -> None:
         """Hold for another friction from now on, and press with `initial_force` [N] until the fruit is carried."""
         with self._lock:
-            self.controller.set_friction(contact, mu_uncertainty, initial_force)
+            self._controller.set_friction(contact, mu_uncertainty, initial_force)
 
     def take_over(self) -> None:
         """End control: the caller moves the fingers from now on. Zero speed is commanded, nothing opens."""
@@ -155,7 +194,7 @@ class Hold:
     def waiting(self) -> float:
         """Seconds of samples that nobody has drained yet."""
         count = min(self._written - self._drained, KEPT)
-        return float(count * self._record_every * self.controller.settings.period)
+        return float(count * self._record_every * self._controller.settings.period)
 
     def drain(self) -> GripSamples:
         """The samples since the last call, 100 a second, at most the last 20 s."""
@@ -171,7 +210,7 @@ class Hold:
         with self._lock:
             if self._ended:
                 return
-            controller = self.controller
+            controller = self._controller
             # What comes after a silence may come late for ever: a loop with a delay would press harder and harder.
             silent = self._now() - max(controller.usable_until, self._started)
             self._stands = self._stands or (silent > STALE_AFTER and controller.phase in IN_HAND)
@@ -196,7 +235,7 @@ class Hold:
         """Fingers that are not to be believed end the run; the grip is kept. It is told once: until acknowledged."""
         problem = None if self._standing else self.problem
         lies = problem is not None and (
-            problem.code == "SENSOR_FAULT" or (problem.code in LIES and self.controller.phase in IN_HAND)
+            problem.code == "SENSOR_FAULT" or (problem.code in LIES and self._controller.phase in IN_HAND)
         )
         if lies and not self._sensor_fault_reported and problem is not None:
             self._sensor.distrust(problem.message)
@@ -208,7 +247,7 @@ class Hold:
             self._gripper.set_speed(speed)
             self._device_problem = None
         except DeviceError as refused:
-            stamp = self.controller.reading.stamp
+            stamp = self._controller.reading.stamp
             self._device_problem = GripProblem("LOST", f"the gripper takes no speed: {refused}", stamp)
 
 

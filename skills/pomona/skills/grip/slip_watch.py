@@ -14,8 +14,8 @@ import numpy as np
 from numba import njit
 
 from pomona.executive.values.arrays import Float64
+from pomona.skills.grip.estimate_kernel import GripEstimate
 from pomona.skills.grip.pads import MIRROR
-from pomona.skills.grip.slip_sense import SlipSense
 from pomona.skills.grip.tuning import SlipWatchSettings
 
 LEAST_FORCE = 0.15
@@ -55,17 +55,16 @@ class SlipWatch:
         self._origin[:] = np.nan
         self.slipped = self._slipped_before = 0.0
 
-    def look(self, wrenches: Float64, periods: int, sense: SlipSense, carried: bool) -> bool:
-        """Take one sample; whether the fruit slides or turns now.
+    def check(self, estimate: GripEstimate, periods: int, is_carried: bool) -> bool:
+        """Take one sample; return True when the fruit slides or turns now.
 
         Args:
-            wrenches: raw, shape (2, 6).
+            estimate: after the sample.
             periods: sample periods that it stands for.
-            sense: the loads after it.
-            carried: the fruit hangs in the fingers.
+            is_carried: the fruit hangs in the fingers.
         """
         self._samples += periods
-        _average(wrenches, sense.raw_bias, MIRROR, self._samples, min(periods, 10), self._shares, self._means)
+        _average(estimate.unfiltered, self._samples, min(periods, 10), self._shares, self._means)
         pressing = self._means[:, 0]
         if pressing.min() < LEAST_FORCE:
             return False
@@ -75,8 +74,8 @@ class SlipWatch:
         elif not math.isnan(self._origin[0]):
             way = math.hypot(places[1, 0] - self._origin[0], places[1, 1] - self._origin[1])
             self.slipped = self._slipped_before + way
-        slides = self._slides(places, pressing, carried)
-        turns = self._turns(sense, carried, periods)
+        slides = self._slides(places, pressing, is_carried)
+        turns = self._turns(estimate, is_carried, periods)
         if slides or turns:
             self._means[1:] = self._means[0]
             self._samples = min(self._samples, round(1.0 / self._shares[0]))
@@ -87,12 +86,12 @@ class SlipWatch:
                 self._origin[:] = places[0]
         return slides or turns
 
-    def _slides(self, places: Float64, pressing: Float64, carried: bool) -> bool:
+    def _slides(self, places: Float64, pressing: Float64, is_carried: bool) -> bool:
         s = self._settings
         if not math.hypot(places[0, 0] - self._origin[0], places[0, 1] - self._origin[1]) > s.moved_far:
             return False
         for fast, slow in ((0, 1), (1, 2)):
-            if slow == 2 and not carried:
+            if slow == 2 and not is_carried:
                 continue
             moved = math.hypot(places[fast, 0] - places[slow, 0], places[fast, 1] - places[slow, 1])
             share = self._shares[fast]
@@ -103,12 +102,12 @@ class SlipWatch:
                 return True
         return False
 
-    def _turns(self, sense: SlipSense, carried: bool, periods: int) -> bool:
+    def _turns(self, estimate: GripEstimate, is_carried: bool, periods: int) -> bool:
         s = self._settings
-        if not carried or sense.f_t < s.lever_load:
+        if not is_carried or estimate.f_t < s.lever_load:
             self._carried_for = 0.0
             return False
-        lever = sense.tau_n / sense.f_t
+        lever = estimate.tau_n / estimate.f_t
         if self._carried_for == 0.0:
             self._lever_fast = self._lever_slow = lever
         self._carried_for += periods * self._period
@@ -116,25 +115,22 @@ class SlipWatch:
         self._lever_fast += (1.0 - math.exp(-periods * self._period / s.lever_lags[0])) * (lever - self._lever_fast)
         self._lever_slow += (1.0 - math.exp(-periods * self._period / slow_lag)) * (lever - self._lever_slow)
         moved = abs(self._lever_fast - self._lever_slow)
-        noise = s.lever_stds * sense.tau_noise_std / sense.f_t
+        noise = s.lever_stds * estimate.tau_std / estimate.f_t
         least = max(s.lever_moved, s.lever_share * abs(self._lever_slow), noise)
         return self._carried_for > s.lever_after and moved > least
 
 
 @njit(cache=True)
-def _average(raw, bias, mirror, samples, periods, shares, means):  # type: ignore[no-untyped-def]
-    """Averages with three time constants, of the mean of both fingers: normal force, that times the centre of pressure
-    (x, y), tangential force (x, y); shape (3, 5).
+def _average(wrench, samples, periods, shares, means):  # type: ignore[no-untyped-def]
+    """Update the averages with three time constants, shape (3, 5), by the mean wrench of both fingers.
 
-    Each is a plain mean at first, until its time constant has passed.
+    Columns: normal force, that times the centre of pressure (x, y), tangential force (x, y). Each average is a plain
+    mean until its time constant has passed.
     """
-    alike = np.empty(6)
-    for j in range(5):
-        alike[j] = 0.5 * (raw[0, j] - bias[0, j] + mirror[j] * (raw[1, j] - bias[1, j]))
     for k in range(3):
         share = max(min(periods * shares[k], 1.0), 1.0 / samples)
-        means[k, 0] += share * (-alike[2] - means[k, 0])
-        means[k, 1] += share * (alike[4] - means[k, 1])
-        means[k, 2] += share * (-alike[3] - means[k, 2])
-        means[k, 3] += share * (alike[0] - means[k, 3])
-        means[k, 4] += share * (alike[1] - means[k, 4])
+        means[k, 0] += share * (-wrench[2] - means[k, 0])
+        means[k, 1] += share * (wrench[4] - means[k, 1])
+        means[k, 2] += share * (-wrench[3] - means[k, 2])
+        means[k, 3] += share * (wrench[0] - means[k, 3])
+        means[k, 4] += share * (wrench[1] - means[k, 4])

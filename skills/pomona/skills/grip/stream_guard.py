@@ -1,20 +1,45 @@
-"""What is let through of the sensor's stream: in order, once, finite."""
+"""Validation of the sensor's stream, once: samples in order, finite, each one only once."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from pomona.executive.values.arrays import Float64
 
+STALE_AFTER = 0.05
+"""A stream without a valid sample for this long is stale [s]; the driver's watchdog stops the fingers at 0.1 s."""
+
+EARLIEST = 0.02
+"""A sample whose timestamp lies further in the future is rejected [s]."""
+
 LONGEST_CATCH_UP = 0.02
-"""After a gap the filters run on with the new sample for at most so long [s]."""
+"""After a gap the filters run on with the new sample for at most this long [s]."""
 
 RESTART_AFTER = 0.05
-"""A sequence that falls back with stamps this much later is a sensor that was restarted [s]."""
+"""A sequence that falls back with a timestamp this much later comes from a restarted sensor [s]."""
+
+
+class GripSample(NamedTuple):
+    """A valid sample.
+
+    Attributes:
+        stamp: time of the sample [s].
+        periods: sample periods since the last valid one; 1 in a flawless stream.
+        elapsed: the same [s].
+        wrenches: of both fingers, shape (2, 6) [N, N·m], as in `WrenchSample`.
+        saturated: True for a finger with a channel at the end of its range.
+    """
+
+    stamp: float
+    periods: int
+    elapsed: float
+    wrenches: Float64
+    saturated: tuple[bool, bool] = (False, False)
 
 
 class StreamGuard:
-    """Counts periods between usable samples, and what was not usable."""
+    """Lets valid samples through and counts the others."""
 
     def __init__(self, period: float) -> None:
         self.period = period
@@ -24,30 +49,32 @@ class StreamGuard:
         self.repeated = self.out_of_order = self.missing = self.not_finite = 0
         self.longest_gap = 0.0
 
-    def periods(self, stamp: float, sequence: int, wrenches: Float64) -> int:
-        """Periods that passed since the last usable sample, 1 in a flawless stream; 0 for a sample to be ignored."""
+    def accept(
+        self, stamp: float, sequence: int, wrenches: Float64, saturated: tuple[bool, bool] = (False, False)
+    ) -> GripSample | None:
+        """Return the sample, or None for one to be ignored."""
         if not (math.isfinite(stamp) and math.isfinite(wrenches.sum())):
             self.not_finite += 1
-            return 0
-        first = self.sequence < 0
-        if not first and sequence <= self.sequence and stamp < self.stamp + RESTART_AFTER:
+            return None
+        is_first = self.sequence < 0
+        if not is_first and sequence <= self.sequence and stamp < self.stamp + RESTART_AFTER:
             if sequence == self.sequence:
                 self.repeated += 1
             else:
                 self.out_of_order += 1
-            return 0
+            return None
         if stamp <= self.stamp:
             self.out_of_order += 1
-            return 0
-        gap = 0.0 if first else stamp - self.stamp - self.period
-        lost = 0 if first else max(sequence - self.sequence - 1, 0)
-        self.missing += lost
+            return None
+        gap = 0.0 if is_first else stamp - self.stamp - self.period
+        self.missing += 0 if is_first else max(sequence - self.sequence - 1, 0)
         self.longest_gap = max(self.longest_gap, gap)
         self.stamp, self.sequence = stamp, sequence
-        return 1 + min(max(round(gap / self.period), 0), self._most_periods - 1)
+        periods = 1 + min(max(round(gap / self.period), 0), self._most_periods - 1)
+        return GripSample(stamp, periods, periods * self.period, wrenches, saturated)
 
     def findings(self) -> tuple[str, ...]:
-        """What was odd so far, one sentence each."""
+        """Return one sentence for each kind of invalid sample so far."""
         found = []
         if self.repeated:
             found.append(f"{self.repeated} repeated samples were ignored")

@@ -68,7 +68,7 @@ class PadLoad:
 
     def __init__(self, hold: Hold) -> None:
         self._hold = hold
-        self._along = np.array(hold.controller.sense.load)
+        self._along = np.array(hold.estimate.load)
         self._along /= max(float(np.linalg.norm(self._along)), 1e-9)
 
     @property
@@ -77,7 +77,7 @@ class PadLoad:
 
         A fruit that has slid until the pads close over its top is pressed down and lifts the pads.
         """
-        return float(self._along @ self._hold.controller.sense.load) < LEAST
+        return float(self._along @ self._hold.estimate.load) < LEAST
 
 
 class OverloadMonitor:

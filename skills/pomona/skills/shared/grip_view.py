@@ -40,7 +40,7 @@ def show_grip(skill: Skill, hold: Hold, everything: bool = False) -> None:
                 "width [m]": samples.width,
             },
             thresholds={
-                "force limit [N]": hold.controller.settings.loop.max_force,
+                "force limit [N]": hold.settings.loop.max_force,
                 "no bruise below [N]": NO_BRUISE_BELOW,
             },
         ),

@@ -1,0 +1,100 @@
+"""Closing on the fruit and raising the force, until the fruit is held or the grip has failed."""
+
+from __future__ import annotations
+
+import math
+
+from pomona.skills.grip.grip import GripPhase, GripProblem
+from pomona.skills.grip.monitors import GripState
+from pomona.skills.grip.reference import ForceReference
+from pomona.skills.grip.settings import GripSettings
+from pomona.skills.grip.timing import Timer
+from pomona.skills.grip.tracking import ForceTracker
+
+
+class Closing:
+    """Speed of the fingers in the phases CLOSING and RAMP, once a command.
+
+    Attributes:
+        phase: CLOSING, RAMP, then HOLDING or FAILED.
+        problem: why it failed.
+    """
+
+    def __init__(
+        self, settings: GripSettings, reference: ForceReference, tracker: ForceTracker, interval: float
+    ) -> None:
+        """Take the time between two commands [s] besides the parts of the grip."""
+        self.phase = GripPhase.CLOSING
+        self.problem: GripProblem | None = None
+        self._settings, self._reference, self._tracker, self._interval = settings, reference, tracker, interval
+        self._stuck, self._gone, self._reached = Timer(), Timer(), Timer()
+        self._touched_at = self._last_width = math.nan
+
+    def command(self, now: GripState, speed: float) -> float:
+        """Return the rate of the opening [m/s].
+
+        Args:
+            now: state of the grip.
+            speed: rate commanded before [m/s].
+        """
+        wanted = self._ramp(now, speed) if self.phase is GripPhase.RAMP else self._close(now, speed)
+        self._last_width = now.width
+        return wanted
+
+    def fail(self, problem: GripProblem) -> float:
+        """End with a problem and return the speed of fingers at rest [m/s]."""
+        self.phase, self.problem = GripPhase.FAILED, problem
+        return 0.0
+
+    def _close(self, now: GripState, speed: float) -> float:
+        s, estimate, width = self._settings, now.estimate, now.width
+        touch = (estimate.left > s.watch.contact, estimate.right > s.watch.contact)
+        if all(touch):
+            self.phase = GripPhase.RAMP
+            self._reference.begin(estimate.f_n)
+            return 0.0
+        if any(touch) and math.isnan(self._touched_at):
+            self._touched_at = width
+        at_end = width <= max(s.width_min + s.watch.stroke_end, s.narrowest)
+        pushed = 0.5 * (self._touched_at - width)
+        if any(touch) and (pushed > s.off_centre or estimate.stronger > s.watch.push_limit or at_end):
+            side = ("left", "right")[touch[1]]
+            words = f"only the {side} finger touches: it pushed the fruit {1e3 * pushed:.1f} mm with"
+            message = f"{words} {estimate.stronger:.1f} N"
+            return self.fail(now.problem("ONE_FINGER", message, pushed=pushed, width=width))
+        if at_end:
+            words = f"no finger touched anything down to an opening of {1e3 * width:.1f} mm: the fruit has moved, or"
+            message = f"{words} camera or tool are not where the cell file has them"
+            return self.fail(now.problem("NO_CONTACT", message, width=width))
+        if self._is_stuck(now, speed):
+            message = "the fingers do not move although they are commanded to close"
+            return self.fail(now.problem("NO_CONTACT", message, width=width))
+        braking = s.approach_speed * s.loop.command_period * 2.0
+        if s.contact_width is not None and not any(touch) and width - s.contact_width > braking:
+            return -s.approach_speed
+        return -s.contact_speed
+
+    def _ramp(self, now: GripState, speed: float) -> float:
+        s, estimate = self._settings, now.estimate
+        if now.width <= s.width_min + s.watch.stroke_end and estimate.f_n < s.initial_force - 0.2:
+            message = f"the gripper's stroke ends at {1e3 * now.width:.1f} mm with {estimate.f_n:.1f} N"
+            return self.fail(now.problem("OUT_OF_STROKE", message, width=now.width, f_n=estimate.f_n))
+        if self._gone.update(estimate.weaker < s.watch.gone, self._interval) > 2.0 * s.watch.gone_after:
+            # A fruit that one finger pushes may hop to the other one and back: closing goes on, with its bounds.
+            if estimate.stronger > s.watch.contact:
+                self.phase = GripPhase.CLOSING
+                return 0.0
+            return self.fail(now.problem("NO_CONTACT", "the fruit slipped away while the force rose", width=now.width))
+        f_ref = self._reference.ramp(self._interval)
+        is_reached = f_ref >= s.initial_force and estimate.f_n >= 0.9 * s.initial_force
+        if self._reached.update(is_reached, self._interval) > 1.5 * self._interval:
+            self.phase = GripPhase.HOLDING
+        elif f_ref >= s.initial_force and not is_reached and self._is_stuck(now, speed):
+            message = f"the fingers stand still at {estimate.f_n:.1f} N and do not reach {s.initial_force:.1f} N"
+            return self.fail(now.problem("FORCE_LIMIT", message, f_n=estimate.f_n, f_ref=f_ref))
+        return min(self._tracker.on_ramp(f_ref, estimate.f_n, speed), 0.0)
+
+    def _is_stuck(self, now: GripState, speed: float) -> bool:
+        """Return True when fingers that should close have not moved for `stuck_after`."""
+        stands = speed < -1e-3 and abs(now.width - self._last_width) < 1e-5
+        return self._stuck.update(stands, self._interval) > self._settings.watch.stuck_after

@@ -1,0 +1,133 @@
+"""Each monitor alone: its condition, its time, and the order of the problems."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pomona.skills.grip.estimate_kernel import GripEstimate
+from pomona.skills.grip.grip import GripProblem
+from pomona.skills.grip.monitors import (
+    DeadFingerMonitor,
+    FingerForceMonitor,
+    GoneMonitor,
+    GripState,
+    Monitor,
+    NeededForceMonitor,
+    SaturationMonitor,
+    SensorFaultMonitor,
+    SlipMonitor,
+    counted_force,
+    first_problem,
+    hold_monitors,
+)
+from pomona.skills.grip.reference_modes import ReferenceMode
+from pomona.skills.grip.sensor_watch import SensorWatch
+from pomona.skills.grip.settings import GripSettings
+from pomona.skills.grip.slip_watch import SlipWatch
+from pomona.skills.grip.stream_guard import GripSample
+
+SETTINGS = GripSettings()
+LIMITS = SETTINGS.watch
+PERIOD = 0.002
+
+
+def pressing(left: float = 1.5, right: float = 1.5, **changes: Any) -> GripEstimate:
+    return GripEstimate(left=left, right=right, f_n=2.0 * min(left, right))._replace(**changes)
+
+
+def state(estimate: GripEstimate | None = None, **changes: Any) -> GripState:
+    """A sound grip of a carried fruit, but for the changes."""
+    sample = GripSample(1.0, 1, PERIOD, np.zeros((2, 6)))
+    sound = GripState(sample, estimate or pressing(), ReferenceMode.CARRIED, 0.07, 2.0, 1.5)
+    return sound._replace(**changes)
+
+
+def samples_until(monitor: Monitor, now: GripState, most: int = 500) -> int:
+    """How many samples of this state the monitor takes until it reports a problem; `most` for none."""
+    return next((n for n in range(1, most) if monitor.check(now) is not None), most)
+
+
+def slip_monitor() -> SlipMonitor:
+    return SlipMonitor(SETTINGS, SlipWatch(SETTINGS.slips, SETTINGS.rate))
+
+
+def test_a_sound_grip_has_no_problem() -> None:
+    sensors = SensorWatch(SETTINGS.sensors, SETTINGS.rate)
+    monitors = hold_monitors(SETTINGS, sensors, SaturationMonitor(LIMITS), slip_monitor())
+    assert [first_problem(monitors, state()) for _ in range(500)] == [None] * 500
+
+
+@pytest.mark.parametrize(
+    ("monitor", "bad", "code", "after"),
+    [
+        (GoneMonitor(LIMITS), state(pressing(0.1, 0.05)), "LOST", LIMITS.gone_after),
+        (DeadFingerMonitor(LIMITS), state(pressing(0.1, 2.0)), "ONE_FINGER", LIMITS.gone_after),
+        (slip_monitor(), state(pressing(f_least=3.2)), "SLIPPED", LIMITS.beyond_after),
+        (NeededForceMonitor(14.0), state(f_wanted=14.1), "FORCE_LIMIT", 0.0),
+        (FingerForceMonitor(14.0), state(pressing(2.0, 7.1)), "FORCE_LIMIT", 0.0),
+        (
+            SaturationMonitor(LIMITS),
+            state(sample=GripSample(1.0, 1, PERIOD, np.zeros((2, 6)), (False, True))),
+            "SENSOR_SATURATED",
+            LIMITS.saturated_after,
+        ),
+    ],
+    ids=["gone", "dead", "slip", "needed force", "finger force", "saturated"],
+)
+def test_a_condition_counts_after_its_time_and_ends_with_it(
+    monitor: Monitor, bad: GripState, code: str, after: float
+) -> None:
+    assert samples_until(monitor, state()) == 500
+    assert samples_until(monitor, bad) == pytest.approx(after / PERIOD + 1, abs=1)
+    problem = monitor.check(bad)
+    assert isinstance(problem, GripProblem)
+    assert (problem.code, problem.stamp) == (code, 1.0)
+    assert monitor.check(state()) is None
+    assert samples_until(monitor, bad) == pytest.approx(after / PERIOD + 1, abs=1)  # the time begins anew
+
+
+def test_a_sensor_fault_stays() -> None:
+    sensors = SensorWatch(SETTINGS.sensors, SETTINGS.rate)
+    monitor = SensorFaultMonitor(sensors)
+    assert monitor.check(state()) is None
+    for _ in range(100):
+        sensors.compare_with_motor(3.0, 12.0, 0.02)
+    problem = monitor.check(state())
+    assert problem is not None
+    assert problem.code == "SENSOR_FAULT"
+    assert "motor presses" in problem.message
+
+
+def test_slip_adds_up_while_the_force_is_near_the_minimum() -> None:
+    monitor = slip_monitor()
+    slipping = state(pressing(f_least=2.9, slip_speed=0.01))  # 0.97 of the force: below `beyond`, above `slipping`
+    assert samples_until(monitor, slipping) == pytest.approx(SETTINGS.slip_limit / 0.01 / PERIOD + 1, abs=1)
+    assert monitor.slip > SETTINGS.slip_limit
+
+
+def test_pads_that_slide_on_purpose_are_neither_slip_nor_a_dead_finger() -> None:
+    now = state(pressing(0.1, 2.0, f_least=9.0, slip_speed=0.1), mode=ReferenceMode.SLIDING)
+    assert samples_until(slip_monitor(), now) == 500
+    assert samples_until(DeadFingerMonitor(LIMITS), now) == 500
+
+
+def test_a_turning_fruit_needs_the_force_for_its_weight_only() -> None:
+    now = state(pressing(f_least=9.0, f_coulomb=2.0), mode=ReferenceMode.PIVOTING)
+    assert samples_until(slip_monitor(), now) == 500
+
+
+def test_twice_the_other_finger_counts_when_one_reads_nothing() -> None:
+    assert counted_force(pressing(0.1, 2.0), ReferenceMode.CARRIED, LIMITS) == 4.0
+    assert counted_force(pressing(1.0, 2.0), ReferenceMode.CARRIED, LIMITS) == 2.0
+
+
+def test_the_most_serious_problem_comes_first_and_all_timers_run() -> None:
+    sensors = SensorWatch(SETTINGS.sensors, SETTINGS.rate)
+    monitors = hold_monitors(SETTINGS, sensors, SaturationMonitor(LIMITS), slip_monitor())
+    gone = state(pressing(0.0, 0.0, f_least=5.0), f_wanted=20.0)
+    codes = [problem.code if (problem := first_problem(monitors, gone)) else "" for _ in range(40)]
+    assert codes[0] == "FORCE_LIMIT"
+    assert codes[-1] == "LOST"
