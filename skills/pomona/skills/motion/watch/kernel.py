@@ -1,6 +1,8 @@
-"""The loops of the watch, compiled by numba: what of a depth image is new, and how near the arm would come to it."""
+"""Compiled loops of the watched path: new obstacles in a depth image, and their distance to the arm's postures."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -11,42 +13,81 @@ from pomona.skills.motion.collision.kernel import make_scratch, place, place_sph
 from pomona.skills.motion.collision.robot_shape import RobotArrays
 
 UNSEEN, FREE, STANDING = 0, 1, 2
-"""What a cell was when it was last seen: not looked at, empty, or taken when it was first seen."""
+"""State of a cell: never seen, seen empty, or occupied when it was first seen."""
 
 WIDE = 12
-"""Where nothing is measured so far around a pixel, nothing is there [px]: more than a stereo camera's shadows,
-which are 8 px of 320 wide beside an arm half a metre before a table."""
+"""Half-width of the square without any measurement around a pixel that shows free space [px]. The shadows of a stereo
+camera are narrower: 8 px of 320 beside an arm half a metre in front of a table."""
+
+
+class CameraView(NamedTuple):
+    """A camera.
+
+    Attributes:
+        lens: fx, fy, cx, cy [px].
+        T_base_camera: shape (3, 4).
+        is_fixed: large regions without depth are free. False for a wrist camera, where no depth may mean "too near".
+    """
+
+    lens: Float64
+    T_base_camera: Float64
+    is_fixed: bool
+
+
+class WatchedCells(NamedTuple):
+    """The volume that is watched, in cells.
+
+    Attributes:
+        origin, resolution: lower corner, shape (3,), and edge of a cell [m].
+        known, own: cells of known obstacles, and of the robot, shape (nx, ny, nz).
+        state: `UNSEEN`, `FREE` or `STANDING`, shape (nx, ny, nz); written.
+        area, touched: working memory: zeros, shape (nx, ny, nz), and space for the index of each cell, (nx · ny · nz,).
+    """
+
+    origin: Float64
+    resolution: float
+    known: NDArray[np.bool_]
+    own: NDArray[np.bool_]
+    state: UInt8
+    area: Float32
+    touched: Int64
+
+
+class Noise(NamedTuple):
+    """Limits between a surface and noise.
+
+    Attributes:
+        lowest: height below which points belong to the table, where depth is exact [m].
+        spread: increase of `lowest` with the square of the distance [1/m].
+        least_area: area of a surface in a cell, as the camera sees it [m²].
+    """
+
+    lowest: float
+    spread: float
+    least_area: float
 
 
 @njit(cache=True, nogil=True)
 def see(
-    depth: Float32, room: bool, lens: Float64, T: Float64, origin: Float64, resolution: float, lowest: float,
-    spread: float, known: NDArray[np.bool_], own: NDArray[np.bool_], least_area: float, state: UInt8, area: Float32,
-    touched: Int64, found: Float64, moved: NDArray[np.bool_],
-) -> int:  # fmt: skip
-    """Find the cells of a depth image that hold something which nobody knows, and note which cells are free.
+    depth: Float32, camera: CameraView, cells: WatchedCells, noise: Noise, found: Float64, moved: NDArray[np.bool_]
+) -> int:
+    """Find the occupied cells of a depth image that are not known, and note the free cells.
 
     Args:
         depth: z-depth, shape (h, w) [m]; 0 where nothing was measured.
-        room: where nothing was measured far around, there is nothing as far as the camera sees; else what is there may
-            as well be too near to it, as what the hand has just left is for a camera beside the hand.
-        lens: fx, fy, cx, cy [px].
-        T: T_base_camera, shape (3, 4).
-        origin, resolution: lower corner of the cells, shape (3,), and their edge [m].
-        lowest: what lies lower is the table's [m], where depth is exact.
-        spread: by how much it may err, over the square of the distance [1/m].
-        known, own: cells that something known, or the robot itself, takes; shape (nx, ny, nz).
-        least_area: of a surface in a cell, as the camera sees it; less is noise [m²].
-        state: what each cell was, shape (nx, ny, nz); written.
-        area, touched: memory: zeros, shape (nx, ny, nz), and room for the number of each cell, (nx · ny · nz,).
-        found: centres of what is seen in each new cell, shape (most, 3); written.
-        moved: whether the cell was seen free before, shape (most,); written.
+        camera: the camera of the image.
+        cells: the volume; its state is written.
+        noise: limits of a surface.
+        found: centres of the new cells, shape (most, 3); written.
+        moved: True if the cell was free before, shape (most,); written.
 
     Returns:
-        how many new cells were written.
+        The number of new cells that were written.
     """
+    origin, resolution, known, own, state, area, touched = cells
+    T = camera.T_base_camera
     nx, ny, nz = known.shape
-    fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
+    fx, fy, cx, cy = camera.lens[0], camera.lens[1], camera.lens[2], camera.lens[3]
     height, width = depth.shape
     most = found.shape[0]
     count = 0
@@ -58,7 +99,7 @@ def see(
                 continue
             rx = (u - cx) / fx
             z = d * (T[2, 0] * rx + T[2, 1] * ry + T[2, 2]) + T[2, 3]
-            if z < lowest + spread * d * d:
+            if z < noise.lowest + noise.spread * d * d:
                 continue
             x = d * (T[0, 0] * rx + T[0, 1] * ry + T[0, 2]) + T[0, 3]
             y = d * (T[1, 0] * rx + T[1, 1] * ry + T[1, 2]) + T[1, 3]
@@ -74,7 +115,7 @@ def see(
     for n in range(count):
         number = touched[n]
         i, j, k = number // (ny * nz), (number // nz) % ny, number % nz
-        if known[i, j, k] or own[i, j, k] or area[i, j, k] < least_area:
+        if known[i, j, k] or own[i, j, k] or area[i, j, k] < noise.least_area:
             continue
         beside = False
         if state[i, j, k] == FREE:
@@ -90,7 +131,7 @@ def see(
             new += 1
         if state[i, j, k] == UNSEEN:
             state[i, j, k] = STANDING
-    _note_free(depth, room, fx, fy, cx, cy, T, origin, resolution, lowest, own, area, state)
+    _note_free(depth, camera, cells, noise.lowest)
     for n in range(count):
         number = touched[n]
         area[number // (ny * nz), (number // nz) % ny, number % nz] = 0.0
@@ -98,16 +139,16 @@ def see(
 
 
 @njit(cache=True, nogil=True)
-def _note_free(
-    depth: Float32, room: bool, fx: float, fy: float, cx: float, cy: float, T: Float64, origin: Float64,
-    resolution: float, lowest: float, own: NDArray[np.bool_], area: Float32, state: UInt8,
-) -> None:  # fmt: skip
-    """Mark the cells well in front of what is seen at their pixel, and in which nothing is seen, as free.
+def _note_free(depth: Float32, camera: CameraView, cells: WatchedCells, lowest: float) -> None:
+    """Mark the empty cells well in front of the surface that is seen at their pixel as free.
 
-    So are those before nothing at all, where that is a room too deep for the camera. A stereo camera's shadows, where
-    it measures nothing either, are narrow. What was standing in a cell may go: it stays marked, since at the edge of
-    what stands there noise comes and goes.
+    For a fixed camera, cells on rays of a large region without a return are free, too. The shadows of a stereo camera,
+    where it measures nothing either, are narrow. A `STANDING` cell keeps its state, since noise comes and goes at the
+    edge of an obstacle.
     """
+    origin, resolution, _known, own, state, area, _touched = cells
+    T = camera.T_base_camera
+    fx, fy, cx, cy = camera.lens[0], camera.lens[1], camera.lens[2], camera.lens[3]
     nx, ny, nz = own.shape
     height, width = depth.shape
     first = max(0, int(np.floor((lowest - origin[2]) / resolution)))
@@ -133,19 +174,39 @@ def _note_free(
                     continue
                 if area[i, j, k] == 0.0 and not own[i, j, k]:
                     d = depth[v, u]
-                    if d > z + clear or (room and d == 0.0 and _nothing_near(depth, u, v)):
+                    if d > z + clear or (camera.is_fixed and d == 0.0 and _nothing_near(depth, u, v)):
                         state[i, j, k] = FREE
+
+
+class Nearest(NamedTuple):
+    """Distance of each posture to the nearest point.
+
+    Attributes:
+        away: shape (m,) [m].
+        geom, which: geom and point that have the distance, shape (m,); -1 beyond the limit.
+    """
+
+    away: Float64
+    geom: Int64
+    which: Int64
 
 
 @njit(cache=True, nogil=True)
 def nearest_ahead(
-    robot: RobotArrays, Q: Float64, width: float, points: Float64, bound: Float64, limit: float, away: Float64,
-    geom: Int64, which: Int64,
-) -> None:  # fmt: skip
-    """How near each posture Q, shape (m, dof), comes to points, shape (n, 3), in the sphere `bound` (4,).
+    robot: RobotArrays, Q: Float64, width: float, points: Float64, bound: Float64, limit: float, nearest: Nearest
+) -> None:
+    """Compute the distance of each posture to points.
 
-    Writes distances, shape (m,) [m], capped at `limit`, the geom and the point that have them, or -1.
+    Args:
+        robot: the robot's shape.
+        Q: postures, shape (m, dof) [rad].
+        width: opening of the gripper [m].
+        points: shape (n, 3) [m].
+        bound: sphere around the points, shape (4,) [m].
+        limit: distances are capped at it [m].
+        nearest: written.
     """
+    away, geom, which = nearest
     scratch = make_scratch(robot)
     slides, spheres, start, links = robot.slides, robot.spheres, robot.sphere_start, robot.links
     centres, placed, bounds, opening = scratch.centres, scratch.placed, robot.bounds, width - robot.closed
@@ -174,8 +235,8 @@ def nearest_ahead(
                     ready = True
                 for s in range(start[g], start[g + 1]):
                     d = (px - placed[s, 0]) ** 2 + (py - placed[s, 1]) ** 2 + (pz - placed[s, 2]) ** 2
-                    room = best + spheres[s, 3]
-                    if room > 0.0 and d < room * room:
+                    within = best + spheres[s, 3]
+                    if within > 0.0 and d < within * within:
                         best = np.sqrt(d) - spheres[s, 3]
                         geom[m], which[m] = g, n
         away[m] = best
@@ -183,7 +244,7 @@ def nearest_ahead(
 
 @njit(cache=True, nogil=True)
 def _nothing_near(depth: Float32, u: int, v: int) -> bool:
-    """Whether nothing is measured all around a pixel."""
+    """Return True if nothing is measured in a large region around a pixel."""
     height, width = depth.shape
     for a in (-WIDE, -WIDE // 2, 0, WIDE // 2, WIDE):
         for b in (-WIDE, -WIDE // 2, 0, WIDE // 2, WIDE):

@@ -22,7 +22,7 @@ from pomona.skills.motion.collision.world import standing
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.occupancy.integrate import mark_spheres
 from pomona.skills.motion.watch.braking import Braking
-from pomona.skills.motion.watch.kernel import nearest_ahead, see
+from pomona.skills.motion.watch.kernel import CameraView, Nearest, Noise, WatchedCells, nearest_ahead, see
 
 STEP = 0.02
 """Postures of the rest of a path are looked at so far apart [s]; the fastest joint moves by 0.12 rad meanwhile."""
@@ -170,11 +170,11 @@ class PathWatch:
         mark_spheres(np.ascontiguousarray(robot), padding, self._origin, CELL, own)
         spread = SURE * (errs.disparity / (lens.fx * errs.baseline) + errs.growth)
         state = self._states.setdefault(camera, np.zeros(self._known.shape, np.uint8))
-        new: int = see(
-            depth, frame.q is None, np.array([lens.fx, lens.fy, lens.cx, lens.cy]) / step,
-            np.ascontiguousarray(T_base_camera[:3]), self._origin, CELL, self._lowest + SURE * errs.floor, spread,
-            self._known, own, LEAST_AREA, state, self._area, self._touched, self._found, self._moved,
-        )  # fmt: skip
+        rays = np.array([lens.fx, lens.fy, lens.cx, lens.cy]) / step
+        view = CameraView(rays, np.ascontiguousarray(T_base_camera[:3]), frame.q is None)
+        cells = WatchedCells(self._origin, CELL, self._known, own, state, self._area, self._touched)
+        noise = Noise(self._lowest + SURE * errs.floor, spread, LEAST_AREA)
+        new: int = see(depth, view, cells, noise, self._found, self._moved)
         return new
 
     def _nearest(
@@ -186,9 +186,10 @@ class PathWatch:
             return None
         centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
         bound = np.append(centre, np.linalg.norm(points - centre, axis=1).max())
-        away, geom, which = np.empty(len(Q)), np.empty(len(Q), np.int64), np.empty(len(Q), np.int64)
+        nearest = Nearest(np.empty(len(Q)), np.empty(len(Q), np.int64), np.empty(len(Q), np.int64))
         points = np.ascontiguousarray(points)
-        nearest_ahead(self._shape.arrays, Q, self.width, points, bound, allowed, away, geom, which)
+        nearest_ahead(self._shape.arrays, Q, self.width, points, bound, allowed, nearest)
+        away, geom, which = nearest
         m = int(np.argmin(away))
         if geom[m] < 0:
             return None
