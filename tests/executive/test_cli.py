@@ -98,7 +98,7 @@ def test_a_file_that_cannot_be_written_is_named(capsys: pytest.CaptureFixture[st
 
 def test_export_and_import_give_a_tree_file_again(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     xml, again = tmp_path / "tree.xml", tmp_path / "tree.yaml"
-    assert main(["export", "--groot", "pick_apple", "--out", str(xml)]) == 0
+    assert main(["export", "pick_apple", "--out", str(xml)]) == 0
     assert main(["import", str(xml), "--out", str(again)]) == 0
     assert main(["check", str(again)]) == 0
     assert "nothing is wrong" in capsys.readouterr().out

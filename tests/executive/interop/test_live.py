@@ -65,7 +65,7 @@ def test_a_view_gets_what_the_record_has_in_its_order(tmp_path: Path) -> None:
     live.read(0.8, 12, {"arm": {"stamp_s": np.array([0.1, 0.2]), "q_1_rad": np.array([0.0, 0.5])}})
     live.close()
     kept = [(t, name, c) for t, name, _s, c in contents(record(tmp_path, everything()))]
-    recorded = [m for m in kept if not m[0].startswith(("/images", "/depth", "/interventions"))]
+    recorded = [m for m in kept if not m[0].startswith(("/images", "/depth"))]
     told = [(topic, name, content) for topic, name, content, _stamp in shown.messages]
     for topic in {m[0] for m in recorded}:
         live_ones = [timeless(m) for m in told if m[0] == topic]

@@ -50,7 +50,6 @@ from pomona.executive.recording.decode import event_from
 from pomona.executive.recording.difference import comparable, differences
 from pomona.executive.recording.digest import digest
 from pomona.executive.recording.folder import EVENTS_FILE
-from pomona.executive.recording.interventions import interventions
 from pomona.executive.recording.json_text import parse, parse_object
 from pomona.executive.recording.mcap_file import HEAD, MAGIC
 from pomona.executive.recording.message import message_of
@@ -201,7 +200,6 @@ class Records:
             lambda: list(moment(self.odd, "/images/", 0.5, 1.0)),
             lambda: image(self.odd, f"{rng.choice((0, 400_000_000, 2**63))}-{rng.randrange(3)}"),
             lambda: cloud(self.odd, f"{rng.choice((0, 400_000_000, 2**63))}-{rng.randrange(3)}"),
-            lambda: interventions(self.odd / EVENTS_FILE, cut=rng.random() < 0.5),
         )
         try:
             rng.choice(reading)()

@@ -21,8 +21,7 @@ from pomona.executive.values.shipped import installed_trees
 NO_CLAIM = (
     "a run measures only the situations that it met: a maximum over runs is no bound",
     "forces and positions are measured by the devices; truth is the simulated world's, and counts where it is larger",
-    "checksums and the chain of interventions find accidents and careless edits; a forged record can only be detected "
-    "with a digest kept elsewhere: those below",
+    "checksums find accidents; a forged record can only be detected with a digest kept elsewhere: those below",
     "the safe state is no hardware emergency stop, and this is no certificate",
 )
 
@@ -110,8 +109,8 @@ def document(evidence: Evidence) -> ReportPage:
     report.add(Heading("What this does not claim"), Bullets(NO_CLAIM))
     acted = [run for run in runs if run["interventions"]]
     report.add(Heading("Interventions of operators"))
-    log = [(str(run["run"]), str(run["interventions"]), str(run["interventions_digest"])) for run in acted]
-    report.add(Table(("run", "entries", "digest of the log"), tuple(log), words=True) if log else Paragraph("None."))
+    log = [(str(run["run"]), str(run["interventions"])) for run in acted]
+    report.add(Table(("run", "number"), tuple(log), words=True) if log else Paragraph("None."))
     report.add(Heading("Records"))
     listed = [(str(run["run"]), str(run["outcome"]), str(run["sha256"])) for run in runs]
     report.add(Table(("run", "outcome", "SHA-256 of its file"), tuple(listed), words=True))

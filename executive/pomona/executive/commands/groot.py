@@ -24,7 +24,6 @@ def add_export(subparsers: Any) -> None:
     """Register `pomona export`."""
     out = subparsers.add_parser("export", help="write a tree as XML for Groot2 and BehaviorTree.CPP")
     out.add_argument("tree", help="a tree file, or the name of an installed tree")
-    out.add_argument("--groot", action="store_true", default=True, help="XML for Groot2 (the default)")
     out.add_argument("--out", type=Path, metavar="FILE", help="file to write (default: standard output)")
     out.set_defaults(main=export)
 

@@ -18,7 +18,7 @@ from typing import Any, Protocol
 
 from pomona.executive.encode import plain
 from pomona.executive.recording.folder import DEVICES, EVENTS
-from pomona.executive.recording.recorder import message_of
+from pomona.executive.recording.message import message_of
 from pomona.executive.recording.schemas import EVENT, READING, Schema
 from pomona.executive.recording.well_known import samples, well_known
 from pomona.executive.running.events import Event, Published, RunStarted

@@ -17,8 +17,7 @@ import numpy as np
 from pomona.executive.encode import encoded
 from pomona.executive.interop.octomap import octomap
 from pomona.executive.recording.folder import DEVICES, EVENTS
-from pomona.executive.recording.interventions import INTERVENTIONS
-from pomona.executive.recording.well_known import DEPTH, IMAGES, SERIES_TOPIC
+from pomona.executive.recording.well_known import DEPTH, IMAGES, INTERVENTIONS, SERIES_TOPIC
 
 SECOND = 1_000_000_000
 

@@ -16,12 +16,11 @@ import orjson
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.ending import why_cut
 from pomona.executive.recording.folder import EVENTS, events_file, hash_of
-from pomona.executive.recording.interventions import INTERVENTIONS, read_log
 from pomona.executive.recording.json_text import LONGEST, parse_object
 from pomona.executive.recording.plain_file import is_plain
 from pomona.executive.recording.scan import DamagedRecordError, Verdict, require_valid, scan
 
-_NAMES = ("RunStarted", "AttemptEnded", "RunEnded", "OperatorActed", "NodeChanged")
+_NAMES = ("RunStarted", "AttemptEnded", "RunEnded", "NodeChanged")
 _HEADS = tuple(f'{{"event":"{name}"'.encode() for name in _NAMES)
 _SERIES = re.compile(rb'\{"event":"Published",[^{]*"value":\{"type":"SeriesView"')
 _NODE, _FAILURE = b'{"event":"NodeChanged"', b'"status":"FAILURE"'
@@ -113,12 +112,8 @@ def _read(path: Path, verdict: Verdict) -> dict[str, Any]:
     about: dict[str, Any] = {}
     codes: Counter[str] = Counter()
     attempts = 0
-    entries: list[bytes] = []
-    acts: list[dict[str, Any]] = []
     peaks: dict[str, float] = {}
     for topic, content, *_ in scan(path, verdict):
-        if topic == INTERVENTIONS:
-            entries.append(content)
         if topic == EVENTS and _SERIES.match(content):
             _raise_peaks(peaks, content)
         if topic != EVENTS or not content.startswith(_HEADS):
@@ -131,8 +126,6 @@ def _read(path: Path, verdict: Verdict) -> dict[str, Any]:
                 about |= _beginning(event)
             case "AttemptEnded":
                 attempts += 1
-            case "OperatorActed":
-                acts.append(event)
             case "NodeChanged":
                 reason = event.get("reason") or {}
                 if reason and not reason["causes"] and reason["code"] != "SKIPPED":
@@ -140,8 +133,6 @@ def _read(path: Path, verdict: Verdict) -> dict[str, Any]:
                     codes[code if code in codes or len(codes) < MOST_CODES else "…"] += 1
             case "RunEnded":
                 about |= _end(event)
-    if entries and (broken := read_log(entries, acts, verdict.state != "whole").problem):
-        raise DamagedRecordError(f"{path}: {broken}")
     if not about.get("tree") and about.get("state") == "ended":
         raise UsageError("it does not say how the run began")
     if verdict.lost:

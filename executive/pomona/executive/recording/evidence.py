@@ -21,7 +21,6 @@ from pomona.executive.errors import UsageError
 from pomona.executive.language.expression_parser import UNITS
 from pomona.executive.recording.digest import Digest, digest
 from pomona.executive.recording.folder import DEVICES, EVENTS, events_file
-from pomona.executive.recording.interventions import interventions
 from pomona.executive.recording.json_text import parse_object
 from pomona.executive.recording.plain_file import open_plain
 from pomona.executive.recording.scan import scan
@@ -181,14 +180,13 @@ def _measure(record: Path, found: Digest, evidence: Evidence) -> None:
         value = run.largest(hazard, found)
         if value is not None:
             measured.take(record.name, *value, hazard.saturates)
-    log = interventions(path, cut=False)
     with open_plain(path) as stream:
         sha256 = hashlib.file_digest(stream, "sha256").hexdigest()  # type: ignore[arg-type]
     evidence.runs.append(
         {
             "run": record.name, "sha256": sha256, "outcome": found.outcome, "code": found.code, "tree": found.tree,
             "tree_hash": found.tree_hash, "cell": found.cell, "cell_kind": found.cell_kind, "git": found.git,
-            "interventions": len(log.acts), "interventions_digest": log.digest,
+            "interventions": run.interventions,
         }
     )  # fmt: skip
 
@@ -198,6 +196,7 @@ class _Run:
 
     def __init__(self, path: Path, topics: Collection[str]) -> None:
         self.cell: Any = {}
+        self.interventions = 0
         self._series: dict[str, list[Mapping[str, Any]]] = {}
         self._events: dict[str, list[dict[str, Any]]] = {}
         columns: dict[str, dict[str, list[Any]]] = {}
@@ -210,6 +209,8 @@ class _Run:
             elif topic == EVENTS and content.startswith((b'{"event":"RunStarted"', b'{"event":"TickOverran"')):
                 event = parse_object(content)
                 self._events.setdefault(event["event"], []).append(event)
+            elif topic == EVENTS and content.startswith(b'{"event":"OperatorActed"'):
+                self.interventions += 1
             elif topic == EVENTS and _SERIES in content[:MOST_OF_A_HEAD]:
                 published = parse_object(content)
                 if published["event"] == "Published" and published["topic"] in topics:

@@ -29,17 +29,15 @@ from pomona.executive.encode import encoded, plain
 from pomona.executive.recording.decode import event_from
 from pomona.executive.recording.ending import EndingFile
 from pomona.executive.recording.folder import DEVICES, EVENTS, EVENTS_FILE, RecordError, hash_of
-from pomona.executive.recording.interventions import INTERVENTIONS, EntryChain
 from pomona.executive.recording.mcap_file import LIBRARY, MOST_MESSAGE
 from pomona.executive.recording.message import message_of
 from pomona.executive.recording.order import next_number
 from pomona.executive.recording.overview import OVERVIEW, WHOLE_BYTES, Overview
-from pomona.executive.recording.schemas import EVENT, INTERVENTION, READING, Schema
+from pomona.executive.recording.schemas import EVENT, READING, Schema
 from pomona.executive.recording.well_known import Images, samples, well_known
 from pomona.executive.running.events import (
     ErrorRaised,
     Event,
-    OperatorActed,
     Published,
     RunEnded,
     RunStarted,
@@ -87,7 +85,6 @@ class Recorder:
         except OSError as error:
             raise RecordError(f"cannot write {folder / EVENTS_FILE}: {error.strerror}") from error
         self._writer = new_writer(self._file, CompressionType.NONE)
-        self._interventions = EntryChain()
         self._overview, self._events = Overview(), 0
         self._thread = threading.Thread(target=self._work, name="pomona-recorder", daemon=True)
         self._thread.start()
@@ -125,8 +122,6 @@ class Recorder:
         try:
             self._writer.start(profile="pomona", library=LIBRARY)
             self._take_all()
-            if self._interventions.count:
-                self._write(INTERVENTIONS, INTERVENTION, _stamp(self._t), encoded(self._interventions.close()))
             if self._file.tell() > WHOLE_BYTES and (lines := b"".join(self._overview.lines())):
                 self._writer.add_attachment(_stamp(self._t), 0, OVERVIEW, "application/x-ndjson", lines)
             self._refuse_changed(self._written)
@@ -209,8 +204,6 @@ class Recorder:
                 self._events += 1
                 self._overview.add(self._events, stamp / 1e9, message, content)
             self._write(topic, schema, stamp, content, self._events if topic == EVENTS else 0)
-        if isinstance(event, OperatorActed):
-            self._write(INTERVENTIONS, INTERVENTION, stamp, encoded(self._interventions.add(event)))
         if isinstance(event, RunEnded):
             text = json.dumps(plain(event), ensure_ascii=False, indent=1)
             (self.folder / "summary.json").write_bytes(_coded(text))

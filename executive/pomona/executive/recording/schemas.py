@@ -129,17 +129,8 @@ INTERVENTION = Schema(
     "pomona.Intervention",
     {
         "title": "pomona.Intervention",
-        "description": "One thing that an operator did, chained to the one before (docs/records.md)",
-        **_object(
-            number={**WHOLE, "description": "counts up from 1"},
-            before={**TEXT, "description": "SHA-256 of the entry before, as it stands in the record"},
-            closed={"type": "boolean", "description": "true in the last entry, which holds nothing else"},
-            t=NUMBER,
-            tick=WHOLE,
-            who=TEXT,
-            action=TEXT,
-            detail=TEXT,
-        ),
-        "required": ["number", "before", "closed"],
+        "description": "One action of an operator (docs/records.md)",
+        **_object(t=NUMBER, tick=WHOLE, who=TEXT, action=TEXT, detail=TEXT),
+        "required": ["t", "tick", "who", "action"],
     },
 )

@@ -22,6 +22,7 @@ from pomona.executive.recording.schemas import (
     CAMERA_CALIBRATION,
     COMPRESSED_IMAGE,
     FRAME_TRANSFORMS,
+    INTERVENTION,
     LOG,
     POINT_CLOUD,
     POSE_IN_FRAME,
@@ -51,6 +52,7 @@ Message = tuple[str, Schema, dict[str, Any]]
 """Topic, schema and content of one message."""
 
 SERIES_TOPIC = "/series/"
+INTERVENTIONS = "/interventions"
 INFO, WARNING, ERROR = 2, 3, 4
 FLOAT32 = 7
 IDENTITY = {"position": {"x": 0.0, "y": 0.0, "z": 0.0}, "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
@@ -73,6 +75,9 @@ def well_known(event: Event, stamp: int) -> Iterator[Message]:
             yield "/tf", FRAME_TRANSFORMS, {"transforms": moved}
     elif isinstance(event, PortWritten):
         yield from _poses(event.key.strip("/").rsplit("/", 1)[-1], event.value, at)
+    elif isinstance(event, OperatorActed):
+        names = ("t", "tick", "who", "action", "detail")
+        yield INTERVENTIONS, INTERVENTION, {name: getattr(event, name) for name in names}
     elif isinstance(event, RunEnded) and event.truth:
         yield from _transforms(dict(_rooted("truth", event.truth)), at)
     said = _say(event)

@@ -10,8 +10,8 @@ from rich.table import Table
 from rich.text import Text
 
 from pomona.executive.recording.digest import Digest
-from pomona.executive.recording.folder import events_file, is_being_written
-from pomona.executive.recording.interventions import interventions
+from pomona.executive.recording.folder import EVENTS, events_file, is_being_written
+from pomona.executive.recording.json_text import parse_object
 from pomona.executive.recording.scan import scan
 from pomona.executive.speed import words_of
 from pomona.executive.terminal.run_list import MARKS, UNCHECKED, ending, how, size, when
@@ -41,11 +41,7 @@ def print_sheet(console: Screen, record: Path, run: Digest, summary: Summary) ->
             "parameters": "  ".join(f"{k}={json.dumps(v, ensure_ascii=False)}" for k, v in run.parameters.items()),
             "versions": "  ".join(f"{name} {version}" for name, version in started.versions.items()),
         }
-    log = interventions(events_file(record), run.state != "ended")
-    if log.acts:
-        acts = [f"{act.t:.2f} s {act.who}: {act.action} {act.detail}".strip() for act in log.acts]
-        rows["acts"] = "  ".join(acts)
-        rows["their log"] = f"chained, {'closed' if log.closed else 'without its end'}, digest {log.digest}"
+    rows["acts"] = "  ".join(_acts(record))
     if run.lost:
         rows["lost"] = f"{run.lost} (damaged and repaired)"
     if not run.checked:
@@ -57,6 +53,13 @@ def print_sheet(console: Screen, record: Path, run: Digest, summary: Summary) ->
             console.print(Text.assemble("  ", (f"{name:<11}", "bold"), f" {value}"), soft_wrap=True)
     console.print()
     console.print(_topics(record))
+
+
+def _acts(record: Path) -> list[str]:
+    """Return the actions of operators."""
+    contents = (found.content for found in scan(events_file(record), topics=EVENTS.__eq__))
+    acts = [parse_object(content) for content in contents if content.startswith(b'{"event":"OperatorActed"')]
+    return [f"{act['t']:.2f} s {act['who']}: {act['action']} {act['detail']}".strip() for act in acts]
 
 
 def _topics(record: Path) -> Table:
