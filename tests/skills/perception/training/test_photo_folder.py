@@ -100,7 +100,7 @@ MISTAKES = [
     ),
     (yolo, _write("data.yaml", "names: [apple, green apple]\n"), r"2 of them could be apple"),
     (yolo, _write("data.yaml", "nc: 2\n"), r"data\.yaml: does not name the classes"),
-    (yolo, _remove("data.yaml"), r"its labels have 2 classes, and no data\.yaml says which"),
+    (yolo, _remove("data.yaml"), r"its labels have 2 classes, and no data\.yaml names the one"),
     (
         yolo,
         _remove("train/labels/a_0.txt"),
