@@ -14,7 +14,7 @@ from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.instances import Instance, instance_of
 from pomona.skills.perception.detection.options import BoxModelFile
 from pomona.skills.perception.detection.rigid_pose import cuboid_in_picture
-from pomona.skills.perception.detection.sphere_in_box import NoSphere, Sphere, sphere_in_box
+from pomona.skills.perception.detection.sphere_in_box import FittedSphere, NoSphere, sphere_in_box
 from pomona.skills.perception.detection.symmetry import upright_rotation
 
 ACCEPTED = 0.4, 1.6
@@ -104,7 +104,7 @@ class BoxDetector:
         return np.concatenate([corners, corners, [box[:2] + 0.5 * box[2:]]])
 
 
-def _posed(sphere: Sphere, radius: float) -> tuple[Float64, Float64]:
+def _posed(sphere: FittedSphere, radius: float) -> tuple[Float64, Float64]:
     """Pose (4, 4) of the CAD-sized model that looks as large as the sphere, and its covariance (6, 6)."""
     T = np.eye(4)
     T[:3, 3] = sphere.centre * (radius / sphere.radius)

@@ -36,7 +36,7 @@ ITERATIONS = 12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sphere:
+class FittedSphere:
     """A sphere in the camera frame.
 
     Attributes:
@@ -56,7 +56,7 @@ class NoSphere(ValueError):
     """The depth in a box is no fruit's; the text has the measured and the expected value."""
 
 
-def sphere_in_box(depth: Float32, K: Float64, box: Float64, radii: tuple[float, float]) -> Sphere:
+def sphere_in_box(depth: Float32, K: Float64, box: Float64, radii: tuple[float, float]) -> FittedSphere:
     """Fit a sphere to the depth in a box.
 
     Args:
@@ -91,7 +91,7 @@ def sphere_in_box(depth: Float32, K: Float64, box: Float64, radii: tuple[float, 
         raise NoSphere(f"a sphere {2e3 * radius:.0f} mm wide in the box, expected {limits} mm")
     whole = np.pi * (radius / centre[2]) ** 2 * K[0, 0] * K[1, 1]
     share = each * float((distance <= BAND).sum()) / whole
-    return Sphere(centre, radius, agreeing, min(1.0, share))
+    return FittedSphere(centre, radius, agreeing, min(1.0, share))
 
 
 def _points(depth: Float32, K: Float64, box: Float64) -> tuple[Float64, Float64, float]:
