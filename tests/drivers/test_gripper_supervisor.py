@@ -78,7 +78,7 @@ def test_a_width_that_does_not_follow_ten_millimetres_of_streamed_motion_is_foun
     for _ in range(40):
         fingers.width = 0.030 + 2e-5 * rng.normal()
         found += fingers.run(PERIOD)
-    assert found[0].startswith(f"was told to {word} by 15 mm more than its width shows, which stays at 30.0 mm")
+    assert found[0].startswith(f"was commanded to {word} by 15 mm more than its width shows, which stays at 30.0 mm")
 
 
 def test_a_width_that_lags_within_what_is_allowed_or_is_told_to_creep_for_minutes_is_left_alone(
@@ -101,7 +101,7 @@ def test_fingers_that_move_when_they_should_rest_are_found_after_three_millimetr
 ) -> None:
     assert fingers.run(0.14, speed) == []
     words = fingers.run(0.1, speed)
-    assert words[0].startswith(("opens" if speed > 0.0 else "closes") + " without being told to: 30.0 → ")
+    assert words[0].startswith(("opens" if speed > 0.0 else "closes") + " without a command: 30.0 → ")
     assert fingers.supervisor.rest_by == math.inf
 
 
@@ -111,14 +111,14 @@ def test_fingers_that_leave_the_way_of_a_move_are_found_before_it_ends(
 ) -> None:
     fingers.supervisor.move(fingers.now, 0.030, 0.025, 0.02)
     words = fingers.run(0.15, speed)
-    assert words[0].startswith(f"{word} without being told to: {30.0 if speed > 0.0 else 25.0:.1f} → ")
+    assert words[0].startswith(f"{word} without a command: {30.0 if speed > 0.0 else 25.0:.1f} → ")
 
 
 def test_fingers_that_open_while_they_are_told_to_close_are_found_after_three_millimetres(fingers: Fingers) -> None:
     fingers.supervisor.stream(fingers.now, -0.08, 0.1)
     assert fingers.run(0.05, -0.08) == []
     assert fingers.run(0.09, 0.03) == []
-    assert fingers.run(0.05, 0.03)[0].startswith("opens without being told to: 26.0 → ")
+    assert fingers.run(0.05, 0.03)[0].startswith("opens without a command: 26.0 → ")
 
 
 def test_fingers_that_come_to_rest_from_a_move_go_on_by_what_braking_takes_and_no_further(fingers: Fingers) -> None:
@@ -126,7 +126,7 @@ def test_fingers_that_come_to_rest_from_a_move_go_on_by_what_braking_takes_and_n
     assert fingers.run(0.1, 0.1) == []
     fingers.supervisor.rest(fingers.now)
     assert fingers.run(0.05, 0.1) == []
-    assert fingers.run(0.2, 0.1)[0].startswith("opens without being told to: 52.5 → ")  # 40 + 10 + 2.5 mm
+    assert fingers.run(0.2, 0.1)[0].startswith("opens without a command: 52.5 → ")  # 40 + 10 + 2.5 mm
 
 
 def test_fingers_at_rest_are_those_whose_width_stays(fingers: Fingers) -> None:
@@ -142,14 +142,14 @@ def test_fingers_at_rest_are_those_whose_width_stays(fingers: Fingers) -> None:
 def test_a_move_is_overdue_after_its_time_and_a_margin(fingers: Fingers) -> None:
     fingers.supervisor.move(fingers.now, 0.030, 0.040, 0.1)  # 0.1 s of way, 0.05 s of braking
     assert fingers.run(0.7, 0.0) == []
-    assert fingers.run(0.1, 0.0)[-1] == "has not ended its move to 40.0 mm in the time that it needs"
+    assert fingers.run(0.1, 0.0)[-1] == "has not ended its move to 40.0 mm within the expected time"
     assert fingers.supervisor.rest_by == pytest.approx(0.4 + 0.15 * 1.5 + 0.5)
 
 
 @pytest.mark.parametrize(
     ("width", "speed", "words"),
     [
-        (math.nan, 0.0, "says a width of nan mm"),
+        (math.nan, 0.0, "reports a width of nan mm"),
         (0.030, -math.inf, "a speed of -inf mm/s"),
         (0.080, 0.0, "outside its stroke"),
         (-0.02, 0.0, "outside its stroke"),
@@ -166,4 +166,4 @@ def test_a_state_that_cannot_be_is_told(fingers: Fingers, width: float, speed: f
 def test_a_width_that_jumps_is_told() -> None:
     supervisor = GripperSupervisor(GripperLimits(0.0, 0.5, 0.1, 50.0), 2.0)
     supervisor.look(0.0, GripperState(0.0, 0.1, 0.0, False))
-    assert supervisor.look(0.01, GripperState(0.01, 0.4, 0.0, False)) == "says that it jumped from 100.0 to 400.0 mm"
+    assert supervisor.look(0.01, GripperState(0.01, 0.4, 0.0, False)) == "reports a jump from 100.0 to 400.0 mm at once"

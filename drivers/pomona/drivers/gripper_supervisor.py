@@ -1,7 +1,7 @@
 """Checks that a gripper follows its commands and reports plausible states. One supervisor for every gripper.
 
-A driver says what it commanded (`move`, `stream`, `rest`), hands over every state that the gripper reports to `look`,
-and gets back what is wrong, in words. Nothing here talks to a device.
+A driver reports its commands (`move`, `stream`, `rest`) and passes each state of the gripper to `look`, which returns
+the problem as text. The supervisor does not communicate with the device.
 """
 
 from __future__ import annotations
@@ -54,6 +54,16 @@ class GripperSupervision:
 class GripperSupervisor:
     """Compares a gripper's states with its commands; times are the cell's [s].
 
+    With measured width w and streamed speed v (positive opens), the fingers obey while
+
+        w(t) - lower(t) <= stray + lag * opening    and    upper(t) - w(t) <= stray + lag * closing,
+
+        lower(t) = min over s <= t of w(s) + integral from s to t of max(v, 0)
+        upper(t) = max over s <= t of w(s) - integral from s to t of max(-v, 0),
+
+    where `opening` and `closing` are the largest speeds of the last `lag` seconds. Fingers may thus open and close by
+    no more than the commands, and by less if something blocks them.
+
     Attributes:
         at_rest: whether the fingers were measured at rest.
         follows: whether they move within the streamed speeds commanded lately, and do not stray.
@@ -75,8 +85,8 @@ class GripperSupervisor:
         self._due, self._target = math.inf, 0.0
         self._free_until = -math.inf  # until then they may move within the way of a move, or come to rest from it
         self._way = -math.inf, math.inf
-        self._speed = self._opening = self._closing = 0.0  # told now; and the fastest either way lately
-        self._least, self._most = math.inf, -math.inf  # openings that the fingers were told to stay between
+        self._speed = self._opening = self._closing = 0.0  # commanded now; and the fastest either way lately
+        self._lower_bound, self._upper_bound = math.inf, -math.inf  # of the width, see the class
         self._told_at = -math.inf
         self._behind = 0.0  # streamed motion that the width has not followed, positive opens
         self._steady: tuple[float, float] | None = None
@@ -101,17 +111,17 @@ class GripperSupervisor:
             self.rest_by = max(self.rest_by, now + watchdog + self._supervision.lag)
 
     def rest(self, now: float) -> None:
-        """The fingers were told to stand still, or have ended their move."""
+        """The fingers were commanded to stand still, or have ended their move."""
         self._due, self._speed, self._behind = math.inf, 0.0, 0.0
-        self._least, self._most, self._told_at = math.inf, -math.inf, now
+        self._lower_bound, self._upper_bound, self._told_at = math.inf, -math.inf, now
         self._free_until = now + COASTING
         seen = self._last is not None and now - self._last.stamp <= self._supervision.lag
-        # Who was held up does not know where they are now, and what comes next may have been said long ago.
+        # If this thread stalled for longer than `lag`, the width is unknown, and the next report may be old.
         self._way = self._reach(self._last.width, self._last.width) if self._last and seen else (-math.inf, math.inf)
         self.rest_by = max(self.rest_by, self._free_until)
 
     def look(self, now: float, state: GripperState) -> str:
-        """What is wrong, as the rest of a sentence that begins with the gripper's name; empty when all is well."""
+        """Return the problem of a state, as the rest of a sentence that begins with the gripper's name; else empty."""
         last = self._last
         if last is not None and state.stamp <= last.stamp:
             return self._overdue(now)
@@ -137,67 +147,67 @@ class GripperSupervisor:
     def _impossible(self, state: GripperState) -> str:
         width, speed, limits = state.width, state.speed, self._limits
         if not (math.isfinite(width) and math.isfinite(speed)):
-            return f"says a width of {1e3 * width:g} mm and a speed of {1e3 * speed:g} mm/s"
+            return f"reports a width of {1e3 * width:g} mm and a speed of {1e3 * speed:g} mm/s"
         if not limits.width_min - BEYOND <= width <= limits.width_max + BEYOND:
-            return f"says a width of {1e3 * width:.1f} mm, which lies outside its stroke"
+            return f"reports a width of {1e3 * width:.1f} mm, which is outside its stroke"
         if abs(speed) > FASTER * limits.speed_max:
-            return f"says a speed of {1e3 * speed:.0f} mm/s, which it cannot reach"
+            return f"reports a speed of {1e3 * speed:.0f} mm/s, which it cannot reach"
         if self._last is not None:
             way, elapsed = abs(width - self._last.width), state.stamp - self._last.stamp
             if way > BEYOND + FASTER * limits.speed_max * (elapsed + self._supervision.lag):
-                return f"says that it jumped from {1e3 * self._last.width:.1f} to {1e3 * width:.1f} mm"
+                return f"reports a jump from {1e3 * self._last.width:.1f} to {1e3 * width:.1f} mm at once"
         return ""
 
     def _overdue(self, now: float) -> str:
         if now <= self._due:
             return ""
-        return f"has not ended its move to {1e3 * self._target:.1f} mm in the time that it needs"
+        return f"has not ended its move to {1e3 * self._target:.1f} mm within the expected time"
 
     def _stray(self, stamp: float, width: float, elapsed: float) -> str:
-        """Fingers may open and close by no more than they were told to, and less when something is in the way."""
+        """Return the problem of a width that violates the inequality of the class; else empty."""
         fading = 1.0 - min(elapsed / self._supervision.lag, 1.0) / 3.0
         self._opening = max(self._speed, self._opening * fading)
         self._closing = max(-self._speed, self._closing * fading)
         self._account(stamp)
         if stamp <= self._free_until:
-            self._least, self._most = width, width
+            self._lower_bound, self._upper_bound = width, width
             nearest = min(max(width, self._way[0]), self._way[1])
             return self._astray(nearest, width) if abs(width - nearest) > self._supervision.stray else ""
-        self._least, self._most = min(self._least, width), max(self._most, width)
+        self._lower_bound, self._upper_bound = min(self._lower_bound, width), max(self._upper_bound, width)
         stray, lag = self._supervision.stray, self._supervision.lag
-        if width - self._least > stray + lag * self._opening:
-            return self._astray(self._least, width)
-        return self._astray(self._most, width) if self._most - width > stray + lag * self._closing else ""
+        if width - self._lower_bound > stray + lag * self._opening:
+            return self._astray(self._lower_bound, width)
+        return self._astray(self._upper_bound, width) if self._upper_bound - width > stray + lag * self._closing else ""
 
     def _lagging(self, width: float) -> str:
-        """The width must follow the streamed speeds: one that does not says nothing about the fingers."""
+        """Return the problem of a width that does not follow the streamed speeds; else empty."""
         fastest = max(self._opening, self._closing)
         if (
             math.isinf(self._free_until)
             or abs(self._behind) <= self._supervision.follow + self._supervision.lag * fastest
         ):
             return ""
-        told = "open" if self._behind > 0.0 else "close"
+        way = "open" if self._behind > 0.0 else "close"
         return (
-            f"was told to {told} by {1e3 * abs(self._behind):.0f} mm more than its width shows, which stays at "
+            f"was commanded to {way} by {1e3 * abs(self._behind):.0f} mm more than its width shows, which stays at "
             f"{1e3 * width:.1f} mm: the width is stuck, or something blocks the fingers"
         )
 
     def _astray(self, commanded: float, width: float) -> str:
         how = "opens" if width > commanded else "closes"
         way = f"{1e3 * commanded:.1f} → {1e3 * width:.1f} mm"
-        return f"{how} without being told to: {way}; it does not obey, or something pushes the fingers"
+        return f"{how} without a command: {way}; it does not follow its commands, or something pushes the fingers"
 
     def _reach(self, least: float, most: float) -> tuple[float, float]:
-        """These openings, and what moving fingers go on by until they obey."""
+        """Return an interval of openings, extended by the distance in which moving fingers come to rest [m]."""
         speed = 0.0 if self._last is None else self._last.speed
         coasting = abs(speed) * self._supervision.lag + speed * speed / (2.0 * self._acceleration)
         return (least, most + coasting) if speed > 0.0 else (least - coasting, most)
 
     def _account(self, now: float) -> None:
-        """Add how far the streamed speed has told the fingers to open or to close since the last time."""
+        """Integrate the streamed speed since the last call."""
         elapsed = max(now - self._told_at, 0.0) if math.isfinite(self._told_at) else 0.0
         self._told_at = max(self._told_at, now)
         self._behind += self._speed * elapsed
-        self._least += max(self._speed, 0.0) * elapsed
-        self._most += min(self._speed, 0.0) * elapsed
+        self._lower_bound += max(self._speed, 0.0) * elapsed
+        self._upper_bound += min(self._speed, 0.0) * elapsed

@@ -204,7 +204,7 @@ def test_paused_it_rests_and_goes_on(setting: Setting) -> None:
     ("wrong", "error", "words"),
     [
         (lambda f: setattr(f, "silent", True), DeviceLost, "no joints on /joint_states"),
-        (lambda f: setattr(f, "says", lambda _q: float("nan")), DeviceFault, "says a width of nan mm"),
+        (lambda f: setattr(f, "says", lambda _q: float("nan")), DeviceFault, "reports a width of nan mm"),
         (lambda f: setattr(f, "says", lambda _q: 0.2), DeviceFault, "outside its stroke"),
         (lambda f: setattr(f, "stuck", True), DeviceFault, "has not ended its move"),
     ],
@@ -255,7 +255,7 @@ def test_after_a_loss_nothing_moves_until_somebody_acknowledges(setting: Setting
 def test_fingers_that_move_without_being_told_to_are_a_fault(setting: Setting) -> None:
     fingers = setting.fingers
     setting.serve(0.5, each=lambda: setattr(fingers, "set_point", fingers.set_point - 1e-4))  # somebody else does
-    with pytest.raises(DeviceFault, match="closes without being told to"):
+    with pytest.raises(DeviceFault, match="closes without a command"):
         setting.gripper.check()
 
 

@@ -78,7 +78,7 @@ def test_touching_what_is_fixed_is_counted_as_a_collision(open_cell, probe_of, p
     onto_the_wall = [-0.466, 0.681, 0.319, -0.472, 0.44, -0.483, -0.18]
     way = np.array([probe.set_point(), above, onto_the_wall])
     probe.arm.follow(plan_rest_to_rest(way, probe.arm.limits))
-    with pytest.raises(DeviceFault, match="gripper: closes without being told to"):  # the wall pushes a finger
+    with pytest.raises(DeviceFault, match="gripper: closes without a command"):  # the wall pushes a finger
         probe.wait(lambda: False, 6.0)
     cell.clock.advance(2.0)
     assert cell.truth()["collided_with"] == ["crate"]
