@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import csv
 import json
 import zipfile
@@ -18,7 +19,7 @@ from pomona.executive.recording.digest import Digest
 from pomona.executive.recording.export import export
 from pomona.executive.recording.extract import extract
 from pomona.executive.recording.folder import EVENTS_FILE, find_record
-from pomona.executive.recording.prune import choose, parse_age, parse_size, remove
+from pomona.executive.recording.prune import AGE, SIZE, choose, remove
 from pomona.executive.recording.read import read_events
 from pomona.executive.recording.recorder import Recorder
 
@@ -157,12 +158,13 @@ def test_a_record_elsewhere_is_only_let_go(tmp_path: Path) -> None:
 
 
 def test_ages_and_sizes_carry_units() -> None:
-    assert parse_age("30 d") == 30 * DAY
-    assert parse_age("1.5h") == 5400.0
-    assert parse_size("20 GB") == 20e9
-    for text in ("30", "d", "-3 d", "3 days"):
-        with pytest.raises(UsageError, match="is not an age: write 30 d"):
-            parse_age(text)
+    assert AGE.option("30 d") == 30 * DAY
+    assert AGE.option("1.5h") == 5400.0
+    assert SIZE.option("20 GB") == 20e9
+    problems = {"30": "lacks a unit", "d": "is not an age", "-3 d": "must be at least 0 d", "3 days": "no unit of age"}
+    for text, problem in problems.items():
+        with pytest.raises(argparse.ArgumentTypeError, match=problem):
+            AGE.option(text)
 
 
 # --------------------------------------------------------------------------------------------------- find

@@ -75,9 +75,11 @@ def add(subparsers: Any) -> None:
     )  # fmt: skip
 
     prune = _command(commands, "prune", _prune, "throw away old records; asks first, spares a run that is going on")
-    prune.add_argument("--older", metavar="AGE", help="older than this: 30 d, 12 h, 4 w")
+    prune.add_argument("--older", type=pruning.AGE.option, metavar="AGE", help="older than this: 30 d, 12 h, 4 w")
     prune.add_argument("--keep", type=_positive, metavar="N", help="all but the newest N")
-    prune.add_argument("--total", metavar="SIZE", help="the oldest, until the rest fits into this: 20 GB")
+    prune.add_argument(
+        "--total", type=pruning.SIZE.option, metavar="SIZE", help="the oldest, until the rest fits into this: 20 GB"
+    )
     prune.add_argument("--dry", action="store_true", help="only say what would go")
     prune.add_argument("--yes", action="store_true", help="do not ask")
 
@@ -267,9 +269,7 @@ def _prune(options: argparse.Namespace) -> int:
     if options.older is None and options.keep is None and options.total is None:
         raise UsageError("say what may go: --older 30d, --keep 100, --total 20GB")
     runs = RunIndex(options.record).read()
-    older = None if options.older is None else pruning.parse_age(options.older)
-    total = None if options.total is None else pruning.parse_size(options.total)
-    chosen = pruning.choose(runs, older=older, keep=options.keep, total=total)
+    chosen = pruning.choose(runs, older=options.older, keep=options.keep, total=options.total)
     console = wide_console()
     sizes = {run.run: run.bytes for run in runs}
     for run, why in chosen.items():

@@ -24,6 +24,7 @@ from pomona.executive.language.value_types import (
 from pomona.executive.ports import ANGLE, LENGTH, Quantity
 from pomona.executive.values.findings import did_you_mean
 from pomona.executive.values.rotations import from_quaternion, from_rpy
+from pomona.executive.values.units import is_number, split_unit
 from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
 
 if TYPE_CHECKING:  # numpy is imported where an array is read: most trees hold none
@@ -31,8 +32,6 @@ if TYPE_CHECKING:  # numpy is imported where an array is read: most trees hold n
     from numpy.typing import NDArray
 
 _INT = re.compile(r"[-+]?[0-9]{1,18}")
-_FLOAT = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]{1,3})?")
-_WITH_UNIT = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]{1,3})?\s*([^\s\d]\S*)")
 
 
 class LiteralError(ValueError):
@@ -73,12 +72,10 @@ def scalar_of_any_type(node: YamlScalar) -> bool | int | float | str | None:
         return text == "true"
     if _INT.fullmatch(text):
         return int(text)
-    if _FLOAT.fullmatch(text):
+    number, unit = split_unit(text) or ("", "")
+    if number and not unit:
         return _number(node, text)
-    match = _WITH_UNIT.fullmatch(text)
-    if match is not None and match.group(3) in UNITS:
-        return _quantity(node, text, UNITS[match.group(3)][0])
-    return text
+    return _quantity(node, text, UNITS[unit][0]) if unit in UNITS else text
 
 
 def _number(node: YamlScalar, text: str) -> float:
@@ -109,10 +106,10 @@ def _scalar(node: YamlScalar, value_type: Any, choices: tuple[str, ...]) -> Any:
     elif value_type is int:
         if _INT.fullmatch(text):
             return int(text)
-        if _FLOAT.fullmatch(text):
+        if is_number(text):
             raise LiteralError(node, f"'{text}' is not a whole number")
     elif value_type is float:
-        if _FLOAT.fullmatch(text):
+        if is_number(text):
             return _number(node, text)
     elif value_type is SI_NUMBER:
         found = scalar_of_any_type(node)
@@ -128,7 +125,7 @@ def _scalar(node: YamlScalar, value_type: Any, choices: tuple[str, ...]) -> Any:
 
 
 def _quantity(node: YamlScalar, text: str, quantity: Quantity) -> float:
-    if quantity.bare and _FLOAT.fullmatch(text):
+    if quantity.bare and is_number(text):
         return _number(node, text)
     try:
         return quantity.parse(text)
@@ -240,10 +237,10 @@ def _from_quaternion(q: NDArray[np.float64], node: YamlNode) -> NDArray[np.float
 
 def scalar_type(node: YamlScalar) -> ValueType:
     """Type of what `scalar_of_any_type` reads."""
-    match = _WITH_UNIT.fullmatch(node.text) if node.plain else None
-    if match is not None and match.group(3) in UNITS:
-        return UNITS[match.group(3)][0]
-    if node.plain and _FLOAT.fullmatch(node.text) and not _INT.fullmatch(node.text):
+    number, unit = (split_unit(node.text) if node.plain else None) or ("", "")
+    if unit in UNITS:
+        return UNITS[unit][0]
+    if number and not unit and not _INT.fullmatch(node.text):
         return float  # also of one that is too large, which is told where its value is read
     value = scalar_of_any_type(node)
     return ANY if value is None else type(value)

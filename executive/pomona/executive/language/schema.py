@@ -8,11 +8,11 @@ from typing import Any
 from pomona.executive.language.value_types import fields_of, is_array
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.nodes.node_type import NodeType
-from pomona.executive.ports import RATIO, Port, Quantity, type_name
+from pomona.executive.ports import Port, Quantity, type_name
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill
+from pomona.executive.values.kinds import bounds_schema, quantity_schema
 
-_NUMBER = r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?"
 _NAME = "^[a-z][a-z0-9_]*$"
 WIRE = r"\{"
 """Anything with a brace is an expression; what is in it is the check's to judge."""
@@ -139,15 +139,11 @@ def _port(port: Port) -> Schema:
 def _literal(port: Port) -> Schema:
     port_type = port.type
     if isinstance(port_type, Quantity):
-        return _quantity(port_type)
+        return quantity_schema(port_type)
     if port_type is bool:
         return {"type": "boolean"}
     if port_type in (int, float):
-        found: Schema = {"type": "integer" if port_type is int else "number"}
-        for key, bound in (("minimum", port.min), ("maximum", port.max)):
-            if bound is not None:
-                found[key] = bound
-        return found
+        return {"type": "integer" if port_type is int else "number", **bounds_schema(*port.bounds)}
     if port_type is str:
         return {"enum": list(port.choices)} if port.choices else {"type": ["string", "number", "boolean"]}
     if issubclass(port_type, Enum):
@@ -157,19 +153,6 @@ def _literal(port: Port) -> Schema:
     if fields_of(port_type) and not is_array(port_type):
         return {"type": "object"}
     return {"type": ["array", "object"]}
-
-
-def _quantity(quantity: Quantity) -> Schema:
-    units = "|".join(_escaped(unit) for unit in quantity.units)
-    text: Schema = {"type": "string", "pattern": rf"^\s*{_NUMBER}\s*({units})\s*$", "examples": []}
-    text["examples"] = [f"1 {unit}" for unit in quantity.units]
-    if quantity == RATIO:
-        return {"anyOf": [{"type": "number"}, text]}
-    return text
-
-
-def _escaped(unit: str) -> str:
-    return "".join(f"\\{c}" if c in "^/.*+?$()[]{}|\\" else c for c in unit)
 
 
 def _declared(skills: Registry) -> Schema:

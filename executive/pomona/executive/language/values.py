@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from pomona.executive.nodes.ends import UNKNOWN
 from pomona.executive.nodes.surroundings import COUNTERS, Around, LastFailure
 from pomona.executive.ports import RATIO, Port, Quantity
 from pomona.executive.values.findings import Edit, Findings, Located, Spot, Within, did_you_mean
+from pomona.executive.values.units import is_within
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
 
 _IN_BRACES = re.compile(r"\{\s*([A-Za-z_][A-Za-z0-9_]*)")
@@ -196,9 +198,9 @@ def out_of_range(value: Any, port: Port) -> str:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return ""
     low, high = port.bounds
-    if low is not None and value < low - 1e-9 * max(1.0, abs(low)):
+    if low is not None and not is_within(value, low, math.inf):
         limit, bound, word, too = port.min, low, "least", "below"
-    elif high is not None and value > high + 1e-9 * max(1.0, abs(high)):
+    elif high is not None and not is_within(value, -math.inf, high):
         limit, bound, word, too = port.max, high, "most", "above"
     else:
         return ""

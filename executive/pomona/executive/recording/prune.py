@@ -1,8 +1,7 @@
-"""Which records to throw away: by age, number and size; never one that is being written."""
+"""Records to remove, by age, number and size; never one that is being written."""
 
 from __future__ import annotations
 
-import re
 import shutil
 import time
 from collections.abc import Sequence
@@ -11,27 +10,11 @@ from pathlib import Path
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.digest import Digest
 from pomona.executive.recording.folder import EVENTS_FILE, is_being_written
+from pomona.executive.values.kinds import Measure
+from pomona.executive.values.units import Quantity
 
-_AGES = {"h": 3600.0, "d": 86400.0, "w": 7 * 86400.0, "min": 60.0}
-_SIZES = {"kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}
-
-
-def parse_age(text: str) -> float:
-    """`30 d` -> seconds.
-
-    Raises:
-        UsageError: it is no age.
-    """
-    return _quantity(text, _AGES, "an age", "30 d")
-
-
-def parse_size(text: str) -> float:
-    """`20 GB` -> bytes.
-
-    Raises:
-        UsageError: it is no size.
-    """
-    return _quantity(text, _SIZES, "a size", "20 GB")
+AGE = Measure(Quantity("age", {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 7 * 86400.0}), low="0 d")
+SIZE = Measure(Quantity("size", {"B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}), low="0 B")
 
 
 def choose(
@@ -42,7 +25,7 @@ def choose(
     total: float | None = None,
     now: float | None = None,
 ) -> dict[str, str]:
-    """What to remove, each with why.
+    """Return the records to remove, each with its reason.
 
     Args:
         runs: newest first.
@@ -82,10 +65,3 @@ def remove(root: Path, run: str) -> bool:
     except OSError as error:
         raise UsageError(f"{folder} cannot be removed: {error.strerror}") from error
     return True
-
-
-def _quantity(text: str, units: dict[str, float], what: str, example: str) -> float:
-    found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([A-Za-z]+)\s*", text)
-    if found is None or found[2] not in units:
-        raise UsageError(f"'{text}' is not {what}: write {example} (units: {', '.join(units)})")
-    return float(found[1]) * units[found[2]]

@@ -14,15 +14,12 @@ from pomona.executive.values.findings import did_you_mean
 from pomona.executive.values.plain_text import exists
 from pomona.executive.values.reading import Reader, Refused, Unfit
 from pomona.executive.values.shape import shape_of
-from pomona.executive.values.units import Quantity, with_article
+from pomona.executive.values.units import NUMBER, Quantity, is_number, is_within, with_article
 from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
 
 T = TypeVar("T")
 Schema = dict[str, Any]
 
-NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"
-"""A number in files, as a regular expression that JSON Schema understands too."""
-_NUMBER = re.compile(rf"\s*{NUMBER}\s*", re.ASCII)
 _WHOLE = re.compile(r"\s*[-+]?\d{1,18}(\.0*)?\s*", re.ASCII)
 OPTION: Schema = {"type": "string", "pattern": r"\{[^{}]+\}"}
 """A scalar with a placeholder for an option."""
@@ -120,18 +117,18 @@ class Number(ScalarKind[float]):
         self.low, self.high = low, high
 
     def parse(self, text: str) -> float:
-        if _NUMBER.fullmatch(text) is None or not math.isfinite(value := float(text)):
+        if not is_number(text) or not math.isfinite(value := float(text)):
             raise Unfit(f"'{text}' is not {self.words}; it takes no unit")
         return self.within(value, text)
 
     def within(self, value: float, text: str) -> float:
         """The value, if it lies in the range; raises Unfit otherwise."""
-        if not self.low <= value <= self.high:
+        if not is_within(value, self.low, self.high):
             raise Unfit(f"it is {text.strip()}, but must be {between(self.low, self.high)}", code="range")
         return value
 
     def plain_schema(self) -> Schema:
-        return {"type": "number", **_bounds(self.low, self.high)}
+        return {"type": "number", **bounds_schema(self.low, self.high)}
 
 
 class Whole(ScalarKind[int]):
@@ -148,7 +145,7 @@ class Whole(ScalarKind[int]):
         return int(self._number.within(float(text), text))
 
     def plain_schema(self) -> Schema:
-        return {"type": "integer", **_bounds(self._number.low, self._number.high)}
+        return {"type": "integer", **bounds_schema(self._number.low, self._number.high)}
 
 
 class Measure(ScalarKind[float]):
@@ -165,7 +162,7 @@ class Measure(ScalarKind[float]):
             value = self.quantity.parse(text)
         except ValueError as error:
             raise Unfit(str(error)) from None
-        if not self.low - _slack(self.low) <= value <= self.high + _slack(self.high):
+        if not is_within(value, self.low, self.high):
             low, high = self._ends
             limits = f"between {low} and {high}" if low and high else f"at least {low}" if low else f"at most {high}"
             raise Unfit(f"it is {text.strip()}, but must be {limits}", code="range")
@@ -456,15 +453,8 @@ def escaped(text: str) -> str:
     return "".join(f"\\{c}" if c in "^/.*+?$()[]{}|\\" else c for c in text)
 
 
-def _bounds(low: float, high: float) -> Schema:
-    found: Schema = {}
-    if math.isfinite(low):
-        found["minimum"] = low
-    if math.isfinite(high):
-        found["maximum"] = high
-    return found
-
-
-def _slack(bound: float) -> float:
-    """Tolerance for the rounding of a unit's factor."""
-    return 1e-9 * abs(bound) if math.isfinite(bound) else 0.0
+def bounds_schema(low: float | None, high: float | None) -> Schema:
+    """Limits of a number; one that is infinite or None is none."""
+    return {
+        key: bound for key, bound in (("minimum", low), ("maximum", high)) if bound is not None and math.isfinite(bound)
+    }

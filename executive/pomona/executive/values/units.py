@@ -7,8 +7,30 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_WRITTEN = re.compile(rf"\s*({_NUMBER})(?:\s*([^\s\d]\S*)|\s+(1/\S+))?\s*", re.ASCII)
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
+"""A number in files, as a regular expression that JSON Schema understands, too."""
+
+_WRITTEN = re.compile(rf"\s*({NUMBER})(?:\s*([^\s\d]\S*)|\s+(1/\S+))?\s*", re.ASCII)
+
+
+def split_unit(text: str) -> tuple[str, str] | None:
+    """Return the number of a text and the word behind it, or an empty word; None if the text begins with no number."""
+    match = _WRITTEN.fullmatch(text)
+    return None if match is None else (match[1], match[2] or match[3] or "")
+
+
+def is_number(text: str) -> bool:
+    """Return True for a number without a unit."""
+    return (split_unit(text) or ("", "none"))[1] == ""
+
+
+def is_within(value: float, low: float, high: float) -> bool:
+    """Return True if a value lies in a closed range, with tolerance for the rounding of a unit's factor."""
+    return low - 1e-9 * _scale(low) <= value <= high + 1e-9 * _scale(high)
+
+
+def _scale(bound: float) -> float:
+    return max(1.0, abs(bound)) if math.isfinite(bound) else 0.0
 
 
 def with_article(noun: str) -> str:
@@ -39,18 +61,18 @@ class Quantity:
         Raises:
             ValueError: no finite number, no unit, or a unit of another quantity; the text says which are known.
         """
-        match = _WRITTEN.fullmatch(text)
-        if match is None:
+        written = split_unit(text)
+        if written is None:
             how = "a number or a percentage" if self.bare else f"a number and a unit, such as '1 {self.si_unit}'"
             raise ValueError(f"'{text}' is not {with_article(self.name)}: write {how}")
-        unit = match[2] or match[3] or ("1" if self.bare else None)
-        if unit is None:
+        unit = written[1] or ("1" if self.bare else "")
+        if not unit:
             raise ValueError(
                 f"'{text.strip()}' lacks a unit: {with_article(self.name)} is given in {', '.join(self.units)}"
             )
         if unit not in self.units:
             raise ValueError(f"'{unit}' is no unit of {self.name}: {', '.join(self.units)}")
-        value = float(match[1]) * self.units[unit]
+        value = float(written[0]) * self.units[unit]
         if not math.isfinite(value):
             raise ValueError(f"'{text.strip()}' is too large for {with_article(self.name)}")
         return value
