@@ -1,6 +1,6 @@
 """A collision-free, timed path of an arm. Run: python examples/plan_path.py
 
-The first run compiles the collision kernels, which takes a minute.
+The first run compiles the collision kernels, which takes half a minute.
 Needs the distribution pomona.
 """
 

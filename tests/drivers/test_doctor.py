@@ -10,7 +10,7 @@ import pytest
 from pomona.drivers.cell import Cell, load_cell
 from pomona.drivers.commands.doctor import add, find_cell
 from pomona.drivers.doctor import examine
-from pomona.drivers.machine import ReportLine
+from pomona.executive.values.report_line import ReportLine
 
 
 @pytest.fixture

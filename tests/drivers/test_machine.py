@@ -12,8 +12,9 @@ import pytest
 
 from pomona.drivers import machine
 from pomona.drivers.errors import DeviceFault
-from pomona.drivers.machine import ReportLine, examine_machine
+from pomona.drivers.machine import examine_machine
 from pomona.executive.values.installation import install_extra
+from pomona.executive.values.report_line import ReportLine
 
 
 def lines(records: Path = Path("runs")) -> dict[str, ReportLine]:

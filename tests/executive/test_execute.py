@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import logging
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -75,6 +77,22 @@ def test_a_full_disk_is_found_before_a_run(tmp_path: Path, monkeypatch: pytest.M
 def test_the_test_of_a_folder_of_records_makes_nothing(tmp_path: Path) -> None:
     refuse_unwritable(tmp_path / "runs" / "today")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_warning_of_the_preparation_stands_in_its_line_on_terminal_and_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    def prepare(_runner: Runner, tell: Callable[[str, int, int], None]) -> None:
+        tell("MoveTo", 0, 2)
+        logging.getLogger("pomona").warning("compiling the motion kernels, once, about %d s", 30)
+        tell("Plan", 1, 2)
+
+    stages: list[str] = []
+    monkeypatch.setattr(Runner, "prepare", prepare)
+    starting = Starting(lambda: stages.append(starting.stage.what if starting.stage is not None else ""))
+    execute(RunOrder(find_tree("pick_apple"), find_cell("sim"), dry=True), starting=starting)
+    note = ": compiling the motion kernels, once, about 30 s"
+    assert stages[-4:] == ["preparing MoveTo", f"preparing MoveTo{note}", f"preparing Plan{note}", ""]
+    handlers = logging.getLogger("pomona").handlers
+    assert not [handler for handler in handlers if isinstance(handler, module._Notes)]
 
 
 def test_a_stop_during_the_preparation_is_a_recorded_run_without_a_tick(tmp_path: Path) -> None:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from pomona.skills.compiled_code import FIRST, PLACE
+from pomona.skills import compiled_code
+from pomona.skills.compiled_code import FIRST_ONE, HELPER, LAST, PLACE, examine
+from pomona.skills.motion.line_tracking import track_poses
 
 INNER = "import numba\n@numba.njit(cache=True)\ndef inner(): return {}\n"
 OUTER = "import numba\nfrom inner import inner\n@numba.njit(cache=True)\ndef outer(): return inner()\n"
@@ -56,23 +59,84 @@ def test_a_place_that_a_person_has_chosen_is_left(tmp_path: Path) -> None:
     assert done.stdout.strip() == str(tmp_path)
 
 
-def test_the_first_start_is_told_and_no_later_one(tmp_path: Path) -> None:
-    script = "from pomona.skills.compiled_code import tell_the_first as tell; tell(); tell()"
+def start(place: Path, lines: str) -> list[str]:
+    """The warnings of a process that begins a first start with a helper that ends at once."""
+    script = (
+        "import logging, sys; from pathlib import Path; import pomona.skills.compiled_code as c; c.HELPER = 'this'\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script + lines], env={**os.environ, PLACE: str(place)}, capture_output=True, text=True,
+        timeout=100, check=True,
+    )  # fmt: skip
+    return done.stderr.splitlines()
 
-    def said() -> str:
-        done = subprocess.run(
-            [sys.executable, "-c", script], env={**os.environ, PLACE: str(tmp_path)}, capture_output=True, text=True,
-            timeout=100, check=True,
-        )  # fmt: skip
-        return done.stderr
 
-    assert said() == f"{FIRST}\n"
-    (tmp_path / "kernel.nbi").touch()
-    assert said() == ""
+def test_the_first_start_is_announced_with_its_duration_and_no_later_one(tmp_path: Path) -> None:
+    begin = "[c.begin_first(Path('robot.xml')) for _ in 'ab']; c.wait_for_first(); print(c._beside, file=sys.stderr)"
+    said, helper = start(tmp_path, begin)
+    assert re.fullmatch(rf"compiling the motion kernels, once, about \d\d s; kept in {tmp_path}", said)
+    assert "returncode: 0" in helper or (len(os.sched_getaffinity(0)) < 2 and helper == "None")
+    (tmp_path / "fingers").mkdir()
+    (tmp_path / "fingers" / "fingers.pad_wrench-26.py311.nbi").touch()  # a driver compiles it when the cell connects
+    assert start(tmp_path, begin)[0] == said
+    (tmp_path / "motion").mkdir()
+    (tmp_path / "motion" / LAST.replace("*", "20.py311")).touch()
+    assert start(tmp_path, begin) == ["None"]
+
+
+def test_on_one_core_no_process_helps(tmp_path: Path) -> None:
+    begin = "c._cores = lambda: 1; c.begin_first(Path('robot.xml')); print(c._beside, file=sys.stderr)"
+    said, helper = start(tmp_path, begin)
+    assert f"about {FIRST_ONE} s" in said
+    assert helper == "None"
+
+
+def test_the_loop_that_is_compiled_last_exists() -> None:
+    module, _, function = LAST.partition("-")[0].partition(".")
+    assert track_poses.__module__.endswith(f".{module}")
+    assert track_poses.__name__ == function
+
+
+def test_the_helper_compiles_its_half_for_the_process_that_waits(tmp_path: Path) -> None:
+    """It runs as a module, and ends when the pipe to its parent closes."""
+    words = [sys.executable, "-m", HELPER, str(tmp_path / "no_robot.xml")]
+    done = subprocess.run(words, input="", capture_output=True, text=True, timeout=100, check=False)
+    assert "No module named" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("place", "says", "is_ok"),
+    [
+        ("kept", "kept in ", True),
+        ("cache/pomona/compiled-1", "since the installation is read-only; NUMBA_CACHE_DIR names another folder", True),
+        ("file/compiled-1", "does not last; set NUMBA_CACHE_DIR to a folder that is writable and stays", False),
+        ("temporary/compiled-1", "does not last; set NUMBA_CACHE_DIR", False),
+    ],
+)
+def test_the_place_of_compiled_code_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str, says: str, is_ok: bool
+) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(compiled_code, "TEMPORARY", tmp_path / "temporary")
+    monkeypatch.setenv(PLACE, str(tmp_path / place))
+    line = examine()
+    assert (line.ok, says in line.found) == (is_ok, True)
+
+
+def test_where_nothing_is_writable_a_temporary_folder_serves(tmp_path: Path) -> None:
+    script = f"import os; os.access = lambda *_: False; import pomona.skills as s; print(os.environ['{PLACE}'])"
+    environment = {name: value for name, value in os.environ.items() if name != PLACE}
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=environment | {"TMPDIR": str(tmp_path)}, capture_output=True, text=True,
+        timeout=100, check=True,
+    )  # fmt: skip
+    assert done.stdout.startswith(str(tmp_path / "pomona" / "compiled-"))
 
 
 def test_where_the_sources_cannot_be_written_it_is_kept_in_the_users_cache(tmp_path: Path) -> None:
-    script = f"import os; os.access = lambda *_: False; import pomona.skills; print(os.environ['{PLACE}'])"
+    own = "os.access = lambda path, _: 'skills' not in str(path)"
+    script = f"import os; {own}; import pomona.skills; print(os.environ['{PLACE}'])"
     environment = {name: value for name, value in os.environ.items() if name != PLACE}
     done = subprocess.run(
         [sys.executable, "-c", script], env=environment | {"XDG_CACHE_HOME": str(tmp_path)}, capture_output=True,

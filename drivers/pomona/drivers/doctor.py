@@ -12,8 +12,8 @@ from pomona.drivers.cell import Cell, load_cell
 from pomona.drivers.device import Device
 from pomona.drivers.errors import CellFileError, DriverError
 from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Frame, Gripper, WrenchSample
-from pomona.drivers.machine import ReportLine
 from pomona.executive.values.findings import place_of
+from pomona.executive.values.report_line import ReportLine
 
 WATCHED = 1.0
 """Streams are watched for so long [s]."""

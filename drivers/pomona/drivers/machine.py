@@ -12,11 +12,11 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, requires, version
+from importlib.metadata import PackageNotFoundError, entry_points, requires, version
 from pathlib import Path
 
 from pomona.executive.values.installation import install_extra, pip
+from pomona.executive.values.report_line import ReportLine
 
 MODULES = {
     "onnxruntime": "onnxruntime",
@@ -39,26 +39,12 @@ EXTRAS = {
     "lsp": ("pygls",),
 }
 """What is installed only for who asks for it, and the packages that it brings."""
+CHECKS = "pomona.checks"
+"""Entry point group of further checks: functions without arguments that return a ReportLine."""
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 EGL = "apt install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
 ROOM = 1e9
 """So much room a folder of records should have at least [bytes]: some hundred picks."""
-
-
-@dataclass(frozen=True, slots=True)
-class ReportLine:
-    """One line of the report: what was looked at, whether it is well, what was found, and what to do if not."""
-
-    name: str
-    ok: bool
-    found: str
-    advice: str = ""
-    absent: bool = False
-    """Optional and not there."""
-
-    def __str__(self) -> str:
-        line = f"{'–' if self.absent else '✓' if self.ok else '✗'} {self.name:24} {self.found}"
-        return line if self.ok or not self.advice else f"{line}\n  → {self.advice}"
 
 
 def examine_machine(records: Path) -> Iterator[ReportLine]:
@@ -71,6 +57,7 @@ def examine_machine(records: Path) -> Iterator[ReportLine]:
     yield from _packages()
     yield from _extras()
     yield _graphics()
+    yield from _checks()
     found = next((name for name in BROWSERS if shutil.which(name)), None)
     yield ReportLine("browser for tests", True, found or "none; only tests of the page need one: apt install chromium")
     yield _room(records)
@@ -129,6 +116,14 @@ def _graphics() -> ReportLine:
     except Exception as error:  # MuJoCo that is not there, no library, no driver, no device
         return ReportLine("EGL", False, f"nothing can be rendered: {error}", EGL)
     return ReportLine("EGL", True, f"renders with {drawn}")
+
+
+def _checks() -> Iterator[ReportLine]:
+    for point in sorted(entry_points(group=CHECKS), key=lambda point: point.name):
+        try:
+            yield point.load()()
+        except Exception as error:  # a package of a third party, or one that lacks another
+            yield ReportLine(point.name, False, f"{point.value} cannot be asked: {error}")
 
 
 def _drawn(renderer: object, data: object) -> str:

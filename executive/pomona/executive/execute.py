@@ -403,10 +403,13 @@ def _read_mocks(path: Path | None, texts: Mapping[str, str], document: Document,
 
 
 def _prepare(runner: Runner, starting: Starting) -> None:
+    notes = _Notes(starting)
+
     def tell(skill: str, done: int, of: int) -> None:
         starting.refuse_cancelled()
-        starting.reach(f"preparing {skill}", done, of)
+        starting.reach(f"preparing {skill}{notes.text}", done, of)
 
+    logging.getLogger("pomona").addHandler(notes)
     try:
         runner.prepare(tell)
     except KeyboardInterrupt:
@@ -415,6 +418,23 @@ def _prepare(runner: Runner, starting: Starting) -> None:
         return
     except BaseException as error:  # weights that do not load, a robot file that is wrong: nothing has moved
         raise UsageError(f"the skills cannot be prepared: {_with_place(error)}") from error
+    finally:
+        logging.getLogger("pomona").removeHandler(notes)
+
+
+class _Notes(logging.Handler):
+    """Shows the newest warning of the preparation, such as a first compilation, with each stage."""
+
+    def __init__(self, starting: Starting) -> None:
+        super().__init__(logging.WARNING)
+        self._starting = starting
+        self.text = ""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.text = f": {record.getMessage()}"
+        stage = self._starting.stage
+        if stage is not None:
+            self._starting.reach(f"{stage.what.partition(': ')[0]}{self.text}", stage.done, stage.of)
 
 
 def connect_cell(file: CellFile, seed: int) -> Cell:

@@ -1,4 +1,4 @@
-"""Where compiled loops are kept between runs.
+"""Where compiled loops are kept between runs, and the first start of a version, which compiles them.
 
 numba keeps the code of a function beside its source and renews it when that file changes, but not when a function from
 another file does that was compiled into it. After an update a checker of collisions could go on with yesterday's
@@ -13,13 +13,26 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
+import subprocess
 import sys
+import tempfile
 from functools import cache
 from pathlib import Path
 
+from pomona.executive.values.report_line import ReportLine
+
 PLACE = "NUMBA_CACHE_DIR"
 """numba's setting; who has set it already is not overruled."""
-FIRST = "the first start of a version compiles its loops, once: a minute or two of the processor"
+KEEP = f"set {PLACE} to a folder that is writable and stays"
+TEMPORARY = Path(tempfile.gettempdir(), "pomona")
+FIRST_TWO, FIRST_ONE = 30, 45
+"""Duration of the first compilation on two cores and on one (Intel Xeon, 2026-11-25) [s]."""
+LAST = "line_tracking.track_poses-*.nbi"
+"""Index of the loop that skills which move the arm compile last: where it is missing, the first start goes on."""
+HELPER = "pomona.skills.shared.compile_beside"
+"""Module that compiles one half of the loops in a process of its own."""
+
+_beside: subprocess.Popen[bytes] | None = None
 
 
 def digest(sources: Path) -> str:
@@ -33,20 +46,81 @@ def digest(sources: Path) -> str:
 
 
 def keep_apart(sources: Path) -> None:
-    """Keep the compiled code of these sources apart from that of other versions, beside them or in the user's cache."""
+    """Keep the compiled code of these sources apart from that of other versions, in the first folder that is writable.
+
+    Beside the sources, else in the user's cache, else in a temporary folder, which does not outlast a restart.
+    """
     if PLACE in os.environ:
         return
-    beside = sources / "__pycache__"
-    if not os.access(beside if beside.is_dir() else sources, os.W_OK):  # installed by somebody else, for all
-        beside = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "pomona")
-    os.environ[PLACE] = str(beside / f"compiled-{digest(sources)}")
+    place = next((folder for folder in (sources / "__pycache__", _users_cache()) if is_writable(folder)), TEMPORARY)
+    os.environ[PLACE] = str(place / f"compiled-{digest(sources)}")
     if "numba" in sys.modules:  # it has read its settings already
         sys.modules["numba"].core.config.reload_config()
 
 
+def _users_cache() -> Path:
+    return Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "pomona")
+
+
+def is_writable(folder: Path) -> bool:
+    """Return True if a folder is writable, or can be made."""
+    there = next((place for place in (folder, *folder.parents) if place.exists()), folder)
+    return there.is_dir() and os.access(there, os.W_OK)
+
+
+def is_compiled() -> bool:
+    """Return True if an earlier start has compiled the loops of this version."""
+    return any(Path(os.environ[PLACE]).rglob(LAST))
+
+
+def first_sentence() -> str:
+    """The announcement of the compilation: its duration, and where the code is kept."""
+    place = Path(os.environ[PLACE])
+    seconds = FIRST_ONE if _cores() < 2 else FIRST_TWO
+    kept = f"compiling the motion kernels, once, about {seconds} s; kept in {place}"
+    if place.is_relative_to(TEMPORARY) or not is_writable(place):
+        return f"compiling the motion kernels, about {seconds} s, again and again: {place} does not last; {KEEP}"
+    if place.parent == _users_cache():
+        return f"{kept}, since the installation is read-only; {PLACE} names another folder"
+    return kept
+
+
+def examine() -> ReportLine:
+    """Report for `pomona doctor` where the compiled code is kept, and whether it is there."""
+    place = Path(os.environ[PLACE])
+    if is_compiled():
+        return ReportLine("compiled code", True, f"kept in {place}")
+    is_kept = is_writable(place) and not place.is_relative_to(TEMPORARY)
+    return ReportLine("compiled code", is_kept, f"none yet; the first run: {first_sentence()}", KEEP)
+
+
+def begin_first(description: Path) -> None:
+    """At the first start of a version: announce the compilation, and compile one half in a process of its own.
+
+    Args:
+        description: of the robot.
+    """
+    global _beside
+    if not _announced() or _beside is not None or _cores() < 2:
+        return
+    words = [sys.executable, "-m", HELPER, str(description)]
+    _beside = subprocess.Popen(words, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True)
+
+
+def wait_for_first() -> None:
+    """Wait for that process before its half is loaded."""
+    if _beside is not None:
+        _beside.wait()
+
+
 @cache
-def tell_the_first() -> None:
-    """Warn, once, where nothing was compiled before: what follows takes so much longer than the next time."""
-    place = os.environ.get(PLACE)
-    if place and not any(Path(place).rglob("*.nbi")):
-        logging.getLogger("pomona").warning(FIRST)
+def _announced() -> bool:
+    """Announce the compilation, once; return False if there is nothing to compile."""
+    if is_compiled():
+        return False
+    logging.getLogger("pomona").warning(first_sentence())
+    return True
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -12,6 +12,7 @@ from pomona.drivers.interfaces import Arm, Workspace
 from pomona.executive.ports import ANGLE, LENGTH, Angle, Length, Outputs, Port, Ratio
 from pomona.executive.skill import Skill, Work
 from pomona.executive.views import Points3, SceneView
+from pomona.skills.compiled_code import wait_for_first
 from pomona.skills.motion.grasp import Grasp, GraspCandidates, RuledOut
 from pomona.skills.motion.grasps.sample import GraspRules, sample_pre_grasps, warm_up
 from pomona.skills.motion.grasps.sphere import Sphere, pre_grasp_position
@@ -50,6 +51,7 @@ class SampleGrasp(Skill):
         self._tried = Tried()
 
     def prepare(self) -> None:
+        wait_for_first()
         warm_up(RobotModel.load(self.device(Arm).description))
 
     def run(

@@ -9,6 +9,7 @@ from pomona.drivers.interfaces import ForceSensor, Gripper, SampleRate
 from pomona.executive.ports import FORCE, LENGTH, STIFFNESS, Force, Length, Outputs, Port, Ratio, Stiffness
 from pomona.executive.skill import CellFacts, Interrupted, Skill, Work
 from pomona.executive.values.sections import Problem
+from pomona.skills.compiled_code import wait_for_first
 from pomona.skills.grip.controller import GripController
 from pomona.skills.grip.dynamic_term import GENTLE, DynamicSettings
 from pomona.skills.grip.errors import UnusableRate
@@ -69,6 +70,7 @@ class SlipAvoidGrasp(Skill):
                 yield Problem("", str(error))
 
     def prepare(self) -> None:
+        wait_for_first()
         warm_up(self.device(ForceSensor).rate)
 
     def run(

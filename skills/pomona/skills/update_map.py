@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import numpy as np
-
-from pomona.drivers.interfaces import Arm, Camera, Frame, Gripper, Intrinsics, Workspace
+from pomona.drivers.interfaces import Arm, Camera, Frame, Gripper, Workspace
 from pomona.executive.ports import LENGTH, TIME, Length, Outputs, Port, Time
 from pomona.executive.skill import Skill, Work
 from pomona.executive.values.arrays import Float64
 from pomona.executive.views import Points3, SceneView
-from pomona.skills.compiled_code import tell_the_first
+from pomona.skills.compiled_code import wait_for_first
 from pomona.skills.motion.collision import Convex, RobotShape
 from pomona.skills.motion.occupancy.camera_pose import check_camera_pose, pose_of_camera
 from pomona.skills.motion.occupancy.errors import CameraPoseMismatch, NothingMeasured
 from pomona.skills.motion.occupancy.integrate import Sensing, integrate
 from pomona.skills.motion.occupancy.occupancy_map import HIDDEN, OCCUPIED, OccupancyMap
+from pomona.skills.motion.occupancy.warm import warm_up
 from pomona.skills.motion.robot import BadJoints, RobotModel
 from pomona.skills.perception.detection.detection import Detection
 from pomona.skills.perception.frame_check import MISMATCHES
@@ -42,7 +41,8 @@ class UpdateMap(Skill):
     failures = (*MISMATCHES, "NO_FRAME", "NO_DEPTH", "STALE_FRAME")
 
     def prepare(self) -> None:
-        _warm_up()
+        wait_for_first()
+        warm_up()
 
     def run(
         self,
@@ -117,23 +117,3 @@ def _fuse(
     fused = integrate(grid, frame, T_base_camera, workspace, robot=robot, target=target, sensing=sensing)
     _ = fused.field
     return fused
-
-
-def _warm_up() -> None:
-    """Compile the kernels on a look at a wall of four pixels."""
-    tell_the_first()
-    lens = Intrinsics(1.0, 1.0, 0.5, 0.5, 2, 2)
-    depth = np.full((2, 2), 0.05, dtype=np.float32)
-    frame = Frame(0.0, 0, np.zeros((2, 2, 3), np.uint8), depth, lens, None, np.eye(4))
-    workspace = Workspace(None, np.full(3, -0.1), np.full(3, 0.1))
-    robot = np.array([[0.0, 0.0, -1.0, 0.01]])
-    target = Convex.of_points("target", np.eye(3))
-    _fuse(
-        OccupancyMap.empty(workspace.lower, workspace.upper, 0.02),
-        frame,
-        np.eye(4),
-        workspace,
-        robot,
-        target,
-        Sensing(),
-    )

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from pomona.drivers.machine import ReportLine, examine_machine
+from pomona.drivers.machine import examine_machine
+from pomona.executive.values.report_line import ReportLine
 from pomona.executive.values.shipped import installed_trees
 
 CELLS = installed_trees() / "cells"

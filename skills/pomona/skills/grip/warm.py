@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from pomona.skills.compiled_code import tell_the_first
 from pomona.skills.grip.controller import GripController
 from pomona.skills.grip.settings import GripSettings, check_rate
 
@@ -19,7 +18,6 @@ def warm_up(rate: float = 500.0) -> None:
         UnusableRate: no grip can use such a sensor.
     """
     check_rate(rate)
-    tell_the_first()
     controller = GripController(GripSettings())
     controller.width = 0.08
     for i in range(300):

@@ -30,7 +30,6 @@ from pomona.drivers.interfaces import (
 from pomona.executive.skill import Skill
 from pomona.executive.values.arrays import Float64
 from pomona.executive.views import Points3, SceneView
-from pomona.skills.compiled_code import tell_the_first
 from pomona.skills.geometry import apply, inverse, transform
 from pomona.skills.motion.collision import Convex, RobotShape, fruit_points
 from pomona.skills.motion.grasp import Grasp
@@ -212,7 +211,6 @@ def prepare_watch(skill: Skill) -> None:
 @lru_cache(maxsize=8)
 def _warm(description: Path) -> None:
     """Watch a short motion once, with something in its way."""
-    tell_the_first()
     robot = RobotModel.load(description)
     q = (robot.lower + robot.upper) / 2.0
     still = np.zeros((2, robot.dof))

@@ -9,7 +9,7 @@ import numpy as np
 
 from pomona.drivers.interfaces import Arm, ArmLimits
 from pomona.executive.skill import Skill
-from pomona.skills.compiled_code import tell_the_first
+from pomona.skills.compiled_code import begin_first
 from pomona.skills.geometry import angle_between, rot_z, transform
 from pomona.skills.motion.collision import CollisionWorld
 from pomona.skills.motion.planning.arm_space import ArmSpace
@@ -22,7 +22,6 @@ from pomona.skills.motion.straight_line import straight_line
 @lru_cache(maxsize=8)
 def warm_checks(description: Path) -> None:
     """Compile what skills compute in this process; once for each robot."""
-    tell_the_first()
     robot = RobotModel.load(description)
     q = (robot.lower + robot.upper) / 2.0
     space = ArmSpace(CollisionWorld.build(robot), robot.width_max)
@@ -76,11 +75,14 @@ class _Empty:
 
 def prepare_moving(skill: Skill) -> None:
     """For `prepare` of a skill that checks collisions."""
-    warm_checks(skill.device(Arm).description)
+    description = skill.device(Arm).description
+    begin_first(description)
+    warm_checks(description)
 
 
 def prepare_planning(skill: Skill) -> None:
     """For `prepare` of a skill that plans: this process, and the one that will plan."""
     description = skill.device(Arm).description
+    begin_first(description)
     warm_checks(description)
     skill.context.compute(skill.path, warm_planner, description, isolated=True).result()
