@@ -15,11 +15,10 @@ from pomona.skills.grip.bias_check import check_bias
 from pomona.skills.grip.controller import GripController
 from pomona.skills.grip.errors import UnfitSensor
 from pomona.skills.grip.grip import GripPhase
-from pomona.skills.grip.settings import RATES, GripSettings
-from pomona.skills.grip.tuning import BiasCheckSettings
+from pomona.skills.grip.settings import RATES, BiasSettings, GripSettings
 
 SCALE = np.array([1.0, 1.0, 1.0, 0.01, 0.01, 0.01])
-SETTINGS = BiasCheckSettings()
+SETTINGS = BiasSettings()
 
 
 def noise(count: int = 100, std: float = 0.04, seed: int = 0) -> np.ndarray:

@@ -11,9 +11,8 @@ from pomona.skills.grip.controller import GripController
 from pomona.skills.grip.estimate_kernel import GripEstimate
 from pomona.skills.grip.grip import GripPhase
 from pomona.skills.grip.sensor_watch import SensorWatch
-from pomona.skills.grip.settings import GripSettings
+from pomona.skills.grip.settings import GripSettings, SensorWatchSettings
 from pomona.skills.grip.stream_guard import GripSample
-from pomona.skills.grip.tuning import SensorWatchSettings
 
 NOISE = np.array([1, 1, 1, 0.005, 0.005, 0.005])
 Change = Callable[[np.ndarray, np.ndarray], None]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from pomona.skills.grip.force_loop import ForceLoopSettings, PadStiffness
+from pomona.skills.grip.settings import TrackingSettings
 from pomona.skills.grip.tracking import ForceTracker
-from pomona.skills.grip.tuning import TrackingSettings
 
 PERIOD = 0.002
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.errors import UnfitSensor
 from pomona.skills.grip.grip import SIDES
-from pomona.skills.grip.tuning import BiasCheckSettings, BiasSettings
+from pomona.skills.grip.settings import BiasSettings
 
 SAME = 1e-9
 """Values that differ by less are equal but for rounding [N, N·m]."""
@@ -43,7 +43,7 @@ class BiasRecorder:
         return None if error > s.error and count < most else samples
 
 
-def check_bias(samples: Float64, rate: float, settings: BiasCheckSettings) -> None:
+def check_bias(samples: Float64, rate: float, settings: BiasSettings) -> None:
     """Check the samples from which a bias is taken.
 
     Samples without any noise pass: the driver detects a constant sensor.
@@ -66,7 +66,7 @@ def check_bias(samples: Float64, rate: float, settings: BiasCheckSettings) -> No
             _check_copies(SIDES[side], changes[:, side], rate, settings)
 
 
-def _check_steps(side: str, samples: Float64, noisy: NDArray[np.bool_], settings: BiasCheckSettings) -> None:
+def _check_steps(side: str, samples: Float64, noisy: NDArray[np.bool_], settings: BiasSettings) -> None:
     for channel in range(6):
         axis, is_force = "xyz"[channel % 3], channel < 3
         if noisy[channel]:
@@ -82,7 +82,7 @@ def _check_steps(side: str, samples: Float64, noisy: NDArray[np.bool_], settings
             raise UnfitSensor(f"the {side} finger's {words}: it is dead, or coarser than its noise", 0.0, SAME)
 
 
-def _check_copies(side: str, changes: NDArray[np.bool_], rate: float, settings: BiasCheckSettings) -> None:
+def _check_copies(side: str, changes: NDArray[np.bool_], rate: float, settings: BiasSettings) -> None:
     """Refuse copied samples: they repeat all channels at once, few bits repeat each channel by chance."""
     repeats = float((~changes.any(axis=1)).mean())
     by_chance = math.prod((~changes).mean(axis=0))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from pomona.skills.grip.tuning import CommandSettings
+from pomona.skills.grip.settings import CommandSettings
 
 
 class CommandTiming:

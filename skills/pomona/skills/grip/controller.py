@@ -245,7 +245,7 @@ class GripController:
         if samples is None:
             return
         try:
-            check_bias(samples, self.settings.rate, self.settings.bias_check)
+            check_bias(samples, self.settings.rate, self.settings.bias)
         except UnfitSensor as unfit:
             self._fail("SENSOR_FAULT", str(unfit), measured=unfit.measured, expected=unfit.expected)
             return
@@ -310,7 +310,7 @@ class GripController:
         The gripper takes the next rate only `command_period` later, so one is kept until the push has shown.
         """
         self._pushed_samples = self._pushed_samples + 1 if self.estimate.push > 0.0 else 0
-        return 0 < self._pushed_samples < self.settings.command.hit_samples
+        return 0 < self._pushed_samples < self.settings.command.push_samples
 
     def _learn_friction(self) -> None:
         """Lower the friction after slip: the load of a sliding fruit lies on the limit surface of the measured force.
@@ -319,7 +319,7 @@ class GripController:
         """
         s, contact = self.settings.slips, self.settings.contact
         share = self.estimate.f_least / max(self.estimate.f_n, 0.1)
-        if self.settings.law is not ForceLaw.SLIP_AVOIDANCE or not s.least_share < share < s.sure_share:
+        if self.settings.law is not ForceLaw.SLIP_AVOIDANCE or not s.least_ratio < share < s.sure_ratio:
             return
         self.friction_share *= share
         self.settings = replace(self.settings, contact=replace(contact, mu=share * contact.mu))

@@ -6,7 +6,7 @@ clamped to the same bound as the sum, so it never winds up.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -16,8 +16,7 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.observer import steps_in_a_sample
 
 
-@dataclass(frozen=True, slots=True)
-class DynamicSettings:
+class DynamicSettings(NamedTuple):
     """Gains from slip velocity [rad/s] to grasp force [N].
 
     Attributes:

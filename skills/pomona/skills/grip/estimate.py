@@ -8,12 +8,10 @@ import numpy as np
 
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.estimate_kernel import (
-    Allowance,
     FrictionModel,
     GripEstimate,
     GripModel,
     NoiseModel,
-    ObserverModel,
     Weights,
     estimate_sample,
 )
@@ -42,7 +40,7 @@ class Estimator:
 
     def calibrate(self, samples: Float64) -> None:
         """Learn bias and noise from samples with nothing touching, shape (n, 2, 6)."""
-        weights, share = self._model.weights, self._filters.noise_share
+        weights, share = self._model.weights, self._filters.noise_stds
         right = MIRROR * samples[:, 1]
         modes = 0.5 * np.stack([samples[:, 0] + right, samples[:, 0] - right], axis=1)
         fast_std = math.sqrt(weights.fast / (2.0 - weights.fast))
@@ -57,7 +55,7 @@ class Estimator:
             difference_variance=4.0 * apart,
             f_n_band=4.0 * math.sqrt(normal_variance),
             bias_std=math.sqrt(float(of_mean[2] + 0.5 * (of_mean[0] + of_mean[1]) / self._model.friction.mu**2)),
-            push=self._filters.hit_stds * math.sqrt(float(variance[0] + variance[1])),
+            push=self._filters.push_stds * math.sqrt(float(variance[0] + variance[1])),
         )
         self._model = self._model._replace(noise=noise)
         self.estimate = GripEstimate(f_n_band=noise.f_n_band, bias_std=noise.bias_std)
@@ -78,59 +76,25 @@ class Estimator:
 
 
 def _model_of(settings: GripSettings) -> GripModel:
-    filters, observer, dynamic, rate = settings.filters, settings.observer, settings.dynamic, settings.rate
-    lags = (
-        filters.fast_lag,
-        filters.normal_lag,
-        filters.load_lag,
-        filters.centre_lag,
-        filters.rise_lag,
-        filters.calm_lag,
-    )
+    filters, rate = settings.filters, settings.rate
+    slow = (filters.normal_lag, filters.load_lag, filters.centre_lag, filters.rise_lag, filters.calm_lag)
     substeps = steps_in_a_sample(rate)
     return GripModel(
-        NoiseModel(np.zeros((2, 6)), np.zeros((2, 6)), np.zeros(6), *(0.0,) * 4),
-        Weights(*(1.0 - math.exp(-1.0 / (rate * lag)) for lag in lags)),
-        _friction_of(settings.contact),
-        Allowance(
-            lever=settings.offset,
-            push=settings.reserve,
-            farthest_centre=filters.farthest_centre,
-            twist_bound=filters.twist_bound,
-            jump=filters.jump,
-            quiet=filters.quiet,
-            aside=filters.aside,
-            hit_share=filters.hit_share,
-            calm_load=filters.calm_load,
-            longest_push=filters.longest_push,
-            period=1.0 / rate,
-        ),
-        ObserverModel(
-            observer.sigma0,
-            observer.beta,
-            observer.inertia,
-            observer.mass,
-            observer.offset,
-            observer.gain,
-            dynamic.kp,
-            dynamic.ki,
-            dynamic.kdc,
-            dynamic.bound,
-            substeps,
-            1.0 / rate / substeps,
-        ),
+        noise=NoiseModel(np.zeros((2, 6)), np.zeros((2, 6)), np.zeros(6), *(0.0,) * 4),
+        weights=Weights(*(1.0 - math.exp(-1.0 / (rate * lag)) for lag in (filters.fast_lag, *slow))),
+        friction=_friction_of(settings.contact),
+        filters=filters,
+        observer=settings.observer,
+        dynamic=settings.dynamic,
+        lever=settings.offset,
+        reserve=settings.reserve,
+        period=1.0 / rate,
+        substeps=substeps,
+        step=1.0 / rate / substeps,
     )
 
 
 def _friction_of(contact: SoftContact) -> FrictionModel:
     table = surface_table(contact)
-    return FrictionModel(
-        float(contact.mu),
-        contact.torsion,
-        contact.gamma,
-        contact.delta,
-        contact.ellipsoid,
-        table.f,
-        table.tau,
-        table.load,
-    )
+    shape = (contact.torsion, contact.gamma, contact.delta, contact.ellipsoid)
+    return FrictionModel(float(contact.mu), *shape, table.f, table.tau, table.load)

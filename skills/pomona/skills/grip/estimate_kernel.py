@@ -12,10 +12,11 @@ import numpy as np
 from numba import njit
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.grip.dynamic_term import answer_slip
+from pomona.skills.grip.dynamic_term import DynamicSettings, answer_slip
 from pomona.skills.grip.limit_surface import least_force_of_finger
-from pomona.skills.grip.observer import observe
+from pomona.skills.grip.observer import ObserverSettings, observe
 from pomona.skills.grip.pads import MIRROR, PRESSING, loads_of_finger, smooth
+from pomona.skills.grip.settings import FilterSettings
 
 
 class NoiseModel(NamedTuple):
@@ -64,53 +65,28 @@ class FrictionModel(NamedTuple):
     load: Float64
 
 
-class Allowance(NamedTuple):
-    """Loads beyond the measured ones that the grip allows for, and bounds; see `FilterSettings`.
+class GripModel(NamedTuple):
+    """Constants of a grip between two samples.
 
     Attributes:
-        lever: of the fruit's centre about the fingers' axis [m].
-        push: tangential force on top of the load [N].
+        filters, observer, dynamic: settings.
+        lever: of the fruit's centre about the fingers' axis, until the fruit is carried [m].
+        reserve: tangential force on top of the load [N].
         period: of the samples [s].
+        substeps, step: integration steps of the observer in a period, and their length [s].
     """
-
-    lever: float
-    push: float
-    farthest_centre: float
-    twist_bound: float
-    jump: float
-    quiet: float
-    aside: float
-    hit_share: float
-    calm_load: float
-    longest_push: float
-    period: float
-
-
-class ObserverModel(NamedTuple):
-    """Constants of observer and dynamic term; see `ObserverSettings` and `DynamicSettings`."""
-
-    sigma0: float
-    beta: float
-    inertia: float
-    mass: float
-    offset: float
-    gain: float
-    kp: float
-    ki: float
-    kdc: float
-    bound: float
-    substeps: int
-    step: float
-
-
-class GripModel(NamedTuple):
-    """Constants of a grip between two samples."""
 
     noise: NoiseModel
     weights: Weights
     friction: FrictionModel
-    allowance: Allowance
-    observer: ObserverModel
+    filters: FilterSettings
+    observer: ObserverSettings
+    dynamic: DynamicSettings
+    lever: float
+    reserve: float
+    period: float
+    substeps: int
+    step: float
 
 
 class Memory(NamedTuple):
@@ -245,17 +221,15 @@ def estimate_sample(memory, raw, periods, expected, is_carried, model):  # type:
         is_carried: the fruit hangs in the fingers: a load that grows fast is a push.
         model: constants.
     """
-    noise, weights, allowance = model.noise, model.weights, model.allowance
+    noise, weights, filters = model.noise, model.weights, model.filters
     fast, slow, smoothed = memory.fast.copy(), memory.slow.copy(), np.empty((2, 6))
     shares = (weights.fast, weights.normal, weights.load)
     for _ in range(periods):
         smooth(raw, noise.bias, MIRROR, noise.band, fast, slow, smoothed, shares, expected)
-    push, push_lever = _remaining_reserve(memory, allowance)
-    left = _loads_of(smoothed[0], noise.variance, model.friction, allowance, push, push_lever)
-    right = _loads_of(smoothed[1], noise.variance, model.friction, allowance, push, push_lever)
-    is_started, omega, z, integral, centre, f_nd = _observe(
-        left, right, periods, weights.centre, model.observer, memory
-    )
+    push, push_lever = _remaining_reserve(memory, model)
+    left = _loads_of(smoothed[0], noise.variance, model, push, push_lever)
+    right = _loads_of(smoothed[1], noise.variance, model, push, push_lever)
+    is_started, omega, z, integral, centre, f_nd = _observe(left, right, periods, model, memory)
 
     load = (left.f_x + right.f_x, left.f_y + right.f_y)
     f_t = math.hypot(left.f_x + right.f_x, left.f_y + right.f_y)
@@ -267,14 +241,14 @@ def estimate_sample(memory, raw, periods, expected, is_carried, model):  # type:
     f_least_before = memory.f_least_before + rise_share * (f_least - memory.f_least_before)
     push_now = 0.0
     if is_carried:
-        push_now = max(f_t - (1.0 + allowance.hit_share) * f_t_before - noise.push, 0.0)
-    f_t_calm, tau_calm, push_left = _calm_load(f_t, tau_n, push_now, periods, memory, weights.calm, allowance)
+        push_now = max(f_t - (1.0 + filters.push_ratio) * f_t_before - noise.push, 0.0)
+    f_t_calm, tau_calm, push_left = _calm_load(f_t, tau_n, push_now, periods, memory, model)
 
-    shear_jump, press_jump_of_one, contact_jump = _jumps_of_one_finger(fast, slow, noise.band, allowance)
+    shear_jump, press_jump_of_one, contact_jump = _jumps_of_one_finger(fast, slow, noise.band, filters)
     press_jump_of_both = 0.0
-    if not _is_contact(fast, slow, noise.band, 0.0, allowance.aside):
+    if not _is_contact(fast, slow, noise.band, 0.0, filters.aside):
         press_jump_of_both = abs(fast[0, 2] - slow[0, 2]) - noise.band[0, 2]
-    one_presses_more = 2.0 * (abs(fast[1, 2] - slow[1, 2]) - noise.band[1, 2]) > allowance.jump
+    one_presses_more = 2.0 * (abs(fast[1, 2] - slow[1, 2]) - noise.band[1, 2]) > filters.jump
     apart = left.f_n - right.f_n
     difference = math.sqrt(max(apart * apart - noise.difference_variance, 0.0))
     f_n = max(left.f_n + right.f_n + (difference if one_presses_more else -difference), 0.0)
@@ -283,84 +257,67 @@ def estimate_sample(memory, raw, periods, expected, is_carried, model):  # type:
     unfiltered = np.empty(6)
     for j in range(6):
         unfiltered[j] = 0.5 * (raw[0, j] - noise.bias[0, j] + MIRROR[j] * (raw[1, j] - noise.bias[1, j]))
-    return GripEstimate(
-        left.f_n,
-        right.f_n,
-        f_n,
+    tau_std = math.sqrt(2.0 * (noise.variance[5] + lever * lever * noise.variance[4]))
+    f_least_std = math.sqrt(left.least_variance + right.least_variance)
+    rise, cautious, reserved = f_least - f_least_before, left.cautious + right.cautious, left.reserved + right.reserved
+    twist = min(max(f_least / max(f_coulomb, 0.1) - 1.0, 0.0), filters.twist_bound)
+    slip_speed = abs(omega) * centre
+    memory = Memory(
+        fast,
+        slow,
+        is_started,
+        omega,
+        z,
+        integral,
+        centre,
         f_t,
-        load,
-        tau_n,
-        math.sqrt(2.0 * (noise.variance[5] + lever * lever * noise.variance[4])),
-        f_least,
-        math.sqrt(left.least_variance + right.least_variance),
-        f_least - f_least_before,
-        f_coulomb,
-        left.cautious + right.cautious,
-        left.reserved + right.reserved,
-        min(max(f_least / max(f_coulomb, 0.1) - 1.0, 0.0), allowance.twist_bound),
-        f_nd,
-        abs(omega) * centre,
-        push_now,
-        shear_jump,
-        press_jump_of_one,
-        press_jump_of_both,
-        contact_jump,
-        one_presses_more,
-        noise.f_n_band,
-        noise.bias_std,
-        unfiltered,
-        Memory(
-            fast,
-            slow,
-            is_started,
-            omega,
-            z,
-            integral,
-            centre,
-            f_t,
-            f_t_before,
-            f_least_before,
-            f_t_calm,
-            tau_calm,
-            push_left,
-        ),
+        f_t_before,
+        f_least_before,
+        f_t_calm,
+        tau_calm,
+        push_left,
     )
+    jumps = (shear_jump, press_jump_of_one, press_jump_of_both, contact_jump, one_presses_more)
+    forces = (left.f_n, right.f_n, f_n, f_t, load, tau_n, tau_std, f_least, f_least_std, rise, f_coulomb, cautious)
+    others = (reserved, twist, f_nd, slip_speed, push_now)
+    return GripEstimate(*(forces + others + jumps + (noise.f_n_band, noise.bias_std, unfiltered, memory)))
 
 
 @njit(cache=True)
-def _remaining_reserve(memory, allowance):  # type: ignore[no-untyped-def]
+def _remaining_reserve(memory, model):  # type: ignore[no-untyped-def]
     """Reserve that is left [N] and its lever [m].
 
     A measured push is subtracted, so that it is not counted twice. The lever is that of the calm load: a push at the
     fruit's centre is many times the weight of a light fruit, whose lever is below the noise of a sample.
     """
-    if allowance.push == 0.0 or memory.f_t_calm < allowance.calm_load:
-        return allowance.push, allowance.lever
+    if model.reserve == 0.0 or memory.f_t_calm < model.filters.calm_load:
+        return model.reserve, model.lever
     pushed = max(memory.f_t - memory.f_t_calm, 0.0) if memory.push_left > 0.0 else 0.0
-    return max(allowance.push - pushed, 0.0), memory.tau_calm / memory.f_t_calm
+    return max(model.reserve - pushed, 0.0), memory.tau_calm / memory.f_t_calm
 
 
 @njit(cache=True)
-def _calm_load(f_t, tau_n, push_now, periods, memory, share, allowance):  # type: ignore[no-untyped-def]
+def _calm_load(f_t, tau_n, push_now, periods, memory, model):  # type: ignore[no-untyped-def]
     """Averages of load and moment while nothing pushes [N, N·m], and the time for which a push may last [s].
 
     A push ends when the load is back; one that lasts longer than `longest_push` counts as load.
     """
     push_left = memory.push_left
     if push_now > 0.0:
-        push_left = allowance.longest_push
-    elif f_t < (1.0 + allowance.hit_share) * memory.f_t_calm:
+        push_left = model.filters.longest_push
+    elif f_t < (1.0 + model.filters.push_ratio) * memory.f_t_calm:
         push_left = 0.0
     if push_left > 0.0:
-        return memory.f_t_calm, memory.tau_calm, push_left - periods * allowance.period
-    share = min(periods * share, 1.0)
+        return memory.f_t_calm, memory.tau_calm, push_left - periods * model.period
+    share = min(periods * model.weights.calm, 1.0)
     f_t_calm = memory.f_t_calm + share * (f_t - memory.f_t_calm)
     return f_t_calm, memory.tau_calm + share * (abs(tau_n) - memory.tau_calm), push_left
 
 
 @njit(cache=True)
-def _loads_of(wrench, variance, friction, allowance, push, push_lever):  # type: ignore[no-untyped-def]
+def _loads_of(wrench, variance, model, push, push_lever):  # type: ignore[no-untyped-def]
     """Loads of one finger, and the grip forces that they need."""
+    friction, farthest = model.friction, model.filters.farthest_centre
     mu, torsion, gamma = friction.mu, friction.torsion, friction.gamma
     f, tau, load = friction.f, friction.tau, friction.load
     f_n, f_x, f_y, tau_n = loads_of_finger(wrench)
@@ -377,7 +334,7 @@ def _loads_of(wrench, variance, friction, allowance, push, push_lever):  # type:
     worst_case_f_t = f_t + 0.5 * push
     pushed_tau = abs(tau_n) + 0.5 * push * push_lever
     reserved = least_force_of_finger(worst_case_f_t, pushed_tau, mu, torsion, gamma, f, tau, load)[0]
-    worst_case_tau = max(abs(tau_n), f_t * allowance.lever)
+    worst_case_tau = max(abs(tau_n), f_t * model.lever)
     cautious = least_force_of_finger(worst_case_f_t, worst_case_tau, mu, torsion, gamma, f, tau, load)[0]
     # Centre of rotation at the onset of sliding, and the friction there.
     pressing = max(f_n, 0.05)
@@ -386,36 +343,26 @@ def _loads_of(wrench, variance, friction, allowance, push, push_lever):  # type:
     f_tilde = f[j] + (u - j) * (f[j + 1] - f[j])
     tau_tilde = tau[j] + (u - j) * (tau[j + 1] - tau[j])
     if s >= 1.0:
-        centre = allowance.farthest_centre
+        centre = farthest
     elif friction.is_ellipsoid:
         centre = torsion * pressing**gamma / mu * math.tan(0.5 * math.pi * s)
     else:
         centre = friction.delta * pressing**gamma * s / (1.0 - s)
-    centre = min(centre, allowance.farthest_centre)
+    centre = min(centre, farthest)
     friction_torque = torsion * pressing ** (gamma + 1.0) * tau_tilde
     friction_force = mu * pressing * f_tilde
     return _FingerLoads(
-        f_n,
-        f_x,
-        f_y,
-        f_t,
-        tau_n,
-        least,
-        least_variance,
-        cautious,
-        reserved,
-        centre,
-        friction_torque,
-        friction_force,
+        f_n, f_x, f_y, f_t, tau_n, least, least_variance, cautious, reserved, centre, friction_torque, friction_force
     )
 
 
 @njit(cache=True)
-def _observe(left, right, periods, centre_share, observer, memory):  # type: ignore[no-untyped-def]
+def _observe(left, right, periods, model, memory):  # type: ignore[no-untyped-def]
     """(is_started, omega, z, integral, centre, dynamic term [N]) after the periods of a sample."""
+    observer, dynamic = model.observer, model.dynamic
     centre = 0.5 * left.centre + 0.5 * right.centre
     if memory.is_started:
-        centre = memory.centre + min(periods * centre_share, 1.0) * (centre - memory.centre)
+        centre = memory.centre + min(periods * model.weights.centre, 1.0) * (centre - memory.centre)
     y = abs(left.tau_n) + abs(right.tau_n) + centre * (left.f_t + right.f_t)
     g = left.friction_torque + right.friction_torque + centre * (left.friction_force + right.friction_force)
     omega, z, integral = memory.omega, memory.z, memory.integral
@@ -424,17 +371,17 @@ def _observe(left, right, periods, centre_share, observer, memory):  # type: ign
     J = observer.inertia + observer.mass * (centre + observer.offset) ** 2
     before = omega
     f_nd = 0.0
-    for _ in range(periods * observer.substeps):
-        omega, z = observe(omega, z, y, g, J, observer.sigma0, observer.beta, observer.gain, observer.step)
+    for _ in range(periods * model.substeps):
+        omega, z = observe(omega, z, y, g, J, observer.sigma0, observer.beta, observer.gain, model.step)
         integral, f_nd = answer_slip(
-            integral, before, omega, observer.kp, observer.ki, observer.kdc, observer.bound, observer.step
+            integral, before, omega, dynamic.kp, dynamic.ki, dynamic.kdc, dynamic.bound, model.step
         )
         before = omega
     return True, omega, z, integral, centre, f_nd
 
 
 @njit(cache=True)
-def _jumps_of_one_finger(fast, slow, band, allowance):  # type: ignore[no-untyped-def]
+def _jumps_of_one_finger(fast, slow, band, filters):  # type: ignore[no-untyped-def]
     """Jumps of one finger beyond noise [N]: (tangential, normal) while the other one is quiet, and of a contact."""
     tangential = normal = contact = 0.0
     for finger in range(2):
@@ -449,9 +396,9 @@ def _jumps_of_one_finger(fast, slow, band, allowance):  # type: ignore[no-untype
             else:
                 pressed = abs(alike + sign * apart) - beyond
             other = max(other, abs(alike - sign * apart) - beyond)
-        if _is_contact(fast, slow, band, sign, allowance.aside):
+        if _is_contact(fast, slow, band, sign, filters.aside):
             contact = max(contact, jumped, pressed)
-        elif other <= allowance.quiet:
+        elif other <= filters.quiet:
             tangential, normal = max(tangential, jumped), max(normal, pressed)
     return tangential, normal, contact
 

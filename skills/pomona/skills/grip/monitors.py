@@ -13,11 +13,10 @@ from pomona.skills.grip.estimate_kernel import GripEstimate
 from pomona.skills.grip.grip import GripProblem
 from pomona.skills.grip.reference_modes import ReferenceMode
 from pomona.skills.grip.sensor_watch import SensorWatch
-from pomona.skills.grip.settings import GripSettings
+from pomona.skills.grip.settings import GripSettings, WatchSettings
 from pomona.skills.grip.slip_watch import SlipWatch
 from pomona.skills.grip.stream_guard import GripSample
 from pomona.skills.grip.timing import Timer
-from pomona.skills.grip.tuning import WatchSettings
 
 
 class GripState(NamedTuple):
@@ -89,7 +88,6 @@ class SensorFaultMonitor:
         self._sensors = sensors
 
     def check(self, now: GripState) -> GripProblem | None:
-        """See `Monitor`."""
         if not self._sensors.reason:
             return None
         left, right = now.estimate.left, now.estimate.right
@@ -104,7 +102,6 @@ class SaturationMonitor:
         self._limits, self._saturated = limits, Timer()
 
     def check(self, now: GripState) -> GripProblem | None:
-        """See `Monitor`."""
         if self._saturated.update(any(now.sample.saturated), now.sample.elapsed) <= self._limits.saturated_after:
             return None
         message = "a finger's channel is at the end of its range; the force is neither raised nor lowered"
@@ -118,7 +115,6 @@ class GoneMonitor:
         self._limits, self._gone = limits, Timer()
 
     def check(self, now: GripState) -> GripProblem | None:
-        """See `Monitor`."""
         estimate = now.estimate
         if self._gone.update(estimate.stronger < self._limits.gone, now.sample.elapsed) <= self._limits.gone_after:
             return None
@@ -133,7 +129,6 @@ class DeadFingerMonitor:
         self._limits, self._dead = limits, Timer()
 
     def check(self, now: GripState) -> GripProblem | None:
-        """See `Monitor`."""
         is_dead = has_dead_finger(now.estimate, now.mode, self._limits)
         if self._dead.update(is_dead, now.sample.elapsed) <= self._limits.gone_after:
             return None
@@ -155,7 +150,6 @@ class SlipMonitor:
         self.slip = 0.0
 
     def check(self, now: GripState) -> GripProblem | None:
-        """See `Monitor`."""
         limits, estimate, elapsed = self._limits, now.estimate, now.sample.elapsed
         slides, pivots = now.mode is ReferenceMode.SLIDING, now.mode is ReferenceMode.PIVOTING
         f_n = counted_force(estimate, now.mode, limits)
@@ -177,7 +171,6 @@ class NeededForceMonitor:
         self._max_force = max_force
 
     def check(self, now: GripState) -> GripProblem | None:
-        """See `Monitor`."""
         if now.f_wanted <= self._max_force:
             return None
         message = f"the load needs {now.f_wanted:.1f} N, the limit is {self._max_force:.1f} N"
@@ -192,7 +185,6 @@ class FingerForceMonitor:
         self._max_force = max_force
 
     def check(self, now: GripState) -> GripProblem | None:
-        """See `Monitor`."""
         left, right = now.estimate.left, now.estimate.right
         if max(left, right) <= 0.5 * self._max_force:
             return None

@@ -9,7 +9,7 @@ over a sample. It starts at rest under the load that it sees: z = y / σ0, ω = 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -30,9 +30,8 @@ FASTEST = 50.0
 """Bound of the estimate [rad/s]."""
 
 
-@dataclass(frozen=True, slots=True)
-class ObserverSettings:
-    """Constants of the observer: general values; see the facts of the grasp controller's authors.
+class ObserverSettings(NamedTuple):
+    """Constants of the observer; general values of the controller's authors.
 
     Attributes:
         sigma0: stiffness of the bristles [N·m/rad].

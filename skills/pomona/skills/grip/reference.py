@@ -47,14 +47,8 @@ class ForceReference:
         self._levels = levels = Levels(settings)
         self._standing, self._sliding = StandingMode(levels), SlidingMode(levels)
         carried = CarriedMode(levels)
-        self._modes: dict[ReferenceMode, Mode] = {
-            ReferenceMode.STANDING: self._standing,
-            ReferenceMode.LIFTING: LiftingMode(levels),
-            ReferenceMode.CARRIED: carried,
-            ReferenceMode.CATCHING: CatchingMode(levels, carried),
-            ReferenceMode.PIVOTING: PivotingMode(levels),
-            ReferenceMode.SLIDING: self._sliding,
-        }
+        laws = (LiftingMode(levels), carried, CatchingMode(levels, carried), PivotingMode(levels))
+        self._modes: dict[ReferenceMode, Mode] = {law.mode: law for law in (self._standing, self._sliding, *laws)}
         self._resumed = ReferenceMode.LIFTING
 
     @property
@@ -119,7 +113,7 @@ class ForceReference:
         """Freeze, and rise no further than to a multiple of the force until now."""
         levels = self._levels
         if not math.isfinite(levels.limit):
-            levels.limit = levels.tuned.distrusted * max(self.f_ref, levels.settings.floor)
+            levels.limit = levels.tuned.fault_ratio * max(self.f_ref, levels.settings.floor)
         self.freeze(reason)
 
     def follow(self, estimate: GripEstimate, force_coming: float, elapsed: float) -> None:

@@ -6,8 +6,9 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from enum import Enum
-from typing import Protocol
+from typing import ClassVar
 
 from pomona.skills.grip.estimate_kernel import GripEstimate
 from pomona.skills.grip.limit_surface import least_force
@@ -93,9 +94,9 @@ class Levels:
 
     def relaxation(self, target: float) -> float:
         """Rate at which the lasting part falls to a target [N/s]."""
-        near = max(self.settings.relax_rate, self.tuned.relaxing * (self.held - target))
+        near = max(self.settings.relax_rate, self.tuned.relax_gain * (self.held - target))
         excess = self.held - self.tuned.excess * max(target, self._target.value)
-        return near + self.tuned.excess_relaxing * max(excess, 0.0)
+        return near + self.tuned.excess_gain * max(excess, 0.0)
 
     def has_settled(self) -> bool:
         """Return True when the lasting part has come down to the wanted force."""
@@ -112,6 +113,11 @@ class Levels:
                 return self.margin * estimate.f_least
         return None
 
+    def is_pushed_off(self, estimate: GripEstimate) -> bool:
+        """Return True when a push makes the fruit slide: friction then shows only the beginning of the push."""
+        slides = estimate.push > 0.0 and estimate.f_least > self.tuned.sliding_ratio * estimate.f_n
+        return slides and self.may_fall and self.settings.law is ForceLaw.SLIP_AVOIDANCE
+
     def answer(self, estimate: GripEstimate, force_coming: float) -> float:
         """Return the momentary force of slip avoidance [N]: dynamic term, rise of the load, and lack of force."""
         s, tuned = self.settings, self.tuned
@@ -121,52 +127,58 @@ class Levels:
             coming = min(coming, max(self._for_expected_load - estimate.f_least, 0.0))
         # Force beyond the need is not added twice, except where the load twists: its moment is still to come.
         spare = max(1.0 - estimate.twist, 0.0) * max(force_coming - self.margin * estimate.f_least, 0.0)
-        bound = tuned.doubtful
+        bound = tuned.most_doubtful
         if self.may_fall:
-            bound = min(tuned.urgent_base + tuned.urgent_share * estimate.f_least, tuned.most_urgent)
+            bound = min(tuned.urgent_base + tuned.urgent_ratio * estimate.f_least, tuned.most_urgent)
         return min(estimate.f_nd + max(coming - spare, 0.0) + tuned.edge_gain * missing, bound)
 
 
-class Mode(Protocol):
+class Mode(ABC):
     """Law of one `ReferenceMode`."""
 
+    mode: ClassVar[ReferenceMode]
+
+    def __init__(self, levels: Levels) -> None:
+        self._levels = levels
+
+    @abstractmethod
     def follow(self, estimate: GripEstimate, force_coming: float, elapsed: float) -> float:
         """Return the reference after a sample [N]; the arguments are those of `ForceReference.follow`."""
 
     def next_mode(self, estimate: GripEstimate) -> ReferenceMode:
-        """Return the mode for this estimate: this one or another one."""
+        """Return the mode for this estimate: by default this one, which only a request ends."""
+        return self.mode
 
 
-class StandingMode:
-    """Until the tangential load changes, the table carries the fruit: the initial force is enough."""
+class StandingMode(Mode):
+    """Until the tangential load changes by `load_changed`, the table carries the fruit: the initial force is enough."""
 
-    def __init__(self, levels: Levels) -> None:
-        self._levels, self._load = levels, (0.0, 0.0)
+    mode = ReferenceMode.STANDING
+    _load = (0.0, 0.0)
 
     def start(self, load: tuple[float, float]) -> None:
         """Take the load of the standing fruit [N]."""
         self._load = load
 
     def follow(self, _estimate: GripEstimate, _force_coming: float, elapsed: float) -> float:
-        """Rise to the initial force."""
         self._levels.wanted = self._levels.settings.initial_force
         return self._levels.raise_to_initial(elapsed)
 
     def next_mode(self, estimate: GripEstimate) -> ReferenceMode:
-        """LIFTING after the load has changed by `load_changed`."""
         change = math.hypot(estimate.load[0] - self._load[0], estimate.load[1] - self._load[1])
-        return ReferenceMode.STANDING if change < self._levels.tuned.load_changed else ReferenceMode.LIFTING
+        return self.mode if change < self._levels.tuned.load_changed else ReferenceMode.LIFTING
 
 
-class LiftingMode:
-    """The load comes on the fingers: at least the initial force, with the fruit's centre `offset` off the axis."""
+class LiftingMode(Mode):
+    """The load comes on the fingers: at least the initial force, with the fruit's centre `offset` off the axis.
 
-    def __init__(self, levels: Levels) -> None:
-        self._levels = levels
-        self._loaded_for = 0.0
+    The fruit is carried once the load has been steady for `carried_after`.
+    """
+
+    mode = ReferenceMode.LIFTING
+    _loaded_for = 0.0
 
     def follow(self, estimate: GripEstimate, force_coming: float, elapsed: float) -> float:
-        """Follow the cautious minimum force."""
         levels, tuned = self._levels, self._levels.tuned
         is_steady = estimate.f_least_rise < tuned.carried_rise * estimate.f_least + estimate.f_n_band
         if estimate.f_t < tuned.carried_load:
@@ -181,24 +193,24 @@ class LiftingMode:
         return levels.follow(wanted if baseline is None else baseline, answer, elapsed, lowest)
 
     def next_mode(self, _estimate: GripEstimate) -> ReferenceMode:
-        """CARRIED after the load has been steady for `carried_after`."""
-        return ReferenceMode.CARRIED if self._is_carried() else ReferenceMode.LIFTING
+        return ReferenceMode.CARRIED if self._is_carried() else self.mode
 
     def _is_carried(self) -> bool:
         return self._loaded_for >= self._levels.tuned.carried_after
 
 
-class CarriedMode:
+class CarriedMode(Mode):
     """The fruit hangs: the averaged minimum force with margin and reserve, and momentary answers to a rise."""
 
+    mode = ReferenceMode.CARRIED
+
     def __init__(self, levels: Levels) -> None:
+        super().__init__(levels)
         tuned = levels.tuned
-        self._levels = levels
-        self._steady = LowPass(tuned.averaged_over)
+        self._steady = LowPass(tuned.rise_average)
         self._twist_fast, self._twist_slow = LowPass(tuned.creep_fast), LowPass(tuned.creep_slow)
 
     def follow(self, estimate: GripEstimate, force_coming: float, elapsed: float) -> float:
-        """Follow the minimum force."""
         levels = self._levels
         baseline = levels.baseline(estimate)
         levels.for_weight = levels.margin * estimate.f_coulomb
@@ -208,8 +220,7 @@ class CarriedMode:
         return levels.follow(wanted, levels.answer(estimate, force_coming), elapsed)
 
     def next_mode(self, estimate: GripEstimate) -> ReferenceMode:
-        """CATCHING when a push makes the fruit slide."""
-        return ReferenceMode.CATCHING if is_pushed_off(estimate, self._levels) else ReferenceMode.CARRIED
+        return ReferenceMode.CATCHING if self._levels.is_pushed_off(estimate) else self.mode
 
     def _static(self, estimate: GripEstimate) -> float:
         levels = self._levels
@@ -225,9 +236,9 @@ class CarriedMode:
         """Return the static part without the noise of a light fruit [N]."""
         tuned = self._levels.tuned
         is_rising = math.isnan(self._steady.value) or static > self._steady.value
-        steady = self._steady.update(static, elapsed, tuned.averaged_over if is_rising else tuned.lowered_over)
+        steady = self._steady.update(static, elapsed, tuned.rise_average if is_rising else tuned.fall_average)
         creep = tuned.creep_gain * self._creep(estimate, elapsed) * estimate.f_coulomb
-        noise = tuned.averaged_stds * self._levels.margin * estimate.f_least_std
+        noise = tuned.average_stds * self._levels.margin * estimate.f_least_std
         return steady + max(static - steady - noise, 0.0) + creep
 
     def _creep(self, estimate: GripEstimate, elapsed: float) -> float:
@@ -237,72 +248,59 @@ class CarriedMode:
         return max(fast - slow - self._levels.tuned.creep_noise, 0.0)
 
 
-def is_pushed_off(estimate: GripEstimate, levels: Levels) -> bool:
-    """Return True when a push makes the fruit slide: friction then shows only the beginning of the push."""
-    slides = estimate.push > 0.0 and estimate.f_least > levels.tuned.slides * estimate.f_n
-    return slides and levels.may_fall and levels.settings.law is ForceLaw.SLIP_AVOIDANCE
+class CatchingMode(Mode):
+    """A push makes the carried fruit slide: the force rises as long as it slides, and falls to `floor` after the push.
 
+    Doubt about the sensors ends it.
+    """
 
-class CatchingMode:
-    """A push makes the carried fruit slide: the force rises as long as it slides, and falls after the push."""
+    mode = ReferenceMode.CATCHING
 
     def __init__(self, levels: Levels, carried: CarriedMode) -> None:
-        self._levels, self._carried, self._caught = levels, carried, 0.0
+        super().__init__(levels)
+        self._carried, self._caught = carried, 0.0
 
     def follow(self, estimate: GripEstimate, force_coming: float, elapsed: float) -> float:
-        """Follow the force of CARRIED, or the catching force where that is larger."""
         f_ref = self._carried.follow(estimate, force_coming, elapsed)
         tuned = self._levels.tuned
-        if is_pushed_off(estimate, self._levels):
-            more = min(tuned.hit * estimate.push / self._levels.settings.contact.mu, tuned.most_urgent)
+        if self._levels.is_pushed_off(estimate):
+            more = min(tuned.push_gain * estimate.push / self._levels.settings.contact.mu, tuned.most_urgent)
             self._caught = max(self._caught, estimate.f_n + more)
         elif estimate.push == 0.0:
-            self._caught -= min(tuned.excess_relaxing * elapsed, 1.0) * self._caught
+            self._caught -= min(tuned.excess_gain * elapsed, 1.0) * self._caught
         return max(f_ref, self._caught)
 
     def next_mode(self, estimate: GripEstimate) -> ReferenceMode:
-        """CARRIED again when the catching force has fallen to `floor`, or after doubt about the sensors."""
         levels = self._levels
-        if levels.may_fall and (self._caught > levels.settings.floor or is_pushed_off(estimate, levels)):
-            return ReferenceMode.CATCHING
+        if levels.may_fall and (self._caught > levels.settings.floor or levels.is_pushed_off(estimate)):
+            return self.mode
         self._caught = 0.0
         return ReferenceMode.CARRIED
 
 
-class PivotingMode:
-    """The force bears the weight only; the fruit turns under its moment until it hangs plumb."""
+class PivotingMode(Mode):
+    """Coulomb's force for the weight alone: the fruit turns under its moment until it hangs plumb."""
 
-    def __init__(self, levels: Levels) -> None:
-        self._levels = levels
+    mode = ReferenceMode.PIVOTING
 
     def follow(self, estimate: GripEstimate, force_coming: float, elapsed: float) -> float:
-        """Follow Coulomb's force for the weight."""
         levels, tuned = self._levels, self._levels.tuned
         missing = max(estimate.f_coulomb - tuned.edge * force_coming, 0.0)
         answer = min(tuned.edge_gain * missing, tuned.most_urgent)
         levels.for_weight = levels.margin * estimate.f_coulomb
         return levels.follow(tuned.pivot_margin * estimate.f_coulomb, answer, elapsed, fall_rate=tuned.pivot_rate)
 
-    def next_mode(self, _estimate: GripEstimate) -> ReferenceMode:
-        """Only a request ends it."""
-        return ReferenceMode.PIVOTING
 
+class SlidingMode(Mode):
+    """The skill's force, whatever the load: it rises with `sliding_rate` and falls as in the other modes."""
 
-class SlidingMode:
-    """The grip force is what the skill asks for, whatever the load."""
-
-    def __init__(self, levels: Levels) -> None:
-        self._levels, self.force = levels, 0.0
+    mode = ReferenceMode.SLIDING
+    force = 0.0
 
     def follow(self, _estimate: GripEstimate, _force_coming: float, elapsed: float) -> float:
-        """Rise with `sliding_rate`, and fall as in the other modes."""
         levels, force = self._levels, self.force
         levels.wanted = force
         levels.drop_urgent()
         lowest = levels.held - levels.relaxation(force) * elapsed
         levels.held = max(lowest, min(force, levels.held + levels.tuned.sliding_rate * elapsed))
         return levels.held
-
-    def next_mode(self, _estimate: GripEstimate) -> ReferenceMode:
-        """Only a request ends it."""
-        return ReferenceMode.SLIDING

@@ -14,9 +14,9 @@ from numba import njit
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.estimate_kernel import GripEstimate
 from pomona.skills.grip.grip import SIDES
+from pomona.skills.grip.settings import SensorWatchSettings
 from pomona.skills.grip.stream_guard import GripSample
 from pomona.skills.grip.timing import LowPass, Timer
-from pomona.skills.grip.tuning import SensorWatchSettings
 
 
 class SensorWatch:
@@ -75,7 +75,7 @@ class SensorWatch:
             return
         self._check_jumps(estimate, elapsed)
         self._load = max(estimate.f_t, self._load * math.exp(-elapsed / s.load_memory))
-        most = max(s.apart, s.apart_share * estimate.f_t) + estimate.f_n_band
+        most = max(s.apart, s.apart_ratio * estimate.f_t) + estimate.f_n_band
         is_apart = abs(estimate.left - estimate.right) > most and estimate.f_t > s.hanging * self._load
         if self._apart.update(is_apart, elapsed) > s.apart_after:
             forces = f"{estimate.left:.1f} N and {estimate.right:.1f} N"
@@ -102,7 +102,7 @@ class SensorWatch:
         if motor_force is None or not math.isfinite(motor_force):
             return
         motor = self._motor.update(motor_force, elapsed)
-        most = s.motor_error + s.motor_share * max(abs(force_sum), abs(motor))
+        most = s.motor_error + s.motor_ratio * max(abs(force_sum), abs(motor))
         if self._against_motor.update(abs(motor - force_sum) > most, elapsed) > s.motor_after:
             words = f"the fingers read {force_sum:.1f} N together while the motor presses with {motor:.1f} N"
             self._find(words, no_signal=True)

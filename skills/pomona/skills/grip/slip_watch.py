@@ -16,7 +16,7 @@ from numba import njit
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.estimate_kernel import GripEstimate
 from pomona.skills.grip.pads import MIRROR
-from pomona.skills.grip.tuning import SlipWatchSettings
+from pomona.skills.grip.settings import SlipWatchSettings
 
 LEAST_FORCE = 0.15
 """Below this normal force, the mean of both fingers, the centre of pressure is not known [N]."""
@@ -116,7 +116,7 @@ class SlipWatch:
         self._lever_slow += (1.0 - math.exp(-periods * self._period / slow_lag)) * (lever - self._lever_slow)
         moved = abs(self._lever_fast - self._lever_slow)
         noise = s.lever_stds * estimate.tau_std / estimate.f_t
-        least = max(s.lever_moved, s.lever_share * abs(self._lever_slow), noise)
+        least = max(s.lever_moved, s.lever_ratio * abs(self._lever_slow), noise)
         return self._carried_for > s.lever_after and moved > least
 
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from pomona.skills.grip.force_loop import ForceLoopSettings, finger_speed
-from pomona.skills.grip.tuning import TrackingSettings
+from pomona.skills.grip.settings import TrackingSettings
 
 
 class ForceTracker:
