@@ -296,7 +296,7 @@ class TestEverythingIsWrittenBeforeItIsRead:
 
     def test_nobody_reads_an_output(self, findings_of):
         found = only(findings_of(sequence(DETECT)), "unread", "warning")
-        assert found.message == "nobody reads 'detection', which Detect writes"
+        assert found.message == "no node reads 'detection', which Detect writes"
 
     def test_nobody_reads_a_parameter(self, findings_of):
         body = "parameters: {far: {type: int, default: 1}}\nroot: {Beep: {}}"

@@ -26,7 +26,7 @@ def bind_skill(
 
     Args:
         inputs: the ports as the tree's author knows them (a mock has the ports of the skill that it replaces).
-        getters: what the wired inputs read.
+        getters: the sources of the wired inputs, by port.
         keys: absolute keys that the wired outputs write.
     """
     defaults = {name: port.default_value for name, port in inputs.items() if name not in getters}

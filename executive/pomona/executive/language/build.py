@@ -1,4 +1,4 @@
-"""Document → py_trees tree. Builds only what the check has passed."""
+"""Document → py_trees tree. Builds only checked documents."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from pomona.executive.values.yaml_nodes import YamlNode
 
 
 class Mocks(Protocol):
-    """Says which skills are replaced by mocks."""
+    """Selects the skills that mocks replace."""
 
     def replace(self, skill: type[Skill], skill_name: str, label: str, path: str) -> Skill | None:
         """The mock that stands in for a node's skill, or None to keep the skill."""
@@ -115,7 +115,7 @@ class _Builder:
         return self.layer(node, 0, scope, self.paths.take(path), parent)
 
     def layer(self, node: TreeNode, index: int, scope: InstanceScope, path: str, parent: str | None) -> Behaviour:
-        """Build a node without its outer modifiers; what is outside stands before what is inside in drawing order."""
+        """Build a node without its outer modifiers; in drawing order, outer layers come before inner ones."""
         layer = node.layers[index]
         found = self.analysis.resolved[id(node), layer.key]
         at = LayerBuild(self, node, index, layer, found, scope, path, parent)
@@ -138,7 +138,7 @@ class LayerBuild:
 
     Attributes:
         path: of the node itself.
-        parent: path of what is around the layer.
+        parent: path of the layer around it.
     """
 
     builder: _Builder
@@ -171,7 +171,7 @@ class LayerBuild:
         return self.builder.context.elapsed
 
     def info(self) -> NodeInfo:
-        """What views and records are told of the layer."""
+        """Return the layer's description for views and records."""
         node, layer, source = self.node, self.layer, self.node.at.source
         if self.wraps:
             return NodeInfo(
@@ -191,7 +191,7 @@ class LayerBuild:
         )  # fmt: skip
 
     def settings(self) -> dict[str, str]:
-        """What is written for the layer, without nodes and wires."""
+        """Return the settings of the layer as written, without nodes and wires."""
         found = {}
         for slot, taken in self.layer.slots.items():
             value = self.written(slot)

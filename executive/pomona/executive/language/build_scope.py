@@ -1,4 +1,4 @@
-"""What names mean while one instance of a definition is built: getters for what is read, keys for what is written."""
+"""Meaning of names while one instance of a definition is built: getters for reading, keys for writing."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def constant(value: Any) -> Getter:
 
 @dataclass(frozen=True, slots=True)
 class InstanceScope:
-    """What names mean for the nodes of one instance of a definition (a `RunScope`).
+    """Meaning of names for the nodes of one instance of a definition (a `RunScope`).
 
     Attributes:
         prefix: of the keys that its nodes write, ending in '/'.
@@ -49,7 +49,7 @@ class InstanceScope:
         return self.keys.get(name, self.prefix + name)
 
     def getter(self, name: str) -> Getter:
-        """Reads a name's value; NoValue when nobody has written it."""
+        """Return the function that reads a name's value; it raises NoValue before the first write."""
         if name in SPECIAL:
             fresh = {"retry": RetryCount, "repeat": RepeatCount, "for_each": ForEachCount, "failure": LastFailure}
             found = getattr(self, name) or fresh[name]()
@@ -79,7 +79,7 @@ def getter(value: Value, scope: InstanceScope) -> Getter:
 
 
 def condition(value: Value, scope: InstanceScope) -> Condition:
-    """A condition, with what it reads for the sentence that says why it does not hold."""
+    """Return a condition, with the values for the sentence that explains why it does not hold."""
     assert isinstance(value, ComputedValue)
     names = {reference.name for reference in references(value.expression)}
     reads = {name: scope.getter(name) for name in sorted(names.difference(SPECIAL))}

@@ -1,4 +1,4 @@
-"""A tree that is ready to run, and what its nodes are called."""
+"""A tree that is ready to run, and the names of its nodes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class NodeInfo:
             node that it wraps: `fetch/Attempt:retry`.
         parent: path of the parent, None for the root.
         kind: skill, subtree, sequence … or the modifier's name.
-        name: what people call it.
+        name: its display name.
         type: the skill's or subtree's name, else the kind.
         description, comment: from the tree file.
         file, line, end_line: where it is written.
@@ -35,7 +35,7 @@ class NodeInfo:
         devices: names of the device interfaces that it needs.
         failures: the skill's failure codes.
         mocked: whether a mock stands in for the skill.
-        choices: the answers of a node that asks a person.
+        choices: the answers of a node that asks the operator.
     """
 
     path: str
@@ -57,7 +57,7 @@ class NodeInfo:
     choices: tuple[str, ...] = ()
 
     def facts(self) -> dict[str, Any]:
-        """As plain values, for the record and the dashboard; what is empty is left out."""
+        """Return plain values for the record and the dashboard, without the empty ones."""
         slots = self.__dataclass_fields__
         found = {name: getattr(self, name) for name in slots}
         kept = {name: value for name, value in found.items() if value not in ("", 0, (), {}, False)}
@@ -75,7 +75,7 @@ class BuiltTree:
         nodes: every node in drawing order (a parent before its children).
         behaviours: by path; each behaviour also has its `path` as an attribute.
         parameters: values of the tree's parameters.
-        board: what the nodes write to.
+        board: the store that the nodes write to.
         breakpoints: that stand in the file: a node's path, and the side on which the run pauses there.
     """
 
@@ -88,7 +88,7 @@ class BuiltTree:
     breakpoints: tuple[tuple[str, Side], ...] = ()
 
     def find(self, name: str) -> tuple[str, ...]:
-        """Paths of the nodes that people mean by a name: a path, the end of one, or a node's name or type.
+        """Return the paths of the nodes with a name: a path, the end of one, or a node's name or type.
 
         A name or a type means the node itself, not the modifiers around it.
         """
@@ -108,13 +108,13 @@ class BuiltTree:
         return {path: b for path, b in self.behaviours.items() if isinstance(b, Question)}
 
     def asked_by(self, name: str) -> tuple[Question, ...]:
-        """What the nodes of this name (see `find`) ask a person, themselves or by a modifier."""
+        """Return the questions to the operator of the nodes of this name (see `find`) and of their modifiers."""
         named, kinds = set(self.find(name)), {info.path: info.kind for info in self.nodes}
         return tuple(q for path, q in self.questions.items()
                      if named.intersection((path, path.removesuffix(f":{kinds[path]}"))))  # fmt: skip
 
     def prepare(self, tell: Callable[[str, int, int], None] = lambda _name, _done, _of: None) -> None:
-        """Let every skill load and warm what it needs; `tell(name, done, of)` is called before each."""
+        """Let every skill load and warm up; `tell(name, done, of)` is called before each."""
         for done, skill in enumerate(self.skills):
             tell(skill.name, done, len(self.skills))
             skill.prepare()

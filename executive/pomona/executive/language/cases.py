@@ -1,4 +1,4 @@
-"""Expressions → cases: what must hold for a condition to be true, as far as it can be said without running it."""
+"""Expressions → cases: the facts that make a condition true, as far as they are known before the run."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _ANYTHING: tuple[Case, ...] = ({},)
 
 
 def fact_of(expression: Expression, known: Mapping[str, Any], where: Located, text: str) -> Fact | None:
-    """What a condition says when it is true; None when it says nothing that could be compared.
+    """Return the fact that a true condition implies, or None if it has none that can be compared.
 
     Args:
         expression: the condition.
@@ -55,7 +55,7 @@ def always_same(expression: Expression, known: Mapping[str, Any]) -> bool | None
 
 
 def zero_divisors(expression: Expression, known: Mapping[str, Any]) -> list[Expression]:
-    """What is divided by and is surely zero."""
+    """Return the divisors that are certainly zero."""
     found = [divisor for part in expression.parts for divisor in zero_divisors(part, known)]
     if isinstance(expression, Binary) and expression.operator == "/":
         value = _fold(expression.right, known)
@@ -123,7 +123,7 @@ def _possible(operator: str, value: object) -> Possible | None:
 
 
 def _natural(about: Expression) -> Possible:
-    """What something can be at all."""
+    """Return all values that the subject can have."""
     counts = isinstance(about, Call) and about.function in ("len", "abs")
     return Possible(low=0.0) if counts else Possible(low=-math.inf)
 
@@ -167,7 +167,7 @@ _UNKNOWN = object()
 
 
 def said(expression: Expression) -> str:
-    """One text for what means the same, however it is spaced."""
+    """Return one text for equal expressions, independent of spacing."""
     match expression:
         case Constant():
             return repr(expression.value)

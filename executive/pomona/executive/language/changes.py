@@ -49,7 +49,7 @@ def changed_input(tree: BuiltTree, path: str, port: str, text: str) -> Any:
 
 
 def change_input(tree: BuiltTree, detail: str) -> None:
-    """Carry out what was asked for as `port = value ← path`; it counts from the skill's next start on.
+    """Change an input as requested by `port = value ← path`; it applies from the skill's next start on.
 
     Raises:
         ChangeRefusedError: as `changed_input`.

@@ -29,7 +29,7 @@ MAX_BUILT_DEPTH = 150
 
 @dataclass(slots=True, eq=False)
 class Analysis:
-    """What the check knows about a document: its findings, and every name looked up.
+    """Results of the check of a document: its findings, and every resolved name.
 
     Attributes:
         findings: in reading order.
@@ -120,7 +120,7 @@ class _Checker:
         for definition in definitions:
             self.definition(definition)
         self.analysis.finite = not self.recursive and self.size(order)
-        if not self.findings.errors:  # a mistyped name would be told twice
+        if not self.findings.errors:  # a mistyped name would be reported twice
             self.never_read(definitions)
         self.analysis.findings = self.findings.sorted()
         return self.analysis
@@ -138,11 +138,11 @@ class _Checker:
             return
         checker.definition(definition.root)
         self.follow(definition, scope)
-        if scope.looks and not self.findings.errors:  # what is wrong already says nothing about what is true
+        if scope.looks and not self.findings.errors:  # facts need a document without errors
             Truth(self.findings, scope, self.analysis.resolved, self.outcomes).definition()
         for name, named in scope.written():
             if not named.read and name not in definition.outputs:
-                message = f"nobody reads '{name}', which {named.by} writes"
+                message = f"no node reads '{name}', which {named.by} writes"
                 self.findings.warning(named.where, "unread", message)
 
     def declared_names(self, definition: Definition, scope: Scope) -> None:

@@ -33,7 +33,7 @@ _EVERYTHING = Around(frozenset(COUNTERS), frozenset())
 
 @dataclass(slots=True, eq=False)
 class NodeChecker:
-    """Looks up every name in one definition's nodes; fills `scope` with what they write and `resolved`."""
+    """Resolves every name in one definition's nodes; fills `scope` with the written names, and `resolved`."""
 
     findings: Findings
     skills: Registry
@@ -46,7 +46,7 @@ class NodeChecker:
     interfaces_of_cell: tuple[type, ...] | None
     named: dict[str, YamlScalar] = field(default_factory=dict)
     moved: dict[str, tuple[type, ...]] = field(init=False)
-    """What each skill moves, if it moves anything."""
+    """The devices that each skill moves."""
 
     def __post_init__(self) -> None:
         self.moved = {name: claims for name, skill in self.skills.items() if (claims := skill.claims())}
@@ -105,7 +105,7 @@ class NodeChecker:
                 foreign = self.words.of_tag(name)
                 hint = did_you_mean(name, chain(self.skills, self.known_types()))
                 hint = f"BehaviorTree.CPP's is the {foreign.role} '{foreign.key}' here" if foreign is not None else hint
-                hint = hint or "'pomona skills' lists what is installed"
+                hint = hint or "'pomona skills' lists the installed skills"
                 self.findings.error(node.key, "unknown-skill", f"no skill named '{name}'", hint)
             return None
         if self.interfaces_of_cell is not None:
@@ -182,7 +182,7 @@ class LayerCheck:
 
     @property
     def outcomes(self) -> LayerOutcome:
-        """How the layer, its children and what they hold can end."""
+        """Return the possible ends of the layer, of its children and of their contents."""
         return LayerOutcome(self.whole.outcomes, self.node, self.index)
 
     @property
@@ -307,7 +307,7 @@ class LayerCheck:
         self.findings.error(self.node.key, "unknown-type-of-node", f"nothing is named '{name}'", hint)
 
     def wired_outputs(self, outputs: Mapping[str, Port]) -> None:
-        """Read what the node's outputs are wired to."""
+        """Read the wiring of the node's outputs."""
         known = dict(outputs.items())
         for name, (_, value) in self.node.ports.items():
             port = known.get(name)
@@ -345,7 +345,7 @@ class LayerCheck:
         self.whole.layer(self.node, self.index + 1, around).check()
 
     def child(self, index: int, around: Around) -> None:
-        """Check one child, with what surrounds it."""
+        """Check one child in its context."""
         self.whole.node(self.node.children[index], around)
 
     def part(self, slot: str, around: Around) -> None:

@@ -1,4 +1,4 @@
-"""What changed between two versions of a tree file, for `pomona run --watch`."""
+"""Changes between two versions of a tree file, for `pomona run --watch`."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def _declared(declared: Declared) -> str:
 
 
 def _nodes(definition: Definition) -> Iterator[tuple[str, dict[str, str]]]:
-    """Every node by a path of labels, with what is written in it."""
+    """Yield every node by a path of labels, with its written values."""
     if definition.root is not None:
         yield from _below(definition.root, "root", {})
 

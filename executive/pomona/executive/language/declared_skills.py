@@ -1,10 +1,11 @@
-"""What the installed skills declare, without importing them.
+"""Declarations of the installed skills, without importing them.
 
-Skills import what they compute with: networks, meshes, compiled loops, seconds of work for a command that only asks
-which ports there are. So the declarations are kept in a file of the user's cache, with the stamps of all sources that
-were imported to make them: a changed source, another set of installed packages or another Python makes them afresh.
-From the file come stand-ins: classes with the names, fields and members that a check asks for. They cannot be run, and
-where a check needs the class itself (`NotLoadedError`) the skills are imported after all.
+A skill imports its libraries: networks, meshes, compiled loops. That takes seconds, which a command that only needs the
+ports cannot spare. So a file in the user's cache keeps the declarations with the stamps of all imported sources. The
+declarations are renewed when a source, the set of installed packages or the Python version changes.
+
+The file yields stand-ins: classes with the names, fields and members that a check reads. Stand-ins cannot run. If a
+check needs the class itself (`NotLoadedError`), the skills are imported.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ def declared_skills() -> Registry:
     path = _folder() / f"skills-{_digest(points)}.json"
     kept = _read(path)
     if kept is not None:
-        with contextlib.suppress(Exception):  # a file that somebody else has written: as if there were none
+        with contextlib.suppress(Exception):  # another process may have written the file: treat it as missing
             return _Reader(kept["classes"]).registry(kept["skills"])
     registry = Registry.installed()
     if not registry.problems:
@@ -76,9 +77,9 @@ def _stamp(path: str) -> list[int]:
 
 
 def _sources(points: Iterable[EntryPoint]) -> dict[str, list[int]]:
-    """Stamps of all imported sources, but those of Python itself and of packages that no skill stands in.
+    """Stamp all imported sources, except those of Python itself and of packages without a skill.
 
-    Of these the folders are stamped in which they are installed: whatever is installed or removed changes them.
+    For the excepted packages the folders of installation are stamped: they change with every installation or removal.
     """
     kinds = ("site-packages", "dist-packages")
     places = {place for place in sys.path if place.endswith(kinds) and os.path.isdir(place)}
@@ -96,7 +97,7 @@ def _sources(points: Iterable[EntryPoint]) -> dict[str, list[int]]:
 
 
 def _read(path: Path) -> dict[str, Any] | None:
-    """What is kept, if no source has changed since."""
+    """Return the kept declarations if no source has changed since."""
     try:
         kept = json.loads(path.read_bytes())
         if all(_stamp(source) == stamp for source, stamp in kept["sources"].items()):

@@ -1,4 +1,4 @@
-"""A tree file from the disk, and the skills that it may use: what every command begins with."""
+"""A tree file from the disk and the skills that it may use: the start of every command."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ class _Box:
 
     @property
     def above(self) -> float:
-        """What stands over the centre line."""
+        """Height above the centre line."""
         return self.height / 2 + (PILL + 3.0 if self.branch.modifiers else 0.0)
 
 
@@ -85,7 +85,7 @@ def _boxes(branch: DrawnNode, x: float) -> _Box:
 
 
 def _place(box: _Box, top: float) -> float:
-    """Place a box and what is below it, from this height on; returns where it ends."""
+    """Place a box and everything below it, from this height on; return the lower end."""
     if not box.children:
         box.y = top + box.above
         return box.y + box.height / 2

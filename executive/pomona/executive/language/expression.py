@@ -13,14 +13,14 @@ FUNCTIONS = ("abs", "len", "max", "min")
 
 @dataclass(frozen=True, slots=True)
 class _Written:
-    """What every expression has; `text[offset:end]` is how it is written."""
+    """Base of all expressions; `text[offset:end]` is the source text."""
 
     offset: int
     end: int
 
     @property
     def parts(self) -> tuple[Expression, ...]:
-        """What it is made of, one level down."""
+        """The direct parts."""
         return ()
 
 
@@ -113,7 +113,7 @@ class Call(_Written):
 
 
 Expression = Constant | Reference | Member | Index | Items | Unary | Binary | Call
-"""A node of the syntax tree. Who tells these apart ends with `assert_never`, so that the types miss none."""
+"""A node of the syntax tree. Code that distinguishes these ends with `assert_never`, so that mypy finds missing cases."""
 
 
 def references(expression: Expression) -> list[Reference]:

@@ -45,7 +45,7 @@ MAX_DEPTH = 24
 
 
 class ExpressionSyntaxError(ValueError):
-    """An expression that cannot be parsed; `offset` and `length` say where in its text."""
+    """An expression that cannot be parsed; `offset` and `length` give the place in its text."""
 
     def __init__(self, message: str, offset: int, length: int = 1, hint: str = "") -> None:
         self.message, self.offset, self.length, self.hint = message, offset, length, hint
@@ -109,10 +109,10 @@ def _tokenize(text: str) -> list[_Token]:
 
 @lru_cache(4096)
 def parse_expression(text: str) -> Expression:
-    """The syntax tree of `text`; what was read once is kept, since an editor checks the same file again and again.
+    """Return the syntax tree of `text`. Results are cached, since an editor checks the same file many times.
 
     Raises:
-        ExpressionSyntaxError: it is no expression; the error says where and why.
+        ExpressionSyntaxError: it is no expression; the error has the place and the reason.
     """
     if len(text) > MAX_LENGTH:
         raise ExpressionSyntaxError(f"an expression has at most {MAX_LENGTH} characters", 0)
@@ -157,7 +157,7 @@ class _Parser:
         raise self.wrong(f"'{self.token.text}' is not expected here")
 
     def expression(self, least: int = OR) -> Expression:
-        """What follows, as far as it is joined by operators that bind so tightly at least."""
+        """Parse an operand and the operators behind it whose precedence is at least `least`."""
         left = self.operand(least)
         while True:
             token = self.tokens[self.position]

@@ -38,10 +38,10 @@ MAX_TOLD = 8
 
 
 class TypeScope(Protocol):
-    """Where an expression stands: what its names mean there, and where its mistakes are reported."""
+    """Context of an expression: the meaning of its names, and the place to report errors."""
 
     def type_of(self, reference: Reference) -> ValueType:
-        """Type of a name; reports an unknown one and says ANY for it."""
+        """Return the type of a name; report an unknown name and return ANY."""
         ...
 
     def failure_codes(self) -> Iterable[str] | None:
@@ -49,20 +49,20 @@ class TypeScope(Protocol):
         ...
 
     def failed(self) -> str:
-        """The node of whose failure `failure` tells."""
+        """The node that `failure` describes."""
         ...
 
     def renamed_failures(self) -> Mapping[str, str]:
-        """Failure codes of the version before, with what each is called now."""
+        """Failure codes of the previous version, each with its present name."""
         ...
 
     def report(self, at: Expression, code: str, message: str, hint: str = "") -> None:
-        """Report what is wrong with a part of the expression."""
+        """Report an error in a part of the expression."""
         ...
 
 
 def type_of(expression: Expression, scope: TypeScope) -> ValueType:
-    """Type of an expression's value; mistakes are reported to the scope, and ANY stands for what they spoil."""
+    """Return the type of an expression's value; report errors to the scope and return ANY where the type is unknown."""
     match expression:
         case Constant():
             return _constant(expression)

@@ -1,7 +1,7 @@
 """Data flow: is a port written on every path before it is read?
 
-For each node the analysis knows which names are certainly written when the node succeeds, when it fails, and when it is
-skipped; the node's type says how that follows from what is inside.
+For each node the analysis finds the names that are certainly written when the node succeeds, fails or is skipped. The
+node's type computes them from its children.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pomona.executive.nodes.ends import Ends, Names
 
 @dataclass(slots=True, eq=False)
 class Flow:
-    """Follows one definition; `unset(node, read)` is called for each read of what may not be written."""
+    """Follows one definition; `unset(node, read)` is called for each read of a name that may not be written."""
 
     resolved: Mapping[tuple[int, str], Resolved]
     outcomes: Outcomes
@@ -68,7 +68,7 @@ class LayerFlow(LayerAt[Flow]):
         return self.whole.layer(self.node, self.index + 1, before)
 
     def child(self, index: int, before: Names) -> Ends:
-        """What is written after one child, given what was before."""
+        """Return the names written after one child, given those before it."""
         return self.whole.node(self.node.children[index], before)
 
     def part(self, slot: str, before: Names) -> Ends | None:

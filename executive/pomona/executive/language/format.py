@@ -2,8 +2,8 @@
 
     formatted(text)    two spaces a level, lists indented below their key, `{a: 1, b: [2, 3]}`, one blank line at most
 
-Lines are moved as they are, so that what somebody has aligned stays aligned. What a YAML reader makes of the text is
-the same before and after; where that could not be kept the text stays as it is (`FormatError`).
+Lines move as a whole, so that aligned columns stay aligned. The YAML content is the same before and after; otherwise
+the text is not changed (`FormatError`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _CLOSES = (yaml.FlowMappingEndToken, yaml.FlowSequenceEndToken)
 
 
 class FormatError(PomonaError):
-    """A text that cannot be formatted without changing what it says, or that is no YAML."""
+    """A text that is no YAML, or that cannot be formatted without a change of its content."""
 
 
 def formatted(text: str) -> str:
@@ -44,7 +44,7 @@ def formatted(text: str) -> str:
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise FormatError(f"it cannot be read as YAML: {error}") from error
     if not same:
-        raise FormatError("it could not be formatted without changing what it says")
+        raise FormatError("it cannot be formatted without a change of its content")
     return found
 
 
@@ -79,7 +79,7 @@ class _Layout:
                 self.place(item, indent + STEP)
 
     def below(self, value: Any, line: int, indent: int) -> None:
-        """Place what stands behind a key."""
+        """Place the value of a key."""
         if value.start_mark.index == value.end_mark.index:
             return
         if value.start_mark.line != line and (isinstance(value, yaml.ScalarNode) or value.flow_style):
@@ -138,7 +138,7 @@ def _spaced(lines: list[str]) -> list[str]:
     cuts: dict[int, list[tuple[int, int, str]]] = {}
 
     def between(one: Any, other: Any, fewest: int, most: int | None) -> None:
-        """So many spaces between two tokens on one line."""
+        """Set the number of spaces between two tokens on one line."""
         end, start = one.end_mark, other.start_mark
         if end.line == start.line and end.column <= start.column:
             gap = start.column - end.column
@@ -166,7 +166,7 @@ def _spaced(lines: list[str]) -> list[str]:
 
 
 def _comment_apart(line: str, before: str, end: int | None) -> str:
-    """At least two spaces between what a line says and its comment."""
+    """Keep at least two spaces between the content of a line and its comment."""
     if end is None or not re.match(r"\s+#", before[end:]):
         return line
     comment = before[end:].lstrip()
@@ -181,7 +181,7 @@ def _is_empty(token: Any) -> bool:
 
 
 def _meaning(text: str) -> object:
-    """What a YAML reader makes of a text, quotes and all; marks left out."""
+    """Return the content that a YAML reader finds in a text, quotes included, marks excluded."""
     kinds = (yaml.ScalarEvent,)
     return [
         (type(event).__name__, event.value, event.style if isinstance(event, kinds) else None)

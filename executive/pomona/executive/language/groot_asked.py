@@ -1,4 +1,4 @@
-"""IfThenElse and WhileDoElse whose first child BehaviorTree.CPP asks otherwise than anything here does."""
+"""IfThenElse and WhileDoElse whose first child BehaviorTree.CPP ticks in a form that Pomona does not have."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Asked:
     def why_not(self, tag: str, element: XmlElement) -> str:
         """Why an element would mean something else here; empty when it would not."""
         if tag == "WhileDoElse" and any(map(self._may_take_time, element.children[:1])):
-            return f"asks a node that may take time: what runs would go on unattended meanwhile; {_HOW}"
+            return f"asks a node that may take time: the running branch would continue unattended meanwhile; {_HOW}"
         if tag != "IfThenElse" or len(element.children) != 2 or element not in self._again:
             return ""
         asked = element.children[0]
@@ -44,7 +44,7 @@ class Asked:
         return ""
 
     def _may_take_time(self, element: XmlElement) -> bool:
-        """Whether somebody else's node, which no model calls a condition, is in it."""
+        """Return True if it contains a foreign node that no model declares as a condition."""
         foreign = element.tag not in BUILTIN and self._types.of_tag(element.tag) is None
         if foreign and element.tag != "Condition" and not element.children:
             return (element.get("ID") or element.tag) not in self._forest.conditions

@@ -88,7 +88,7 @@ class _Exporter:
         return element
 
     def ports(self, node: TreeNode) -> dict[str, str]:
-        """What is wired to a node's ports."""
+        """Return the wiring of a node's ports."""
         found = {}
         for port, (key, value) in node.ports.items():
             if port in ("name", "ID") or port.startswith("_"):

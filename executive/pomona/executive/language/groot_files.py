@@ -15,14 +15,14 @@ MAX_FILES = 100
 
 @dataclass(slots=True)
 class Forest:
-    """What was read.
+    """The trees and models of the files.
 
     Attributes:
         main: the tree that runs; empty when there is none.
-        trees: by ID. A later one replaces an earlier one, and what a file holds replaces what it includes.
+        trees: by ID. A later one replaces an earlier one, and a file's own one replaces an included one.
         models: of subtrees, by ID.
-        nodes: models of other people's nodes, by ID.
-        conditions: other people's nodes that end in the tick in which they start.
+        nodes: models of foreign nodes, by ID.
+        conditions: foreign nodes that end in the tick in which they start.
         texts: of all files.
     """
 
@@ -36,7 +36,9 @@ class Forest:
     including: list[Path] = field(default_factory=list)
 
     def read(self, files: Sequence[tuple[str, str | Path]], main: str = "") -> None:
-        """Read texts with their paths; `main` runs, or the tree that the first says, or one that nobody calls."""
+        """Read texts with their paths. The main tree is `main`, the one that the first text names, or one without
+        callers.
+        """
         roots = [root for text, path in files if (root := self.file(text, path)) is not None]
         if len(roots) < len(files):
             return
@@ -51,11 +53,11 @@ class Forest:
             self.findings.error(first, "xml", f"the main tree '{self.main}' is not in the file")
             self.main = ""
         elif len(free) > 1 and not (main or first.get("main_tree_to_execute")):
-            message = f"the file does not say which tree runs: '{self.main}' is taken"
+            message = f"the file does not name the main tree: '{self.main}' is taken"
             self.findings.warning(first, "xml", message, f"others: {', '.join(free[1:])}; choose with --main")
 
     def read_models(self, text: str, path: str | Path) -> None:
-        """Read what nodes there are and which ports they have: the `<TreeNodesModel>` of a file."""
+        """Read the nodes and their ports: the `<TreeNodesModel>` of a file."""
         root = read_xml(Source(str(path), text), self.findings)
         groups = [] if root is None else [root] if root.tag == "TreeNodesModel" else root.all("TreeNodesModel")
         if root is not None and not groups:

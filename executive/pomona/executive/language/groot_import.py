@@ -31,7 +31,7 @@ _KEY = re.compile(r"\{\w+\}")
 MAX_INLINED = 10_000
 """Most nodes in inlined subtrees; as many as can run."""
 _SAME_FAILURE: Words = {"fail": {"code": "{failure.code}", "message": "{failure.message}"}}
-"""Fails with the code and message of what has just failed."""
+"""Fails with the code and message of the last failure."""
 
 
 def import_groot(
@@ -42,14 +42,15 @@ def import_groot(
     nodes: Sequence[tuple[str, str | Path]] = (),
     main: str = "",
 ) -> tuple[str, list[Finding]]:
-    """The text of a tree file, and what could not be translated. The text is empty when there is nothing to translate.
+    """Return the text of a tree file and the parts without translation. The text is empty if there is nothing to
+    translate.
 
     Args:
         beside: further files, texts and paths, whose trees are called.
         nodes: texts and paths of files with models of nodes (`<TreeNodesModel>`).
-        main: ID of the tree to run, if the file does not say it.
+        main: ID of the tree to run, if the file does not name it.
 
-    Raises nothing. Check the text before you run it: other people's nodes may not be installed as skills here.
+    Raises nothing. Check the text before a run: foreign nodes may not be installed as skills.
     """
     findings = Findings()
     forest = Forest(findings)
@@ -388,7 +389,7 @@ class ElementIn:
 
 
 def _guarded(found: Words, name: str, condition: str) -> Words:
-    """What BehaviorTree.CPP does before a node that has a precondition."""
+    """Return the steps of BehaviorTree.CPP before a node that has a precondition."""
     if name == "_skipIf":
         inner = {"sequence": [found]} if "when" in found else found
         return {**inner, "when": f"not ({condition})"}
@@ -398,7 +399,7 @@ def _guarded(found: Words, name: str, condition: str) -> Words:
 
 
 def _ended(found: Words, after_success: list[Words], after_failure: list[Words]) -> Words:
-    """A node and what follows its success and its failure in the same tick; it ends as it would without them."""
+    """Return a node and the steps after its success and its failure in the same tick; the end is the node's own."""
     then: Words = {"sequence": after_success} if len(after_success) > 1 else {"succeed": {}}
     if len(after_success) == 1:
         then = after_success[0]

@@ -15,12 +15,12 @@ _WIRE = re.compile(r"\{(\w+)\}")
 
 
 class ScriptError(ValueError):
-    """A script that cannot be said as an expression; the text ends a sentence about it."""
+    """A script without an equivalent expression; the text ends a sentence about it."""
 
 
 @dataclass(frozen=True, slots=True)
 class GivenText:
-    """What stands for a key of a subtree that is called with a text instead of a key."""
+    """The constant behind a key of a subtree that is called with a text instead of a key."""
 
     text: str
 
@@ -45,12 +45,12 @@ def small(name: str) -> str:
 
 @dataclass(slots=True)
 class KeyNames:
-    """What the keys of one tree are called here; of a subtree that is written out where it is called, its own as well.
+    """Names of the keys of one tree, and of the subtrees that are written out in it.
 
     Attributes:
         taken: names that no other key gets, of the whole file.
         outer: the caller's, for a subtree that is written out.
-        wires: what the caller has wired: the caller's keys, or constants.
+        wires: the caller's wiring: its keys, or constants.
         shares: whether the other keys are the caller's, too (`_autoremap`); those with `_` in front never are.
         prefix: of this subtree's own keys.
     """

@@ -1,6 +1,6 @@
-"""Words of BehaviorTree.CPP (version 4) that no skill can have, and how we write what it has no words for.
+"""Words of BehaviorTree.CPP (version 4) that no skill can have as a name, and nodes for Pomona's own words.
 
-Words of ours that BehaviorTree.CPP lacks become nodes whose names begin with `Pomona`; their models are in the file.
+Words of Pomona that BehaviorTree.CPP lacks become nodes whose names begin with `Pomona`; the file holds their models.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ LITERAL = "yaml:"
 
 
 def tree_names(trees: Iterable[str], types: NodeTypes) -> dict[str, str]:
-    """What trees are called here, by ID: no word of the language, and no two are the same."""
+    """Return the names of trees, by ID: different from each other and from the words of the language."""
     found: dict[str, str] = {}
     for tree_id in trees:
         start = name = _tree_name(tree_id)
@@ -51,7 +51,7 @@ def tree_names(trees: Iterable[str], types: NodeTypes) -> dict[str, str]:
 
 
 def node_name(name: str) -> str:
-    """What a node is called here."""
+    """Return the name of a node."""
     return re.sub(r"[/:#{}\x00-\x1f]", " ", name).strip()[:80] or "node"
 
 

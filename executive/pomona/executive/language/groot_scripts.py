@@ -22,10 +22,10 @@ _STATEMENT = re.compile(r"(?:'[^']*'|[^';])+")
 
 
 def condition_of(script: str, keys: KeyNames) -> str:
-    """An expression.
+    """Translate a script into an expression.
 
     Raises:
-        ScriptError: it says something that expressions cannot say.
+        ScriptError: it has no equivalent expression.
     """
     words, at = [], 0
     text = script.strip()

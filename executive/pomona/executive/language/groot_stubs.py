@@ -39,7 +39,7 @@ def with_stubs(text: str) -> str:
                     written.add(wire[1])
     if not ports:
         return text
-    lines = ["skills:                           # not installed here; what they do is unknown"]
+    lines = ["skills:                           # not installed here; their behaviour is unknown"]
     for name, found in sorted(ports.items()):
         sides = {side: [p for p, out in found.items() if out == (side == "out")] for side in ("in", "out")}
         lines.append(f"  {name}: {flow({side: names for side, names in sides.items() if names})}")

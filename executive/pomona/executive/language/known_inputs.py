@@ -1,4 +1,4 @@
-"""What each use of a skill is given that is known before the run: literals, parameters, constants, defaults."""
+"""Inputs of each use of a skill that are known before the run: literals, parameters, constants, defaults."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ class Use:
 
 
 def uses_of_skills(analysis: Analysis) -> Iterator[Use]:
-    """Every skill of the main tree and of the subtrees that it calls, once for each call.
+    """Yield every skill of the main tree and of the subtrees that it calls, once for each call.
 
-    What is wrong with a tree elsewhere hides nothing, unless it can have no end: what could not be read is not known.
+    Errors in other parts of the tree do not matter, unless the tree has no end. Unreadable inputs are unknown.
     """
     main = analysis.document.main.main
     if main is not None and analysis.finite:

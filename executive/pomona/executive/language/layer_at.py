@@ -1,4 +1,4 @@
-"""One layer of a node whose names are looked up: what every walk over a definition asks of it."""
+"""One layer of a node whose names are resolved: the common base of every walk over a definition."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ class LayerAt(Generic[W]):
 
     @property
     def outcomes(self) -> LayerOutcome:
-        """How the layer, its children and what they hold can end."""
+        """Return the possible ends of the layer, of its children and of their contents."""
         return LayerOutcome(self.whole.outcomes, self.node, self.index)
 
     def written(self, slot: str) -> YamlNode | None:
-        """What stands behind one of its words."""
+        """Return the node behind one of its words."""
         entry = self.node.entry(self.layer, slot)
         return None if entry is None else entry[1]
 

@@ -1,4 +1,4 @@
-"""Literals: what is written in the file → a value of the port's type, in SI."""
+"""Literals: a text in the file → a value of the port's type, in SI."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def literal(node: YamlNode, value_type: ValueType, choices: Iterable[str] = ()) 
 
 
 def scalar_of_any_type(node: YamlScalar) -> bool | int | float | str | None:
-    """What a scalar means when no type asks for one: a boolean, a number, a quantity in SI, or a text.
+    """Read a scalar without a declared type: a boolean, a number, a quantity in SI, or a text.
 
     Raises:
         LiteralError: it is a number or a quantity that is too large.
@@ -79,7 +79,7 @@ def scalar_of_any_type(node: YamlScalar) -> bool | int | float | str | None:
 
 
 def _number(node: YamlScalar, text: str) -> float:
-    """Text that is a number as one; what a float cannot hold is refused, and not taken for infinity."""
+    """Convert a text to a number; refuse one that a float cannot hold instead of returning infinity."""
     value = float(text)
     if not math.isfinite(value):
         short = text if len(text) <= 24 else f"{text[:12]}…{text[-8:]}"
@@ -236,11 +236,11 @@ def _from_quaternion(q: NDArray[np.float64], node: YamlNode) -> NDArray[np.float
 
 
 def scalar_type(node: YamlScalar) -> ValueType:
-    """Type of what `scalar_of_any_type` reads."""
+    """Return the type of the value that `scalar_of_any_type` reads."""
     number, unit = (split_unit(node.text) if node.plain else None) or ("", "")
     if unit in UNITS:
         return UNITS[unit][0]
     if number and not unit and not _INT.fullmatch(node.text):
-        return float  # also of one that is too large, which is told where its value is read
+        return float  # also for one that is too large: reading its value reports that
     value = scalar_of_any_type(node)
     return ANY if value is None else type(value)

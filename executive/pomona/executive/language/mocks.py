@@ -44,7 +44,7 @@ class MockResult:
 
 
 class MockSkill(Skill):
-    """Stands in for a skill, with its ports, and ends as it was told."""
+    """Replaces a skill, with its ports, and ends with the given result."""
 
     results: tuple[MockResult, ...] = (MockResult(),)
     replaced: type[Skill] = Skill
@@ -78,7 +78,7 @@ def mock_class(
 
 
 def placeholder(port: Port) -> Any:
-    """What a mock gives when it is not told: zero, an empty text, the first choice, or a placeholder."""
+    """Return an output that a mock has no value for: zero, an empty text, the first choice, or a placeholder."""
     port_type = port.type
     if isinstance(port_type, Quantity) or port_type is float:
         return 0.0
@@ -93,12 +93,12 @@ def placeholder(port: Port) -> Any:
 
 @dataclass(slots=True, eq=False)
 class MockPlan:
-    """Which skill is replaced by what; every skill that is not named succeeds at once.
+    """The mocks of a run; a skill without a result succeeds at once.
 
     Attributes:
-        results: by node path, node name or skill name; the most particular one counts.
+        results: by node path, node name or skill name; the most specific one applies.
         keep: names of skills that stay real.
-        calls: numbers of the calls by what results are named after: nodes that share results share them.
+        calls: number of calls by the key of `results`: nodes that share results share the number.
     """
 
     results: Mapping[str, tuple[MockResult, ...]] = field(default_factory=dict)

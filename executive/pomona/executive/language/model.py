@@ -66,7 +66,7 @@ class TreeFile:
 
 @dataclass(slots=True, eq=False)
 class Document:
-    """A tree file with every file that it calls, the words with which it was read, and what reading found."""
+    """A tree file with every file that it calls, the words of its language, and the findings of reading."""
 
     path: str
     text: str

@@ -1,4 +1,4 @@
-"""How people may name the skills of a document: by skill, by the node's own name, by path."""
+"""Names of the skills of a document: by skill, by the node's own name, by path."""
 
 from __future__ import annotations
 

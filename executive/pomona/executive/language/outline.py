@@ -11,12 +11,12 @@ from pomona.executive.nodes.node_type import NodeType
 from pomona.executive.values.written import written
 
 MOST_NODES = 20_000
-"""Subtrees are drawn no further beyond so many nodes."""
+"""Number of nodes beyond which subtrees are not drawn."""
 
 
 @dataclass(frozen=True, slots=True)
 class DrawnNode:
-    """A node and what stands below it.
+    """A node and the nodes below it.
 
     Attributes:
         type: the node's.
@@ -24,7 +24,7 @@ class DrawnNode:
         ports: its ports or its value, as written.
         modifiers: from the outside to the inside, then the node's other fields, as written.
         comment: its description or comment.
-        lead: names its place below its parent where that matters: `then`, `on failure`.
+        lead: its role below its parent, if it has one: `then`, `on failure`.
         branches: its children.
     """
 

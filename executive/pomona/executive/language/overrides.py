@@ -1,4 +1,4 @@
-"""Values of a tree's parameters: defaults, and what `--set name=value` says instead."""
+"""Values of a tree's parameters: defaults, or the values of `--set name=value`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 def parameter_values(
     file: TreeFile, overrides: Mapping[str, str] | Sequence[str], reader: InterfaceReader, findings: Findings
 ) -> dict[str, Any]:
-    """Every parameter's value; what is wrong with an override is a finding, and the value is then None."""
+    """Return every parameter's value; a wrong override is a finding, and its value is None."""
     given = _named(overrides, file.parameters, findings)
     values: dict[str, Any] = {}
     for name, parameter in file.parameters.items():
@@ -57,7 +57,7 @@ def _named(
 
 
 def read_override(name: str, text: str, port: Port, findings: Findings) -> Any:
-    """A parameter's value as it is written after `--set name=`; what is wrong is a finding, and the value None."""
+    """Return a parameter's value as written after `--set name=`; a wrong one is a finding, and the value is None."""
     written = f"{name}={text}"
     source = Source(f"--set {written}", text)
     node: YamlNode | None = YamlScalar(source, 1, 1, 1, len(text) + 1, text, True)

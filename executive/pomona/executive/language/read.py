@@ -1,4 +1,4 @@
-"""YAML text → document. Says everything that is wrong with the file's shape; needs no skills for it."""
+"""YAML text → document. Reports every error of the file's shape; needs no skills."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def read(
     texts: Mapping[str, str] | None = None,
     types: NodeTypes | None = None,
 ) -> Document:
-    """The document of a tree file's text. Raises nothing: what is wrong is in its findings.
+    """Read the document of a tree file's text. Raises nothing: the findings hold the errors.
 
     Args:
         text: the file's content.
@@ -148,7 +148,7 @@ class _Reader:
         version = top.get("pomona")
         if version is None:
             hint = f"begin the file with 'pomona: {VERSION}'"
-            self.findings.error(_start(top), "missing-key", "the file does not say its version", hint)
+            self.findings.error(_start(top), "missing-key", "the file has no version", hint)
         elif not isinstance(version, YamlScalar) or version.text != VERSION:
             self.findings.error(version, "version", f"this Pomona reads version {VERSION} of tree files")
 

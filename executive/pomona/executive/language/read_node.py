@@ -22,7 +22,7 @@ class NodeReader:
     """Reads the nodes of one file (a `Reading`).
 
     Args:
-        findings: get what is wrong.
+        findings: receives the errors.
         file: of the nodes.
         types: the words of the language.
     """
@@ -62,7 +62,7 @@ class NodeReader:
         return node
 
     def take(self, node: TreeNode, layer: NodeType) -> None:
-        """Let everything that is written for a type or a modifier read what stands in it."""
+        """Let each part of a type or a modifier read its value."""
         for slot, taken in layer.slots.items():
             entry = node.entry(layer, slot)
             if entry is not None:
@@ -88,7 +88,7 @@ class NodeReader:
         return self.type_named(key.text)
 
     def type_of(self, written: YamlMapping) -> Entry | None:
-        """The entry that says what a node is, or None; reports what belongs to no node."""
+        """Return the entry with the node's type, or None; report keys that belong to no node."""
         candidates = [entry for name, entry in written.entries.items() if name not in self.words]
         if not candidates:
             first = self.first_key(written)
@@ -148,7 +148,7 @@ class NodeReader:
         return next((key for key, _ in written.entries.values()), written)
 
     def modifiers(self, node: TreeNode) -> None:
-        """Read what stands beside the node's type: name, description and modifiers."""
+        """Read the keys beside the node's type: name, description and modifiers."""
         for name, (key, value) in node.at.entries.items():
             if key is node.key or name not in self.words:
                 continue

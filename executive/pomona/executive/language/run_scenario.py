@@ -1,4 +1,4 @@
-"""Run a scenario's cases on a simulated clock, and tell which nodes and ends they never reached."""
+"""Run a scenario's cases on a simulated clock, and report the nodes and ends that no case reached."""
 
 from __future__ import annotations
 
@@ -184,7 +184,7 @@ def _run_case(case: ScenarioCase, tree: BuiltTree, clock: Clock, coverage: Cover
 
 
 def _attended(case: ScenarioCase, tree: BuiltTree) -> list[tuple[Question, Iterator[str]]]:
-    """Questions that somebody answers, with the answers in their order; nodes of one name share them."""
+    """Return the questions with an answer, with the answers in their order; nodes of one name share them."""
     found: list[tuple[Question, Iterator[str]]] = []
     for name, answers in case.answers.items():
         words = chain(answers, repeat(answers[-1]))

@@ -1,4 +1,4 @@
-"""Scenario files: a tree, mocks, answers, and what is to happen.
+"""Scenario files: a tree, mocks, answers, and the expected events.
 
 pomona: 1
 tree: pick_apple.yaml
@@ -53,13 +53,13 @@ Results = Mapping[str, tuple[MockResult, ...]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CaseSection:
-    """One run of the tree and what is expected of it."""
+    """One run of the tree and its expected end."""
 
-    name: str = value(Text(), "", "what the case shows; its number unless it is said")
-    mocks: Results = value(MockedSkills(), {}, "how skills end, before what holds for every case")
+    name: str = value(Text(), "", "purpose of the case; its number if omitted")
+    mocks: Results = value(MockedSkills(), {}, "how skills end; overrides the mocks of all cases")
     set: Mapping[str, YamlScalar] = value(ParameterValues(), {}, "parameters of the tree")
-    answers: Mapping[str, tuple[str, ...]] = value(Answers(), {}, "by question; what is not named nobody answers")
-    expect: Expected = value(End(), Expected(status="success"), "how the tree ends: success unless it is said")
+    answers: Mapping[str, tuple[str, ...]] = value(Answers(), {}, "by question; the others get no answer")
+    expect: Expected = value(End(), Expected(status="success"), "how the tree ends: success if omitted")
     visits: tuple[str, ...] = value(OneOrSeveral(NodeName()), (), "nodes that are reached")
     never: tuple[str, ...] = value(OneOrSeveral(NodeName()), (), "nodes that are not")
     calls: Mapping[str, int] = value(ByNode(Whole(0)), {}, "how often nodes start")
@@ -85,8 +85,8 @@ class ScenarioSection:
 
     pomona: str = value(Text("1"), "1", "version of the language")
     tree: YamlScalar = value(AsWritten(), help="a tree file beside this one, or the name of an installed one")
-    description: str = value(Text(), "", "for people")
-    mocks: Results = value(MockedSkills(), {}, "how skills end in every case; what is not named succeeds at once")
+    description: str = value(Text(), "", "description for readers")
+    mocks: Results = value(MockedSkills(), {}, "how skills end in every case; the others succeed at once")
     set: Mapping[str, YamlScalar] = value(ParameterValues(), {}, "parameters of the tree in every case")
     cases: tuple[Placed[CaseSection], ...] = value(ListOf(PlacedCase()), help="write 'cases:' and '- name: …'")
 
@@ -99,12 +99,12 @@ class MocksSection:
     """MockedSkills alone, for a dry run."""
 
     pomona: str = value(Text("1"), "1", "version of the language")
-    mocks: Results = value(MockedSkills(), {}, "how skills end; what is not named succeeds at once")
+    mocks: Results = value(MockedSkills(), {}, "how skills end; a skill that is not named succeeds at once")
 
 
 @dataclass(frozen=True, slots=True)
 class ScenarioCase:
-    """One run of the tree and what is expected of it."""
+    """One run of the tree and its expected end."""
 
     name: str
     line: int
@@ -120,7 +120,7 @@ class ScenarioCase:
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """A scenario file: the tree's document, its cases, and what is wrong with it."""
+    """A scenario file: the tree's document, its cases, and its findings."""
 
     path: str
     document: Document | None
@@ -136,7 +136,7 @@ def is_scenario(text: str) -> bool:
 
 @few_hints()
 def read_scenario(text: str, path: str | Path, skills: Registry, *, tree_folders: Sequence[Path] = ()) -> Scenario:
-    """Read a scenario and the tree that it tests. Raises nothing: what is wrong is in the findings."""
+    """Read a scenario and the tree that it tests. Raises nothing: the findings hold the errors."""
     findings = Findings()
     document, cases = None, tuple[ScenarioCase, ...]()
     root = _root(text, path, findings, "a scenario file")

@@ -36,13 +36,13 @@ STATUSES = (*ENDS, "running")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tested:
-    """What a scenario may name of the tree that it tests.
+    """Names of the tested tree that a scenario may use.
 
     Attributes:
-        skills: by all that a node may be called, the skill that a mock of it replaces.
+        skills: the skill that a mock of a node replaces, by every name of the node.
         names: of all nodes.
         questions: by the name of a node that asks, the answers that it takes.
-        parameters: of the tree; None for one whose type nobody knows.
+        parameters: of the tree; None for one of unknown type.
     """
 
     registry: Registry
@@ -157,7 +157,7 @@ class ParameterValues(MappingOf[YamlScalar]):
 
 
 class Answers(Kind[Mapping[str, tuple[str, ...]]]):
-    """What somebody answers, by question: one word, or one for each time that it is asked; the last one stays."""
+    """Answers by question: one word, or one for each time that it is asked; the last one stays."""
 
     words = "a mapping from questions to answers"
 
@@ -182,13 +182,13 @@ class Answers(Kind[Mapping[str, tuple[str, ...]]]):
         reader: Reader,
         questions: Mapping[str, tuple[str, ...]],
     ) -> None:
-        """Refuse what is no question of the tree, or no answer to it."""
+        """Refuse a key that is no question of the tree, and a value that is no answer to it."""
         choices = questions.get(key.text) or questions.get(last_name(key.text))
         if not choices:
             hint = did_you_mean(key.text, questions) or f"nodes that ask: {', '.join(questions) or 'none'}"
             raise reader.refuse(key, f"no node '{key.text}' asks anything", hint, "unknown-node")
         if not answers:
-            raise reader.refuse(written, f"'{key.text}' has no answer", "leave it out: then nobody answers", "empty")
+            raise reader.refuse(written, f"'{key.text}' has no answer", "leave it out for no answer", "empty")
         for answer in answers:
             if answer.text not in choices:
                 hint = did_you_mean(answer.text, choices) or f"answers: {', '.join(choices)}"
@@ -199,7 +199,7 @@ class Answers(Kind[Mapping[str, tuple[str, ...]]]):
 
 
 class AnyValue(Kind[YamlNode]):
-    """A value whose type the tree's skills know."""
+    """A value whose type is that of the skill's port."""
 
     words = "a value"
 
@@ -216,10 +216,10 @@ class MockSection:
 
     status: str | None = value(Text(*STATUSES), None, "how it ends; with a code failure, else success")
     after: float = value(Measure(TIME, "0 s"), "0 s", "how long it takes")
-    outputs: Mapping[str, YamlNode] = value(MappingOf(AnyValue()), {}, "what it gives, by port; the rest it makes up")
+    outputs: Mapping[str, YamlNode] = value(MappingOf(AnyValue()), {}, "outputs by port; the others get placeholders")
     code: str | None = value(Text(), None, "the code with which it fails")
     message: str = value(Text(), "", "the sentence with which it fails")
-    calls: int = value(Whole(1, 10_000), 1, "for so many calls")
+    calls: int = value(Whole(1, 10_000), 1, "number of calls")
 
 
 _SECTION = Section(MockSection)
@@ -264,7 +264,7 @@ class MockedSkills(Kind[Mapping[str, tuple[MockResult, ...]]]):
 
 
 class _Call(Kind[tuple[MockResult, ...]]):
-    """A word, or a mapping that counts for so many calls."""
+    """A word, or a mapping that applies to a number of calls."""
 
     words = "success, failure, running, a code, or a mapping"
 
@@ -344,13 +344,13 @@ def stand_in(node: YamlNode, value_type: ValueType, findings: Findings) -> Any:
 class Expected:
     """How a run ends."""
 
-    status: str | None = value(Text(*ENDS), None, "how the tree ends; failure unless it is said")
+    status: str | None = value(Text(*ENDS), None, "how the tree ends; failure if omitted")
     code: str = value(Text(), "", "a code of the failure, or of one of its causes")
     node: str = value(NodeName(), "", "the node that failed")
 
 
 class End(Section[Expected]):
-    """A word, or a mapping that says more of a failure."""
+    """A word, or a mapping with more details of a failure."""
 
     def __init__(self) -> None:
         super().__init__(Expected)

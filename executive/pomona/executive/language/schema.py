@@ -15,7 +15,7 @@ from pomona.executive.values.kinds import bounds_schema, quantity_schema
 
 _NAME = "^[a-z][a-z0-9_]*$"
 WIRE = r"\{"
-"""Anything with a brace is an expression; what is in it is the check's to judge."""
+"""Any text with a brace is an expression; the check reads it."""
 
 Schema = dict[str, Any]
 

@@ -1,4 +1,4 @@
-"""What the names in one definition mean: parameters, constants, the interface's ports and what its nodes write."""
+"""Meaning of the names in one definition: parameters, constants, the interface's ports and its nodes' outputs."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ class Named:
     """One name in a definition's scope.
 
     Attributes:
-        type: what it carries.
+        type: of its value.
         origin: where it comes from.
         where: where it is declared or first written.
-        by: the node that first writes it, for people.
+        by: display name of the node that first writes it.
         value: of a parameter or a constant.
         may_be_none: an optional input of a subtree.
         read: whether anything reads it.
@@ -91,9 +91,9 @@ class Scope:
     """All names of one definition.
 
     Attributes:
-        definition: whose names.
-        names: what each means.
-        looks: whether a node looks at a condition.
+        definition: the owner of the names.
+        names: each with its meaning.
+        looks: whether a node evaluates a condition.
         skills: that the tree may use.
     """
 

@@ -18,7 +18,7 @@ def show_text(document: Document, *, width: int = 120) -> str:
 
 
 def _lines(branch: DrawnNode, joint: str, below: str) -> Iterator[str]:
-    """A node's line, after what joins it to its parent, and the lines below it."""
+    """Yield a node's line, with the joint to its parent, and the lines below it."""
     lead = f"{branch.lead}: " if branch.lead else ""
     details = " · ".join(filter(None, (branch.ports, *branch.modifiers)))
     comment = f"  # {branch.comment}" if branch.comment else ""

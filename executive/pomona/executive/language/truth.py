@@ -1,6 +1,7 @@
-"""What is surely true where: conditions that can never hold, and those that contradict what has held before.
+"""Constant-condition analysis: conditions that never hold, and conditions that contradict earlier ones.
 
-Node types say what holds after them (`NodeType.truth`); here their conditions become facts, and what cannot be is told.
+A node type returns the facts that hold after the node (`NodeType.truth`). This module turns conditions into facts and
+reports contradictions.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ NOTHING = Facts()
 
 @dataclass(slots=True, eq=False)
 class Truth:
-    """Follows one definition whose names are all looked up."""
+    """Follows one definition with all names resolved."""
 
     findings: Findings
     scope: Scope
@@ -48,14 +49,14 @@ class Truth:
             self.node(self.scope.definition.root, NOTHING)
 
     def node(self, node: TreeNode, known: Facts) -> Facts:
-        """What is true when a node has succeeded, given what is true before it."""
+        """Return the facts after a node's success, given the facts before it."""
         return self.layer(node, 0, known)
 
     def layer(self, node: TreeNode, index: int, known: Facts) -> Facts:
         """The same of a node without its outer modifiers."""
         layer = node.layers[index]
         if not known.known and not node.children and type(layer).truth is NodeType.truth:
-            return known  # nearly every leaf: nothing to forget, and it says nothing
+            return known  # nearly every leaf: it neither adds nor removes facts
         found = self.resolved.get((id(node), layer.key))
         if found is None:
             return NOTHING
@@ -139,7 +140,7 @@ class LayerTruth(LayerAt[Truth]):
         return self.whole.layer(self.node, self.index + 1, known)
 
     def child(self, index: int, known: Facts) -> Facts:
-        """What is true when one child has succeeded."""
+        """Return the facts after one child's success."""
         return self.whole.node(self.node.children[index], known)
 
     def after(self, index: int, known: Facts) -> Facts:
@@ -152,7 +153,7 @@ class LayerTruth(LayerAt[Truth]):
 
 
 def _never_changes(value_type: ValueType) -> bool:
-    """Whether a value of the type stays what it is until another one is written."""
+    """Return True if a value of the type does not change until the next write."""
     if isinstance(value_type, Quantity) or value_type is SI_NUMBER:
         return True
     return isinstance(value_type, type) and (value_type in (bool, int, float, str) or issubclass(value_type, Enum))

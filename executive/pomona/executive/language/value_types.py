@@ -1,4 +1,4 @@
-"""Static types of values in a tree file, known before the run: what a port carries, what a field of it carries."""
+"""Static types of values in a tree file, known before the run: of a port, or of a field of its value."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ class NotLoadedError(PomonaError):
 
 
 class Loose(Enum):
-    """Types that say less than a port's type."""
+    """Types with less information than a port's type."""
 
     ANY = "anything"
     SI_NUMBER = "a number in SI"
-    """A float field of a dataclass: its unit is known to people only, so it goes with every quantity."""
+    """A float field of a dataclass: the file does not state its unit, so it fits every quantity."""
     NONE = "nothing"
 
 
@@ -52,7 +52,7 @@ ANY, SI_NUMBER, NONE = Loose.ANY, Loose.SI_NUMBER, Loose.NONE
 
 
 def describe(value_type: ValueType) -> str:
-    """The type for people: `a length`, `an int`, `a list of grasp`."""
+    """Name a type in messages: `a length`, `an int`, `a list of grasp`."""
     if isinstance(value_type, Loose):
         return value_type.value
     if isinstance(value_type, ListType):
@@ -78,7 +78,7 @@ def _bare(value_type: ValueType) -> str:
 
 
 def is_array(value_type: ValueType) -> bool:
-    """Whether it is numpy's array, or what stands in for it: told by its name, since a check does not import numpy."""
+    """Return True for numpy's array or its stand-in, recognized by name, since a check does not import numpy."""
     return isinstance(value_type, type) and (value_type.__module__, value_type.__name__) == ("numpy", "ndarray")
 
 
@@ -176,7 +176,7 @@ def _returned(member: property) -> ValueType:
 
 
 def from_annotation(annotation: Any) -> ValueType:
-    """The static type of a field annotated so; `ANY` for what has no counterpart."""
+    """Return the static type of an annotated field; `ANY` if there is no counterpart."""
     origin = typing.get_origin(annotation)
     arguments = typing.get_args(annotation)
     if origin in (typing.Union, types.UnionType):

@@ -1,4 +1,4 @@
-"""What is written behind a port or a modifier → a `Value`: a literal, or an expression whose type fits."""
+"""The text behind a port or a modifier → a `Value`: a literal, or an expression of a fitting type."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class _Stand:
         return named.type
 
     def divisions(self, expression: Expression) -> None:
-        """Report what surely divides by zero."""
+        """Report divisions by a constant zero."""
         if "/" in self.scalar.text:
             names = self.reader.scope.names
             known = {name: named.value for name, named in names.items() if named.value is not None}
@@ -144,7 +144,7 @@ class ValueReader:
         return ComputedValue(expression, bool, node.text, node)
 
     def value(self, slot: str, node: YamlNode, port: Port, around: Around, who: str) -> Value | None:
-        """What enters a port: a literal of its type, or an expression (anything with braces)."""
+        """Return the value of a port: a literal of its type, or an expression (any text with braces)."""
         if isinstance(node, YamlScalar) and "{" in node.text:
             return self._computed(slot, node, port, around, who)
         if isinstance(node, YamlMapping) and _forgot_quotes(node):
@@ -192,7 +192,7 @@ class ValueReader:
 
 
 def out_of_range(value: Any, port: Port) -> str:
-    """What is wrong with a value that enters a port with a range or choices; an empty text when nothing is."""
+    """Explain why a value is outside the port's range or choices; return an empty text if it is inside."""
     if port.choices and isinstance(value, str) and value not in port.choices:
         return f"must be one of {', '.join(port.choices)}, not '{value}'"
     if isinstance(value, bool) or not isinstance(value, (int, float)):

@@ -48,7 +48,7 @@ def read_xml(source: Source, findings: Findings) -> XmlElement | None:
     if len(source.text) > MAX_CHARACTERS:
         findings.error(start, "too-large", f"the file is larger than {MAX_CHARACTERS // 1024 // 1024} MiB")
         return None
-    parser = expat.ParserCreate("utf-8")  # whatever the declaration says: the text is decoded already
+    parser = expat.ParserCreate("utf-8")  # the text is already decoded, so ignore the encoding of the declaration
     top: list[XmlElement] = []
     open_elements: list[XmlElement] = []
 

@@ -21,7 +21,7 @@ _INCLUDE = "a file, or a block of one (sim.yaml#world), whose entries hold where
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """A value of a file that `--set` may change: its default as written, and what the file's comment says of it."""
+    """A value of a file that `--set` may change: its default as written, and the description in the file's comment."""
 
     name: str
     default: str
@@ -30,7 +30,7 @@ class Option:
 
 @dataclass(frozen=True, slots=True)
 class Outline:
-    """What a form needs to know of a cell file: what the cell is, and what may be changed."""
+    """The description of a cell file that a form needs: its kind, and the options that may be changed."""
 
     kind: str
     options: tuple[Option, ...]
@@ -44,7 +44,7 @@ class ValueFile:
         root: the mapping, includes filled in: of a whole file, or of a block inside one (`sim.yaml#world`). Keys that
             stand beside an `include` come before the included ones.
         reader: for its values.
-        options: what may be changed.
+        options: the values that may be changed.
         files: text of every file that was read, by its path from the folder of the first.
     """
 
@@ -67,8 +67,8 @@ def read_value_file(
 
     Args:
         path: of the file.
-        findings: get everything that is wrong.
-        what: the file is, for messages: 'a cell file'.
+        findings: receives every error and warning.
+        what: the kind of file for messages, for example 'a cell file'.
         overrides: of its options: texts, or scalars that know where they are written. None for a file in which
             `options` and braces mean nothing.
         texts: contents of files, by path, that are not to be read from the disk.
@@ -95,13 +95,13 @@ def read_value_file(
 
 
 def with_includes(schema: Mapping[str, Any]) -> Schema:
-    """The JSON Schema of such files as they are written: in any mapping an `include` may stand for what it needs."""
+    """Return the JSON Schema of such files as written: an `include` may replace the required keys of any mapping."""
     found = dict(schema)
     for key in ("items", "additionalProperties"):
         if isinstance(found.get(key), Mapping):
             found[key] = with_includes(found[key])
     for key in ("anyOf", "oneOf"):
-        if key in found:  # what is included may be what tells them apart
+        if key in found:  # the included file may hold the keys that select one alternative
             found["anyOf"] = [with_includes(one) for one in found.pop(key)]
     if "properties" in found:
         own = {name: with_includes(inner) for name, inner in found["properties"].items()}

@@ -1,4 +1,4 @@
-"""Failure codes of the language and of the installed skills: what each means, and what to try."""
+"""Failure codes of the language and of the installed skills: meaning and remedy of each."""
 
 from __future__ import annotations
 

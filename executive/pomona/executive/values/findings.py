@@ -1,4 +1,4 @@
-"""What is wrong in a tree file, said so that the person can mend it: where, what, and what to write instead."""
+"""Errors and warnings in a file: the place, the problem, and the correction."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ class Spot(NamedTuple):
 
 
 class Within(NamedTuple):
-    """Some characters of what is written somewhere, wherever that moves."""
+    """Some characters of a text; the range moves with the text."""
 
     whole: LocatedText
     start: int
@@ -147,17 +147,17 @@ class Source:
 
 
 class Findings:
-    """Collects findings; says each only once."""
+    """Collects findings; reports each only once."""
 
     def __init__(self) -> None:
         self._found: dict[tuple[str, int, int, str, str], Finding] = {}
 
     def error(self, where: Located, code: str, message: str, hint: str = "", edits: Sequence[Edit] = ()) -> None:
-        """Report what keeps the file from being used."""
+        """Report an error: the file cannot be used."""
         self._add(where, "error", code, message, hint, edits)
 
     def warning(self, where: Located, code: str, message: str, hint: str = "") -> None:
-        """Report what is probably not meant."""
+        """Report a warning: the file can be used, but a mistake is likely."""
         self._add(where, "warning", code, message, hint)
 
     def add(self, finding: Finding) -> None:
@@ -196,7 +196,7 @@ _left: ContextVar[list[int] | None] = ContextVar("_left", default=None)
 
 @contextmanager
 def few_hints() -> Iterator[None]:
-    """Inside, what was meant is looked for while few words are wrong: a file of mistakes is not worth minutes."""
+    """Search for similar words only while few words are wrong, so that a file full of mistakes is checked quickly."""
     if _left.get() is not None:
         yield
         return
@@ -208,9 +208,12 @@ def few_hints() -> Iterator[None]:
 
 
 def mended(text: str, findings: Iterable[Finding]) -> tuple[str, list[Finding]]:
-    """The text with the edits of findings applied, and the findings whose edits were.
+    """Apply the edits of findings to the text.
 
-    Of findings whose edits touch the same line the first is mended; the next check shows whether the other remains.
+    If the edits of several findings touch one line, only the first is applied; the next check shows the remaining ones.
+
+    Returns:
+        the new text, and the findings whose edits were applied.
     """
     lines, touched, applied = text.splitlines(keepends=True), set[int](), list[Finding]()
     for finding in findings:
@@ -263,7 +266,7 @@ def place_of(finding: Finding) -> str:
 
 
 def said(finding: Finding) -> str:
-    """What is wrong, and what to write instead."""
+    """Return the message of a finding with its hint."""
     return f"{finding.message}; {finding.hint}" if finding.hint else finding.message
 
 

@@ -1,4 +1,4 @@
-"""Whether a JPEG is all there: decoders fill what is missing with grey and go on."""
+"""Completeness of a JPEG: decoders fill missing parts with grey and report no error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Kinds of values in files: how each is read, what its JSON Schema is, and what people call it."""
+"""Kinds of values in files: how each is read, its JSON Schema, and its name in messages."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ OPTION: Schema = {"type": "string", "pattern": r"\{[^{}]+\}"}
 
 
 class Kind(ABC, Generic[T]):
-    """What a value may be."""
+    """The set of values that a setting may have."""
 
     words = "a value"
-    """What people call it."""
+    """Name of the kind in messages."""
 
     @abstractmethod
     def read(self, node: YamlNode, reader: Reader) -> T:
@@ -122,7 +122,7 @@ class Number(ScalarKind[float]):
         return self.within(value, text)
 
     def within(self, value: float, text: str) -> float:
-        """The value, if it lies in the range; raises Unfit otherwise."""
+        """Return the value if it lies in the range; raise Unfit otherwise."""
         if not is_within(value, self.low, self.high):
             raise Unfit(f"it is {text.strip()}, but must be {between(self.low, self.high)}", code="range")
         return value
@@ -169,10 +169,11 @@ class Measure(ScalarKind[float]):
         return value
 
     def option(self, text: str) -> float:
-        """A value from the command line, as the `type` of an argument.
+        """Parse a value from the command line, as the `type` of an argument.
 
         Raises:
-            argparse.ArgumentTypeError: its unit is missing or unknown, or it is out of range; says what is allowed.
+            argparse.ArgumentTypeError: its unit is missing or unknown, or it is out of range; the text names the
+            allowed values.
         """
         try:
             return self.parse(text)
@@ -298,7 +299,7 @@ class PathTo(ScalarKind[Path]):
 
     Args:
         what: 'file' or 'folder'.
-        hint: what to do when there is none.
+        hint: remedy shown when it does not exist.
     """
 
     def __init__(self, what: str = "file", hint: str = "") -> None:

@@ -17,7 +17,7 @@ FREE, OCCUPIED, INNER = 1, 2, 3
 
 
 def octree(cells: Int64, codes: UInt8) -> tuple[bytes, int]:
-    """The tree's bytes, and how many nodes it has.
+    """Encode known cells as an octree; return its bytes and its number of nodes.
 
     Args:
         cells: which cells of the grid are known, counted from the origin, each once, shape (n, 3).
@@ -40,7 +40,7 @@ def octree(cells: Int64, codes: UInt8) -> tuple[bytes, int]:
 
 
 def _parents(keys: Int64, codes: UInt8) -> tuple[Int64, UInt8]:
-    """Keys of the nodes one level up, shape (n, 3), and what each of their children is, shape (n, 8)."""
+    """Return the keys one level up, shape (n, 3), and the state of their eight children, shape (n, 8)."""
     parents, which = np.unique(keys >> 1, axis=0, return_inverse=True)
     children = np.zeros((len(parents), 8), np.uint8)
     children[which.ravel(), (keys & 1) @ [1, 2, 4]] = codes

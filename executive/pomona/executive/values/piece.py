@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """What `pomona new WORD name` writes.
+    """The files that `pomona new WORD name` writes.
 
     Attributes:
-        about: what it is, in a line.
+        about: description in one line.
         files: texts by path; `$name` is the name in small letters, `$Name` with capitals, `$module` the package.
         data: files that are made, by path.
-        entry: the group of entry points that finds it, the name there, and what stands behind it; empty for data.
+        entry: group, name and object of its entry point; empty for data.
         check: a file of it for `pomona check`.
     """
 

@@ -10,11 +10,11 @@ MOST_BYTES = 16 * 1024 * 1024
 
 
 def read_plain_text(path: Path, most: int = MOST_BYTES) -> str:
-    """The text of a file, or of one that a link leads to; lines end with "\\n".
+    """Read the text of a file or of the target of a link; lines end with "\\n".
 
     Raises:
         UnicodeDecodeError: it is not UTF-8.
-        OSError: it is not a file, is longer than `most` bytes, or cannot be opened; `strerror` says which.
+        OSError: it is not a file, is longer than `most` bytes, or cannot be opened; `strerror` holds the reason.
         ValueError: the path holds a character that no path may.
     """
     if path.exists() and not path.is_file():

@@ -17,7 +17,7 @@ class Refused(Exception):
 
 
 class Unfit(ValueError):
-    """A text that is no value of its kind: what is wrong, and what to write instead."""
+    """A text that is no value of its kind, with the problem and the correction."""
 
     def __init__(self, message: str, hint: str = "", code: str = "value") -> None:
         self.message, self.hint, self.code = message, hint, code
@@ -26,12 +26,12 @@ class Unfit(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Reader:
-    """What a value's kind needs beside the node.
+    """Context that a kind needs to read a node.
 
     Attributes:
-        findings: of everything that is wrong.
+        findings: receives every error and warning.
         title: of the value, for messages: `devices.arm.lead`.
-        options: what `{name}` stands for, or None in files in which braces mean nothing.
+        options: values of `{name}`, or None in files without options.
     """
 
     findings: Findings
@@ -43,12 +43,12 @@ class Reader:
         return replace(self, title=f"{self.title}.{key}" if self.title else key)
 
     def refuse(self, where: Located, message: str, hint: str = "", code: str = "value") -> Refused:
-        """Make the finding; raise what this returns."""
+        """Report the finding; the caller raises the returned error."""
         self.findings.error(where, code, message, hint)
         return Refused(message)
 
     def filled(self, node: YamlNode) -> YamlNode:
-        """The node with options filled in. What is nothing but an option stands where the option is given.
+        """Return the node with options filled in. A text that is only one option gets the place of the option's value.
 
         Raises:
             Refused: it names an option that does not exist.

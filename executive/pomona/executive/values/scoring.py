@@ -1,4 +1,4 @@
-"""What counts in a run that a simulated world scores."""
+"""Scores of a run in a simulated world."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from pomona.executive.values.sections import value
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """Names of the world's truth that count: what must hold for a success, and figures for reports."""
+    """Quantities of the world's truth that count: conditions for a success, and figures for reports."""
 
     success: tuple[str, ...] | None = value(
-        Words(), None, "what the world must report in addition to the tree's success"
+        Words(), None, "conditions that the world must report in addition to the tree's success"
     )
     figures: tuple[str, ...] = value(Words(), (), "numbers of the world's truth, for reports")
 
     def over(self, cells: Score | None) -> Score:
-        """This score, with what it leaves out from the cell's: its figures come first."""
+        """Return this score, completed by the cell's; the cell's figures come first."""
         if cells is None:
             return self
         success = cells.success if self.success is None else self.success

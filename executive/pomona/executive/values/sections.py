@@ -1,13 +1,13 @@
-"""Sections of files, declared as dataclasses: what may be written, in which unit, and what holds when it is not.
+"""Sections of files, declared as dataclasses: allowed values, units and defaults.
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class GripperOptions:
         speed_max: float = value(Measure(SPEED, "1 mm/s", "1 m/s"), "200 mm/s", "fastest that the fingers move")
         home: bool = value(Flag(), False, "find the reference when the run starts")
 
-        def problems(self) -> Iterator[Problem]: ...   # what no single value shows
+        def problems(self) -> Iterator[Problem]: ...   # checks across values
 
-The reader, the JSON Schema and the documentation all ask the class.
+The reader, the JSON Schema and the documentation all use the class.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _REQUIRED = dataclasses.MISSING
 
 
 class Problem(NamedTuple):
-    """What is wrong though each value is right; `key` is the one that should change. A warning stops nothing."""
+    """A conflict between valid values; `key` is the one to change. A warning does not stop the command."""
 
     key: str
     message: str
@@ -42,7 +42,7 @@ class SelfJudging(Protocol):
     """A section that looks at its values together."""
 
     def problems(self) -> Iterable[Problem]:
-        """What is wrong with the section although each of its values is fine."""
+        """Yield the conflicts between the section's valid values."""
         ...
 
 
@@ -50,10 +50,10 @@ def value(kind: Kind[Any], default: Any = _REQUIRED, help: str = "") -> Any:
     """Declare a value of a section.
 
     Args:
-        kind: what it may be.
-        default: what holds when it is not written; a text is read as if it were written. None for nothing. Without one
-            the value must be written.
-        help: one line for people.
+        kind: the allowed values.
+        default: the value when the file holds none; a text is parsed like a written one. If omitted, the value is
+            required.
+        help: description in one line.
     """
     written = default
     if isinstance(default, str) and isinstance(kind, ScalarKind):
@@ -78,7 +78,7 @@ class DeclaredValue:
 
 
 def declared(section: type) -> Iterator[DeclaredValue]:
-    """What a section may have, in its order."""
+    """Yield the values that a section may hold, in their order."""
     for field in dataclasses.fields(section):
         if _KIND in field.metadata:
             meta = field.metadata
@@ -119,7 +119,7 @@ class Section(Kind[S]):
 
     Args:
         of: the dataclass; its fields are declared with `value`.
-        ignore: keys that somebody else reads.
+        ignore: keys that other code reads.
     """
 
     def __init__(self, of: type[S], ignore: tuple[str, ...] = ()) -> None:
@@ -190,7 +190,7 @@ class Section(Kind[S]):
 
 
 def _is_null(node: YamlNode) -> bool:
-    """An option whose text is empty gives nothing, whether it is quoted or not."""
+    """Return True for an option whose text is empty, quoted or not."""
     return isinstance(node, YamlScalar) and (node.is_null or not node.text)
 
 

@@ -1,14 +1,14 @@
-"""What an exception says, for people."""
+"""Text of an exception for the operator."""
 
 from __future__ import annotations
 
 
 def sentence_of(error: BaseException) -> str:
-    """What an exception says, or else its name; of Python's own, which say little by themselves, both."""
+    """Return the text of an exception, or its name if it has none; for Python's own exceptions, both."""
     name = type(error).__name__
     try:
         text = str(error)
-    except BaseException as second:  # whoever wrote it: what it says must not keep anything from being stopped
+    except BaseException as second:  # a defect in the exception's own text must not prevent a stop
         return f"{name}, which cannot be shown: {type(second).__name__}"
     if isinstance(error, MemoryError) and not text:
         return "MemoryError: there is no memory left"

@@ -1,4 +1,4 @@
-"""Small checks of a YAML node's shape, each of which reports what it does not find."""
+"""Checks of a YAML node's shape; each reports the missing or wrong part."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class ShapeCheck:
         return None
 
     def known_keys(self, node: YamlMapping, known: Iterable[str], what: str) -> None:
-        """Report keys that are not known, with what was probably meant."""
+        """Report unknown keys, each with the most similar known key."""
         names = tuple(known)
         for key, _ in node.entries.values():
             if key.text not in names:
@@ -47,7 +47,7 @@ class ShapeCheck:
 
 
 def shape_of(node: YamlNode) -> str:
-    """The node's shape for people."""
+    """Name the node's shape in messages."""
     if isinstance(node, YamlMapping):
         return "a mapping"
     if isinstance(node, YamlList):

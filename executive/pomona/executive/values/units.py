@@ -40,7 +40,7 @@ def with_article(noun: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """What a float measures. `units` maps a unit's name to its size in SI; the first is SI itself."""
+    """A physical quantity. `units` maps the name of a unit to its size in SI; the first is the SI unit."""
 
     name: str
     units: Mapping[str, float]
@@ -59,7 +59,7 @@ class Quantity:
         """`"120 mm"` -> 0.12.
 
         Raises:
-            ValueError: no finite number, no unit, or a unit of another quantity; the text says which are known.
+            ValueError: no finite number, no unit, or a unit of another quantity; the text lists the known units.
         """
         written = split_unit(text)
         if written is None:
@@ -133,11 +133,11 @@ QUANTITIES: Mapping[str, Quantity] = {
 
 @dataclass(frozen=True, slots=True)
 class Array:
-    """What an array holds, beside its type: `dimensions: Annotated[Float64, Array(3, of=LENGTH)]`.
+    """Shape and unit of an array: `dimensions: Annotated[Float64, Array(3, of=LENGTH)]`.
 
     Attributes:
         shape: its length along each axis.
-        of: what its elements measure, if they have one unit.
+        of: quantity of its elements, if they have one unit.
     """
 
     shape: tuple[int, ...]

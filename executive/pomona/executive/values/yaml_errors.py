@@ -1,4 +1,4 @@
-"""A YAML parser's error in the words of the file: which line stands where, where it belongs, what is not closed."""
+"""Explanation of a YAML parser's error: the line at fault, its correct column, or the unclosed bracket."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _BLOCK_SCALAR = re.compile(r":\s+[|>][-+0-9]*\s*(#.*)?$")
 
 
 class _Block(NamedTuple):
-    """A list or a mapping that is open: its column, its newest key, and the key in whose value a list stands."""
+    """An open list or mapping: its column, its newest key, and the key that holds the list."""
 
     column: int
     is_list: bool
@@ -86,7 +86,7 @@ def _unclosed_quote(source: Source, first: int, last: int) -> _Found | None:
 
 
 def _unclosed_bracket(source: Source, opened: Any, line: int) -> _Found | None:
-    """The bracket that a collection opens with and whose end is not found before a line."""
+    """Return the opening bracket of a collection that does not end before a line."""
     start, text = opened.line + 1, source.excerpt(opened.line + 1)
     bracket = text[opened.column : opened.column + 1]
     if bracket not in _CLOSING or start == line:
@@ -218,7 +218,7 @@ def _open_blocks(source: Source, line: int) -> list[_Block]:
 
 
 def _line_before(source: Source, line: int) -> int:
-    """The nearest line above that says something; the line itself when there is none."""
+    """Return the nearest line above that is not empty, or the line itself."""
     return next((number for number in range(line - 1, 0, -1) if source.excerpt(number).strip()), line)
 
 

@@ -1,7 +1,7 @@
-"""YAML text → nodes that know their place. Plain YAML only: no tags, no aliases, limited in size and depth.
+"""YAML text → nodes with their place. Plain YAML only: no tags, no aliases, limited in size and depth.
 
-Scalars stay text; what they mean is decided by the type of the port that they are given to, so `no` is a fruit's name
-and not a boolean, and `1:30` is not 90.
+Scalars stay text; the type of the port decides their meaning. So `no` can be a fruit's name instead of a boolean, and
+`1:30` is not 90.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class YamlScalar(YamlNode):
 
     @property
     def is_null(self) -> bool:
-        """Whether it says nothing: empty, `~` or `null`."""
+        """Return True for an empty text, `~` or `null`."""
         return self.plain and self.text in ("", "~", "null")
 
     @property
@@ -65,10 +65,10 @@ class YamlList(YamlNode):
 
 @dataclass(slots=True, eq=False)
 class YamlMapping(YamlNode):
-    """Keys are unique: of a key that is written twice the first stays, and the second is a finding.
+    """A mapping with unique keys: if a key is written twice, the first stays and the second is a finding.
 
     Attributes:
-        lacking: what it includes could not be read, with a finding of its own: nothing is missed in it.
+        lacking: an included file could not be read, which is a finding of its own; missing keys are not reported.
     """
 
     entries: dict[str, tuple[YamlScalar, YamlNode]]
@@ -91,8 +91,8 @@ def read_yaml(
 
     Args:
         source: of the file.
-        findings: get the reasons.
-        what: the file is, for messages.
+        findings: receives the reasons.
+        what: the kind of file for messages.
         modifiers: words that stand beside a node's type, for messages.
     """
     start = YamlScalar(source, 1, 1, 1, 2, "", True)
@@ -208,7 +208,7 @@ class Composer:
         return entries, event.end_mark
 
     def find_comments(self, written: Sequence[str]) -> None:
-        """Comments are what follows a # that starts a line or follows a blank, outside every scalar."""
+        """Find the comments: text after a # at the start of a line or after a blank, outside every scalar."""
         lines = {number: text for number, text in enumerate(written, start=1) if "#" in text}
         covered: dict[int, list[tuple[int, int]]] = {}
         for scalar in self.scalars if lines else ():
