@@ -139,9 +139,9 @@ def test_what_the_fingers_feel_is_told_when_a_skill_has_ended_and_not_while_it_g
         NodeChanged(3.6, 180, LIFT, "FAILURE", "", 2, LOST),
     ]
     text = " ".join(explain([*RUN[:4], *felt, *RUN[4:]]))
-    assert re.findall(r"At \S+ s the fingers felt: [^.]*", text) == [
-        "At 2.3 s the fingers felt: something is between the fingers",
-        "At 3.5 s the fingers felt: nothing any more",
+    assert re.findall(r"At \S+ s finger contact changed: [^.]*", text) == [
+        "At 2.3 s finger contact changed: something is between the fingers",
+        "At 3.5 s finger contact changed: no contact",
     ]
     assert "the fingers felt" not in " ".join(explain([*RUN[:4], HandChanged(0.0, 0, ""), *RUN[4:]]))
 
@@ -156,7 +156,7 @@ def test_three_sentences_say_what_happened_why_and_what_to_try() -> None:
     what, why, remedy = explain(run, whole=False)
     assert what.endswith("on 9 September 2001 at 01:46. It failed after 5.2 s.")
     assert why == "The reason, at 3.5 s: Lift failed with TOO_HEAVY: put back."
-    assert remedy.startswith("What to try: nothing to mend if `max_force` is right")
+    assert remedy.startswith("Remedy: nothing to mend if `max_force` is right")
     whole = explain(run)
     assert whole[:3] == [what, why, remedy]
     assert "Figures: limit 14 N, wanted 20.7 N." in whole[3]

@@ -110,7 +110,7 @@ def test_explain_says_what_happened_and_why(capsys: pytest.CaptureFixture[str]) 
     assert "try_thrice ran on the mocked cell dry with seed 0 and pauses = 2" in said
     assert "It failed after" in said
     assert "The reason, at 2.5 s: MoveTo (line 12 of the tree) failed with NO_PATH" in said
-    assert "What to try: raise `budget`" in said
+    assert "Remedy: raise `budget`" in said
     assert "attempt 1 of 2" not in said
     said = say(capsys, "explain", "last", "--all")
     assert "At 1.5 s attempt 1 of 2 (Attempt) ended with NO_PATH, too." in said

@@ -112,7 +112,7 @@ class Port:
     Attributes:
         type: what it carries; read from the annotation where the port stands in a skill's `run`.
         default: value when the tree wires nothing; a quantity may be written as text. `REQUIRED` when there is none.
-        help: one line for people.
+        help: description in one line.
         min, max: closed range of a number or quantity, as text with a unit or in SI.
         choices: the only texts that are allowed.
         was: its name in the version before; the checker tells who still writes it.

@@ -233,7 +233,7 @@ def test_a_press_that_the_run_does_not_answer_is_not_taken_for_done(show: Show, 
 def test_what_is_planned_is_shown_and_waits_for_a_person_who_may_change_it_first(show: Show, open_page: Open) -> None:
     page = open_page(viewport={"width": 1280, "height": 720})
     show.run(APPROVED)
-    expect(page.locator("#questions")).to_contain_text("May Rest start? What is planned is shown.")
+    expect(page.locator("#questions")).to_contain_text("May Rest start? The plan is shown.")
     expect(page.locator("#questions").get_by_role("button", name="Approve")).to_be_disabled()
     expect(page.locator("#camera")).to_be_hidden()
     expect(page.locator("#scene-legend")).to_contain_text("planned path")

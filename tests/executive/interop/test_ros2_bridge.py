@@ -306,7 +306,7 @@ def test_a_goal_is_cancelled_while_its_run_is_prepared_and_stopped_by_others_it_
 def test_names_of_operators_are_as_long_and_as_plain_as_on_the_page(setting: Setting) -> None:
     assert setting.ask("take", "\x1b[31m" + "x" * 100_000)[0]
     assert setting.control.holder.who == "[31m" + "x" * 56
-    assert setting.ask("take", "\n\x1b") == (False, "say who acts")
+    assert setting.ask("take", "\n\x1b") == (False, "the operator's name is missing")
 
 
 def test_a_flood_of_requests_is_refused_at_once_and_a_safe_stop_is_taken_beside_it(setting: Setting) -> None:

@@ -448,7 +448,7 @@ class TestSeveralFiles:
         assert (yaml.safe_load(text)["tree"], findings) == ("m", [])
         assert yaml.safe_load(import_groot(two, "t.xml", main="Go")[0])["tree"] == "go"
         unclear = two.replace('<SubTree ID="Go"/>', "<A/>")
-        assert "does not say which tree runs" in import_groot(unclear, "t.xml")[1][0].message
+        assert "does not name the main tree" in import_groot(unclear, "t.xml")[1][0].message
 
     def test_names_of_trees_stay_apart(self):
         calls = "".join(f'<SubTree ID="{name}"/>' for name in ("GoHome", "go_home", "sequence"))

@@ -152,12 +152,12 @@ def test_a_question_of_theirs_is_asked_and_shown_with_its_answers(installed):
 
 def test_a_half_declared_type_is_refused_and_named(installed):
     types = installed(no_flow="NoFlow", paced="PacedType")
-    assert types.problems == {"no_flow": "node type NoFlow does not say flow"}
+    assert types.problems == {"no_flow": "node type NoFlow lacks flow"}
     assert "paced" in types
     text = "pomona: 1\ntree: t\nroot: {no_flow: [{Beep: {}}]}"
     (finding,) = check(read(text, "t.yaml"), SKILLS)
     assert (finding.code, finding.line) == ("broken-node", 3)
-    assert "does not say flow" in finding.message
+    assert "lacks flow" in finding.message
 
 
 def test_a_package_that_raises_is_a_problem_and_no_traceback(installed):
@@ -170,9 +170,9 @@ def test_a_package_that_raises_is_a_problem_and_no_traceback(installed):
 @pytest.mark.parametrize(
     ("body", "message"),
     [
-        ({"symbol": "x", "value": takes.Nothing()}, "does not say key"),
-        ({"key": "x", "value": takes.Nothing()}, "does not say symbol"),
-        ({"key": "x", "symbol": "x"}, "does not say value"),
+        ({"symbol": "x", "value": takes.Nothing()}, "lacks key"),
+        ({"key": "x", "value": takes.Nothing()}, "lacks symbol"),
+        ({"key": "x", "symbol": "x"}, "lacks value"),
         ({"key": "X", "symbol": "x", "value": takes.Nothing()}, "lower-case letters"),
         ({"key": "x", "symbol": "xy", "value": takes.Nothing()}, "one character"),
         ({"key": "x", "symbol": 5, "value": takes.Nothing()}, "one character"),

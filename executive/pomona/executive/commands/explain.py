@@ -34,7 +34,7 @@ def main(options: argparse.Namespace) -> int:
     record = find_record(options.run, options.record)
     console = Screen()
     run = trusted(record)
-    why_cut = run.message or "nobody knows why"
+    why_cut = run.message or "the reason is unknown"
     going_on = is_being_written(events_file(record))
     for paragraph in explain(read_events(record), going_on, why_cut, whole=options.all):
         console.print(paragraph, soft_wrap="\n" in paragraph)

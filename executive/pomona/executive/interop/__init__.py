@@ -1,1 +1,1 @@
-"""Runs in other people's words: bags, datasets, live viewers, ROS 2. No run imports it unasked."""
+"""Runs in the formats of other tools: bags, datasets, live viewers, ROS 2. Imported only on request."""

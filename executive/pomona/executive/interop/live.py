@@ -51,7 +51,7 @@ class Sink(Protocol):
         ...
 
     def close(self) -> None:
-        """Let go of it."""
+        """Release it."""
         ...
 
 
@@ -115,7 +115,7 @@ class Live:
             self._began = round((taken.wall_time - taken.t) * 1e9)
         try:
             shows = self._shows(taken)
-        except BaseException as error:  # whatever it is, this thread shows what comes next
+        except BaseException as error:  # any error: this thread must go on showing later events
             taken = in_place_of(taken, refuse(taken, error))
             shows = self._shows(taken)
         for sink in tuple(self._sinks):

@@ -69,10 +69,10 @@ def write_failures(records: Sequence[Path], file: Path) -> int:
         file: of the page; there must be none yet.
 
     Returns:
-        how many failures it shows.
+        the number of failures that it shows.
 
     Raises:
-        UsageError: the file is there already or cannot be written, no run failed, or a record cannot be believed.
+        UsageError: the file is there already or cannot be written, no run failed, or a record is not trustworthy.
     """
     refuse_taken(file)
     runs = [(record, trusted(record)) for record in records]
@@ -125,7 +125,7 @@ def _section(record: Path, run: Digest, most: int = LOOKS, body: str | None = No
     about = f"{began} · {run.tree} on {run.cell} ({run.cell_kind}) · seed {run.seed} {settings}"
     sentences = ""
     if run.outcome != "success" or body is not None:
-        going_on, why_cut = is_being_written(events_file(record)), run.message or "nobody knows why"
+        going_on, why_cut = is_being_written(events_file(record)), run.message or "the reason is unknown"
         told = [explain(read_events(record), going_on, why_cut, whole=whole) for whole in (False, True)]
         brief, rest = told[0], told[1][len(told[0]) :]
         sentences = "".join(f"<p>{escape(paragraph)}</p>" for paragraph in brief)

@@ -60,8 +60,8 @@ class Ros2Bridge:
     ) -> None:
         """
         Args:
-            peer: our node.
-            control: what acts on the run, one operator at a time.
+            peer: the node of this process.
+            control: acts on the run, for one operator at a time.
             acts_with: returns True if a token may act.
             start: begins runs, where that can be done.
         """
@@ -149,7 +149,7 @@ class Ros2Bridge:
             raise RefusedError("acting needs the token that was printed at the start, on this machine")
         who = "".join(letter for letter in asked.who[: 2 * MOST_NAME] if letter.isprintable()).strip()[:MOST_NAME]
         if not who:
-            raise RefusedError("say who acts")
+            raise RefusedError("the operator's name is missing")
         return f"ros2:{who}", who
 
     # ----------------------------------------------------------------------------------------- action

@@ -193,7 +193,7 @@ class _TreeStatus:
                 self._change(event)
             case "RunEnded":
                 pass
-            case _:  # says nothing about the tree; an earlier change may be due now
+            case _:  # an event without a change of the tree; an earlier change may be due now
                 yield from self.messages(at)
                 return
         self._changed = True

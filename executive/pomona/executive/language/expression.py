@@ -113,7 +113,7 @@ class Call(_Written):
 
 
 Expression = Constant | Reference | Member | Index | Items | Unary | Binary | Call
-"""A node of the syntax tree. Code that distinguishes these ends with `assert_never`, so that mypy finds missing cases."""
+"""A node of the syntax tree. Functions that distinguish them end with `assert_never`, so mypy finds omissions."""
 
 
 def references(expression: Expression) -> list[Reference]:

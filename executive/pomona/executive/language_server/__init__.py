@@ -1,1 +1,1 @@
-"""What editors ask about tree files: findings, completion, hover, definitions, renaming."""
+"""Services for editors of tree files: findings, completion, hover, definitions, renaming."""

@@ -13,7 +13,7 @@ _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where something is being written.
+    """The place of the cursor in a file.
 
     Attributes:
         parents: keys around it, from the inside to the outside.
@@ -21,7 +21,7 @@ class Place:
         starts: it is the first of a list's item, or of a mapping.
         key: the key before it on its line, when it is a value.
         flow: it stands in braces or brackets on one line.
-        braces: what stands between `{` and the cursor, inside a text; None outside.
+        braces: the characters between `{` and the cursor, inside a text; None outside.
         before: all of the line before the cursor.
     """
 

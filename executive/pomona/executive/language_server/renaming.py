@@ -1,4 +1,4 @@
-"""Where the names of a tree stand: what a rename changes, and where a definition is found."""
+"""Places of the names of a tree, for renaming and for going to a definition."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def order(spot: Spot) -> tuple[str, int, int]:
 
 
 def _spots_in_node(analysis: Analysis, node: TreeNode, name: str) -> Iterator[Spot]:
-    """Places of a name in what is written for a node itself."""
+    """Yield the places of a name in the keys and values of one node."""
     below = {id(child.at) for child in node.below()}
     for scalar in _scalars(node.at, below):
         for number in range(scalar.line, scalar.end_line + 1):

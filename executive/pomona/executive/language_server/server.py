@@ -49,26 +49,26 @@ class TreeServer(LanguageServer):
         self.loading: threading.Thread | None = None
 
     def service(self, uri: str) -> TreeService:
-        """What is known of a file."""
+        """Return the service of a file."""
         if uri not in self.open:
             self.open[uri] = TreeService(Path(to_fs_path(uri) or uri), self.skills, others=self.texts)
             self.open[uri].use_cell(self.cell)
         return self.open[uri]
 
     def texts(self) -> dict[str, str]:
-        """What stands in the editor, saved or not, by path."""
+        """Return the contents of the editor, saved or not, by path."""
         return {str(service.path): service.text for service in self.open.values()}
 
     def load_skills(self) -> None:
-        """Import the skills themselves, which know more than their declarations: what a cell names."""
+        """Import the skills themselves: they know the names of a cell, their declarations do not."""
         self.skills = Registry.installed()
         for service in self.open.values():
             service.skills = self.skills
         gc.collect()
-        gc.freeze()  # what was imported stays: a keystroke must not wait until all of it is walked through once more
+        gc.freeze()  # exclude the imported modules from collection: a keystroke must not wait for a scan of them
 
     def judge(self, uri: str, text: str) -> None:
-        """Take a text, and tell what is wrong with it and with the open trees that call it."""
+        """Take a text, and publish the findings of it and of the open trees that call it."""
         changed = self.service(uri)
         with _undisturbed():
             self.publish(uri, changed.update(text))
@@ -77,7 +77,7 @@ class TreeServer(LanguageServer):
                     self.publish(other, service.update(service.text))
 
     def publish(self, uri: str, found: list[Finding]) -> None:
-        """Tell what is wrong with a file."""
+        """Publish the findings of a file."""
         diagnostics = [_diagnostic(finding, self.open[uri].text) for finding in found]
         self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, diagnostics))
 
@@ -93,11 +93,11 @@ def _undisturbed() -> Iterator[None]:
 
 
 def serve(cell: Path | None = None, *, load: bool = True) -> TreeServer:
-    """A server that is ready to be started.
+    """Create a server that is ready to start.
 
     Args:
-        cell: whose names are known; an editor may name another one.
-        load: import the skills once the editor has said hello.
+        cell: the cell file with the names to offer; an editor may name another one.
+        load: import the skills after the editor's `initialize` request.
     """
     server = TreeServer(cell)
 

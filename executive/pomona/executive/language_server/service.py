@@ -40,7 +40,7 @@ from pomona.executive.values.shipped import installed_trees
 TOP = {
     "pomona": "version of the language",
     "tree": "the tree's name",
-    "description": "what the tree is for",
+    "description": "purpose of the tree",
     "parameters": "values that --set changes",
     "skills": "which package's skill to use where several offer it",
     "constants": "named values",
@@ -55,9 +55,15 @@ DECLARED = {
     "min": "smallest value allowed",
     "max": "largest value allowed",
     "choices": "the texts allowed",
-    "help": "one line for people",
+    "help": "description in one line",
 }
-SUBTREE = {"in": "inputs", "out": "outputs", "root": "its nodes", "description": "for people", "file": "another file"}
+SUBTREE = {
+    "in": "inputs",
+    "out": "outputs",
+    "root": "its nodes",
+    "description": "description for readers",
+    "file": "another file",
+}
 MAX_BESIDE = 200
 """Files in the folder of a renamed one that are searched for callers."""
 _PATH = re.compile(r"\s*([A-Za-z_]\w*)((?:\.\w+|\[[^\]]*\])*)\.\w*$")
@@ -66,7 +72,7 @@ _CODES = re.compile(r"failure\.codes?\s*(?:==|!=|in|not in)\s*\[?[^\]]*$")
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """One completion: the word, what it is, a line about it, and the text to insert."""
+    """One completion: the word, its kind, a line about it, and the text to insert."""
 
     word: str
     kind: str
@@ -115,7 +121,7 @@ class TreeService:
         return self.findings
 
     def mending(self, first: int, last: int) -> list[Finding]:
-        """Findings of these rows (from 0) whose hints name what to write."""
+        """Return the findings of these rows (from 0) whose hints name the correction."""
         return [f for f in self.findings if f.edits and first <= f.line - 1 <= last]
 
     def outline(self) -> Iterator[Definition]:
@@ -130,7 +136,7 @@ class TreeService:
         return document is not None and any(file.source.path == str(path) for file in document.files)
 
     def use_cell(self, cell: Path | None) -> None:
-        """Offer the names of a cell from now on: its poses, and what else skills look up in it."""
+        """Offer the names of a cell from now on: its poses, and other names that skills look up in it."""
         self.cell, self.cell_file = cell, None
         if cell is not None:
             self.cell_file = cell_files().judge(cell, Findings(), {}, {})
@@ -148,7 +154,7 @@ class TreeService:
     # ------------------------------------------------------------------------------------------- completion
 
     def complete(self, row: int, column: int) -> list[Offer]:
-        """Completions at a position (row and column from 0): only what is allowed there."""
+        """Return the allowed completions at a position (row and column from 0)."""
         if self.text.strip() and not is_tree(self.text):
             return []
         place = place_at(self.lines, row, column)
@@ -221,7 +227,7 @@ class TreeService:
             yield Offer(modifier.key, "modifier", modifier.summary, f"{modifier.key}: ")
             for word, taken in modifier.fields.items():
                 yield Offer(word, "modifier", taken.help, f"{word}: ")
-        yield Offer("name", "word", "what people call it", "name: ")
+        yield Offer("name", "word", "display name", "name: ")
         yield Offer("description", "word", "a sentence for the operator", "description: ")
 
     def values(self, place: Place) -> Iterator[Offer]:
@@ -411,7 +417,7 @@ class TreeService:
         return self.analysis.document.main.main
 
     def scope(self, definition: Definition | None) -> Mapping[str, Named]:
-        """What each name means in a definition."""
+        """Return the meaning of each name in a definition."""
         if self.analysis is None or definition is None or id(definition) not in self.analysis.scopes:
             return {}
         return self.analysis.scopes[id(definition)].names

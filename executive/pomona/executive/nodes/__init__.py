@@ -1,7 +1,7 @@
 """The words of the tree language, one class each: syntax, data flow, failure codes, behaviour, drawing, XML.
 
-The behaviours are py_trees behaviours. They say why they failed (`explain`), read time from the run, and take values
-that are known only when they start.
+The behaviours are py_trees behaviours. They explain their failures (`explain`), read time from the run, and take values
+that are known only at their start.
 """
 
 from pomona.executive.nodes import takes

@@ -1,4 +1,4 @@
-"""Approve: a person looks at what is planned before a node starts."""
+"""Approve: the operator checks the plan before a node starts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ APPROVE, REFUSE = "approve", "refuse"
 
 
 class Approve(Question, Wrapper):
-    """Waits at each start until a person approves; whoever refuses makes it fail, and so does nobody being there."""
+    """Waits at each start for the operator's approval; fails after a refusal, or in a run without an operator."""
 
     choices = (APPROVE, REFUSE)
 
@@ -33,16 +33,16 @@ class Approve(Question, Wrapper):
             return
         if self.given is None and self.attended:
             self.status = Status.RUNNING
-            self.feedback_message = f"May {self.decorated.name} start? What is planned is shown."
+            self.feedback_message = f"May {self.decorated.name} start? The plan is shown."
         elif self.given is None:
-            self.stop(self.fails("NOBODY_TO_ASK", f"nobody is there to approve {self.decorated.name}"))
+            self.stop(self.fails("NOBODY_TO_ASK", f"no operator can approve {self.decorated.name}"))
         else:
             self.stop(self.fails("NOT_APPROVED", f"{self.decorated.name} was not approved"))
         yield self
 
 
 class ApproveType(Modifier):
-    """waits for a person before each start; fails with `NOT_APPROVED`, or `NOBODY_TO_ASK` when nobody is there"""
+    """asks the operator before each start; fails with `NOT_APPROVED`, or with `NOBODY_TO_ASK` without an operator"""
 
     key, symbol = "approve", "✋"
     value = takes.Value(Port(bool), known=True)

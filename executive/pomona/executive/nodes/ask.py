@@ -22,7 +22,7 @@ CHOICES = ("yes", "no")
 
 
 class Ask(Question, LeafBehaviour):
-    """Runs until somebody has answered. Without an answer the default is one, else it fails."""
+    """Runs until the operator has answered. Without an answer it takes the default, or fails if there is none."""
 
     def __init__(
         self,
@@ -50,9 +50,9 @@ class Ask(Question, LeafBehaviour):
         if self.given is not None:
             return self._ends(self.given, f"{self._asked} {self.given}")
         if not self.attended:
-            return self._without("NOBODY_TO_ASK", "nobody is there to answer")
+            return self._without("NOBODY_TO_ASK", "the run has no operator to answer")
         if self._now() >= self._end - 1e-9:
-            return self._without("NO_ANSWER", "nobody has answered in time")
+            return self._without("NO_ANSWER", "no answer came in time")
         self.feedback_message = self._asked
         return Status.RUNNING
 
@@ -68,14 +68,14 @@ class Ask(Question, LeafBehaviour):
 
 
 class AskType(Leaf):
-    """asks a person and writes the answer; fails with `NO_ANSWER` or `NOBODY_TO_ASK` unless there is a `default`"""
+    """asks the operator and writes the answer; fails with `NO_ANSWER` or `NOBODY_TO_ASK` unless there is a `default`"""
 
     key, symbol, colour = "ask", "?", "#b26a00"
     value = takes.Value(Port(str), "the question")
     fields: ClassVar[takes.Fields] = {
-        "choices": takes.Words("the answers that there are; yes and no unless it is said"),
+        "choices": takes.Words("the possible answers, by default yes and no"),
         "answer": takes.Target("name to which the answer is written"),
-        "default": takes.Value(Port(str), "the answer when nobody gives one", known=True),
+        "default": takes.Value(Port(str), "the answer if the operator gives none", known=True),
         "within": takes.duration("how long to wait for an answer"),
     }
     ends = ("success", "failure")
@@ -119,4 +119,4 @@ def _text(get: Callable[[], Any]) -> Callable[[], str]:
 
 
 def _nowhere(_answer: Any) -> None:
-    """An answer that nobody reads: that somebody has looked is all that is asked for."""
+    """Discard an answer that no node reads: only the operator's check is required."""

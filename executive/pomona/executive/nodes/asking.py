@@ -1,7 +1,7 @@
-"""What a node type is given when it is asked: one Protocol for each question, over one layer of a node.
+"""Context of a node type's methods: one Protocol for each purpose, over one layer of a node.
 
-A layer is the node's type or one of its modifiers. Checking, following data and facts, building and writing XML are
-each done by the language, which hands itself to the type; so a type sees only what its answer may depend on.
+A layer is the node's type or one of its modifiers. The language checks, follows data and facts, builds and writes XML.
+For each purpose it passes itself to the type, which sees only the data that its answer may depend on.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Written(Protocol):
 
     @property
     def label(self) -> str:
-        """What people call it."""
+        """Display name."""
         ...
 
     @property
@@ -49,7 +49,7 @@ class Written(Protocol):
 
     @property
     def leads(self) -> Sequence[str]:
-        """What stands before each child in a drawing."""
+        """Labels before each child in a drawing."""
         ...
 
     @property
@@ -59,7 +59,7 @@ class Written(Protocol):
 
     @property
     def ports(self) -> Mapping[str, Entry]:
-        """What is wired to its ports."""
+        """Wiring of its ports."""
         ...
 
     @property
@@ -75,7 +75,7 @@ class Asking(Protocol):
     def node(self) -> Written: ...
 
     def written(self, slot: str) -> YamlNode | None:
-        """What is written behind the layer's own word or one of its fields."""
+        """Return the node behind the layer's own word or one of its fields."""
         ...
 
     def literal(self, slot: str) -> Any:
@@ -84,10 +84,10 @@ class Asking(Protocol):
 
 
 class Ending(Asking, Protocol):
-    """How what is inside a layer can end."""
+    """A layer whose possible ends are computed."""
 
     def inside(self) -> Outcome:
-        """Of a modifier: what it wraps."""
+        """Return the possible ends of the node inside a modifier."""
         ...
 
     def child(self, index: int) -> Outcome:
@@ -116,7 +116,7 @@ class Checking(Asking, Protocol):
 
     @property
     def around(self) -> Around:
-        """What surrounds the node: counters, the last failure, names of items."""
+        """Names around the node: counters, the last failure, names of items."""
         ...
 
     @property
@@ -134,7 +134,7 @@ class Checking(Asking, Protocol):
         ...
 
     def value(self, slot: str, written: YamlNode, port: Port, who: str = "", *, known: bool = False) -> None:
-        """Check what enters a port, and keep it; `known` demands that it is known before the run."""
+        """Check the value of a port, and keep it; with `known` it must be known before the run."""
         ...
 
     def elements(self, slot: str, written: YamlNode) -> None:
@@ -146,11 +146,11 @@ class Checking(Asking, Protocol):
         ...
 
     def wires(self, inputs: Mapping[str, Port], outputs: Mapping[str, Port]) -> None:
-        """Check what is wired to the node's ports."""
+        """Check the wiring of the node's ports."""
         ...
 
     def writes(self, slot: str, target: YamlScalar, written: YamlNode, element: bool) -> None:
-        """Say that a name is written with what an expression gives, or with its elements."""
+        """Declare that a name is written with the value of an expression, or with its elements."""
         ...
 
     def item(self) -> str:
@@ -158,17 +158,17 @@ class Checking(Asking, Protocol):
         ...
 
     def inside(self, around: Around) -> None:
-        """Check what a modifier wraps."""
+        """Check the node inside a modifier."""
         ...
 
     def child(self, index: int, around: Around) -> None:
-        """Check one child, with what surrounds it."""
+        """Check one child in its context."""
         ...
 
     def part(self, slot: str, around: Around) -> None: ...
 
     def look_up_skill(self) -> None:
-        """Find the skill that the node calls, and say what it writes."""
+        """Find the skill that the node calls, and declare its outputs."""
         ...
 
     def look_up_subtree(self) -> None:
@@ -176,11 +176,11 @@ class Checking(Asking, Protocol):
         ...
 
     def perhaps_writes(self) -> None:
-        """Whatever is wired to what could not be found may be written: one mistake, one finding."""
+        """Mark the outputs of an unknown skill as possibly written, so that one mistake gives one finding."""
         ...
 
     def call(self) -> None:
-        """Check what is wired to the skill or the subtree that was found."""
+        """Check the wiring of the skill or the subtree that was found."""
         ...
 
     def devices(self, index: int) -> Mapping[str, str]:
@@ -189,7 +189,7 @@ class Checking(Asking, Protocol):
 
 
 class Flowing(Asking, Protocol):
-    """A layer whose data flow is followed."""
+    """A layer whose data flow is computed."""
 
     @property
     def outcomes(self) -> Ending:
@@ -207,20 +207,20 @@ class Flowing(Asking, Protocol):
         ...
 
     def require(self, slot: str, names: Names) -> None:
-        """Report what is read for a slot and not surely written. Slots that a type calls `late` are its own affair."""
+        """Report names that a slot reads and that are not certainly written. A type handles its `late` slots itself."""
         ...
 
     def inside(self, before: Names) -> Ends: ...
 
     def child(self, index: int, before: Names) -> Ends:
-        """What is written after one child, given what was before."""
+        """Return the names written after one child, given those before it."""
         ...
 
     def part(self, slot: str, before: Names) -> Ends | None: ...
 
 
 class Knowing(Asking, Protocol):
-    """A layer at which it is followed what is surely true."""
+    """A layer whose constant conditions are computed."""
 
     @property
     def outcomes(self) -> Ending:
@@ -240,32 +240,32 @@ class Knowing(Asking, Protocol):
         ...
 
     def forget(self, known: Facts) -> Facts:
-        """What is still true when the node has ended somehow."""
+        """Return the facts that remain after any end of the node."""
         ...
 
     def share(self, known: Facts) -> Facts:
-        """What is true at every moment while the node runs, whichever of its children runs when."""
+        """Return the facts that hold throughout the node's run, in whatever order its children run."""
         ...
 
     def inside(self, known: Facts) -> Facts:
-        """What is true when what a modifier wraps has succeeded."""
+        """Return the facts after a success of the node inside a modifier."""
         ...
 
     def child(self, index: int, known: Facts) -> Facts: ...
 
     def after(self, index: int, known: Facts) -> Facts:
-        """What is still true when one child has ended somehow."""
+        """Return the facts that remain after any end of one child."""
         ...
 
     def part(self, slot: str, known: Facts) -> Facts: ...
 
 
 class Building(Asking, Protocol):
-    """A layer being built. What is inside is built with the names of the scope; `names` replaces some of them."""
+    """A layer being built. Its contents are built with the names of the scope; `names` replaces some of them."""
 
     @property
     def name(self) -> str:
-        """What people call the layer's behaviour."""
+        """Display name of the layer's behaviour."""
         ...
 
     @property
@@ -284,7 +284,7 @@ class Building(Asking, Protocol):
     def condition(self, slot: str, **names: object) -> Condition: ...
 
     def inputs(self) -> Mapping[str, Callable[[], Any]]:
-        """What is wired to the node's ports, by port."""
+        """Getters of the node's inputs, by port."""
         ...
 
     def writer(self, name: str) -> Callable[[Any], None]:
@@ -292,7 +292,7 @@ class Building(Asking, Protocol):
         ...
 
     def skill(self) -> Behaviour:
-        """The skill that the node calls, or what stands in for it."""
+        """Return the skill that the node calls, or its mock."""
         ...
 
     def subtree(self) -> Behaviour: ...
@@ -314,7 +314,7 @@ class XmlOut(Asking, Protocol):
     """A layer being written as XML."""
 
     def text(self, slot: str) -> str:
-        """What is written behind a word, as an attribute; empty when it is not."""
+        """Return the text behind a word as an attribute, or an empty text."""
         ...
 
     def plain(self, slot: str) -> bool:
@@ -332,7 +332,7 @@ class XmlOut(Asking, Protocol):
         ...
 
     def own(self, attributes: Mapping[str, str]) -> Any:
-        """An element of ours, whose model the file then holds."""
+        """Return an element of Pomona, whose model the file then holds."""
         ...
 
     def skill(self) -> Any:
@@ -376,7 +376,7 @@ class XmlIn(Protocol):
         ...
 
     def refuse(self, message: str) -> Words:
-        """Nothing of ours means the same: a placeholder that keeps the children."""
+        """Return a placeholder with the children, for an element without an equivalent node."""
         ...
 
     def wrap(self, child: Words, word: str, value: object, more: Words | None = None) -> Words:

@@ -1,7 +1,7 @@
-"""What all behaviours of the language share: they say why they failed, and one that is skipped tells it by its status.
+"""Base of all behaviours of the language: explanation of failures, and the status of a skipped node.
 
-A node that is skipped ends its tick as INVALID: idle, as if it had not been ticked. Its parent goes on as if it were
-not there (BehaviorTree.CPP's SKIPPED; py_trees has no status of that name).
+A skipped node ends its tick as INVALID: idle, as if it had not been ticked. Its parent continues as if the node did not
+exist (BehaviorTree.CPP's SKIPPED; py_trees has no status of that name).
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class LeafBehaviour(Behaviour):
 
 
 class Branch(Composite):
-    """A node with several children; what still runs below it when it ends is interrupted."""
+    """A node with several children; at its end it interrupts children that still run."""
 
     path = ""
 

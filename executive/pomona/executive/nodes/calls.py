@@ -1,4 +1,4 @@
-"""Leaves that are called by a name of somebody else's: a skill, a subtree. The language looks them up."""
+"""Leaves that call a skill or a subtree by name. The language looks the name up."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ class NodeTypes(Mapping[str, NodeType]):
         """Add a type.
 
         Raises:
-            NodeTypeError: it leaves out something that a node type must say, or a word or element of it is taken.
+            NodeTypeError: it lacks a required attribute, or a word or element of it is taken.
         """
         missing = incomplete(cls)
         if missing:
@@ -161,16 +161,16 @@ class NodeTypes(Mapping[str, NodeType]):
 
 
 def incomplete(cls: object) -> str:
-    """What a class lacks to be a node type, as the end of a sentence; an empty text when it lacks nothing."""
+    """Describe why a class is no node type, as the end of a sentence; return an empty text if it is one."""
     if not (isinstance(cls, type) and issubclass(cls, NodeType)):
         return "is no NodeType"
     if inspect.isabstract(cls):
-        return "does not say " + ", ".join(sorted(cls.__abstractmethods__))
+        return "lacks " + ", ".join(sorted(cls.__abstractmethods__))
     lacking = [name for name in ("key", "symbol", "role", "value") if not hasattr(cls, name)]
     if not (cls.__dict__.get("__doc__") or "").strip():
-        lacking.append("in a docstring what it does")
+        lacking.append("a docstring")
     if lacking:
-        return "does not say " + ", ".join(lacking)
+        return "lacks " + ", ".join(lacking)
     if not (isinstance(cls.key, str) and NAME.fullmatch(cls.key)):
         return f"has the word {cls.key!r}: lower-case letters, digits and _"
     if not (isinstance(cls.symbol, str) and len(cls.symbol) == 1):
@@ -180,11 +180,11 @@ def incomplete(cls: object) -> str:
     if (cls.role == "modifier") != issubclass(cls, Modifier):
         return "is a modifier and no Modifier"
     if not (isinstance(cls.fields, Mapping) and all(isinstance(word, str) for word in cls.fields)):
-        return "has fields that are no mapping from words to what stands behind them"
+        return "has fields that are no mapping from words to a Field"
     slots = {cls.key: cls.value, **cls.fields}
     wrong = [word for word, taken in slots.items() if not isinstance(taken, Field) or not NAME.fullmatch(word)]
     if wrong:
-        return f"says nothing of what stands behind {', '.join(wrong)}"
+        return f"has no Field for {', '.join(wrong)}"
     try:
         cls()
     except Exception as error:  # a third party's class may raise anything

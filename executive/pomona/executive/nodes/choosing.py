@@ -23,7 +23,7 @@ from pomona.executive.reasons import NoValue, Reason, from_causes, path_of, reas
 
 
 class Choice(Branch):
-    """Ticks the child that is chosen, and ends as it does. Subclasses say which (`choose`)."""
+    """Ticks the chosen child and ends with its status. Subclasses choose (`choose`)."""
 
     def __init__(self, name: str, children: Sequence[Behaviour]) -> None:
         super().__init__(name, children)
@@ -88,7 +88,7 @@ class If(Choice):
         else:
             reason = reason_of(asked)
             self._last_failure.see(reason)
-            if reason.code == "BAD_VALUE":  # nobody knows whether it holds
+            if reason.code == "BAD_VALUE":  # the condition has no value
                 self._why = from_causes(self, (reason,))
                 self.stop(Status.FAILURE)
                 yield self
@@ -97,7 +97,7 @@ class If(Choice):
 
 
 class Switch(Choice):
-    """Runs the child whose word is the value; looks at the value in every tick.
+    """Runs the child whose word is the value; reads the value in every tick.
 
     Args:
         words: of the children in order; a child beyond them runs when no word fits.
@@ -196,7 +196,9 @@ class IfType(Composite):
         if not 2 <= len(children) <= 3:
             return element.refuse(f"has {len(children)} children")
         if self.reactive and not own and takes_time(children[0]):
-            return element.refuse("has a condition that takes time: what runs would go on unattended meanwhile")
+            return element.refuse(
+                "has a condition that takes time: the running branch would continue unattended meanwhile"
+            )
         asked: object = children[0]
         if list(children[0]) == ["check"]:
             asked = children[0]["check"]
@@ -207,7 +209,7 @@ class IfType(Composite):
 
 
 class ReactiveIfType(IfType):
-    """like `if`, but asks in every tick, and interrupts what runs when the answer changes"""
+    """like `if`, but evaluated in every tick; interrupts the running branch when the result changes"""
 
     key, symbol = "reactive_if", "⎇"
     xml_tags = ("WhileDoElse",)
@@ -215,7 +217,7 @@ class ReactiveIfType(IfType):
 
 
 class SwitchType(Composite):
-    """runs the node whose word the value is; looks at it in every tick; `default` when none fits, else it is skipped"""
+    """runs the node whose word is the value; reads it in every tick; `default` when none fits, else it is skipped"""
 
     key, symbol = "switch", "⎇"
     value = takes.Single(Port(object), "the value that chooses")

@@ -1,4 +1,4 @@
-"""What nodes look at: an expression that is true or false, and the values that it reads."""
+"""Conditions of nodes: an expression that is true or false, and the values that it reads."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pomona.executive.reasons import NoValue
 
 
 class Condition:
-    """An expression with the values that it reads, for the sentence that says why it is false."""
+    """An expression with the values that it reads, for the sentence that explains a false result."""
 
     def __init__(
         self, text: str, holds: Callable[[], bool], read: Mapping[str, Callable[[], object]] | None = None
@@ -16,7 +16,7 @@ class Condition:
         self.text, self.holds, self._read = text, holds, dict(read or {})
 
     def values(self) -> dict[str, object]:
-        """What the expression reads, as it is now."""
+        """Return the current values of the names in the expression."""
         found: dict[str, object] = {}
         for name, get in self._read.items():
             try:

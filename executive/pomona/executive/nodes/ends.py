@@ -1,4 +1,4 @@
-"""What is known of a node before the run: with which codes it can fail, and what is surely written when it ends."""
+"""Static results for a node: the codes with which it can fail, and the names that are certainly written at each end."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Names:
         return self.bits != _EVERY_BIT
 
     def when(self, before: Names) -> Names:
-        """These, if what leads here can be reached; else ALL."""
+        """Return these names if the place is reachable, else ALL."""
         return self if before.bits != _EVERY_BIT else ALL
 
     def plus(self, *names: str) -> Names:
@@ -104,12 +104,12 @@ ALL = Names(None)
 
 
 class Ends(NamedTuple):
-    """What is certainly written at a node's three ends."""
+    """Names that are certainly written at a node's three ends."""
 
     success: Names
     failure: Names = ALL
     skipped: Names = ALL
 
     def any(self) -> Names:
-        """What is certainly written however it ends."""
+        """Names that are certainly written at any end."""
         return self.success & self.failure & self.skipped

@@ -1,6 +1,6 @@
-"""What is surely true at a place in a tree: conditions that must have held on every way that leads there.
+"""Facts at a place in a tree: conditions that have held on every path to it.
 
-The language turns expressions into `Fact`s; node types say which of them hold where (`NodeType.truth`).
+The language turns expressions into `Fact`s; node types return those that hold after them (`NodeType.truth`).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pomona.executive.values.findings import Located
 
 Plain = bool | int | float | str
 MAX_CASES = 32
-"""Cases that are looked at; a condition with more is believed."""
+"""Maximum number of cases to analyse; a condition with more is assumed to be possible."""
 MAX_FACTS = 20
 """Facts about the same names that are looked at together; the newest stay."""
 
@@ -30,7 +30,7 @@ class Possible:
     without: frozenset[Plain] = frozenset()
 
     def and_also(self, other: Possible) -> Possible:
-        """What both allow."""
+        """Return the values that both allow."""
         low, high = max(self.low, other.low), min(self.high, other.high)
         above = any(p.above and p.low == low for p in (self, other))
         below = any(p.below and p.high == high for p in (self, other))
@@ -58,16 +58,16 @@ class Possible:
 
 
 Case = Mapping[str, Possible]
-"""What holds together, by what it is about."""
+"""Facts that hold together, by their subject."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """A condition as cases, of which one holds at least.
+    """A condition as cases; at least one of them holds.
 
     Attributes:
-        cases: without any it can never hold.
-        names: what it reads.
+        cases: if empty, it can never hold.
+        names: the names that it reads.
         lasts: whether it stays true until one of its names is written; a field of a value may change by itself.
         text, where: as it is written.
     """
@@ -81,7 +81,7 @@ class Fact:
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What is surely true at a place; `shared` names may change at any time."""
+    """Facts at a place; `shared` names may change at any time."""
 
     known: tuple[Fact, ...] = ()
     shared: frozenset[str] = frozenset()
@@ -93,7 +93,7 @@ class Facts:
         return Facts((*self.known, fact), self.shared)
 
     def without(self, names: Iterable[str], *, passing: bool) -> Facts:
-        """After these names were written; `passing` says whether time passes, too."""
+        """Return the facts after a write to these names; with `passing`, time passes, too."""
         if not self.known:
             return self
         gone = frozenset(names)
@@ -101,7 +101,7 @@ class Facts:
         return Facts(kept, self.shared)
 
     def sharing(self, names: Iterable[str]) -> Facts:
-        """While somebody else may write these names at any time."""
+        """Return the facts while other nodes may write these names at any time."""
         return Facts(self.without(names, passing=True).known, self.shared.union(names))
 
     def against(self, fact: Fact) -> Fact | None:

@@ -37,7 +37,7 @@ class ForEach(Wrapper):
         try:
             self._items = tuple(self._read())
         except TypeError as error:
-            raise NoValue(f"{self.name}: what for_each goes through is no list: {error}") from None
+            raise NoValue(f"{self.name}: the value of for_each is no list: {error}") from None
         self._count.index, self._count.of = 1, len(self._items)
         if not self._items:
             return Status.SUCCESS

@@ -1,4 +1,4 @@
-"""Force: one end, whatever happened."""
+"""Force: a fixed end."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pomona.executive.ports import Port
 
 
 class Force(Wrapper):
-    """Ends with one status whatever its child says."""
+    """Ends with a fixed status, independent of its child's."""
 
     def __init__(self, name: str, child: Behaviour, end: Literal["success", "failure"]) -> None:
         super().__init__(name, child)
@@ -33,7 +33,7 @@ class Force(Wrapper):
 
 
 class ForceType(Modifier):
-    """ends so, whatever happened"""
+    """ends with a fixed status"""
 
     key, symbol = "force", "!"
     value = takes.Value(Port(str, choices=("success", "failure")), known=True)

@@ -1,10 +1,10 @@
-"""What a word of the tree language is: one class that says everything about a composite, a modifier or a leaf.
+"""Base of the words of the tree language: one class defines a composite, a modifier or a leaf completely.
 
-The reader, the checker, the builder, the JSON Schema, drawings, Groot's XML and the documentation ask it; none of them
+The reader, the checker, the builder, the JSON Schema, drawings, Groot's XML and the documentation use it; none of them
 knows a word by its name. A package adds words of its own by entry point (group `pomona.nodes`, name → class):
 
     class Paced(Modifier):
-        \"\"\"starts its child at most so often\"\"\"
+        \"\"\"limits the rate at which its child starts\"\"\"
 
         key, symbol = "paced", "♩"
         value = takes.Value(Port(RATE, min="0.001 Hz"))
@@ -12,8 +12,8 @@ knows a word by its name. A package adds words of its own by entry point (group 
         def build(self, at: Building) -> Behaviour:
             return Pace(at.name, at.inside(), at.value("paced"), at.now)
 
-A `Modifier` ends as the node inside does and writes what that writes, unless it says otherwise (`outcome`, `flow`).
-Composites and leaves must say it.
+A `Modifier` has the ends and outputs of the node inside, unless it overrides `outcome` and `flow`. Composites and
+leaves must define both.
 """
 
 from __future__ import annotations
@@ -64,15 +64,15 @@ class TreeNode:
     """One node of a tree file with its modifiers.
 
     Attributes:
-        type: what it is.
+        type: its node type.
         key: its type as written.
-        value: what stands behind the type.
+        value: the value of the type's key.
         at: the whole mapping.
         children: nodes that belong to its type, in order.
-        leads: what stands before each child in a drawing.
+        leads: labels before each child in a drawing.
         parts: nodes that belong to a modifier, by the modifier's field: `on_failure`.
-        ports: of a skill, a subtree, `set` or `fail`: by port, the key and what is wired to it.
-        modifiers: all that stands beside the type but name and description, by name.
+        ports: of a skill, a subtree, `set` or `fail`: by port, the key and its wiring.
+        modifiers: the keys beside the type except name and description, by name.
         wrapping: its modifiers, from the inside to the outside.
         layers: its modifiers from the outside to the inside, then its type.
     """
@@ -102,12 +102,12 @@ class TreeNode:
 
     @property
     def kind(self) -> str:
-        """Its type's word: sequence, check …; `skill` or `subtree` for what is called by a name."""
+        """Its type's word: sequence, check …; `skill` or `subtree` for a call by name."""
         return self.type.key
 
     @property
     def label(self) -> str:
-        """What people call it."""
+        """Display name."""
         return self.name.text if self.name is not None else self.key.text
 
     @property
@@ -117,11 +117,11 @@ class TreeNode:
 
     @property
     def on_failure(self) -> TreeNode | None:
-        """What follows a failed try."""
+        """The steps after a failed try."""
         return self.parts.get("on_failure")
 
     def entry(self, layer: NodeType, slot: str) -> Entry | None:
-        """What is written for one of its layers, with the word before it: the layer's own word, or a field's."""
+        """Return the entry for one of its layers, with the word before it: the layer's own word, or a field's."""
         if layer is self.type and slot == layer.key:
             return self.key, self.value
         return self.modifiers.get(slot)
@@ -158,10 +158,10 @@ class Reading(Protocol):
 
 
 class Field(ABC):
-    """What may stand behind a word: its shape, its check, its JSON Schema. Concrete ones are in `takes`.
+    """The value of a word: its shape, its check, its JSON Schema. Concrete ones are in `takes`.
 
     Attributes:
-        help: one line for editors.
+        help: description in one line, for editors.
         required: whether a node of the type must have it.
         nodes: whether nodes stand in it.
         wires: whether ports stand in it.
@@ -178,7 +178,7 @@ class Field(ABC):
         return
 
     def declare(self, at: Checking, slot: str, stage: Stage) -> None:
-        """Say which names it writes; called for every field of a type, also for those that are not written."""
+        """Declare the names that it writes; called for every field of a type, also for absent ones."""
         return
 
     def check(self, at: Checking, slot: str, written: YamlNode) -> None:
@@ -196,18 +196,18 @@ class Field(ABC):
 
 
 class NodeType(ABC):
-    """A composite, a leaf or a modifier. The docstring's first line is what the documentation says of it.
+    """A composite, a leaf or a modifier. The docstring's first line is its description in the documentation.
 
     Attributes:
         key: its word in tree files.
         symbol: one character for drawings.
         role: where it may stand.
-        value: what stands behind its word.
+        value: the kind of its value.
         fields: words that may stand beside it.
         late: slots whose reads the type itself follows in `flow`, since they happen after its child has ended.
-        calls: whether the node is called by somebody else's name.
-        instant: whether it ends in the tick in which it starts and lets nobody else act.
-        named: whether the behaviour of a modifier says its word.
+        calls: whether the node is called by the name of a skill or a subtree.
+        instant: whether it ends in the tick in which it starts, without other nodes acting.
+        named: whether the behaviour of a modifier shows its word.
         ends: ends that a test should see: success, failure, skipped, not skipped.
         colour: in pictures.
         xml_value: attribute that carries its value in XML; empty when nodes stand there.
@@ -232,7 +232,7 @@ class NodeType(ABC):
 
     @property
     def summary(self) -> str:
-        """What it does, in one line."""
+        """Description in one line."""
         return (type(self).__doc__ or "").strip().split("\n")[0]
 
     @cached_property
@@ -254,12 +254,12 @@ class NodeType(ABC):
     # ---------------------------------------------------------------------------------------- before the run
 
     def declare(self, at: Checking, stage: Stage) -> None:
-        """Say which names it writes."""
+        """Declare the names that it writes."""
         for slot, taken in self.slots.items():
             taken.declare(at, slot, stage)
 
     def check(self, at: Checking) -> None:
-        """Check what is written, then everything inside."""
+        """Check the values, then everything inside."""
         for slot, taken in self.slots.items():
             written = at.written(slot)
             if written is not None and slot not in self.late:
@@ -268,7 +268,7 @@ class NodeType(ABC):
             at.child(index, self.around(at, index))
 
     def around(self, at: Checking, index: int) -> Around:
-        """What a child sees around it."""
+        """Return the names that a child finds around it."""
         return at.around
 
     @abstractmethod
@@ -277,10 +277,10 @@ class NodeType(ABC):
 
     @abstractmethod
     def flow(self, at: Flowing, before: Names) -> Ends:
-        """What is surely written at each of its ends, given what is surely written before it."""
+        """Return the names written at each of its ends, given those written before it."""
 
     def truth(self, at: Knowing, known: Facts) -> Facts:
-        """What is surely true when it has succeeded. By default its children may run in any order and again."""
+        """Return the facts after its success. By default its children may run in any order and repeatedly."""
         if at.node.children:
             inside = at.share(known)
             for index in range(len(at.node.children)):
@@ -299,12 +299,12 @@ class NodeType(ABC):
 
     @abstractmethod
     def build(self, at: Building) -> Behaviour:
-        """Its behaviour, with everything inside. A behaviour that fails should say why (`explain`)."""
+        """Return its behaviour, with everything inside. A behaviour should explain its failure (`explain`)."""
 
     # ---------------------------------------------------------------------------------------- Groot
 
     def to_xml(self, at: XmlOut) -> Any:
-        """Its element. By default one of ours, with every word as an attribute."""
+        """Return its element, by default one of Pomona with every word as an attribute."""
         return at.own(self.xml_attributes(at))
 
     def xml_attributes(self, at: XmlOut) -> dict[str, str]:
@@ -324,11 +324,11 @@ class NodeType(ABC):
         return self.xml_value if slot == self.key else self.xml_fields.get(slot, slot)
 
     def choices(self, node: TreeNode) -> tuple[str, ...]:
-        """The answers of a type that asks somebody; none for any other."""
+        """Return the answers of a type that asks the operator; none for any other."""
         return ()
 
     def from_xml(self, element: XmlIn) -> Words:
-        """Its words from an element: one of ours, or one of `xml_tags`."""
+        """Return its words from an element of Pomona, or from one of `xml_tags`."""
         words: Words = {}
         for slot, taken in self.fields.items():
             if not taken.nodes and (value := element.value(self.xml_name(slot))) not in ("", None):
@@ -390,7 +390,7 @@ class Modifier(NodeType):
         return at.inside(before)
 
     def truth(self, at: Knowing, known: Facts) -> Facts:
-        """By default it may start again what it wraps, and succeed without it."""
+        """Return the facts after its success; by default it may restart its child, and succeed without it."""
         for slot in at.node.parts:
             if slot in self.fields:
                 at.part(slot, at.forget(known))

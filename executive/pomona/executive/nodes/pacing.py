@@ -1,4 +1,4 @@
-"""Modifiers that say when a node starts: delay, rate, run_once."""
+"""Modifiers that control the start of a node: delay, rate, run_once."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from pomona.executive.reasons import NoValue
 
 
 class Late(Wrapper):
-    """Holds its child's start back until a moment on the run's clock. Subclasses say which (`due`)."""
+    """Delays its child's start until a moment on the run's clock. Subclasses choose the moment (`due`)."""
 
     def __init__(self, name: str, child: Behaviour, now: Callable[[], float]) -> None:
         super().__init__(name, child)
@@ -137,7 +137,7 @@ class DelayType(Modifier):
 
 
 class RateType(Modifier):
-    """after a success, the next start waits until so many starts a second are not exceeded"""
+    """limits the rate of starts: after a success, the next start waits until the rate allows it"""
 
     key, symbol = "rate", "♩"
     value = takes.Value(Port(RATE, min=0.001), "starts a second at most")

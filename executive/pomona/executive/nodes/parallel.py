@@ -21,13 +21,13 @@ MOST_CHOICES = 1_000
 
 
 class Parallel(Branch):
-    """Ticks its children in order, in each tick all that have not ended; ends with the first that decides it.
+    """Ticks its children in order, in each tick all that have not ended; ends with the first decisive child.
 
-    Children after the one that decides are not ticked any more, and what still runs is interrupted. A child that is
-    skipped is asked again in the next tick.
+    Children after the decisive one are not ticked any more, and running children are interrupted. A skipped child is
+    ticked again in the next tick.
 
     Args:
-        needed: indices of the children that must succeed, or be skipped; or how many of any must succeed.
+        needed: indices of the children that must succeed, or be skipped; or the number of children that must succeed.
     """
 
     def __init__(self, name: str, children: Sequence[Behaviour], needed: frozenset[int] | int) -> None:
@@ -100,7 +100,7 @@ class ParallelType(Composite):
 
     @staticmethod
     def one_device_each(at: Checking) -> None:
-        """Warn of devices that two children move: the second waits until the first lets go."""
+        """Warn of devices that two children move: the second waits until the first releases it."""
         users: dict[str, tuple[int, str]] = {}
         for index, child in enumerate(at.node.children):
             for device, label in at.devices(index).items():
@@ -123,7 +123,7 @@ class ParallelType(Composite):
         return Outcome(codes, succeeds, False, least)
 
     def flow(self, at: Flowing, before: Names) -> Ends:
-        """Children of a parallel start together: none may count on what another one writes."""
+        """Children of a parallel start together: no child may read the outputs of another one."""
         ends = [at.child(index, before) for index in range(len(at.node.children))]
         failure = before if any(end.failure.reachable for end in ends) else ALL
         chosen = self.chosen(at.node)

@@ -20,11 +20,11 @@ class RecoveryType(Composite):
 
     key, symbol = "recovery", "↺"
     value = takes.Children(
-        "what to do, and what to do between two tries",
+        "the action, and the recovery between two tries",
         leads=("", "on failure: "),
-        exactly="first what to do, then what to do when it failed",
+        exactly="first the action, then the recovery after its failure",
     )
-    fields: ClassVar[takes.Fields] = {"attempts": takes.count("tries of the first child, 2 unless it is said")}
+    fields: ClassVar[takes.Fields] = {"attempts": takes.count("tries of the first child, by default 2")}
     xml_tags = ("RecoveryNode",)
 
     def around(self, at: Checking, index: int) -> Around:

@@ -19,7 +19,7 @@ from pomona.executive.values.yaml_nodes import YamlScalar
 
 
 class Repeat(Wrapper):
-    """Runs its child until it has succeeded so many times; a failure ends it. None repeats for ever."""
+    """Runs its child until a number of successes; a failure ends it. Without a number it repeats for ever."""
 
     def __init__(
         self, name: str, child: Behaviour, rounds: Callable[[], int | None], count: RepeatCount | None = None

@@ -148,7 +148,7 @@ class Retry(Branch):
 
 
 class RetryType(Modifier):
-    """so many tries in all"""
+    """limits the number of tries"""
 
     key, symbol = "retry", "↻"
     value = takes.count("number of tries")
@@ -173,7 +173,7 @@ class RetryType(Modifier):
         super().check(at)
 
     def after(self, at: Checking) -> Around:
-        """What `retry_if` and `on_failure` see around them."""
+        """Return the names that `retry_if` and `on_failure` find around them."""
         return replace(self.around(at, 0), failure=at.outcomes.inside().codes, failed=at.node.label)
 
     def around(self, at: Checking, index: int) -> Around:

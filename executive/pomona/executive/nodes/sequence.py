@@ -115,7 +115,7 @@ class SequenceType(Composite):
 
 
 class ReactiveSequenceType(SequenceType):
-    """begins again with the first in every tick; interrupts what runs when an earlier one fails"""
+    """begins again with the first in every tick; interrupts the running child when an earlier one fails"""
 
     key, symbol = "reactive_sequence", "⇉"
     value = takes.Children("begins again with the first in every tick")

@@ -35,7 +35,7 @@ class Slower(Wrapper):
 
 
 class SpeedType(Modifier):
-    """what moves the arm in it goes at this share of the speed, at 10 % to 100 %; one in another multiply"""
+    """moves the arm inside at a ratio of its speed, from 10 % to 100 %; nested speeds multiply"""
 
     key, symbol = "speed", "»"
     value = takes.Value(SHARE, "share of the speed that the skills command")

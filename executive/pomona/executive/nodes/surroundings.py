@@ -1,4 +1,4 @@
-"""What the names `failure`, `retry`, `repeat` and `for_each` mean in an expression."""
+"""Meaning of the names `failure`, `retry`, `repeat` and `for_each` in an expression."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pomona.executive.reasons import Reason
 
 @dataclass(frozen=True, slots=True)
 class Around:
-    """What surrounds a node in the file.
+    """The context of a node in the file.
 
     Attributes:
         counters: which of `retry`, `repeat` and `for_each` count here.
@@ -69,4 +69,4 @@ class ForEachCount:
 
 
 COUNTERS: Mapping[str, type[Any]] = {"retry": RetryCount, "repeat": RepeatCount, "for_each": ForEachCount}
-"""What counts, by the name in expressions."""
+"""Types of the counters, by the name in expressions."""

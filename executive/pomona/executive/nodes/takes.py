@@ -1,4 +1,4 @@
-"""What may stand behind a word of the language: values, conditions, nodes, wires."""
+"""Values that a word of the language can have: values, conditions, nodes, wires."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class Elements(Field):
 
 
 class NewName(Field):
-    """A name that the node writes, with an element of what stands in another slot."""
+    """A name that the node writes, with an element of another slot's value."""
 
     def __init__(self, of: str, default: str, help: str = "") -> None:
         super().__init__(help)
@@ -145,7 +145,7 @@ class Words(Field):
 
 
 class Children(Field):
-    """A list of nodes; `exactly` and `leads` say how many, and what each is for."""
+    """A list of nodes; `exactly` limits the number, and `leads` names the role of each."""
 
     nodes = True
 
@@ -269,7 +269,7 @@ class Wires(Field):
 
 
 class Ports(Field):
-    """Wires to the ports of what is called; the language looks them up."""
+    """Wires to the ports of a called skill or subtree; the language looks them up."""
 
     wires = True
 

@@ -1,4 +1,4 @@
-"""A placeholder for an element of other people's XML that no word of the language means."""
+"""A placeholder for a foreign XML element without an equivalent word in the language."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class UntranslatedType(Composite):
     """stands where `pomona import` found nothing that means the same; `pomona check` refuses it"""
 
     key, symbol, colour = "untranslated", "✂", "#a4262c"
-    value = PerhapsChildren("what stood in the element")
+    value = PerhapsChildren("the contents of the element")
     fields: ClassVar[takes.Fields] = {
         "element": takes.Value(Port(str), "the element's name", known=True, required=True),
         "attributes": Attributes("the element's attributes"),
@@ -53,7 +53,7 @@ class UntranslatedType(Composite):
 
     def check(self, at: Checking) -> None:
         message = f"<{self.element(at.node)}> was imported without a translation"
-        at.findings.error(at.node.key, "untranslated", message, "say with other nodes what it did")
+        at.findings.error(at.node.key, "untranslated", message, "write its function with other nodes")
         for index in range(len(at.node.children)):
             at.child(index, at.around)
 

@@ -49,7 +49,7 @@ class DisabledType(Modifier):
 
 
 class BreakpointType(Modifier):
-    """pauses the run `before` the node starts or `after` it has ended, when somebody is there to go on"""
+    """pauses the run `before` the node starts or `after` it has ended, if an operator can resume it"""
 
     key, symbol = "breakpoint", "◉"
     value = takes.Value(Port(str, choices=("before", "after")), known=True)

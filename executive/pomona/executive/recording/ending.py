@@ -90,7 +90,7 @@ def _why(record: Path, size: int | None) -> str:
         return "the process was killed or lost its power, or the file was cut"
     match found.get("state"):
         case "failed":
-            return f"it could not be written: {str(found.get('why', 'nobody knows why'))[:200]}"
+            return f"it could not be written: {str(found.get('why', 'the reason is unknown'))[:200]}"
         case "closed":
             return f"it was whole once, with {found.get('bytes')} bytes, and the file was cut afterwards"
         case "writing" if found.get("boot") == _boot():

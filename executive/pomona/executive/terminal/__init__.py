@@ -1,1 +1,1 @@
-"""What a person sees in the terminal: the live tree, and what happened at the end."""
+"""Output in the terminal: the live tree, and the summary at the end."""

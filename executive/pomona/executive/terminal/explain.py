@@ -1,4 +1,4 @@
-"""What happened in a run and why, in a few plain sentences."""
+"""Explanation of a run in a few plain sentences: the events and their causes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from pomona.executive.values.failure_codes import failure_codes
 
 ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
 BLOCKED = 0.5
-"""Seconds from which a tick that waited is told."""
+"""Wait within a tick from which it is reported [s]."""
 
 
 def did_not_work(overrun: TickOverran) -> bool:
@@ -41,7 +41,7 @@ def did_not_work(overrun: TickOverran) -> bool:
 
 
 MOST_ATTEMPTS = 4
-"""Attempts that are told one by one; of more, the first and the last are."""
+"""Maximum number of attempts to list; of more, the first and the last are listed."""
 
 
 def explain(
@@ -51,7 +51,7 @@ def explain(
     *,
     whole: bool = True,
 ) -> list[str]:
-    """Return paragraphs for an operator: what happened, why, and what to try.
+    """Return paragraphs for an operator: the events, their causes, and a remedy.
 
     Args:
         events: of the run, from its start.
@@ -118,15 +118,15 @@ class _Story:
         self.moments.append((t, f"At {t:.1f} s {_sentence(text)}"))
 
     def _note_hand(self) -> None:
-        """Note a change of what the fingers feel, once a skill has ended: what changes while it grips is its own."""
+        """Note a change of contact at the fingers after a skill's end; a gripping skill reports its own changes."""
         if self.hand != self.hand_told:
-            self._note(self.hand_t, f"the fingers felt: {self.hand or 'nothing any more'}")
+            self._note(self.hand_t, f"finger contact changed: {self.hand or 'no contact'}")
             self.hand_told = self.hand
 
     # ------------------------------------------------------------------------------------------ paragraphs
 
     def briefly(self, going_on: bool, why_cut: str) -> Iterator[str]:
-        """What happened, why, and what to try."""
+        """Yield the events, their causes, and a remedy."""
         started, ended = self.summary.started, self.summary.ended
         if started is None:
             yield f"The record holds no beginning of a run: {why_cut}."
@@ -136,7 +136,7 @@ class _Story:
         yield self._why(reason) if reason is not None else self._on_the_way()
         code = "EXCEPTION" if self.errors else _last_leaf(reason).code if reason is not None else ""
         known = failure_codes().get(code)
-        yield f"What to try: {_sentence(known.remedy)}" if known is not None else ""
+        yield f"Remedy: {_sentence(known.remedy)}" if known is not None else ""
 
     def rest(self) -> Iterator[str]:
         """All that was recorded beyond that."""
@@ -191,7 +191,7 @@ class _Story:
         return f"The reason, at {t:.1f} s{doing}: {failed}: {_sentence(leaf.message + at_place(leaf))}"
 
     def _figures(self, reason: Reason) -> str:
-        """The figures of a failure, and what failed with it."""
+        """Return the figures of a failure and of its consequences."""
         leaf = _last_leaf(reason)
         chain = list(dict.fromkeys(self._name(step.node_path) for step in _last_chain(reason)))
         with_it = f"With it failed {', then '.join(reversed(chain[:-1]))}." if len(chain) > 2 else ""
@@ -222,7 +222,7 @@ class _Story:
                 yield t, f"{which}: {self._name(leaf.node_path)} failed with {leaf.code}: {_sentence(leaf.message)}"
 
     def _failed_attempts(self) -> list[tuple[AttemptEnded, str]]:
-        """Attempts that failed, without those around them that failed with them; each with what it is within."""
+        """Return the failed attempts, each with its outer one, without outer attempts that failed only by them."""
         failed: list[tuple[AttemptEnded, str]] = []
         for attempt, within in zip(self.summary.attempts, self.summary.within(), strict=True):
             before = failed[-1][0] if failed else None
@@ -300,7 +300,7 @@ def _leaf(attempt: AttemptEnded) -> Reason | None:
 
 
 def _kind(leaf: Reason) -> tuple[str, str, str]:
-    """What a failure is, whatever its figures."""
+    """Return the kind of a failure, without its figures."""
     return leaf.node_path, leaf.code, re.sub(r"[\d.]+", "#", leaf.message)
 
 
@@ -352,7 +352,7 @@ def _and(words: list[str]) -> str:
 
 
 def explain_parting(before: Path, now: Path) -> list[str]:
-    """Where the events of two runs part, for people."""
+    """Describe the first difference between the events of two runs."""
     count, difference = first_difference(before, now)
     if difference is None:
         return [f"both runs consist of the same {count} events"]
@@ -360,7 +360,7 @@ def explain_parting(before: Path, now: Path) -> list[str]:
 
 
 def describe(difference: Difference, before: str, now: str) -> list[str]:
-    """A difference as lines; `before` and `now` are what the two runs are called."""
+    """Describe a difference as lines; `before` and `now` are the names of the two runs."""
     where = f", {difference.where}" if difference.where else ""
     width = max(len(before), len(now))
     return [

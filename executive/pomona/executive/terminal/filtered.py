@@ -1,11 +1,11 @@
-"""Everything that is written to a terminal passes here, so that no tree, record or name can do anything but be read.
+"""Filter for everything written to a terminal: no tree, record or name can control the terminal.
 
 Escape sequences set a window's title, clear the screen, move the cursor or write to the clipboard; right-to-left and
-invisible marks make a name look like another one. Each such character is shown as what it is: ESC as ␛, a right-to-left
-override as <U+202E>. Line breaks and tabs stay.
+invisible marks make a name look like another one. The filter makes each such character visible: ESC as ␛, a
+right-to-left override as <U+202E>. Line breaks and tabs stay.
 
-`filtered_output` stands around a whole command: whatever writes to stdout or stderr is filtered. A `Screen` (screen.py)
-colours what it writes, and filters what it is given before it does.
+`filtered_output` filters stdout and stderr of a whole command. A `Screen` (screen.py) filters its input before it adds
+colours.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def visible(text: str) -> str:
 
 
 def json_text(value: Any, indent: int | None = None) -> str:
-    """JSON in which such characters are escaped, so that it says the same in a terminal and to a program."""
+    """Return JSON with such characters escaped, so that a terminal and a program read the same text."""
     return HARMFUL.sub(_escaped, json.dumps(value, ensure_ascii=False, indent=indent))
 
 
@@ -51,7 +51,7 @@ def _escaped(found: re.Match[str]) -> str:
 
 
 class Filtered:
-    """A stream that filters. It is no terminal: what colours its output by itself would have its codes shown."""
+    """A stream that filters. It is no terminal, since the colour codes of a library would become visible."""
 
     def __init__(self, unfiltered: TextIO) -> None:
         self.unfiltered = unfiltered

@@ -30,7 +30,7 @@ from pomona.executive.terminal.words import ICONS, STYLES, say, seconds
 REFRESH = 0.08
 """Seconds between two drawings."""
 PATIENCE = 5.0
-"""Seconds of preparing after which it is told also where nothing can be drawn anew."""
+"""Preparation time after which a message is printed even where the display cannot be redrawn [s]."""
 
 
 class LiveTree:
@@ -90,7 +90,7 @@ class LiveTree:
         return self._cell_kind != "simulated" or not did_not_work(late)
 
     def starting(self) -> Starting:
-        """A start whose stages are shown until the run begins: to prepare takes up to a minute."""
+        """Return a start whose stages are shown until the run begins: preparation takes up to a minute."""
         starting = Starting(lambda: self._prepare(starting.stage))
         self._drawn = time.monotonic()
         return starting
@@ -133,7 +133,7 @@ class LiveTree:
         return text
 
     def _lines(self) -> tuple[list[Text], int]:
-        """A line for each node, and which one is looked at: the last leaf that runs, else what changed last."""
+        """Return a line for each node, and the index of the one in focus: the last running leaf, or the last change."""
         lines: list[Text] = []
         depth: dict[str | None, int] = {}
         running, changed, newest = None, 0, -1
@@ -165,12 +165,12 @@ class LiveTree:
 
 
 def _in_one_line(text: str) -> str:
-    """A line for each node, whatever its name or feedback holds: else the running one would be pushed out of sight."""
+    """Join a text into one line, so that a long name or feedback does not push the running node out of sight."""
     return visible(" ".join(text.split()))
 
 
 def _window(lines: Sequence[Text], here: int, room: int) -> list[Text]:
-    """So many of the lines, with `here` among them; how many are left out stands where they would."""
+    """Return as many lines as fit, with `here` among them; markers show the number of omitted lines."""
     if len(lines) <= room:
         return list(lines)
     inside = room - 2

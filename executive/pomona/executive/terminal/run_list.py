@@ -23,7 +23,7 @@ MARKS = {
 }  # fmt: skip
 """By outcome, or by state for a run without one."""
 
-UNCHECKED = "This record was written without checksums: nobody can tell whether it is still as it was written."
+UNCHECKED = "This record was written without checksums: later changes cannot be detected."
 
 
 def wide_console() -> Screen:
@@ -33,12 +33,12 @@ def wide_console() -> Screen:
 
 
 def print_list(console: Screen, runs: Sequence[Digest], of: int, total: int) -> None:
-    """The list, newest first, with a line that sums it up.
+    """Print the list, newest first, with a summary line.
 
     Args:
-        console: where to.
-        runs: what is shown.
-        of: how many runs there are with what is not shown.
+        console: the output.
+        runs: the runs to show.
+        of: the number of all runs, shown or not.
         total: bytes of all.
     """
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
@@ -114,11 +114,11 @@ def when(wall_time: float) -> str:
 
 
 def print_comparison(console: Screen, runs: Sequence[Digest], skills: Sequence[Mapping[str, float]]) -> None:
-    """Runs beside each other: one column each, one row for everything that at least one of them says.
+    """Print runs beside each other: one column each, one row for every value that at least one of them has.
 
     Args:
-        console: where to.
-        runs: what is compared.
+        console: the output.
+        runs: the runs to compare.
         skills: of each run, seconds by skill.
     """
     table = Table(box=None, padding=(0, 3, 0, 0), header_style="bold")
@@ -129,7 +129,7 @@ def print_comparison(console: Screen, runs: Sequence[Digest], skills: Sequence[M
         same = len(set(values)) == 1
         table.add_row(Text(name, "dim"), *(Text(value, "dim" if same else "") for value in values))
     console.print(table)
-    console.print("what all runs share is dim", style="dim")
+    console.print("values equal in all runs are dimmed", style="dim")
 
 
 def _comparison(runs: Sequence[Digest], skills: Sequence[Mapping[str, float]]) -> dict[str, list[str]]:
@@ -167,7 +167,7 @@ def _comparison(runs: Sequence[Digest], skills: Sequence[Mapping[str, float]]) -
 
 
 def _figure(value: Any) -> str | None:
-    """A number of the world's score; what is no single number is left out."""
+    """Return a number of the world's score as text, or None for a value that is no single number."""
     if isinstance(value, bool) or value is None:
         return None if value is None else ("yes" if value else "no")
     if isinstance(value, (int, float)):

@@ -20,7 +20,7 @@ from pomona.executive.terminal.summary import Summary
 
 
 def print_sheet(console: Screen, record: Path, run: Digest, summary: Summary) -> None:
-    """What it was, how it went, and what its record holds."""
+    """Print the run's settings, its result, and the contents of its record."""
     if summary.started is not None and summary.ended is not None:
         summary.print(console, None, whole=True)
     else:

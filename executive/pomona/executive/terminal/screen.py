@@ -17,9 +17,9 @@ from pomona.executive.terminal.filtered import HARMFUL, Filtered, visible
 
 
 class Screen(Console):
-    """Rich's console, on the terminal itself, with everything filtered that it is given to show.
+    """Rich's console on the terminal, with a filter for everything that it shows.
 
-    Texts are no markup unless a call says so: `[red]` in a name is `[red]`.
+    Texts are no markup unless a call enables it: `[red]` in a name is `[red]`.
     """
 
     def __init__(self, *, stderr: bool = False, quiet: bool = False, width: int | None = None) -> None:
@@ -47,11 +47,11 @@ class Screen(Console):
         self._file = new_file
 
     def on_broken_pipe(self) -> NoReturn:
-        """Nobody reads any more: BrokenPipeError. Rich's own leaves the process, and a run must end first."""
-        raise BrokenPipeError(errno.EPIPE, "Broken pipe: nobody reads the output any more")
+        """Raise BrokenPipeError when the reader has closed the pipe. Rich's method exits, but a run must end first."""
+        raise BrokenPipeError(errno.EPIPE, "Broken pipe: the reader of the output has closed it")
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
-        """As rich's, with what could act on a terminal made visible."""
+        """Render as rich does, with terminal control characters made visible."""
         for segment in super().render(renderable, options):
             text, style, control = segment
             if control is None and (HARMFUL.search(text) or (style is not None and style.link)):

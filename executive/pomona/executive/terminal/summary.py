@@ -1,4 +1,4 @@
-"""What happened, at the end of a run: the same words for a live run and a recorded one."""
+"""Summary at the end of a run, equal for a live run and a recorded one."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from pomona.executive.views import TableView
 
 
 class Summary:
-    """Gathers from the events what a person wants to know afterwards."""
+    """Gathers the figures of the summary from the events."""
 
     def __init__(self) -> None:
         self.started: RunStarted | None = None
@@ -67,7 +67,7 @@ class Summary:
             self.ended = event
 
     def within(self) -> list[str]:
-        """Of each attempt, in which attempt around it: `outer 2 of 3`; empty for the outermost and what never ended."""
+        """Return each attempt's outer attempt, `outer 2 of 3`; empty for the outermost and for unfinished ones."""
         trying, ended, found = {attempt.path for attempt in self.attempts}, dict[str, AttemptEnded](), []
         for attempt in self.attempts:
             around = self._parents.get(attempt.path)
@@ -134,7 +134,7 @@ class Summary:
             _row(console, name, sentence)
         for attempt, within in zip(self.attempts, self.within(), strict=True):
             if attempt.succeeded and attempt.number == 1:
-                continue  # it worked at once: there is nothing to tell
+                continue  # success at the first try: nothing to report
             mark = ("✓ ", "green") if attempt.succeeded else ("✗ ", "red")
             which = f"{attempt.number} of {attempt.of}" + (f" in {within}" if within else "")
             _row(
@@ -211,7 +211,7 @@ def _reason_json(reason: Reason | None) -> dict[str, Any] | None:
 
 
 def _of_interest(truth: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    """What a world's score says, without poses and what is empty."""
+    """Return the entries of a world's score without poses and empty ones."""
     return [(n, v) for n, v in truth.items() if v is not None and v != [] and not n.startswith("T_")]
 
 

@@ -40,13 +40,13 @@ def at_place(reason: Reason) -> str:
 
 UNITS = {"mm": "mm", "m": "m", "n": "N", "nm": "N·m", "kg": "kg", "deg": "°", "rad": "rad", "s": "s"}
 RESOLUTION = {"mm": 1e-3, "m": 1e-5, "n": 1e-3, "nm": 1e-5, "kg": 1e-4, "deg": 1e-2, "rad": 1e-4, "s": 1e-3}
-"""What is smaller is nothing: no device and no simulation of ours measures finer. In the unit itself."""
+"""Resolution below which a value counts as 0, in the unit itself: no supported device or simulation measures finer."""
 
 
 def figure(name: str, value: Any) -> str:
     """slip_mm, 0.1392 -> 'slip 0.1392 mm'; height_gained_m, -7.4e-08 -> 'height gained 0 m'; lifted -> 'lifted: yes'.
 
-    What is smaller than any device or simulation of ours measures is 0.
+    A value below the resolution of every supported device and simulation is shown as 0.
     """
     from pomona.executive.encode import plain  # with numpy, which a list of runs does not need
 
