@@ -1,4 +1,4 @@
-"""What the nodes of one run tell each other: stamped values, one board per run, touched by the tick thread only."""
+"""Blackboard of one run: stamped values, exchanged between nodes, accessed by the tick thread only."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from pomona.executive.running.signals import WORDS, raising, signalled, status_o
 PATIENCE = 2.0
 """Seconds that threads and processes may go on when the work is done."""
 REPORTED = ("run", "rerun")
-"""Commands whose status 0 says that a task succeeded: a process of their own reports it."""
+"""Commands whose status 0 means that a task succeeded: a process of their own reports it."""
 INTERRUPTED = 128
 """A signal ends the process with a status above this."""
 
@@ -87,7 +87,7 @@ def _run_filtered(words: Sequence[str]) -> int:
     try:
         parser = make_parser([_command(words)])
         options, unknown = parser.parse_known_args(words)
-        if unknown:  # the command's own usage says what it knows
+        if unknown:  # the command's own usage lists its options
             own = next((child for name, _, child in children(parser) if name == _command(words)), parser)
             own.error(f"unrecognized arguments: {' '.join(unknown)}")
         status: int = options.main(options)
@@ -96,7 +96,7 @@ def _run_filtered(words: Sequence[str]) -> int:
         return 2
     except BrokenPipeError:  # `pomona … | head`
         return 1
-    except OSError as error:  # a folder that is not there, a disk that is full: which file, and what is wrong with it
+    except OSError as error:  # for example a missing folder or a full disk: the file and the reason
         if error.filename is None:
             raise
         _print_error(f"{error.filename}: {error.strerror}")
@@ -117,7 +117,7 @@ def _leave_quietly() -> None:
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
-        except (OSError, ValueError):  # what is left has no reader
+        except (OSError, ValueError):  # the remaining output has no reader
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
@@ -134,7 +134,8 @@ def _children() -> list[Any]:
 
 
 def _end_without(left: list[str], status: int) -> None:
-    """Record and cell are closed: what a skill or a library has left behind gets a moment, and then the process ends.
+    """End the process after a moment for threads and processes that a skill or a library left; record and cell are
+    closed.
 
     Threads of a pool that only wait for work end by themselves in this time.
     """
@@ -149,7 +150,7 @@ def _end_without(left: list[str], status: int) -> None:
             with contextlib.suppress(OSError):
                 if still:
                     _print_error(f"still running after the end, and ended with the process: {', '.join(still)}")
-            for child in _children():  # Python waits for them no longer then: it has been said before
+            for child in _children():  # Python then does not wait for them; they have been reported before
                 child.kill()
             os._exit(status)
 

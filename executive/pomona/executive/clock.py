@@ -11,7 +11,7 @@ class Clock(Protocol):
 
     @property
     def simulated(self) -> bool:
-        """True when time is a simulated world's: it stands still unless somebody advances it."""
+        """True for the time of a simulated world: it advances only on request."""
         ...
 
     def now(self) -> float:
@@ -28,7 +28,7 @@ _GOES_ON: int | None = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC) if 
 
 
 class SystemClock:
-    """The system's monotonic clock, which goes on while the computer sleeps: what was measured before is old then."""
+    """The system's monotonic clock; it includes the sleep of the computer, so measurements from before are old."""
 
     simulated = False
 

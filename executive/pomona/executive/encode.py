@@ -22,7 +22,7 @@ LARGE = 256
 """Arrays with more elements are described by shape and type, unless they are asked for."""
 
 _ADDRESS = re.compile(r" at 0x[0-9a-f]+")
-"""Where an object lies in memory says nothing, and would make two equal runs look different."""
+"""Address of an object in memory: without meaning, and different between two equal runs."""
 
 
 _ENCODABLE = frozenset(np.dtype(name) for name in ("float64", "int64", "int32", "uint8", "bool"))
@@ -30,7 +30,7 @@ _ENCODABLE = frozenset(np.dtype(name) for name in ("float64", "int64", "int32", 
 
 
 _AS_THEY_ARE = frozenset((str, int, bool, type(None)))
-"""Most of what there is, found without asking for base classes."""
+"""The most frequent types, recognized without a search of base classes."""
 
 
 @cache
@@ -45,12 +45,12 @@ def field_names(kind: Any) -> tuple[str, ...]:
 
 
 def plain(value: Any, *, arrays: int = LARGE, depth: int = 12, keep: bool = False) -> Any:
-    """A JSON value that says the same.
+    """Convert a value to an equivalent JSON value.
 
     Dataclasses become objects with their class in `type`; arrays up to `arrays` elements become lists, larger ones
-    `{"array": "float64 480×640"}`; NaN and infinities become null; what is unknown becomes its text; what lies `depth`
-    deep becomes "…", but reasons keep their causes. With `keep`, arrays of numbers that would become lists are left as
-    they are, for `encoded`.
+    `{"array": "float64 480×640"}`; NaN and infinities become null; values of unknown types become their text; values at
+    nesting level `depth` become "…", but reasons keep their causes. With `keep`, arrays of numbers that would become
+    lists are left as they are, for `encoded`.
     """
     kind: Any = type(value)
     if kind in _AS_THEY_ARE or isinstance(value, (str, int)):
@@ -98,7 +98,7 @@ def _reason(reason: Reason, arrays: int, keep: bool) -> dict[str, Any]:
 
 
 def encoded(message: Any) -> bytes:
-    """Compact JSON of what `plain` gives with `keep`: compiled, since a record must not cost the run anything."""
+    """Encode the result of `plain` with `keep` as compact JSON; compiled, to keep the record's cost low."""
     try:
         return orjson.dumps(message, option=orjson.OPT_SERIALIZE_NUMPY, default=_listed)
     except TypeError:  # a whole number of more than 64 bits, or half of a character

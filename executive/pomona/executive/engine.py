@@ -19,7 +19,7 @@ from pomona.executive.errors import PomonaError, UsageError
 
 GROUP = "pomona.engines"
 TRIES = 2
-"""An order whose process dies is given to another one; when that dies too, the order is given up."""
+"""Number of processes that try an order; an order whose processes all die is given up."""
 
 RENEWED_AFTER = 40
 """Orders after which a worker gives way to a fresh one: simulators and renderers leave some 25 MB behind each run."""
@@ -72,12 +72,12 @@ def open_engine(name: str, workers: int | None = None, address: str | None = Non
     """Start an engine; leaving the context ends its processes.
 
     Args:
-        name: local, ray, or what another package adds.
+        name: local, ray, or an engine of another package.
         workers: processes; None for one per core.
         address: of a cluster; None for this machine.
 
     Raises:
-        UsageError: there is none of that name, or what it needs is not installed or not reached.
+        UsageError: there is none of that name, or a requirement of it is not installed or not reachable.
     """
     known = {entry.name: entry for entry in entry_points(group=GROUP)}
     if name not in known:

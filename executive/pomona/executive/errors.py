@@ -1,7 +1,7 @@
-"""What can go wrong in the executive.
+"""Errors of the executive.
 
 PomonaError
-├── UsageError          unusable input: a message for the person, exit status 2
+├── UsageError          unusable input: a message for the user, exit status 2
 │   └── TreeFileError   findings in a tree file, each with line and column
 └── SkillError          a skill broke its own contract: a bug in the skill, ends the run in the safe state
     └── NotOwnerError   a skill commanded a device that it does not own; the device was not called

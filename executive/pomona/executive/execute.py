@@ -67,7 +67,7 @@ PERIOD = 0.02
 
 @dataclass(frozen=True, slots=True)
 class RunOrder:
-    """What to run.
+    """The settings of a run.
 
     Attributes:
         tree, cell: files.
@@ -77,13 +77,13 @@ class RunOrder:
         record: folder of records, or None for no record.
         past: folder of records in which the last run on this cell is looked for; None: `record`.
         dry: replace every skill by a mock and the cell by an empty one.
-        mocks: a file that says how the mocks behave; without one they all succeed at once.
+        mocks: file with the behaviour of the mocks; without one they all succeed at once.
         texts: contents of files, by path, to use instead of those on the disk.
         recover: if the last run on this cell was cut off, run the installed tree `recover` first.
-        cleared: somebody has checked the cell since then.
+        cleared: an operator has checked the cell since then.
         attended: an operator is there to answer questions and to resume after breakpoints.
         breaks: breakpoints to set at the start: a node's name, type or path, and its side.
-        speed: share of what is commanded at which the arm goes at first, 0.1 to 1.
+        speed: initial ratio of the arm's speed to the commanded one, 0.1 to 1.
         speeds: changes of that in another run, to repeat at their moments.
     """
 
@@ -121,7 +121,7 @@ class Executed:
         result: the run's.
         summary: of its events.
         record: folder of its record.
-        problem: what is wrong with the record, if anything.
+        problem: the problem with the record, if any.
         signal: number of the signal that asked it to end, if any.
     """
 
@@ -144,13 +144,13 @@ def execute(
     """Run an order to its end, in this thread.
 
     Args:
-        order: what to run.
+        order: the settings of the run.
         listeners: get every event.
         on_ready: gets the runner before it starts: to pause, stop or step it from another thread.
         on_latched: gets the runner after a run that ended in the safe state, while the cell is still connected.
         starting: gets the progress of the preparation and can cancel it; once the cell is connected, that is a run
             stopped before its first tick.
-        readers: get what the cell's devices measure, ten times a second.
+        readers: get the measurements of the cell's devices, ten times a second.
 
     Raises:
         UsageError: the tree, a setting or the cell cannot be used; nothing has moved.
@@ -165,8 +165,8 @@ def execute(
         return _run_dry(order, followers)
     ready = _read(order, starting)
     if ready.cell.record_required and order.record is None:
-        raise UsageError(f"{ready.cell.name}: its file says `record: required`, but this run would not be recorded")
-    # No other run may start between the check of what the last one left and this one.
+        raise UsageError(f"{ready.cell.name}: its file has `record: required`, but this run would not be recorded")
+    # No other run may start between the check of the last run's end and the start of this one.
     with alone_on(order.cell, ready.cell.kind, ready.cell.wires()):
         if order.tree.resolve() != _recovery():
             _after_cut(order, followers)
@@ -189,7 +189,7 @@ def give_back_memory() -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Followers:
-    """Who is told about a run; see `execute`."""
+    """Listeners of a run; see `execute`."""
 
     listeners: Sequence[Listener]
     readers: Sequence[Reader]
@@ -200,7 +200,7 @@ class _Followers:
 
 @dataclass(frozen=True, slots=True)
 class _Ready:
-    """An order whose files were read and passed the check."""
+    """An order with files that have been read and have passed the check."""
 
     order: RunOrder
     registry: Registry
@@ -252,7 +252,7 @@ def _run_on_cell(ready: _Ready, followers: _Followers) -> Executed:
         stack.callback(supervision.close)  # last of all: until the cell is closed, something could still move
         stack.callback(cell.close)
         stack.callback(leave_if_forked)
-        stack.callback(signals.wait)  # whatever ends the run, closing the cell is not interrupted
+        stack.callback(signals.wait)  # after any end of the run, closing the cell is not interrupted
         _refuse_full_hand(order, cell)
         work = _Work(
             order, ready.registry, ready.document, ready.settings, cell, None, signals, supervision, file.files
@@ -265,16 +265,16 @@ def _recovery() -> Path:
 
 
 WHAT_TO_DO = (
-    "`--recover` first moves the arm home slowly; with `--set release=true` it puts down what it holds before that. "
-    "`--cleared` says that somebody has checked the cell. On the page, choose either where the run is started."
+    "`--recover` first moves the arm home slowly; with `--set release=true` it first puts down a held fruit. "
+    "`--cleared` confirms that an operator has checked the cell. On the page, choose either where the run is started."
 )
 
 
 def _refuse_full_hand(order: RunOrder, cell: Cell) -> None:
-    """A tree that picks starts with empty fingers, however the last run ended and whatever its record says.
+    """Refuse a picking tree with something between the fingers, independent of the last run's end and record.
 
     Raises:
-        UsageError: something is felt between them, and the order does not say `cleared`.
+        UsageError: the fingers measure a contact, and the order is not `cleared`.
     """
     hand = "" if order.cleared or order.tree.resolve() == _recovery() else cell.in_hand()
     if hand:
@@ -293,7 +293,7 @@ def _after_cut(order: RunOrder, followers: _Followers) -> None:
     cut = unfinished(past, order.cell) if past is not None and not order.cleared else None
     if cut is None and not order.recover:
         return
-    words = cut.sentence if cut else "nothing says that the last run on this cell was cut"
+    words = cut.sentence if cut else "no record shows that the last run on this cell was cut"
     starting.reach(words)
     if cut is None or order.recover:
         logger.warning("%s: recovering first", words)
@@ -312,7 +312,7 @@ def _after_cut(order: RunOrder, followers: _Followers) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Work:
-    """An order whose files are read and whose cell is connected."""
+    """An order with files that have been read, and a connected cell."""
 
     order: RunOrder
     registry: Registry
@@ -447,7 +447,7 @@ def connect_cell(file: CellFile, seed: int) -> Cell:
         return cell_files().connect(file, seed)
     except KeyboardInterrupt:
         raise
-    except BaseException as error:  # whatever a driver raises while it connects, nothing has moved
+    except BaseException as error:  # any error of a driver while it connects: nothing has moved
         raise UsageError(_with_place(error)) from error
 
 
@@ -501,7 +501,7 @@ def _text_of(path: Path | None, texts: Mapping[str, str]) -> str:
 
 @cache
 def versions() -> Mapping[str, str]:
-    """Versions of what runs here: the commit of Pomona in a git checkout, Python, packages."""
+    """Return the versions in use: the commit of Pomona in a git checkout, Python, packages."""
     commit = commit_here()
     found = {"git": commit} if commit else {}
     found |= {"python": platform.python_version(), "platform": platform.platform(terse=True)}

@@ -28,7 +28,7 @@ def need(module: str, extra: str, what: str) -> Any:
     Args:
         module: to import.
         extra: that installs it.
-        what: needs it, for the message.
+        what: the feature that needs it, for the message.
 
     Raises:
         UsageError: it is not installed; names the extra.

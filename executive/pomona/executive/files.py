@@ -13,25 +13,25 @@ from pomona.executive.values.shipped import installed_trees
 
 
 def find_tree(name: str) -> Path:
-    """A tree file by path or name.
+    """Find a tree file by path or name.
 
     Raises:
-        UsageError: there is none; says what there is.
+        UsageError: there is none; the text lists the existing ones.
     """
     return _find(name, "tree", installed_trees())
 
 
 def find_cell(name: str) -> Path:
-    """A cell file by path or name.
+    """Find a cell file by path or name.
 
     Raises:
-        UsageError: there is none; says what there is.
+        UsageError: there is none; the text lists the existing ones.
     """
     return _find(name, "cell", installed_trees() / "cells")
 
 
 def default_name(kind: str) -> str:
-    """What the installed trees say is taken or shown where nobody names one: a "tree", a "cell", "hazards", …."""
+    """Return the default that the installed trees define: a "tree", a "cell", "hazards", …."""
     content = tomllib.loads((installed_trees() / "defaults.toml").read_text(encoding="utf-8"))
     return str(content[kind])
 

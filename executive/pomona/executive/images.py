@@ -51,7 +51,7 @@ def from_file(content: bytes) -> NDArray[Any]:
         with image_class.open(io.BytesIO(content), formats=("JPEG", "PNG")) as image:
             plane = image.mode in ("L", "I;16")
             return np.asarray(image if plane else image.convert("RGB"))
-    except Exception as error:  # Pillow's readers raise whatever they meet
+    except Exception as error:  # Pillow's readers may raise any exception
         raise ValueError("an image cannot be decoded") from error
 
 

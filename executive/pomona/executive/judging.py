@@ -1,4 +1,4 @@
-"""What a run is made of, judged together before anything is connected: tree, cell, and what skills need."""
+"""Check of everything that a run needs, before any connection: tree, cell, and the requirements of skills."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from pomona.executive.values.yaml_nodes import YamlScalar
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """What was judged: the cell's file when nothing is wrong with it, all that was found, and the tree looked up."""
+    """Result of the check: the cell's file if it has no errors, all findings, and the resolved tree."""
 
     cell: CellFile | None
     findings: Findings
@@ -45,13 +45,13 @@ def judge(
     cell: Path | None,
     texts: Mapping[str, str] | None = None,
 ) -> Judged:
-    """Judge a tree, and the cell on which it shall run.
+    """Check a tree, and the cell on which it shall run.
 
     Args:
         document: the tree.
         registry: skills.
-        settings: parameters of the tree, and options of the cell for what the tree does not declare.
-        cell: its file, or None when it is not known: a tree is then judged alone.
+        settings: parameters of the tree; names that it does not declare are options of the cell.
+        cell: its file, or None to check a tree alone.
         texts: contents of files, by path, that are not to be read from the disk.
     """
     findings = Findings()
@@ -87,7 +87,7 @@ def split_settings(
 
 
 def _name_unknown(document: Document, cell: Path, for_cell: dict[str, str | YamlScalar], findings: Findings) -> None:
-    """Take out what neither the tree nor the cell knows, with a finding for each."""
+    """Remove settings that neither the tree nor the cell declares, with a finding for each."""
     outline = cell_files().outline(cell, Findings())
     options = [option.name for option in outline.options] if outline is not None else list(for_cell)
     known = [*document.main.parameters, *options]

@@ -7,10 +7,10 @@ An interface marks what moves its device:
         def follow(self, trajectory: Trajectory) -> Motion: ...
 
 `Skill.device` returns a handle with the members of the interface. Each `command` needs a valid lease at that moment;
-any other member is passed on. So a thread that outlives its skill can look at a device, and move nothing. A device
-without commands needs no handle: a skill gets the device itself, and a sensor's stream costs nothing more.
+any other member is passed on. So a thread that outlives its skill can read a device, but move nothing. A device without
+commands needs no handle: a skill gets the device itself, and a sensor's stream costs nothing more.
 
-Control that goes on after its skill, as a grip does, asks for a lease of its own while the skill runs: `keep`.
+Control that continues after its skill, such as a grip, requests a lease of its own while the skill runs: `keep`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def command(method: F) -> F:
 
 
 class Lessee(Protocol):
-    """What is needed of a skill."""
+    """The part of a skill that a lease needs."""
 
     path: str
 
@@ -89,7 +89,7 @@ class Lease:
 
 
 class Leases:
-    """The leases of a run's skills: one from each start of a skill until it has let go."""
+    """The leases of a run's skills: one from each start of a skill until it has halted."""
 
     def __init__(self, refused: Callable[[NotOwnerError], None]) -> None:
         """
@@ -100,7 +100,7 @@ class Leases:
         self._running: dict[Lessee, Lease] = {}
 
     def begin(self, skill: Lessee) -> None:
-        """The skill starts: it may command what it claims."""
+        """Start a lease: the skill may command the devices that it claims."""
         self._running[skill] = Lease(skill.path, self._refused)
 
     def end(self, skill: Lessee) -> None:
@@ -110,7 +110,7 @@ class Leases:
             lease.end("the skill has ended")
 
     def handle(self, skill: Lessee, interface: type, device: T) -> T:
-        """A skill's handle of a device; what it only looks at it cannot command."""
+        """Return a skill's handle of a device; a device that is only read cannot be commanded."""
         lease = self._running.get(skill)
         if lease is None:
             lease = Lease(skill.path, self._refused, "the skill is not running")
@@ -130,7 +130,7 @@ class Handle:
 
 
 def leased(device: T, interface: type, lease: Lease) -> T:
-    """A handle of a device; the device itself where nothing can be commanded.
+    """Return a handle of a device, or the device itself if it has no commands.
 
     Args:
         device: of the cell.
@@ -142,11 +142,11 @@ def leased(device: T, interface: type, lease: Lease) -> T:
 
 
 def keep(device: T, control: str) -> T:
-    """A handle for control that goes on when its skill has ended, until `give_up`.
+    """Return a handle for control that continues after its skill's end, until `give_up`.
 
     Args:
         device: a handle; anything else is returned as it is.
-        control: what goes on, for messages.
+        control: name of the control, for messages.
     """
     if not isinstance(device, Handle):
         return device
@@ -195,7 +195,7 @@ def _members_of(interface: type) -> frozenset[str]:
 
 
 def _command(interface: type, name: str) -> Callable[..., Any]:
-    """The handle's method: what it returns needs the same lease, where that has commands, too."""
+    """Return the handle's method; if its result has commands, they need the same lease."""
     returned = typing.get_type_hints(getattr(interface, name)).get("return")
     gives = returned if isinstance(returned, type) and commands_of(returned) else None
 

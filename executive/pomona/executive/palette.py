@@ -1,6 +1,6 @@
-"""The colours of everything that is drawn: pictures of runs, records for other viewers, reports, the operator's page.
+"""Colours of all graphics: pictures of runs, records for other viewers, reports, the operator's page.
 
-The page says them in style.css, in light and dark; a test holds its light scheme against this file.
+The page defines them in style.css, in light and dark; a test compares its light scheme with this file.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 INK, MUTED, LINE = "#1a1e23", "#5b6470", "#d8dce2"
-"""Text, what is less important, and rules between things."""
+"""Text, secondary text, and rules."""
 
 GOOD, BAD, WARN = "#11703f", "#bd2222", "#955200"
 
@@ -35,7 +35,7 @@ OVERLAY: Mapping[str, str] = {
     "muted": "#c3c9d1",
     "ruled_out": "#ff6a5f",
 }
-"""What is drawn over a photograph: brighter, since leaves and fruit are dark."""
+"""Colours over a photograph: brighter, since leaves and fruit are dark."""
 
 SERIES = ("#1c5bc7", "#bd2222", "#11703f", "#955200", "#743bb8", "#0b7582")
 """Curves and bars, in their order."""

@@ -1,4 +1,4 @@
-"""Typed ports: what a skill reads and writes, known without running it.
+"""Typed ports: inputs and outputs of a skill, known without running it.
 
 A port's type is a Python class (a dataclass that skills exchange, or bool, int, float, str, an Enum), or a `Quantity`:
 a float with a dimension, written in tree files with a unit (`120 mm`) and handed to the skill in SI.
@@ -110,12 +110,12 @@ class Port:
     """One port's declaration.
 
     Attributes:
-        type: what it carries; read from the annotation where the port stands in a skill's `run`.
+        type: of its value; read from the annotation in a skill's `run`.
         default: value when the tree wires nothing; a quantity may be written as text. `REQUIRED` when there is none.
         help: description in one line.
         min, max: closed range of a number or quantity, as text with a unit or in SI.
         choices: the only texts that are allowed.
-        was: its name in the version before; the checker tells who still writes it.
+        was: its name in the previous version; the checker reports trees that still use it.
     """
 
     type: PortType = object
@@ -193,7 +193,7 @@ class Ports(Mapping[str, Port]):
 
 @dataclass_transform(frozen_default=True)
 class Outputs:
-    """What a skill gives: its subclasses are frozen dataclasses, each field an output port.
+    """Outputs of a skill: subclasses are frozen dataclasses, each field an output port.
 
     class Weighed(Outputs):
         mass: Mass

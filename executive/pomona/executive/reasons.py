@@ -16,7 +16,7 @@ DEEPEST_CAUSE, MOST_CAUSES = 90, 10_000
 
 
 class NoValue(PomonaError):
-    """A value that a node needs now and that is not there: a port that nobody has written, a division by zero."""
+    """A required value is missing: an unwritten port, a division by zero."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +93,7 @@ def reason_of(node: Behaviour) -> Reason:
         reason = explain()
         assert isinstance(reason, Reason)
         return reason
-    from py_trees.common import Status  # loaded by whoever has a node
+    from py_trees.common import Status  # already loaded in a process with nodes
 
     failure = getattr(node, "reason", None)
     if failure is not None:

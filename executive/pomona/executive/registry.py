@@ -41,7 +41,7 @@ class Registry(Mapping[str, type[Skill]]):
         self.renamed_failures: Mapping[str, str] = {
             old: new for skill in self._skills.values() for old, new in skill.renamed_failures.items()
         }
-        """Failure codes of the version before, with what each is called now."""
+        """Failure codes of the previous version, each with its present name."""
         self.types: dict[str, PortType] = dict(BUILTIN_TYPES)
         for skill in self._skills.values():
             for port in (*skill.inputs.values(), *skill.outputs.values()):
@@ -53,9 +53,10 @@ class Registry(Mapping[str, type[Skill]]):
         return cls({}).choosing({}, tuple(_by_name(entry_points(group=GROUP))))
 
     def choosing(self, said: Mapping[str, str], names: Iterable[str] | None = None) -> Registry:
-        """This registry with the skills of the packages that a tree names: package by skill. The command goes first.
+        """Return this registry with the skills of the packages that a tree names: package by skill. Choices of the
+        command line have priority.
 
-        What cannot be used is reported, not raised.
+        An unusable choice is reported, not raised.
 
         Args:
             names: skills to look up; by default those that the tree names.
@@ -136,7 +137,7 @@ def replacements() -> Mapping[str, str]:
 
 
 def chosen(name: str, points: Sequence[EntryPoint], said: Mapping[str, str]) -> tuple[EntryPoint, str]:
-    """The entry point that gives a skill, and what is wrong when packages offer different ones under one name."""
+    """Return the entry point of a skill, and the problem if packages offer different ones under one name."""
     if len(points) == 1 and name not in said:
         return points[0], ""
     offers = {_package(point): point for point in points}
@@ -185,7 +186,7 @@ def default_text(port: Port) -> str:
 
 
 def port_facts(name: str, port: Port) -> dict[str, object]:
-    """A port as plain values, leaving out what it does not say."""
+    """Return a port as plain values, without absent ones."""
     facts: dict[str, object] = {"name": name, "type": type_name(port.type)}
     if isinstance(port.type, Quantity):
         facts["units"] = list(port.type.units)

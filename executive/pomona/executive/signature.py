@@ -1,14 +1,14 @@
-"""A skill's ports, read from the signature of its `run`: what it takes, and what it gives.
+"""A skill's ports, read from the signature of its `run`: inputs and outputs.
 
     def run(
         self,
         grasp: Grasp,
         height: Annotated[Length, Port(min="1 mm", help="how far up")] = LENGTH("150 mm"),
-        map: Annotated[OccupancyMap | None, Port(help="what is in the way")] = None,
+        map: Annotated[OccupancyMap | None, Port(help="obstacles")] = None,
     ) -> Work[Lifted]: ...
 
-A parameter without a default must be wired; one that may be None may stay unwired. `Lifted` is an `Outputs`
-whose fields are the output ports; a skill without outputs returns None.
+A parameter without a default must be wired; one that may be None may stay unwired. `Lifted` is an `Outputs` whose
+fields are the output ports; a skill without outputs returns None.
 """
 
 from __future__ import annotations
@@ -27,31 +27,33 @@ _UNIONS = (Union, types.UnionType)
 
 
 def ports_of(skill: str, run: Callable[..., Any]) -> tuple[Ports, Ports] | None:
-    """Input and output ports that a `run` declares; None for one that takes whatever its class says (`**inputs`).
+    """Return the input and output ports of a `run`, or None for a `run(**inputs)` whose class declares them.
 
     Args:
         skill: the class's name, for errors.
         run: the function, its first parameter being the skill itself.
 
     Raises:
-        SkillError: an annotation is missing or is no port, a default does not fit its own declaration, or an output is
-            called like an input.
+        SkillError: an annotation is missing or is no port, a default does not fit its own declaration, or an output has
+            the name of an input.
     """
     parameters = list(inspect.signature(run).parameters.values())[1:]
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
         return None
     try:
         hints = get_type_hints(run, include_extras=True)
-    except Exception as error:  # whatever evaluating somebody's annotation raises
+    except Exception as error:  # evaluating a foreign annotation may raise any exception
         raise SkillError(skill, f"the annotations of run cannot be read: {error}") from error
     inputs: dict[str, Port] = {}
     for parameter in parameters:
         if parameter.name not in hints:
-            raise SkillError(skill, f"run's parameter {parameter.name} has no annotation: it says the port's type")
+            raise SkillError(
+                skill, f"run's parameter {parameter.name} has no annotation: annotate it with the port's type"
+            )
         default = REQUIRED if parameter.default is parameter.empty else parameter.default
         inputs[parameter.name] = _port(skill, parameter.name, hints[parameter.name], default)
     if "return" not in hints:
-        raise SkillError(skill, "run has no return annotation: it says the outputs, or None")
+        raise SkillError(skill, "run has no return annotation: annotate it with the outputs, or None")
     outputs = _outputs(skill, hints["return"])
     for name in outputs:
         if name in inputs:
@@ -95,7 +97,7 @@ def _port(skill: str, name: str, annotation: Any, default: Any) -> Port:
 
 
 def _unwrapped(annotation: Any, about: list[Any]) -> tuple[Any, bool]:
-    """The carried type and whether None may stand in its place; what is annotated besides goes into `about`."""
+    """Return the carried type and whether None is allowed; other annotations are appended to `about`."""
     if get_origin(annotation) is Annotated:
         inner, *said = get_args(annotation)
         about.extend(said)

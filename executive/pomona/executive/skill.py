@@ -1,9 +1,9 @@
-"""What a skill is: typed ports, a body that is polled, and failure with a reason.
+"""Base of skills: typed ports, a body that is polled, and failure with a reason.
 
 A skill is a py_trees behaviour whose body is one generator, `run`. Each `yield` hands the tick back (RUNNING, with an
-optional line of feedback); `return` is success with outputs; `raise self.failure(CODE, sentence, **data)` is
-failure. When the tree interrupts it, `Interrupted` is raised at the `yield`: the body stops what it started, may yield
-on while that takes time, and lets the exception pass. Work that takes longer than a moment goes through `self.compute`.
+optional line of feedback); `return` is success with outputs; `raise self.failure(CODE, sentence, **data)` is failure.
+When the tree interrupts it, `Interrupted` is raised at the `yield`: the body stops its motions, may yield while that
+takes time, and lets the exception pass. Work that takes longer than a moment goes through `self.compute`.
 
     class Refined(Outputs):
         measured: MeasuredFruit
@@ -15,7 +15,7 @@ on while that takes time, and lets the exception pass. Work that takes longer th
             fit = yield from self.compute(refine, detection.frame.depth, ...)
             return Refined(measured=fit)
 
-Its ports are said once: the parameters of `run` are the inputs, the fields of what it returns the outputs
+Its ports are declared once: the parameters of `run` are the inputs, the fields of its result the outputs
 (`pomona.executive.signature`). A mistake in them is an error when the class is made.
 """
 
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 Work = Generator["str | None", None, T]
-"""What a `run` that takes several ticks returns: it yields lines of feedback and ends with its outputs."""
+"""Result of a `run` that takes several ticks: it yields lines of feedback and returns its outputs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,18 +84,18 @@ class Computation(Protocol):
 
 
 class CellFacts(Protocol):
-    """What is known of a cell before it is connected."""
+    """Facts about a cell before it is connected."""
 
     @property
     def name(self) -> str: ...
 
     def known(self, what: type[T]) -> T | None:
-        """What its file says about something (`pomona.drivers.interfaces.Workspace`), or None."""
+        """Return an object that its file describes (`pomona.drivers.interfaces.Workspace`), or None."""
         ...
 
 
 class SkillContext(Protocol):
-    """What a run offers to its skills."""
+    """Services of a run for its skills."""
 
     @property
     def clock(self) -> Clock:
@@ -103,7 +103,7 @@ class SkillContext(Protocol):
         ...
 
     def device(self, interface: type[T], skill: Skill) -> T:
-        """The skill's handle of the cell's device with this interface: it commands what the skill has acquired.
+        """Return the skill's handle of the cell's device with this interface; commands need an acquired device.
 
         Raises:
             KeyError: the cell has none.
@@ -127,7 +127,7 @@ class SkillContext(Protocol):
         ...
 
     def acquire(self, skill: Skill) -> str | None:
-        """Make a skill the owner of what it moves; or say what it must wait for, and take nothing."""
+        """Make a skill the owner of the devices that it moves, or return the reason to wait and acquire nothing."""
         ...
 
     def release(self, skill: Skill) -> None:
@@ -135,7 +135,7 @@ class SkillContext(Protocol):
         ...
 
     def halt(self, skill: Skill, work: Work[Any]) -> None:
-        """Drive an interrupted body until it has ended; the skill owns what it moves until then. Never raises."""
+        """Drive an interrupted body until it has ended; the skill owns its devices until then. Never raises."""
         ...
 
 
@@ -145,13 +145,13 @@ class Skill(py_trees.behaviour.Behaviour):
     `run` is the skill's body: a generator function, or for instant work a function that returns the outputs.
 
     Attributes:
-        inputs, outputs: ports, read from the signature of `run`; only a `run(self, **inputs)` that takes whatever comes
-            (a mock) says them in the class.
+        inputs, outputs: ports, read from the signature of `run`; only a class with `run(self, **inputs)` (a mock)
+            declares them itself.
         devices: interfaces of the cell's devices that it needs.
         optional_devices: interfaces of devices that it uses where the cell has them.
         failures: codes with which it can fail.
-        renamed_failures: codes of the version before, with what each is called now; the checker tells who still
-            writes the old one.
+        renamed_failures: codes of the previous version, each with its present name; the checker reports trees that
+            still use the old one.
     """
 
     inputs: ClassVar[Ports] = Ports()
@@ -164,8 +164,10 @@ class Skill(py_trees.behaviour.Behaviour):
     failures: ClassVar[tuple[str, ...]] = ()
     renamed_failures: ClassVar[Mapping[str, str]] = {}
     own_speed: ClassVar[bool] = False
-    """Whether what it moves goes as fast as it says, whatever speed the operator and the tree allow: it measures
-    something that depends on how fast it moves."""
+    """Whether its motions keep their own speed, independent of the operator's and the tree's: its measurement depends
+    on the
+    speed.
+    """
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -185,9 +187,9 @@ class Skill(py_trees.behaviour.Behaviour):
         self.path = self.name
         self.starts = 0
         self.blocked = 0.0  # seconds that the last poll kept the tick waiting
-        self.broke = False  # whether it raised what is no failure: this ends the run
+        self.broke = False  # whether it raised an exception other than a failure: this ends the run
         self.changed: dict[str, object] = {}
-        """Inputs to which somebody has given another value while the tree runs; they count from the next start on."""
+        """Inputs that were changed while the tree runs; they apply from the next start on."""
         self.slowed_by: list[Callable[[], float]] = []
         """Shares of the speed that the tree gives it, as they are now."""
         self._work: Work[Any] | None = None
@@ -197,7 +199,7 @@ class Skill(py_trees.behaviour.Behaviour):
 
     @classmethod
     def claims(cls) -> tuple[type, ...]:
-        """What it moves: nobody else may move it from its start until it has ended or let go."""
+        """Devices that it moves; no other skill may move them from its start until it has ended or halted."""
         if cls.moves is not None:
             return cls.moves
         return cls.devices if isgeneratorfunction(getattr(cls, "run", None)) else ()
@@ -210,28 +212,28 @@ class Skill(py_trees.behaviour.Behaviour):
 
     @classmethod
     def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterable[Problem]:
-        """What is wrong with a use of this skill, found before anything is connected.
+        """Yield the problems of a use of this skill, before any connection.
 
         Args:
             known: inputs whose value is the same in every run, in SI, by their ports.
-            cell: what is known of the cell, or None when a tree is judged alone.
+            cell: facts about the cell, or None when a tree is checked alone.
         """
         return ()
 
     @classmethod
     def offers(cls, port: str, cell: CellFacts | None) -> Iterable[str]:
-        """Words that make sense at a port, for editors; `judge` says which do not."""
+        """Return suggestions for a port, for editors; `judge` reports wrong values."""
         return ()
 
     def known(self, port: str) -> Any:
-        """An input's value before the run begins, for `prepare`; None when only the run will tell."""
+        """Return an input's value before the run begins, for `prepare`; None if it is only known in the run."""
         try:
             return self._read().get(port)
         except SkillFailure:
             return None
 
     def prepare(self) -> None:
-        """Load and warm what the first start needs (weights, compiled code); called before the run's clock starts."""
+        """Load and warm up weights and compiled code for the first start, before the run's clock starts."""
 
     def failure(self, code: str, message: str, **data: object) -> SkillFailure:
         """A failure to raise.
@@ -247,7 +249,7 @@ class Skill(py_trees.behaviour.Behaviour):
 
     @property
     def context(self) -> SkillContext:
-        """What the run offers.
+        """Services of the run.
 
         Raises:
             SkillError: the skill is not bound to a run.
@@ -364,7 +366,7 @@ class Skill(py_trees.behaviour.Behaviour):
             status = Status.FAILURE
         except Interrupted as error:
             self.broke = True
-            raise SkillError(type(self).__name__, "raised Interrupted although nobody interrupted it") from error
+            raise SkillError(type(self).__name__, "raised Interrupted without an interruption") from error
         except BaseException:
             self.broke = True
             raise

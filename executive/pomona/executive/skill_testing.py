@@ -23,7 +23,7 @@ T = TypeVar("T")
 
 @dataclass
 class _Finished:
-    """A computation that was done when it was asked for, and is said to be done after so many more looks."""
+    """A computation that is complete at its request, and reports its end after a number of polls."""
 
     value: Any = None
     error: BaseException | None = None
@@ -131,14 +131,15 @@ def drive(
         devices: by interface.
         clock: advanced by `period` after every tick; a `ManualClock` by default.
         limit: seconds on the clock after which the skill is interrupted.
-        interrupt_after: interrupt it after so many ticks and drive it until it has let go; the status is then INVALID.
-        each_tick: called with the number of the tick before it, to script what devices do meanwhile.
+        interrupt_after: interrupt it after this number of ticks and drive it until it has halted; the status is then
+            INVALID.
+        each_tick: called with the number of the tick before it, to script the devices.
         seed: of the run.
         computing: ticks that every computation takes, to interrupt one.
 
     Raises:
         KeyError: inputs that the skill does not have.
-        TimeoutError: after `limit` it still runs, or has not let go.
+        TimeoutError: after `limit` it still runs, or has not halted.
     """
     context = BenchContext(clock=clock or ManualClock(), devices=devices or {}, run_seed=seed, computing=computing)
     given = dict(inputs or {})

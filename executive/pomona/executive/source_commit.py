@@ -16,7 +16,7 @@ def commit_here() -> str:
 
 
 def _git(*arguments: str) -> str:
-    command = ["git", "--no-optional-locks", "-C", str(_HERE), *arguments]  # reading must lock nobody out
+    command = ["git", "--no-optional-locks", "-C", str(_HERE), *arguments]  # reading must not lock the repository
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=10.0)
     except (OSError, subprocess.SubprocessError):

@@ -1,4 +1,4 @@
-"""How fast a run's arm goes: a share of what is commanded, by the operator for the whole run, by a tree for a part."""
+"""Speed of a run's arm: a ratio to the commanded speed, set by the operator for the run, by a tree for a part of it."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ from pomona.executive.errors import PomonaError
 from pomona.executive.ports import RATIO, Port
 
 LEAST, MOST = 0.1, 1.0
-"""Nobody asks for less or more: slower than a tenth, timeouts of a tree would be all that is left of it."""
+"""Allowed range of the speed ratio; below a tenth, motions would exceed the timeouts of a tree."""
 
 SHARE = Port(RATIO, min=LEAST, max=MOST)
 
 
 class SpeedRefusedError(PomonaError):
-    """A speed that nobody can have."""
+    """A speed outside the allowed range."""
 
 
 def speed_of(text: str) -> float:
-    """A speed as people write it, `30 %`, as a share.
+    """Parse a speed such as `30 %` as a ratio.
 
     Raises:
         SpeedRefusedError: it is none, or not from 10 % to 100 %.

@@ -1,4 +1,4 @@
-"""What a skill can show to people: a few plain pictures that every viewer knows how to draw.
+"""Views of a skill for the operator: a few plain pictures that every viewer can draw.
 
 A skill publishes a view under a topic (`self.publish("detection", ImageView(...))`); the run's picture, the recording
 and the dashboard draw it without knowing the skill.
@@ -101,18 +101,18 @@ class SceneView:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodiesView:
-    """Rigid bodies, each in its own frame, shown once; a `PosesView` of the same topic says where they are."""
+    """Rigid bodies, each in its own frame, shown once; a `PosesView` of the same topic has their poses."""
 
     bodies: tuple[Mesh3, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PosesView:
-    """Where the bodies of the topic's `BodiesView` are now.
+    """Present poses of the bodies of the topic's `BodiesView`.
 
     Attributes:
         poses: of each body in the base frame, shape (n, 7): position [m] and quaternion x, y, z, w.
-        trace: a point of theirs, shape (3,) [m], whose way is drawn as the executed path.
+        trace: a point of theirs, shape (3,) [m], whose path is drawn as the executed path.
     """
 
     poses: Float64
@@ -136,7 +136,7 @@ class SeriesView:
 
 @dataclass(frozen=True, slots=True)
 class TableView:
-    """Rows for people: a table of measured fruit, for instance."""
+    """Rows of a table, for example of measured fruit."""
 
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
@@ -145,7 +145,7 @@ class TableView:
 
 @dataclass(frozen=True, slots=True)
 class ProgressView:
-    """How far a task is: `what` is the thing worked on, `number` its place among `of` known ones."""
+    """Progress of a task: `what` is the current object, `number` its place among `of` known ones."""
 
     what: str
     number: int

@@ -189,7 +189,7 @@ def test_what_cannot_be_encoded_is_replaced_by_its_reason_and_ends_nothing(
     words = [message["message"] for message in told]
     assert words[3] == "'evil' of a/Look cannot be encoded: SystemExit: evil"
     assert words[4] == "'big' of a/Look cannot be encoded: 2 MB of text; at most 1 MB are shown"
-    assert words[5] == "what was published of a/Look cannot be encoded: its topic is no text but list"
+    assert words[5] == "a published value of a/Look cannot be encoded: its topic is no text but list"
 
 
 def test_numbers_that_are_none_reach_no_browser() -> None:

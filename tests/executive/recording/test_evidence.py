@@ -108,7 +108,7 @@ def test_a_record_that_cannot_be_believed_is_no_evidence_and_named(
     assert written["left_out"].keys() == {"damaged", "cut"}
     text = (tmp_path / "out" / "evidence.md").read_text()
     assert "6 N" in text
-    assert "What this does not claim" in text
+    assert "Limits of this evidence" in text
     assert written["runs"][0]["sha256"] in text
 
 

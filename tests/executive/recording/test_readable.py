@@ -66,7 +66,7 @@ UNREADABLE: dict[str, tuple[Event, str]] = {
     "a feedback": (NodeChanged(0.5, 7, "a/Look", "RUNNING", ANY, 1), "NodeChanged of a/Look"),
     "a reason's message": (NodeChanged(0.5, 7, "a/Look", "FAILURE", "", 1, LOST), "NodeChanged of a/Look"),
     "a value's sentence": (PortWritten(0.5, 7, "/fruit", 1, "a/Look", ANY), "'/fruit' of a/Look"),
-    "a topic": (Published(0.5, 7, "a/Look", ANY, 1), "what was published of a/Look"),
+    "a topic": (Published(0.5, 7, "a/Look", ANY, 1), "a published value of a/Look"),
     "a caption": (Published(0.5, 7, "a/Look", "scene", SceneView(caption=ANY)), "'scene' of a/Look"),
     "a label": (Published(0.5, 7, "a/Look", "seen", LABELLED), "'seen' of a/Look"),
     "an empty image": (Published(0.5, 7, "a/Look", "seen", pixels(0, 0, 3)), "'seen' of a/Look"),

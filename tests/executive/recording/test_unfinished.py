@@ -232,9 +232,7 @@ def test_a_run_does_not_begin_with_something_between_the_fingers_however_the_las
 
 def test_a_cell_that_requires_a_record_starts_no_run_without_one(order: RunOrder) -> None:
     order.cell.write_text(CELL + "record: required\n")
-    with pytest.raises(
-        UsageError, match=r"bench: its file says `record: required`, but this run would not be recorded"
-    ):
+    with pytest.raises(UsageError, match=r"bench: its file has `record: required`, but this run would not be recorded"):
         execute(replace(order, record=None))
     assert execute(order).result.outcome == "success"
 

@@ -31,7 +31,7 @@ from pomona.executive.values.shape import shape_of
 from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
 
 MAX_SEEDS = 1000
-"""Most seeds of a combination: the next combination's begin after so many."""
+"""Maximum number of seeds of a combination, and the distance between the first seeds of two combinations."""
 
 Values = Mapping[str, YamlScalar]
 Variations = Mapping[str, tuple[YamlScalar, ...]]
@@ -118,7 +118,7 @@ class ArmSection:
     cell: YamlScalar | None = value(AsWritten(), None, "a cell: a file, or the name of an installed one")
     set: Values = value(MappingOf(AsWritten()), {}, "settings of this arm's runs")
     seeds: int | tuple[int, ...] | None = value(Seeds(), None, "how many seeds, or which")
-    only: Variations = value(MappingOf(OneOrMore()), {}, "values of what varies that this arm meets")
+    only: Variations = value(MappingOf(OneOrMore()), {}, "values of the variables for this arm")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,8 +133,8 @@ class CampaignSection:
     seeds: int | tuple[int, ...] = value(Seeds(), 1, "how many seeds of every combination, or which")
     vary: Variations = value(MappingOf(OneOrMore()), {}, "parameters of the tree and options of the cell, with values")
     set: Values = value(MappingOf(AsWritten()), {}, "settings of every run")
-    arms: Mapping[str, ArmSection] = value(MappingOf(OrNothing(ArmSection)), {}, "what is compared")
-    score: Score = value(Section(Score), Score(), "what counts, in addition to what the cell says")
+    arms: Mapping[str, ArmSection] = value(MappingOf(OrNothing(ArmSection)), {}, "alternatives to compare")
+    score: Score = value(Section(Score), Score(), "additional scores beside the cell's")
 
 
 CAMPAIGN = Section(CampaignSection)

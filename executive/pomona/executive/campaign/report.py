@@ -267,7 +267,7 @@ def failure_code(run: Result, conditions: tuple[str, ...]) -> str:
 def failure_message(run: Result) -> str:
     """Return the reason as a sentence."""
     reason = run.get("reason")
-    return str(reason.get("message")) if reason else "the tree succeeded, the simulated world says otherwise"
+    return str(reason.get("message")) if reason else "the tree succeeded, the simulated world reports a failure"
 
 
 def _command(run: Result, orders: Mapping[str, Any]) -> str:

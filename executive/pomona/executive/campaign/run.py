@@ -61,7 +61,7 @@ def read_results(folder: Path, on_problem: Callable[[str], None] = lambda _probl
 
     Args:
         folder: of the campaign.
-        told: receives a sentence for each invalid or changed line; such runs are made again.
+        on_problem: receives a sentence for each invalid or changed line; such runs are repeated.
     """
     path = folder / RESULTS
     if not path.is_file():
@@ -69,7 +69,7 @@ def read_results(folder: Path, on_problem: Callable[[str], None] = lambda _probl
     results = {}
     lines = path.read_bytes().split(b"\n")
     for number, line in enumerate(lines, start=1):
-        if not line.strip() or number == len(lines):  # what follows the last line's end was cut off
+        if not line.strip() or number == len(lines):  # text behind the last line's end was cut off
             continue
         try:
             result = result_of(line)
@@ -121,7 +121,7 @@ def _mapping(result: Result, key: str) -> Mapping[str, Any]:
 def finished_runs(
     campaign: Campaign, folder: Path, on_problem: Callable[[str], None] = lambda _problem: None
 ) -> dict[str, Result]:
-    """Return the results of this campaign's runs in its order; `told` receives the invalid lines.
+    """Return the results of this campaign's runs in its order; `on_problem` receives the invalid lines.
 
     Raises:
         UsageError: the folder holds results of runs of the same name with another tree, cell or setting.
@@ -171,7 +171,7 @@ def run_campaign(
             run = waiting[index]
             result = _result(run, answer, commit)
             if result["outcome"] == INTERRUPTED:
-                continue  # somebody ended its process: no result, and no reason not to run it again
+                continue  # its process was ended from outside: no result, so the run is repeated
             _write(stream, line_of(result))
             done[run.name] = result
             progress(result, len(done), len(campaign.runs))

@@ -81,7 +81,7 @@ class _Arm:
     only: Mapping[str, tuple[str, ...]]
 
     def seed(self, number: int, combination: int) -> int | None:
-        """The seed of a combination's run, or None when there are not so many."""
+        """Return the seed of a combination's run, or None beyond the last one."""
         if isinstance(self.seeds, int):
             return combination * MAX_SEEDS + number if number < self.seeds else None
         return self.seeds[number] if number < len(self.seeds) else None
@@ -223,9 +223,7 @@ class _Planner:
             else:
                 self.cells[arm.cell] = judged.cell
         if good and self.cells[arm.cell].kind == "real":
-            words = (
-                f"'{arm.cell.stem}' is a real cell: nobody acknowledges a safe state or clears the fingers between runs"
-            )
+            words = f"'{arm.cell.stem}' is a real cell: between runs an operator must acknowledge the safe state"
             self.findings.error(self.placed.node, "real-cell", words, "campaigns are for simulated and emulated cells")
             good = False
         return good

@@ -1,4 +1,4 @@
-"""The options of everything that makes runs and may tell another program when too few of them succeed."""
+"""Command-line options for alerts: call a program when the success rate of runs is too low."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ def add_alerts(parser: argparse.ArgumentParser) -> None:
 
 
 def alerts_of(options: argparse.Namespace, before: Iterable[tuple[bool, str]] = ()) -> Alerts | None:
-    """What the options ask for, or None.
+    """Return the alerts that the options request, or None.
 
     Raises:
-        UsageError: they make no sense.
+        UsageError: the options are inconsistent.
     """
     if options.alert_to is None:
         return None

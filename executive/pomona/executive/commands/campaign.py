@@ -33,14 +33,14 @@ def add(subparsers: Any) -> None:
     parser.add_argument("--only", action="append", default=[], metavar="KEY=VALUE", help="runs with this value of what "
                         "varies, or arm=NAME; may be repeated")  # fmt: skip
     parser.add_argument("--record", action="store_true", help="keep a record of every run, too")
-    parser.add_argument("--report", action="store_true", help="run nothing; write the report of what is there")
+    parser.add_argument("--report", action="store_true", help="run nothing; write the report of the present results")
     parser.add_argument("--report-to", type=Path, metavar="DIR", help="folder of the report (default: that of results)")
     add_alerts(parser)
     parser.set_defaults(main=main)
 
 
 def main(options: argparse.Namespace) -> int:
-    """Run it; what is already in the results is not repeated.
+    """Run the campaign; runs with a result are not repeated.
 
     Returns:
         the exit status.

@@ -37,7 +37,7 @@ def add(subparsers: Any) -> None:
     parser.add_argument("--cell", help=about)
     about = "a parameter of the tree, or an option of the cell"
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=about)
-    about = "apply the hints that name what to write, and write the files"
+    about = "apply the hints that name a correction, and write the files"
     parser.add_argument("--fix", action="store_true", help=about)
     parser.add_argument("--json", action="store_true", help="print the findings as JSON, for editors")
     parser.set_defaults(main=main)
@@ -65,7 +65,7 @@ def main(options: argparse.Namespace) -> int:
 
 
 def _fix(path: Path, cell: Path | None, settings: dict[str, str]) -> list[Finding]:
-    """What is still wrong with a file after the hints that name what to write were applied to it."""
+    """Apply the hints that name a correction to a file; return the remaining findings."""
     found = _check(path, cell, settings)
     for _ in range(MOST_ROUNDS):
         text, applied = mended(path.read_bytes().decode(), (finding for finding in found if finding.path == str(path)))
@@ -79,7 +79,7 @@ def _fix(path: Path, cell: Path | None, settings: dict[str, str]) -> list[Findin
 
 
 def _kind(path: Path) -> FileKind | None:
-    """What a file is, if it is no tree. A tree is known by its `root`, so that large ones are read once."""
+    """Return the kind of a file other than a tree. Trees are recognized by `root`, so that large ones are read once."""
     text = read_text(path)
     if _ROOT.search(text):
         return None
@@ -90,7 +90,7 @@ def _kind(path: Path) -> FileKind | None:
 
 
 def _check(path: Path, cell: Path | None, settings: dict[str, str]) -> list[Finding]:
-    """What is wrong with a file; one of which cannot be told what it is, is taken for a tree."""
+    """Return the findings of a file; a file of unknown kind is checked as a tree."""
     kind = _kind(path)
     if kind is None:
         document = read_document(path)

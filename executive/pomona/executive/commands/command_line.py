@@ -27,8 +27,9 @@ from pomona.executive.values.installation import (
 COMMANDS = "pomona.commands"
 """Entry point group of subcommands: functions that add one parser to argparse's subparsers and set its `main`.
 
-An entry point has its subcommand's name and is loaded alone when that is asked for: the others' imports cost seconds.
-Its help is read from its source, where the module says `add_parser("name", help="…")`."""
+An entry point has its subcommand's name and is loaded only for that command, since the imports of all take seconds. Its
+help is read from its source, from the call `add_parser("name", help="…")`.
+"""
 
 ELSEWHERE = (
     "bench", "calibrate", "data", "detect", "doctor", "emulate", "evidence", "export-weights", "measure", "train",
@@ -104,7 +105,7 @@ def _commands() -> list[EntryPoint]:
 
 
 def make_parser(wanted: Iterable[str]) -> argparse.ArgumentParser:
-    """The parser. Only the subcommands that are wanted are loaded; of the others it knows what their sources say.
+    """Return the parser. Only the wanted subcommands are loaded; the help of the others comes from their sources.
 
     Raises:
         UsageError: both distributions are installed, or the other one has a subcommand that is wanted.
@@ -120,7 +121,10 @@ def make_parser(wanted: Iterable[str]) -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     parser.add_argument(
-        "--skill", action=_Choose, metavar="NAME=PACKAGE", help="whose skill NAME is, when several packages offer one"
+        "--skill",
+        action=_Choose,
+        metavar="NAME=PACKAGE",
+        help="the package of skill NAME, when several packages offer one",
     )
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for entry in entries:
@@ -153,7 +157,7 @@ def _add_examples(parser: argparse.ArgumentParser, name: str) -> None:
 
 
 def _help_of(entry: EntryPoint) -> str:
-    """What a subcommand's source gives as its help, without importing it."""
+    """Return the help text in a subcommand's source, without an import."""
     package, *way = entry.module.split(".")
     spec = find_spec(package)  # of a package within it, the outer one would be imported
     for place in (spec.submodule_search_locations if spec is not None else None) or ():

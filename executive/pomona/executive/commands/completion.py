@@ -35,9 +35,9 @@ def main(options: argparse.Namespace) -> int:
 
 @dataclass(frozen=True, slots=True)
 class CommandWords:
-    """What can be typed after a command: `path` is "" for pomona itself, else "runs list".
+    """The words that may follow a command: `path` is "" for pomona itself, else for example "runs list".
 
-    `values` are the words after an option, or (below "") as a positional; what has none takes files.
+    `values` are the words after an option, or (below "") for a positional; without values, files are completed.
     """
 
     path: str
@@ -119,7 +119,7 @@ def zsh(parser: argparse.ArgumentParser) -> str:
 
 
 def fish(parser: argparse.ArgumentParser) -> str:
-    """For fish: one line a word, with what it means."""
+    """Return the script for fish: one line per word, with its description."""
     lines = ["# fish completion for pomona; made by `pomona completion fish`"]
     for words in words_of(parser):
         typed = words.path.split()

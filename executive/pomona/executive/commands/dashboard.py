@@ -64,7 +64,7 @@ def add_address(parser: argparse.ArgumentParser) -> None:
 
 
 def add_ros2(parser: argparse.ArgumentParser) -> None:
-    """The option of what can be seen and done on ROS 2."""
+    """Add the option for the ROS 2 interface of a run."""
     parser.add_argument(
         "--ros2", nargs="?", const="", metavar="HOST:PORT", help="speak ROS 2 (rmw_zenoh; default: 127.0.0.1:7447)"
     )
@@ -86,7 +86,9 @@ def open_bridge(
     from pomona.executive.ros2.peer import ADDRESS, Ros2Peer
 
     peer = Ros2Peer(options.ros2 or ADDRESS, insist=True)
-    says = f"; who acts shows the token {access.token}" if peer.local else "; nobody acts from another machine"
+    says = (
+        f"; an operator's requests need the token {access.token}" if peer.local else "; no requests from other machines"
+    )
     console.print(f"ROS 2 (rmw_zenoh) at {options.ros2 or ADDRESS}{says}", soft_wrap=True)
     return Ros2Bridge(peer, control, access.acts_with, start)
 
@@ -142,7 +144,7 @@ class Launcher:
         self._one_start = threading.Lock()
 
     def start(self, form: dict[str, Any]) -> str:
-        """Begin to prepare the run that the page's form describes; the lock tells how that goes.
+        """Begin to prepare the run that the page's form describes; the lock reports the progress.
 
         Raises:
             RefusedError: one is running, or the safe state of the last one is latched.
@@ -162,7 +164,7 @@ class Launcher:
         self._starting = starting = lock.prepare(order.tree.stem)
 
         def run() -> None:
-            problem = "it broke off: the terminal says where"
+            problem = "the preparation failed: the terminal shows the error"
             try:
                 execute(
                     order,
@@ -183,7 +185,7 @@ class Launcher:
         return order.tree.stem
 
     def judge(self, form: dict[str, Any]) -> dict[str, str]:
-        """Say which settings of the page's form cannot be used, as a start would; nothing while a run goes on.
+        """Return the settings of the page's form that cannot be used, with reasons; empty while a run is active.
 
         Raises:
             UsageError: the tree or the cell is not offered, or the tree cannot be read.
@@ -203,7 +205,7 @@ class Launcher:
         return problems
 
     def close(self) -> None:
-        """End what runs, in the safe state, and wait until it has ended."""
+        """End an active run in the safe state, and wait for its end."""
         if self._starting is not None and self._thread is not None and self._thread.is_alive():
             self._starting.abandon("the dashboard was ended")
         while self._thread is not None and self._thread.is_alive():

@@ -104,9 +104,9 @@ def document(evidence: Evidence) -> ReportPage:
          _largest(measured, hazard.unit), _where(measured), f"{measured.beyond} of {measured.runs}", hazard.meaning)
         for hazard, measured in _beyond_first(evidence)
     ]  # fmt: skip
-    header = ("hazard", "node", "limit", "measured maximum", "where", "runs beyond", "what is measured")
+    header = ("hazard", "node", "limit", "measured maximum", "where", "runs beyond", "measured quantity")
     report.add(Heading("Hazards"), Table(header, tuple(rows), words=True))
-    report.add(Heading("What this does not claim"), Bullets(NO_CLAIM))
+    report.add(Heading("Limits of this evidence"), Bullets(NO_CLAIM))
     acted = [run for run in runs if run["interventions"]]
     report.add(Heading("Interventions of operators"))
     log = [(str(run["run"]), str(run["interventions"])) for run in acted]

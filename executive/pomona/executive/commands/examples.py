@@ -1,4 +1,4 @@
-"""What people type, by subcommand: shown below its help and in the manual page.
+"""Example commands, by subcommand: shown below its help and in the manual page.
 
 The tree, the setting and the campaign in them are the installed trees' own (`trees/defaults.toml`).
 """
@@ -18,7 +18,7 @@ _EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "measure": (
         ("pomona measure frames --out row_7", "count and measure the fruit in recorded RGB-D frames"),
         ("pomona measure row_color.mp4 --every 10", "in a video that has its depth beside it"),
-        ("pomona measure frames --kind lemon --score 0.7", "another fruit, and only what is surer"),
+        ("pomona measure frames --kind lemon --score 0.7", "another fruit, with a higher threshold"),
     ),
     "check": (
         ("pomona check my_tree.yaml", "everything that is wrong with it, with line and column"),
@@ -30,9 +30,9 @@ _EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     ),
     "fmt": (
         ("pomona fmt my_tree.yaml", "indentation and spacing in one way; comments stay"),
-        ("pomona fmt --check trees/*.yaml", "for CI: says which are not"),
+        ("pomona fmt --check trees/*.yaml", "for CI: lists the files that are not formatted"),
     ),
-    "lsp": (("pomona lsp --cell sim", "what an editor starts; with the names that this cell knows"),),
+    "lsp": (("pomona lsp --cell sim", "started by an editor; offers the names of this cell"),),
     "new": (
         ("pomona new package my_kit", "a package with a skill, a tree and tests"),
         ("pomona new skill Weigh --into my_kit", "add a skill to it"),
@@ -44,19 +44,19 @@ _EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         ("pomona dashboard --host 0.0.0.0 --tls-cert c.pem --tls-key k.pem", "reached from elsewhere, encrypted"),
     ),
     "explain": (
-        ("pomona explain last", "what happened in the last run, why, and what to try"),
+        ("pomona explain last", "the events of the last run, their causes, and a remedy"),
         ("pomona explain last --all", "every moment of it, with values and times"),
         ("pomona explain 2026-11-21_08-41-07_{tree}", "why that one did"),
     ),
     "runs": (
         ("pomona runs list", "the recorded runs, newest first"),
-        ("pomona runs show last", "what it was, how it went, what its record holds"),
+        ("pomona runs show last", "settings, result and contents of the record"),
     ),
     "replay": (("pomona replay last --speed 1", "show it again, as it went"),),
     "rerun": (("pomona rerun last", "does a simulated run repeat exactly?"),),
     "campaign": (
         ("pomona campaign {campaign} --workers 4", "many runs and their report"),
-        ("pomona campaign {campaign} --report", "the report of what is there already"),
+        ("pomona campaign {campaign} --report", "the report of the present results"),
     ),
     "skills": (("pomona skills Plan", "a skill's ports, devices and failures"),),
     "doctor": (("pomona doctor --cell lab.yaml", "is the cell fit to run?"),),
@@ -69,7 +69,7 @@ _EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
 
 
 def examples(command: str) -> tuple[tuple[str, str], ...]:
-    """What people type to a subcommand, and what it does; nothing for one without examples."""
+    """Return the examples of a subcommand with their descriptions; nothing for one without examples."""
     rows = _EXAMPLES.get(command, ())
     if not rows:
         return ()

@@ -1,4 +1,4 @@
-"""`pomona explain`: what happened in a run, why, and what to try."""
+"""`pomona explain`: the events of a run, their causes, and a remedy."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pomona.executive.terminal.screen import Screen
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    parser = subparsers.add_parser("explain", help="what happened in a recorded run, why, and what to try")
+    parser = subparsers.add_parser("explain", help="explain a recorded run: events, causes, remedy")
     parser.add_argument("run", nargs="?", default="last", help=f"{RUN} (default: last)")
     about = "also every moment, in the order of time, with values, times, the score and tracebacks"
     parser.add_argument("--all", action="store_true", help=about)
@@ -39,7 +39,7 @@ def main(options: argparse.Namespace) -> int:
     for paragraph in explain(read_events(record), going_on, why_cut, whole=options.all):
         console.print(paragraph, soft_wrap="\n" in paragraph)
     if run.lost:
-        console.print(f"The record was damaged and repaired; what it lost: {run.lost}.", style="yellow")
+        console.print(f"The record was damaged and repaired; lost: {run.lost}.", style="yellow")
     if not run.checked:
         console.print(UNCHECKED, style="yellow")
     return 0

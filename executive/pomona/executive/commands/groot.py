@@ -31,8 +31,8 @@ def add_export(subparsers: Any) -> None:
 def add_import(subparsers: Any) -> None:
     """Register `pomona import`."""
     into = subparsers.add_parser("import", help="read XML of Groot2 or BehaviorTree.CPP and print a tree file")
-    into.add_argument("xml", type=Path, help="the file whose tree runs; what it includes is read, too")
-    into.add_argument("beside", type=Path, nargs="*", metavar="xml", help="further files, whose trees it calls")
+    into.add_argument("xml", type=Path, help="the file with the main tree; included files are read, too")
+    into.add_argument("beside", type=Path, nargs="*", metavar="xml", help="further files with called trees")
     into.add_argument("--nodes", type=Path, action="append", default=[], metavar="FILE", help="models of its nodes")
     about = "declare the skills that are not installed in the tree: it can be checked, drawn, run dry and exported"
     into.add_argument("--stubs", action="store_true", help=about)
@@ -58,7 +58,7 @@ def _xml(options: argparse.Namespace, registry: Registry) -> str:
 
 
 def import_(options: argparse.Namespace) -> int:
-    """Write the tree file; what could not be translated is told on standard error.
+    """Write the tree file; report parts without translation on standard error.
 
     Returns:
         0 when everything was carried over, else 1.
@@ -77,7 +77,7 @@ def import_(options: argparse.Namespace) -> int:
 
 
 def _what_next(text: str, out: Path | None) -> str:
-    """How much was read, which of its skills are not installed, and what to do about them."""
+    """Return the size of the tree, its skills that are not installed, and the next step for them."""
     document, file = read(text, out or "imported.yaml"), out or "FILE"
     nodes = [
         node

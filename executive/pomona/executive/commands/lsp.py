@@ -17,7 +17,7 @@ def add(subparsers: Any) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Serve until the editor says that it ends.
+    """Serve until the editor ends the session.
 
     Returns:
         0.

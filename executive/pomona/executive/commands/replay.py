@@ -17,7 +17,7 @@ from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.summary import Summary
 
 SLOWEST, FASTEST = 1e-3, 1e3
-"""Of what can be asked for, in seconds of the run for one second of the clock."""
+"""Range of `--speed`: seconds of the run per second of the clock."""
 
 
 def add(subparsers: Any) -> None:
@@ -59,12 +59,12 @@ def main(options: argparse.Namespace) -> int:
     finally:
         live.close()
     if summary.started is None or summary.ended is None:
-        rest = "" if how(run) == "empty" else "; what is there is shown above"
+        rest = "" if how(run) == "empty" else "; the readable part is shown above"
         console.print(f"{folder}: {ending(run)}{rest}")
         return 0
     summary.print(console, folder)
     if run.lost:
-        console.print(f"the record was damaged and repaired; what it lost: {run.lost}", style="yellow")
+        console.print(f"the record was damaged and repaired; lost: {run.lost}", style="yellow")
     if not run.checked:
         console.print(UNCHECKED, style="yellow")
     return 0

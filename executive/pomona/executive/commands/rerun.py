@@ -75,7 +75,7 @@ def main(options: argparse.Namespace) -> int:
 
 
 def _beginning(record: Path) -> tuple[RunStarted, tuple[OperatorActed, ...], list[str]]:
-    """How the recorded run began, which speeds were set in it, and what in it nobody can repeat."""
+    """Return the start of the recorded run, its changes of speed, and the parts that cannot be repeated."""
     started: RunStarted | None = None
     ended = False
     acts: list[OperatorActed] = []
@@ -87,7 +87,7 @@ def _beginning(record: Path) -> tuple[RunStarted, tuple[OperatorActed, ...], lis
         elif isinstance(event, RunEnded):
             ended = True
     if started is None:
-        raise UsageError(f"{record}: the record does not say how the run began")
+        raise UsageError(f"{record}: the record does not hold the start of the run")
     kind = started.cell_kind
     if kind not in REPEATABLE:
         raise UsageError(f"{record}: only a simulated run can be repeated, this one was on a cell of kind {kind}")
@@ -103,7 +103,7 @@ def _beginning(record: Path) -> tuple[RunStarted, tuple[OperatorActed, ...], lis
 
 
 def _refuse_devices(order: RunOrder) -> None:
-    """A foreign record may say one thing of its cell and hold another.
+    """Refuse a record whose cell is a real one, whatever its header states.
 
     Raises:
         UsageError: the cell that it holds is none that can be repeated, or cannot be read.
@@ -114,14 +114,16 @@ def _refuse_devices(order: RunOrder) -> None:
     judged = judge(document, Registry.installed(), order.settings, order.cell, order.texts)
     judged.refuse_errors()
     if judged.cell is not None and judged.cell.kind not in REPEATABLE:
-        raise UsageError(f"the cell in the record is of kind {judged.cell.kind}, although the run says otherwise")
+        raise UsageError(
+            f"the cell in the record is of kind {judged.cell.kind}, the record's header names another kind"
+        )
 
 
 def _order(started: RunStarted, speeds: tuple[OperatorActed, ...], folder: Path) -> RunOrder:
-    """The order that was given then, with the contents of then.
+    """Return the order of the recorded run, with the file contents of that time.
 
     Raises:
-        UsageError: the record names a speed that nobody can have, or a folder that is not here.
+        UsageError: the record names an impossible speed, or a folder that does not exist here.
     """
     try:
         speed = checked_speed(started.speed)
@@ -131,10 +133,10 @@ def _order(started: RunStarted, speeds: tuple[OperatorActed, ...], folder: Path)
         raise UsageError(f"the record is none of a run: {error}") from None
     dry = started.cell == "dry" and started.cell_kind == "mock"
     cell = Path(started.cell_path)
-    if not dry and not cell.parent.is_dir():  # recorded on another machine: what it names is found beside the cell
+    if not dry and not cell.parent.is_dir():  # recorded on another machine: its files are found beside the cell
         cell = installed_trees() / "cells" / cell.name
         if not cell.parent.is_dir():
-            raise UsageError(f"{started.cell_path}: its folder is needed for what it names, and is not here")
+            raise UsageError(f"{started.cell_path}: its folder holds files that it names, and does not exist here")
     texts = {started.tree_path: started.tree_text, str(cell): started.cell_text, **started.tree_files}
     texts |= {str(cell.parent / name): text for name, text in started.cell_files.items()}
     return RunOrder(

@@ -1,4 +1,4 @@
-"""`pomona runs`: list, show, compare, export, prune, repair recorded runs, and extract what they hold."""
+"""`pomona runs`: list, show, compare, export, prune and repair recorded runs, and extract their contents."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from pomona.executive.terminal.filtered import write_json
 from pomona.executive.terminal.run_list import how, print_comparison, print_list, size, wide_console
 from pomona.executive.terminal.screen import Screen
 
-if TYPE_CHECKING:  # what reads whole records is imported where it is needed: a list does not wait for it
+if TYPE_CHECKING:  # readers of whole records are imported on use, so that a list does not wait for them
     from pomona.executive.terminal.summary import Summary
 
 RUN = "a record's folder or MCAP file, its name (or the beginning of it) below --record, or 'last'"
@@ -31,34 +31,34 @@ FAILURES = Path("failures.html")
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser("runs", help="list, show, compare, export, prune, repair recorded runs")
-    commands = parser.add_subparsers(metavar="WHAT", required=True)
+    commands = parser.add_subparsers(metavar="ACTION", required=True)
 
     listing = _command(commands, "list", _list, "the recorded runs, newest first")
     listing.add_argument("words", nargs="*", help="only runs with all of these words in name, cell, settings or code")
     listing.add_argument("--failed", action="store_true", help="only runs that did not succeed")
-    listing.add_argument("--limit", type=_positive, default=30, metavar="N", help="at most so many (default: 30)")
+    listing.add_argument("--limit", type=_positive, default=30, metavar="N", help="maximum number (default: 30)")
     listing.add_argument("--all", action="store_true", help="no limit")
     listing.add_argument("--rebuild", action="store_true", help="make the index afresh from the records")
     listing.add_argument("--json", action="store_true", help="one JSON object a line")
 
-    show = _command(commands, "show", _show, "one run: what it was, how it went, what its record holds")
+    show = _command(commands, "show", _show, "one run: settings, result, contents of its record")
     show.add_argument("run", help=RUN)
     show.add_argument("--json", action="store_true", help="one JSON object")
 
     compare = _command(commands, "compare", _compare, "runs side by side, and where two of the same kind part")
     compare.add_argument("runs", nargs="+", metavar="RUN", help=RUN)
 
-    exporting = _command(commands, "export", _export, "a run as one portable file, or as what other tools read")
+    exporting = _command(commands, "export", _export, "a run as one portable file, or in the format of another tool")
     exporting.add_argument("run", help=RUN)
     exporting.add_argument(
         "file", nargs="?", type=Path,
-        help="default: RUN.zip here. The ending says what it becomes: "
+        help="default: RUN.zip here. The ending selects the format:  "
         + ", ".join(f"{ending} {what}" for ending, (_write, what) in FORMATS.items()),
     )  # fmt: skip
     exporting.add_argument("--to", choices=tuple(FOLDERS), help="instead of one file, the folder of another tool")
     exporting.add_argument("--with", nargs="+", default=[], metavar="RUN", dest="more", help="lerobot: more episodes")
     exporting.add_argument("--rate", type=_positive, metavar="HZ", help="lerobot: steps a second (default: 10)")
-    exporting.add_argument("--task", default="", metavar="WORDS", help="lerobot: what was done (default: the tree)")
+    exporting.add_argument("--task", default="", metavar="WORDS", help="lerobot: the task (default: the tree)")
 
     frames = _command(commands, "frames", _frames, "images, wrenches, joints, paths as PNG, CSV and JSON")
     frames.add_argument("run", help=RUN)
@@ -80,10 +80,10 @@ def add(subparsers: Any) -> None:
     prune.add_argument(
         "--total", type=pruning.SIZE.option, metavar="SIZE", help="the oldest, until the rest fits into this: 20 GB"
     )
-    prune.add_argument("--dry", action="store_true", help="only say what would go")
+    prune.add_argument("--dry", action="store_true", help="only list the records to delete")
     prune.add_argument("--yes", action="store_true", help="do not ask")
 
-    repairing = _command(commands, "repair", _repair, "make records whole whose process was killed")
+    repairing = _command(commands, "repair", _repair, "repair records whose process was killed")
     repairing.add_argument("runs", nargs="*", metavar="RUN", help=f"{RUN}; default: all that need it")
 
 
@@ -160,7 +160,7 @@ def _compare(options: argparse.Namespace) -> int:
 
 
 def _same_start(run: Digest) -> tuple[Any, ...]:
-    """What two runs must share to be expected to happen alike."""
+    """Return the values that two runs must share to be expected to be equal."""
     return run.tree_hash, run.cell_hash, run.seed, dict(run.settings)
 
 
@@ -217,7 +217,7 @@ FOLDERS: Mapping[str, Callable[[argparse.Namespace, Path], int]] = {
     "rosbag2": _export_rosbag2,
     "lerobot": _export_lerobot,
 }
-"""What `--to` makes, by other tools' names."""
+"""Exports of `--to`, by names of other tools."""
 
 
 def _frames(options: argparse.Namespace) -> int:
@@ -267,7 +267,7 @@ def _name(record: Path) -> str:
 
 def _prune(options: argparse.Namespace) -> int:
     if options.older is None and options.keep is None and options.total is None:
-        raise UsageError("say what may go: --older 30d, --keep 100, --total 20GB")
+        raise UsageError("no limit is given: use --older 30d, --keep 100 or --total 20GB")
     runs = RunIndex(options.record).read()
     chosen = pruning.choose(runs, older=options.older, keep=options.keep, total=options.total)
     console = wide_console()
@@ -293,7 +293,7 @@ def _agreed(question: str) -> bool:
 
 
 def _repair(options: argparse.Namespace) -> int:
-    from pomona.executive.recording.repair import repair  # it draws, and to load what draws takes a second
+    from pomona.executive.recording.repair import repair  # importing its drawing library takes a second
 
     console = Screen()
     if options.runs:
@@ -330,4 +330,4 @@ def _needs_repair(path: Path) -> bool:
     try:
         return not is_whole(path) and not is_being_written(path)
     except UsageError:
-        return True  # repairing it says what is wrong
+        return True  # the repair reports the error

@@ -18,7 +18,7 @@ def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser("schema", help="print the JSON Schema of a kind of file, for editors")
     parser.add_argument("kind", nargs="?", default=TREE, choices=(TREE, *kind_names()), help="tree (the default), "
-                        "cell, campaign and what is installed besides")  # fmt: skip
+                        "cell, campaign and installed extensions")  # fmt: skip
     parser.set_defaults(main=main)
 
 

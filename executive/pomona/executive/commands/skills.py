@@ -1,4 +1,4 @@
-"""`pomona skills`: what is installed, with ports, units and failure codes."""
+"""`pomona skills`: the installed skills, with ports, units and failure codes."""
 
 from __future__ import annotations
 

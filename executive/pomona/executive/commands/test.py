@@ -21,7 +21,7 @@ from pomona.executive.values.shipped import installed_trees
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser(
-        "test", help="run scenario files: a tree's logic with mocks, and what was never reached"
+        "test", help="run scenario files: a tree's logic with mocks; report nodes that were never reached"
     )
     parser.add_argument("paths", nargs="+", type=Path, help="scenario files, or folders of them")
     parser.set_defaults(main=main)

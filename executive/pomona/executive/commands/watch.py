@@ -1,4 +1,4 @@
-"""`pomona run --watch`: when the tree file is saved, check it again, say what changed, and run it again."""
+"""`pomona run --watch`: when the tree file is saved, check it, report the changes, and run it again."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def run_on_save(
         path: the tree file.
         settings: for its parameters; those that it does not declare are the cell's.
         run: runs the tree once; returns the exit status.
-        console: where changes and errors are told.
+        console: output of changes and errors.
         wait: between two looks at the file.
 
     Returns:
@@ -61,7 +61,7 @@ def run_on_save(
 def _first(
     path: Path, settings: Mapping[str, str], registry: Registry, console: Screen, wait: Callable[[float], None]
 ) -> Document:
-    """The first version that can run: what is wrong is told at each save until then."""
+    """Return the first version that can run; until then, report the errors at each save."""
     while True:
         stamp = _stamp(path)
         try:
@@ -103,7 +103,7 @@ def _reload(
 
 
 def _stamp(path: Path) -> tuple[int, int]:
-    """What changes when a file is saved; editors replace files, so it may be away for a moment."""
+    """Return a stamp that changes when a file is saved; editors replace files, so it may be missing for a moment."""
     try:
         status = path.stat()
     except OSError:

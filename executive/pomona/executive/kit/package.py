@@ -5,7 +5,7 @@ from __future__ import annotations
 from pomona.executive.values.piece import Piece
 
 PACKAGE = Piece(
-    "a package: what pip, pytest and mypy need",
+    "a package with the files for pip, pytest and mypy",
     {
         "pyproject.toml": """[build-system]
 requires = ["hatchling>=1.27"]
@@ -37,7 +37,7 @@ pythonpath = ["."]
 In an environment with Pomona (the distribution pomona or pomona-executive):
 
     pip install -e '.[dev]'
-    pomona skills            # lists what this package adds
+    pomona skills            # lists the skills of this package, too
     pytest
     mypy $module
 
@@ -48,9 +48,9 @@ Install the package once more after that: its new name is found then.
 )
 
 TREE = Piece(
-    "a tree with the example's skill, and what is to happen in it",
+    "a tree with the example's skill, and its tests",
     {
-        "trees/${module}_test.yaml": """# What is to happen, with a mock as the skill: pomona test trees/*_test.yaml
+        "trees/${module}_test.yaml": """# The expected events, with a mock as the skill: pomona test trees/*_test.yaml
 # Its common mocks also serve a run: pomona run trees/$module.yaml --dry trees/${module}_test.yaml
 pomona: 1
 tree: $module.yaml

@@ -18,13 +18,13 @@ from pomona.executive.skill import Skill, Work
 
 
 class ${Name}Result(Outputs):
-    """What $Name gives."""
+    """Outputs of $Name."""
 
     height: Length
 
 
 class $Name(Skill):
-    """Wait a moment, then say how high to go."""
+    """Wait a moment, then return the height to reach."""
 
     failures = ("TOO_HIGH",)
 

@@ -36,7 +36,7 @@ class Attributes(Field):
 
 
 class UntranslatedType(Composite):
-    """stands where `pomona import` found nothing that means the same; `pomona check` refuses it"""
+    """replaces an element for which `pomona import` has no equivalent node; `pomona check` refuses it"""
 
     key, symbol, colour = "untranslated", "✂", "#a4262c"
     value = PerhapsChildren("the contents of the element")

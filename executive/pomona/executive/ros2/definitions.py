@@ -1,8 +1,7 @@
-"""Definitions of the messages that no distribution of ROS 2 brings along, in ROS 2's own language.
+"""Definitions of the messages that no distribution of ROS 2 contains, in ROS 2's own language.
 
-`pomona_msgs` is ours: docs/interop.md has every field with its unit.
-`py_trees_ros_interfaces` and `octomap_msgs` are other people's, as they are published, without the
-comments.
+`pomona_msgs` belongs to Pomona: docs/interop.md has every field with its unit. `py_trees_ros_interfaces` and
+`octomap_msgs` are copied as published, without the comments.
 """
 
 from __future__ import annotations

@@ -145,7 +145,7 @@ class Ros2Peer:
                 asked = typestore().deserialize_cdr(query.payload.to_bytes(), request)
                 number, _stamp, _size = _HEAD.unpack_from(query.attachment.to_bytes())
                 gid = query.attachment.to_bytes()[_HEAD.size :]
-            except Exception as error:  # whatever somebody sends
+            except Exception as error:  # any malformed request
                 refuse(query, f"the request cannot be read: {_words(error)}")
                 return
             if not room.acquire(blocking=False):

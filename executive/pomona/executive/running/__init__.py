@@ -1,1 +1,1 @@
-"""One run of a tree: the runner, what it offers to skills, the events it gives."""
+"""One run of a tree: the runner, its services for skills, its events."""

@@ -1,9 +1,9 @@
 """Breakpoints: a tick is held in its middle, exactly before a node starts or after it has ended.
 
 A py_trees tick is a generator that hands over every node as soon as it has been ticked, before its parent goes on. A
-node with a breakpoint also hands over a `HeldTick`; whoever walks the tick stops there, and later goes on with the same
-walk. Nothing else in the tree has moved meanwhile: no sibling was started, none was interrupted. Nodes without a
-breakpoint pay nothing.
+node with a breakpoint also hands over a `HeldTick`; the caller that iterates the tick stops there, and later continues
+the same iteration. Nothing else in the tree has moved meanwhile: no sibling was started, none was interrupted. Nodes
+without a breakpoint pay nothing.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ BREAK_ACTIONS: dict[str, tuple[Side, bool]] = {
     "break_after": ("after", True),
     "unbreak_after": ("after", False),
 }
-"""What an operator does to a breakpoint, by the name of the action in events and in the live stream."""
+"""Breakpoint actions of an operator, by the name of the action in events and in the live stream."""
 
 
 class UnknownNodeError(PomonaError):

@@ -1,4 +1,4 @@
-"""What the executive needs of a cell; `pomona.drivers.cell` has one, found by the entry point `pomona.cells`."""
+"""Interface of a cell for the executive; `pomona.drivers.cell` implements it (entry point `pomona.cells`)."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Cell(Protocol):
 
     @property
     def latched(self) -> str | None:
-        """The reason of a safe stop that nobody has acknowledged yet; nothing moves while there is one."""
+        """The reason of an unacknowledged safe stop; nothing moves while there is one."""
         ...
 
     def interfaces(self) -> tuple[type, ...]:
@@ -64,7 +64,7 @@ class Cell(Protocol):
         ...
 
     def links(self) -> Mapping[str, str]:
-        """State of each device's link, by the device's name: 'ok', or what is wrong."""
+        """State of each device's link, by the device's name: 'ok', or the problem."""
         ...
 
     def last_seen(self) -> Mapping[str, float]:
@@ -82,7 +82,7 @@ class Cell(Protocol):
         ...
 
     def readings(self) -> Mapping[str, Mapping[str, Any]]:
-        """What the devices measured since the last call, for the record: arrays in SI units by device and quantity."""
+        """Device measurements since the last call, for the record: arrays in SI units by device and quantity."""
         ...
 
     def check(self) -> None:
@@ -96,7 +96,7 @@ class Cell(Protocol):
     def safe_stop(self, reason: str) -> Mapping[str, str]:
         """Arm decelerates and holds, gripper keeps its grip; latched. Never raises, may be called from any thread.
 
-        Returns what kept devices from stopping, by their names.
+        Returns the reasons of devices that could not be stopped, by their names.
         """
         ...
 
@@ -112,7 +112,7 @@ class Cell(Protocol):
         """Go on with paused motions.
 
         Raises:
-            Exception: the world is not as it was when it was paused (the arm was moved, what it held is gone).
+            Exception: the world has changed since the pause: the arm was moved, or the fruit in the gripper is gone.
         """
         ...
 
@@ -122,7 +122,7 @@ class Cell(Protocol):
         ...
 
     def set_speed(self, speed: float, of: Collection[type] = ()) -> None:
-        """Let devices move at a share (above 0 to 1) of what is commanded from now on; with these interfaces, or all.
+        """Scale the commanded speed by a ratio (above 0 to 1) from now on, for the given interfaces or all.
 
         Raises:
             Exception: it is less than 1, and one of them cannot be slowed down.
@@ -130,7 +130,7 @@ class Cell(Protocol):
         ...
 
     def in_hand(self) -> str | None:
-        """What is felt between the fingers, as a sentence; empty for nothing, None when the cell cannot feel it."""
+        """Describe a contact between the fingers: an empty text without contact, None if it cannot be measured."""
         ...
 
     def outside_stops(self) -> Mapping[str, tuple[str, Sequence[Any]]]:
@@ -160,5 +160,5 @@ class Cell(Protocol):
         ...
 
     def close(self) -> None:
-        """Bring everything to rest and let go of the devices."""
+        """Bring everything to rest and release the devices."""
         ...

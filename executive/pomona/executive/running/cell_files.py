@@ -1,4 +1,4 @@
-"""What the executive needs of cell files; `pomona.drivers.cell` reads them, found by the entry point `pomona.cells`."""
+"""Interface of cell files for the executive; `pomona.drivers.cell` implements it (entry point `pomona.cells`)."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class CellFile(Protocol):
 
     @property
     def score(self) -> Score | None:
-        """What counts where the world scores runs."""
+        """The score of a world that scores runs."""
         ...
 
     @property
@@ -50,15 +50,15 @@ class CellFile(Protocol):
         ...
 
     def known(self, what: type[T]) -> T | None:
-        """What the file says about something before anything is connected."""
+        """Return an object that the file describes, before any connection."""
         ...
 
 
 class CellFiles(Protocol):
-    """Reads cell files and connects what they describe."""
+    """Reads cell files and connects the devices in them."""
 
     def outline(self, path: Path, findings: Findings) -> Outline | None:
-        """The cell's kind and what `--set` may change; nothing when the file cannot be read."""
+        """Return the cell's kind and its options for `--set`, or None if the file cannot be read."""
         ...
 
     def judge(
@@ -75,7 +75,7 @@ class CellFiles(Protocol):
         """Connect the devices.
 
         Raises:
-            Exception: a device cannot be connected; those connected before are let go.
+            Exception: a device cannot be connected; devices connected before are released.
         """
         ...
 

@@ -1,4 +1,4 @@
-"""Looks after the cell in every tick: faults, links, and whatever else a run must not do without."""
+"""Monitors the cell in every tick: faults, links, and other services that a run requires."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from pomona.executive.running.watching import Watch
 
 
 class SafeStopRequestedError(PomonaError):
-    """The run must end in the safe state, for the reason that this says."""
+    """The run must end in the safe state, for the reason in the text."""
 
     code: ClassVar[str] = "SAFE_STOP"
 
 
 class InterruptRequestedError(SafeStopRequestedError):
-    """Somebody at the keyboard wants the run to end."""
+    """The operator has requested the end of the run from the keyboard."""
 
     code = "INTERRUPTED"
 
 
 class CellWatch:
-    """Asks each device, and each other thing that was named, how it is; tells what has changed."""
+    """Polls each device and each registered service; reports changes."""
 
     def __init__(
         self, cell: Cell, linked: Callable[[str, str], None], felt: Callable[[str], None], watch: Watch
@@ -32,8 +32,8 @@ class CellWatch:
         Args:
             cell: connected.
             linked: called with (device, state) when a link's state has changed.
-            felt: called with what is felt between the fingers, when that has changed.
-            watch: shows what the cell looks like.
+            felt: called with the contact between the fingers, when it has changed.
+            watch: shows the appearance of the cell.
         """
         self._cell, self._linked, self._felt, self._watch = cell, linked, felt, watch
         self._hand: str | None = None
@@ -46,7 +46,7 @@ class CellWatch:
         return self._watch.last_seen
 
     def look_after(self, name: str, state: Callable[[], str], *, required: bool) -> None:
-        """Watch something beside the cell's devices, too; `state` says 'ok', or what is wrong."""
+        """Monitor a service beside the cell's devices; `state` returns 'ok', or the problem."""
         self._others[name] = (state, required)
 
     def look(self) -> None:
@@ -64,7 +64,7 @@ class CellWatch:
             self._note(name, state)
             if required and state != "ok":
                 wanting = wanting or state
-        if wanting:  # told before what the devices miss: a run that stood still has heard of none of them meanwhile
+        if wanting:  # reported before the devices' faults: a run that stalled has received none of their data
             raise SafeStopRequestedError(wanting)
         self._cell.check()
         if self._cell.latched is not None:

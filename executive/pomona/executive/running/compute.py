@@ -1,8 +1,8 @@
-"""Work beside the tick: a thread for code that lets go of the interpreter's lock, a process for code that does not.
+"""Work beside the tick: a thread for code that releases the GIL, a process for code that does not.
 
 An isolated computation runs in one spawned worker process that stays warm between calls; cancelling it kills the
-worker, so a planner that is late is gone at once. On a simulated clock the runner waits for computations before time
-moves on, which makes a run independent of how fast the machine is.
+worker, so a late planner ends at once. On a simulated clock the runner waits for computations before time moves on,
+which makes a run independent of how fast the machine is.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from pomona.executive.running.traces import keep_place, place_of, traceback_of
 from pomona.executive.values.sentences import sentence_of
 
 COMPUTING = "pomona-compute"
-"""What the names of the threads begin with."""
+"""Prefix of the names of the threads."""
 
 NICENESS = 10
 """Of computations, beside 0 of the tick. On two busy processors the tick was up to 14 ms late without it."""
@@ -68,8 +68,8 @@ class _Threaded:
 def _serve(connection: Connection, runs: bool) -> None:
     """The worker's loop: receive (function, arguments), send (True, result) or (False, exception).
 
-    What the terminal or the system sends to all processes of a group is the parent's to handle. `runs` leaves SIGTERM
-    to what is computed: a run ends in its safe state then.
+    The parent handles signals that the terminal or the system sends to the process group. With `runs`, the computed run
+    handles SIGTERM: it ends in its safe state.
     """
     _give_way()
     for number in WORDS:
@@ -87,14 +87,14 @@ def _serve(connection: Connection, runs: bool) -> None:
             answer = (False, _portable(error))
         try:
             connection.send(answer)
-        except OSError:  # nobody is there any more
+        except OSError:  # the parent is gone
             return
         except Exception as error:  # an answer that cannot be pickled
             connection.send((False, RuntimeError(f"the result cannot be sent back: {error}")))
 
 
 def _end_with_parent(runs: bool) -> None:
-    """A worker whose parent was killed computes for nobody, and must not hold a device."""
+    """End a worker whose parent was killed: its result is not needed, and it must not hold a device."""
     parent = multiprocessing.parent_process()
     if parent is None:
         return
@@ -106,14 +106,14 @@ def _end_with_parent(runs: bool) -> None:
 
 
 def _portable(error: BaseException) -> BaseException:
-    """The same exception with its traceback as a note; where it cannot travel, another that says the same."""
+    """Return the same exception with its traceback as a note, or an equivalent one if it cannot be pickled."""
     trace = "in the worker process:\n" + traceback_of(error)
     place = place_of(error)
     try:
         error.add_note(trace)
         keep_place(error, place)
         pickle.loads(pickle.dumps(error))
-    except Exception:  # its class takes other arguments than its message, or holds what cannot be pickled
+    except Exception:  # its class takes other arguments than its message, or holds objects that cannot be pickled
         error = RuntimeError(f"{type(error).__name__}: {sentence_of(error)}")
         error.add_note(trace)
         keep_place(error, place)
@@ -123,8 +123,8 @@ def _portable(error: BaseException) -> BaseException:
 class Worker:
     """One spawned process that computes one thing at a time.
 
-    With `runs` it computes whole runs: it may have processes of its own, and ends a run in its safe state when it is
-    told to end.
+    With `runs` it computes whole runs: it may have processes of its own, and on a request to end it ends a run in its
+    safe state.
     """
 
     def __init__(self, runs: bool = False) -> None:
@@ -135,7 +135,7 @@ class Worker:
         there.close()
 
     def tell_to_end(self) -> None:
-        """What it computes is not wanted any more: a run ends in its safe state. `kill` must follow, in a while."""
+        """Request the end of its computation: a run ends in its safe state. `kill` must follow after a while."""
         self.process.terminate()
         self.connection.close()
 
@@ -223,7 +223,7 @@ class Computations:
         return bool(self._pending)
 
     def pending(self) -> bool:
-        """Whether anything still runs; reports what has ended since the last call."""
+        """Return True while a computation runs; report those that have ended since the last call."""
         still = []
         for entry in self._pending:
             node, name, started, computation = entry

@@ -1,4 +1,4 @@
-"""What a run offers to its skills: the real `SkillContext`."""
+"""Services of a run for its skills: the real `SkillContext`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from pomona.executive.skill import Computation, Interrupted, Skill, Work
 T = TypeVar("T")
 
 HALT_TIMEOUT = 10.0
-"""Seconds of the run's clock within which an interrupted skill must have let go."""
+"""Time on the run's clock within which an interrupted skill must have halted [s]."""
 
 
 class RunContext:
@@ -71,7 +71,7 @@ class RunContext:
     def acquire(self, skill: Skill) -> str | None:
         for other, _work, _deadline in self._halting:
             if set(self._offered(other.claims())) & set(skill.devices):
-                return f"waiting until {other.name} has let go"
+                return f"waiting until {other.name} has halted"
         claimed = self._offered(skill.claims())
         for interface in claimed:
             owner = self._owners.get(interface)
@@ -99,7 +99,7 @@ class RunContext:
         return self._speed
 
     def set_speed(self, speed: float) -> None:
-        """Let everything go at this share of what skills and tree say, from now on, also what moves already."""
+        """Scale the speeds of skills and tree by this ratio from now on, also for motions in progress."""
         self._speed = speed
         self._cell.set_speed(speed)
         for skill in dict.fromkeys(self._owners.values()):
@@ -126,16 +126,16 @@ class RunContext:
 
     @property
     def halting(self) -> tuple[str, ...]:
-        """Names of the skills that were interrupted and have not let go yet."""
+        """Names of the interrupted skills that have not halted yet."""
         return tuple(skill.name for skill, _work, _deadline in self._halting)
 
     @property
     def owners(self) -> Mapping[type, str]:
-        """Who moves what: names of skills that run or still let go."""
+        """Owner of each interface: names of skills that run or still halt."""
         return {interface: skill.name for interface, skill in self._owners.items()}
 
     def drive_halting(self) -> None:
-        """One more step for every interrupted skill; what fails is for `take_failure`."""
+        """Advance every interrupted skill by one step; `take_failure` returns their errors."""
         still = []
         for skill, work, deadline in self._halting:
             if self._let_go(skill, partial(next, work)):
@@ -153,15 +153,15 @@ class RunContext:
         return self._refusals.pop(0) if self._refusals else None
 
     def forget_refusal(self, error: BaseException) -> None:
-        """A refusal that is reported as what ended the run needs no other report."""
+        """Drop a refusal that is already reported as the end of the run."""
         self._refusals = [refused for refused in self._refusals if refused is not error]
 
     def take_failure(self) -> tuple[str, BaseException] | None:
-        """What a skill raised while it let go, with the skill's path; None when there is nothing more."""
+        """Return the next error of a halting skill, with the skill's path; None if there is none."""
         return self._failures.pop(0) if self._failures else None
 
     def _offered(self, interfaces: Sequence[type]) -> tuple[type, ...]:
-        """All interfaces of the devices that have one of these: a device has one owner, whatever it is called."""
+        """Return all interfaces of the devices that have one of these: a device has one owner under any interface."""
         there = self._cell.interfaces() if interfaces else ()  # a dry run has no device
         found = [
             (one, *getattr(self._cell.device(one), "interfaces", ())) if one in there else (one,) for one in interfaces

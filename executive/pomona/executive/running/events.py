@@ -1,7 +1,7 @@
-"""What can happen in a run, as frozen dataclasses: the one stream that summary, recording and dashboard read.
+"""Events of a run, as frozen dataclasses: the one stream that summary, recording and dashboard read.
 
 Every event carries `t`, seconds of the run's clock since the run started, and `tick`. Live and replayed runs give the
-same events, so a view never knows the difference.
+same events, so a view handles both alike.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ class RunStarted(Event):
     """A run begins. `nodes` describes the tree: one mapping per node, in drawing order, with `path` and `parent`.
 
     `tree_files` holds the texts of the files that the tree calls, by their path, `cell_files` those that the cell
-    includes, by their path from its folder; of a dry run `cell_text` is its mocks. `speed` is the share of what is
-    commanded at which the arm goes at first; an `OperatorActed` with the action `speed` changes it. `preparation` is
-    the time from the order to the start [s]. `parameter_texts` has the values of `parameters` as they are written, with
-    their units.
+    includes, by their path from its folder; of a dry run `cell_text` is its mocks. `speed` is the initial ratio of the
+    arm's speed to the commanded one; an `OperatorActed` with the action `speed` changes it. `preparation` is the time
+    from the order to the start [s]. `parameter_texts` has the values of `parameters` as they are written, with their
+    units.
     """
 
     run: str
@@ -91,7 +91,7 @@ class AttemptEnded(Event):
 
 @dataclass(frozen=True, slots=True)
 class PortWritten(Event):
-    """A node wrote a value. `sentence` and `facts` are what the value says of itself, to people and to reports."""
+    """A node wrote a value. `sentence` and `facts` describe the value, for the operator and for reports."""
 
     key: str
     value: Any
@@ -131,7 +131,7 @@ class TickOverran(Event):
 
 @dataclass(frozen=True, slots=True)
 class LinkChanged(Event):
-    """The state of a device's link changed: 'ok', or what is wrong."""
+    """The state of a device's link changed: 'ok', or the problem."""
 
     device: str
     state: str
@@ -139,14 +139,14 @@ class LinkChanged(Event):
 
 @dataclass(frozen=True, slots=True)
 class HandChanged(Event):
-    """What the fingers feel between them has changed: a sentence, or nothing."""
+    """The contact between the fingers has changed: a sentence, or an empty text without contact."""
 
     what: str
 
 
 @dataclass(frozen=True, slots=True)
 class OperatorActed(Event):
-    """Somebody acted on the run."""
+    """An operator acted on the run."""
 
     who: str
     action: str
@@ -162,14 +162,14 @@ class SafeStopped(Event):
 
 @dataclass(frozen=True, slots=True)
 class ErrorRaised(Event):
-    """An exception that is nobody's declared failure: a bug, a device's fault, or what failed beside them.
+    """An exception that no skill declares: a bug, a device's fault, or an error of another component.
 
     Attributes:
         node: path of the node that it came from; empty when it was none.
-        during: what was going on, for people: 'the tick', 'letting go' …
+        during: the activity, for the operator: 'the tick', 'the safe stop' …
         error: the exception's name.
-        message: what it says.
-        place: `file:line, in function`, the innermost in somebody's own code.
+        message: its text.
+        place: `file:line, in function`, the innermost outside Pomona and its libraries.
         traceback: the whole one.
     """
 
@@ -199,7 +199,7 @@ Listener = Callable[[Event], None]
 class EventStream:
     """Hands every event to every listener, in order, in the thread that emits it.
 
-    A listener that fails keeps nothing from the others; `take_failure` says so to the run.
+    If a listener fails, the others still get the event; `take_failure` reports the error to the run.
     """
 
     def __init__(self) -> None:
@@ -212,15 +212,15 @@ class EventStream:
         self._listeners.append(listener)
 
     def emit(self, event: Event) -> None:
-        """Never raises for what a listener does."""
+        """Emit an event; never raises for an error of a listener."""
         for listener in self._listeners:
             try:
                 listener(event)
-            except BaseException as error:  # whatever it is, the record must get what happens next
+            except BaseException as error:  # any error: the record must get the later events
                 if id(listener) not in self._failed:  # a terminal that is gone fails with every event
                     self._failed.add(id(listener))
                     self._failures.append(error)
 
     def take_failure(self) -> BaseException | None:
-        """What a listener raised first, once for each; None when there is nothing more."""
+        """Return the first error of a listener, once for each listener; None if there is none."""
         return self._failures.pop(0) if self._failures else None

@@ -1,9 +1,9 @@
-"""The process that a shell waits for while a child of it carries the command out.
+"""The process that a shell waits for while its child carries out the command.
 
 Its exit status is 0 only if the command came to its own end and reported 0. A run that was replaced by another program
 (`os.exec*`), or ended by `exit(0)` in compiled code or `os._exit(0)`, has reported nothing and counts as failed.
 
-The child belongs to the same process group, so what a terminal sends reaches both. A signal that was sent to this
+The child belongs to the same process group, so a signal from the terminal reaches both. A signal that was sent to this
 process alone is passed on. The child is killed when this process dies.
 """
 
@@ -124,7 +124,7 @@ class _Follower:
 
 
 def _die_by(number: int) -> None:
-    """End as the child did: a shell tells a crash by it. The child has left its core, if any."""
+    """End by the child's signal, so that the shell reports a crash. The child has left its core, if any."""
     import resource  # Windows has none, and no launcher
 
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

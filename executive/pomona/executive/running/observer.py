@@ -1,4 +1,4 @@
-"""Turns what a tick changed in the tree into events."""
+"""Turns the changes of a tick in the tree into events."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class TreeObserver:
         tree.on_attempt(self._attempt)
 
     def after_tick(self) -> None:
-        """Emit what has changed.
+        """Emit the changes.
 
         Raises:
             SkillError: the feedback of a node is no text; it counts as empty from then on.
@@ -58,8 +58,7 @@ class TreeObserver:
         return reason_of(self._tree.root)
 
     def culprit(self) -> str:
-        """Path of the skill that broke; else of the last running leaf: where a fault happened, as far as the tree can
-        tell."""
+        """Path of the skill that broke, else of the last running leaf: the best estimate of a fault's place."""
         broke = [skill.path for skill in self._tree.skills if skill.broke]
         running = [path for path, behaviour in self._nodes if _is_running_leaf(behaviour)]
         return (broke or running or [""])[-1]

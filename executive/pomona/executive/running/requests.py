@@ -1,4 +1,4 @@
-"""What others ask of a run, from any thread: carried out between two ticks. `safe_stop` alone acts at once."""
+"""Requests to a run, from any thread, carried out between two ticks. `safe_stop` alone acts at once."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pomona.executive.running.cell import Cell
 from pomona.executive.speed import SpeedRefusedError, cannot_slow, checked_speed
 
 LATE = 2.0
-"""Seconds of the wall's clock after which nobody still expects that what was asked for sets something in motion."""
+"""Age on the wall clock from which a request that starts motion is rejected as unexpected [s]."""
 
 SETS_IN_MOTION = ("resume", "step", "answer")
 """Actions that are carried out within `LATE` and for the pause or question that they name, or not at all."""
@@ -92,17 +92,18 @@ class Requests:
         self._ask("step", who, "", number)
 
     def stop(self, who: str = "operator") -> None:
-        """Halt every running skill, wait until each has let go, end the run."""
+        """Halt every running skill, wait until each has halted, end the run."""
         self._ask("stop", who, "")
 
     def safe_stop(self, reason: str, who: str = "operator") -> None:
-        """Bring the cell into its safe state now, whatever the tick is doing, and end the run."""
+        """Bring the cell into its safe state now, in any phase of the tick, and end the run."""
         self._cell.safe_stop(reason)
         self._ask("safe_stop", who, reason)
 
     def interrupt(self, who: str = "keyboard", reason: str = "interrupted from the keyboard") -> None:
-        """What a signal asks for: the safe state now, and the run's end. Not for the signal's handler itself: the tick
-        that it interrupts may hold the cell's lock.
+        """Request the safe state now, and the run's end, after a signal. Do not call it in the signal's handler itself:
+        the
+        interrupted tick may hold the cell's lock.
         """
         self._ask("interrupt", who, reason)
         self._cell.safe_stop(reason)
@@ -142,7 +143,7 @@ class Requests:
         self._ask("change", who, f"{port} = {text} ← {path}")
 
     def set_speed(self, share: float, who: str = "operator") -> None:
-        """Let the arm go at this share of what is commanded, from now on, also on a path that it follows.
+        """Scale the arm's commanded speed by this ratio from now on, also on a path in progress.
 
         Raises:
             SpeedRefusedError: it is not from 10 % to 100 %, or the cell cannot be slowed down.
@@ -154,7 +155,7 @@ class Requests:
 
     @property
     def known_faults(self) -> dict[str, tuple[str, ...]]:
-        """What can be made to fail on purpose, and how; nothing on a real cell."""
+        """Return the faults that can be injected, with their modes; nothing on a real cell."""
         return {name: tuple(switch.known_faults) for name, switch in self._cell.switches.items()}
 
     def fail(self, switch: str, kind: str, who: str = "operator") -> None:
@@ -169,7 +170,7 @@ class Requests:
         self._ask("fail", who, f"{switch} {kind}".strip())
 
     def note(self, who: str, action: str) -> None:
-        """Record that somebody took or released control: it changes nothing in the run."""
+        """Record that an operator took or released control: it changes nothing in the run."""
         self._ask(action, who, "")
 
     def acknowledge(self, who: str = "operator") -> None:
@@ -177,7 +178,7 @@ class Requests:
         self._ask("acknowledge", who, "")
 
     def leave(self) -> None:
-        """Make `hold_latched` return although nobody has acknowledged: the process ends."""
+        """Make `hold_latched` return without an acknowledgement: the process ends."""
         self._leaving = True
         self._ask("leave", "", "")
 

@@ -2,7 +2,7 @@
 
     idle → running ⇄ pausing → paused
            running → succeeded | failed          the tree ended
-           running → stopping → stopped          somebody stopped it: every skill is halted first
+           running → stopping → stopped          an operator stopped it: every skill is halted first
            any     → faulted                     an exception, a lost device, a safe stop: latched
 
 `Runner.run()` blocks in the caller's thread, which is the tick thread: the only one that touches tree, board, skills.
@@ -65,14 +65,14 @@ STOP_LIMIT = 10.0
 
 
 SETTLING = 2.0
-"""Settle time after the tree has ended [s of the cell's clock]: what moves longer is watched by no skill."""
+"""Settle time of devices after the tree has ended [s of the cell's clock]; longer motion is an error."""
 
 READINESS = 1.0
 """Seconds that a simulated cell runs on before an acknowledgement, so that repaired connections are open again."""
 
 
 class ListenerError(PomonaError):
-    """A listener of the run (terminal, page, record) failed: what happens next might go unseen."""
+    """A listener of the run (terminal, page, record) failed: later events might be lost."""
 
     def __init__(self, error: BaseException) -> None:
         self.error = error
@@ -115,13 +115,13 @@ class Runner(Requests):
             real_time: pace a simulated cell to wall-clock time; otherwise it runs as fast as the machine allows.
             attended: whether an operator is there to answer questions and to resume after breakpoints. Otherwise
                 questions get their defaults, and the breakpoints in the tree file are ignored.
-            watchers: show what the cell looks like.
+            watchers: show the appearance of the cell.
             heartbeat: called in every tick, also while paused or coming to rest.
-            speed: share of what is commanded at which the arm goes at first.
+            speed: initial ratio of the arm's speed to the commanded one.
             speeds: changes of that, to repeat at the moments of another run.
 
         Raises:
-            UsageError: the arm shall go slower, or the tree says so, and its driver cannot do that.
+            UsageError: a reduced speed is requested, here or in the tree, and the arm's driver has none.
         """
         super().__init__()
         self._cell, self._events = cell, events
@@ -175,19 +175,20 @@ class Runner(Requests):
     # -------------------------------------------------------------------------------------- the tick thread
 
     def prepare(self, tell: Callable[[str, int, int], None] = lambda _name, _done, _of: None) -> None:
-        """Load and warm up what the skills need before the run's clock starts; `tell(name, done, of)` before each."""
+        """Load and warm up the skills before the run's clock starts; `tell(name, done, of)` is called before each."""
         self.tree.prepare(tell)
         self._computations.pending()  # computations of the preparation do not count as the run's
 
     def look_after(self, name: str, state: Callable[[], str], *, required: bool) -> None:
-        """Also watch something that is no device of the cell; `state` is called every tick: 'ok', or what is wrong.
+        """Monitor a service that is no device of the cell; `state` is called every tick and returns 'ok', or the
+        problem.
 
-        A change is reported as `LinkChanged`; losing what is required ends the run in the safe state.
+        A change is reported as `LinkChanged`; losing a required service ends the run in the safe state.
         """
         self._watch.look_after(name, state, required=required)
 
     def run(self) -> RunResult:
-        """Run the tree to its end. Whatever goes wrong in the run is an outcome; it is never raised."""
+        """Run the tree to its end. Every error in the run becomes an outcome; none is raised."""
         started = time.perf_counter()
         try:
             self.board.adopt()
@@ -200,7 +201,7 @@ class Runner(Requests):
             with self._telling("", "closing"):
                 self.close()
             self._refuse_motion()
-        except BaseException as error:  # SystemExit, too: whatever it is, nothing may keep moving
+        except BaseException as error:  # SystemExit, too: after any error nothing may keep moving
             leave_if_forked()
             self._fault(error)
             with self._telling("", "closing"):
@@ -215,7 +216,7 @@ class Runner(Requests):
         return result
 
     def hold_latched(self) -> None:
-        """After the run: keep the cell connected in its safe state until somebody acknowledges the reason.
+        """After the run: keep the cell connected in its safe state until an operator acknowledges the reason.
 
         A device that is still lost refuses the acknowledgement: that is reported, and the safe state stays latched.
         """
@@ -352,10 +353,10 @@ class Runner(Requests):
         return bool(why)
 
     def _take_speeds(self) -> None:
-        """Other speeds: those of another run at its moments, and those that somebody has asked for.
+        """Apply changes of speed: those of a repeated run at their times, and those that an operator requested.
 
-        They are no commands: a computation that is waited for on a simulated clock is waited for all the same, so that
-        a repetition has the same ticks.
+        They are no commands: on a simulated clock the run still waits for computations, so that a repetition has the
+        same ticks.
         """
         while self._repeated and (self._repeated[0].t, self._repeated[0].tick) <= self._stamp():
             act = self._repeated.popleft()
@@ -431,14 +432,14 @@ class Runner(Requests):
         try:
             self._watch.look()
         except SafeStopRequestedError:
-            self._take_commands()  # it may have been requested since they were taken: then this says by whom
+            self._take_commands()  # it may have been requested since they were taken: then this names the requester
             raise
 
     def _refuse_latched(self) -> None:
-        """A tree that ends while the cell is latched did not end by itself: its skills only saw their motions stop.
+        """Raise if the cell is latched: the tree's end is then only the effect of its stopped motions.
 
         Raises:
-            SafeStopRequestedError: the cell was latched during the tick; with the reason of whoever requested it.
+            SafeStopRequestedError: the cell was latched during the tick; with the reason of the request.
         """
         if self._cell.latched is not None:
             self._take_commands()
@@ -482,7 +483,7 @@ class Runner(Requests):
             raise PomonaError("something began to move after the end of the tree, when all was at rest")
 
     def _raise_what_failed(self) -> None:
-        """What a skill raised while it was halted, or a listener of the run, is a fault like any other."""
+        """Treat an error of a halted skill or of a listener as a fault."""
         self._tell_refusals()
         if (failed := self.context.take_failure()) is not None:
             self._culprit, error = failed
@@ -543,7 +544,7 @@ class Runner(Requests):
 
     @contextlib.contextmanager
     def _telling(self, node: str, during: str) -> Iterator[None]:
-        """Report what fails in here instead of raising it: the cell is latched, and what follows must still run."""
+        """Report errors in here instead of raising them: the cell is latched, and later steps must still run."""
         try:
             yield
         except BaseException as error:

@@ -1,9 +1,9 @@
-"""Signals that want a process to end: Ctrl-C, SIGTERM, and SIGHUP of a terminal or ssh session that was closed.
+"""Signals that request the end of a process: Ctrl-C, SIGTERM, and SIGHUP of a closed terminal or ssh session.
 
-While nothing moves they raise, SIGTERM and SIGHUP as KeyboardInterrupt does; where that is swallowed, as in what a
-compiled library calls back, it comes again in a moment, and is raised again before a run begins. During a run they
-ask it for the safe state, and while the record and the cell are closed they wait. A process that was started to ignore
-one (nohup, a shell's background job, a campaign's worker for Ctrl-C) goes on ignoring it. Signals reach the main
+While nothing moves they raise; SIGTERM and SIGHUP raise as KeyboardInterrupt does. If a callback of a compiled library
+swallows the exception, the signal is sent again shortly after, and raised again before a run begins. During a run they
+request the safe state; while the record and the cell are closed they wait. A process that was started to ignore a
+signal (nohup, a shell's background job, a campaign's worker for Ctrl-C) continues to ignore it. Signals reach the main
 thread only.
 """
 
@@ -32,10 +32,10 @@ WORDS = {
 }
 if hasattr(signal, "SIGHUP"):  # Windows has none
     WORDS[signal.SIGHUP] = "the terminal was closed (SIGHUP)"
-"""What each signal means, for people."""
+"""Description of each signal in messages."""
 
 STUCK = 1.0
-"""Seconds after which a signal has visibly had no effect: the next one breaks what hangs."""
+"""Time after which a signal has visibly had no effect: the next one interrupts a call that hangs [s]."""
 
 AGAIN = 0.1
 """Seconds after which a signal that was swallowed comes again."""
@@ -67,7 +67,7 @@ def report_to(file: int) -> Report:
 
 
 def _report(number: int) -> float:
-    """Tell the launcher that a signal was taken; returns when [s, monotonic]."""
+    """Report a signal to the launcher; return the time [s, monotonic]."""
     now = time.monotonic()
     if _launcher is not None:
         _launcher(number, now)
@@ -100,7 +100,7 @@ def signalled(error: BaseException) -> KeyboardInterrupt | None:
 
 
 _raised: int | None = None
-"""The signal that `raising` has raised; whoever still runs then has not seen it."""
+"""The signal that `raising` has raised; if it is still set, no code has handled it."""
 
 _came = False
 """Whether any signal was raised since `raising` began."""
@@ -120,7 +120,7 @@ def raising() -> Iterator[None]:
     _raised, _came = None, False
 
     def send_again() -> None:
-        if _raised is not None and signal.getsignal(_raised) is handle:  # a run knows by itself what it has missed
+        if _raised is not None and signal.getsignal(_raised) is handle:  # a run detects a missed signal itself
             signal.pthread_kill(threading.main_thread().ident or 0, _raised)
 
     before = _install(handle, tuple(WORDS))
@@ -129,7 +129,7 @@ def raising() -> Iterator[None]:
         yield
     finally:
         _restore(before)
-        if not _came:  # else what the signal cut in two is still being deleted
+        if not _came:  # else the interrupted object is still being deleted
             sys.unraisablehook = tell
         _raised = None
 
@@ -147,7 +147,7 @@ def raise_again() -> None:
 def _tell_unless_signalled(
     tell: Callable[[sys.UnraisableHookArgs], Any], send_again: Callable[[], None]
 ) -> Callable[[sys.UnraisableHookArgs], Any]:
-    """What cannot be raised where it happens is told, but for what follows from a signal; a signal is sent again."""
+    """Report an exception that cannot be raised, except one caused by a signal; the signal is sent again."""
 
     def told(what: sys.UnraisableHookArgs) -> None:
         if not _came:
@@ -161,18 +161,18 @@ def _tell_unless_signalled(
 
 
 def error_of(number: int) -> KeyboardInterrupt:
-    """What a signal raises while nothing moves."""
+    """Return the exception that a signal raises while nothing moves."""
     return KeyboardInterrupt() if number == signal.SIGINT else Terminated(number)
 
 
 class _Phase(Enum):
-    RAISING = "nothing moves, or somebody decides what happens next"
+    RAISING = "nothing moves, or the operator decides how to continue"
     RUNNING = "the run is asked for its safe state"
     CLOSING = "record and cell are closed"
 
 
 class RunSignals:
-    """What signals do from the connecting of a cell to its closing. The first one is kept in `number`."""
+    """Handling of signals from the connection of a cell to its closing. `number` keeps the first one."""
 
     def __init__(self) -> None:
         self.number: int | None = None
@@ -196,10 +196,10 @@ class RunSignals:
 
     @contextmanager
     def ask(self, run: Requests) -> Iterator[None]:
-        """For the time of a run: the first signal asks for the safe state, a later one breaks what hangs.
+        """For the time of a run: the first signal requests the safe state, a later one interrupts a call that hangs.
 
         Raises:
-            KeyboardInterrupt: there was one already, and nobody has seen it.
+            KeyboardInterrupt: an earlier signal has not been handled.
         """
         # The cell is stopped by a thread: the tick that the handler interrupts may hold the cell's lock, or hang.
         self._run = run
@@ -217,7 +217,7 @@ class RunSignals:
 
     @contextmanager
     def raise_again(self) -> Iterator[None]:
-        """Somebody decides how it goes on, and a signal is a decision, too."""
+        """Raise signals again while the operator decides how to continue: a signal is a decision, too."""
         self._enter(_Phase.RAISING)
         try:
             yield

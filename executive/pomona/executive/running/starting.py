@@ -12,12 +12,12 @@ from pomona.executive.running.requests import Requests
 
 
 class StartCancelledError(PomonaError):
-    """Somebody stopped a run before it began."""
+    """The operator stopped a run before it began."""
 
 
 @dataclass(frozen=True, slots=True)
 class StartingStage:
-    """What is being done now; `done` of `of` equal steps, where they can be counted."""
+    """The current stage; `done` of `of` equal steps, if they can be counted."""
 
     what: str = "waiting"
     done: int = 0
@@ -35,7 +35,7 @@ class Starting:
         self._leaving = False
         self._began = time.monotonic()
         self.stage: StartingStage | None = StartingStage()
-        """What is being prepared, or None: the run is on."""
+        """The current stage of preparation, or None: the run is active."""
         self.cell_kind = ""
 
     @property
@@ -49,12 +49,12 @@ class Starting:
         return self._cancelled[0] if self._cancelled is not None else ""
 
     def reach(self, what: str, done: int = 0, of: int = 0) -> None:
-        """Tell what is done next."""
+        """Report the next stage."""
         self.stage = StartingStage(what, done, of)
         self._changed()
 
     def begin(self) -> None:
-        """The run is on: from now on its events tell how it goes."""
+        """The run is active: from now on its events report its progress."""
         self.stage = None
         self._changed()
 
@@ -68,7 +68,7 @@ class Starting:
             raise StartCancelledError(self.cancelled)
 
     def attach(self, run: Requests) -> None:
-        """From now on there is a run, with a cell, that can be stopped: at once, if somebody wanted that before."""
+        """Accept stop requests for a run with a cell from now on; apply an earlier request at once."""
         with self._lock:
             self._run = run
             cancelled, leaving = self._cancelled, self._leaving
@@ -87,7 +87,7 @@ class Starting:
         self._changed()
 
     def abandon(self, reason: str) -> None:
-        """The process ends: no run begins, one that goes on is stopped, and nobody will acknowledge its safe state."""
+        """End the process: no run begins, an active one is stopped, and its safe state stays unacknowledged."""
         self.cancel(reason, "system")
         with self._lock:
             self._leaving = True

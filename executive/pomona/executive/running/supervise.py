@@ -1,8 +1,8 @@
 """The supervisor process: receives the run's heartbeat, and stops the devices when it fails.
 
-Standard input brings one line of JSON, then one byte at a time: `.` alive, and the next is due within the deadline;
-`r` at rest, only the process's end counts; `q` all is well, goodbye. An end of input without `q` is a run that died.
-Standard output says `ready`, then answers what comes with one byte, so that the run knows that somebody listens.
+Standard input brings one line of JSON, then one byte at a time: `.` alive, and the next is due within the deadline; `r`
+at rest, only the process's end counts; `q` orderly end. An end of input without `q` is a run that died. Standard output
+reports `ready`, then answers each message with one byte, so that the run detects a dead supervisor.
 """
 
 from __future__ import annotations
@@ -30,19 +30,21 @@ AGAIN = 0.05
 """Seconds between two tries."""
 
 REPORT = "supervisor.json"
-"""In the record's folder: what was done and why."""
+"""File in the record's folder: actions of the supervisor and their reasons."""
 
 LOOKS = 20
-"""Looks within the deadline. A look that lasts longer than it should counts as one: a computer on which this process,
-too, stood still accuses nobody."""
+"""Polls within the deadline. A late poll counts as one, so that a stall of the whole computer does not count as a
+missed
+heartbeat.
+"""
 
 PRIORITY = -10
-"""Niceness that is asked for: what stops the devices comes before what computes."""
+"""Requested niceness: stopping devices has priority over computations."""
 
 
 @dataclass(frozen=True)
 class Orders:
-    """What to do: `stops` gives for each device the function `module:name` and its arguments."""
+    """Orders of the run: `stops` has for each device the function `module:name` and its arguments."""
 
     pid: int
     deadline: float
@@ -57,7 +59,7 @@ def main() -> int:
         0 when it ended by itself, 1 when its devices had to be stopped.
     """
     for number in WORDS:
-        signal.signal(number, signal.SIG_IGN)  # what ends the run may not end its supervisor before it
+        signal.signal(number, signal.SIG_IGN)  # a signal that ends the run must not end its supervisor first
     with contextlib.suppress(OSError):  # not everybody may
         os.setpriority(os.PRIO_PROCESS, 0, PRIORITY)
     orders = Orders(**json.loads(sys.stdin.buffer.readline()))
@@ -97,7 +99,7 @@ def _listen(heartbeat: int, deadline: float) -> str:
 
 
 def _end(pid: int) -> None:
-    """What hangs must not wake up and go on moving; and devices that take one client must be let go of."""
+    """Kill the process: if it hangs, it must not move again, and devices that accept one client must be released."""
     try:
         os.kill(pid, signal.SIGKILL)
     except ProcessLookupError:
@@ -131,7 +133,7 @@ def _stop_all(stops: dict[str, tuple[Callable[..., None], list[Any]]]) -> dict[s
 
 def _report(orders: Orders, reason: str, outcomes: dict[str, str], took: float) -> None:
     devices = "; ".join(f"{device} {what}" for device, what in outcomes.items())
-    with contextlib.suppress(OSError):  # nobody reads any more
+    with contextlib.suppress(OSError):  # the reader is gone
         print(f"supervisor: {reason}. {devices}.", file=sys.stderr, flush=True)
     if orders.record:
         text = json.dumps({"reason": reason, "devices": outcomes, "took_s": round(took, 3), "wall_time": time.time()})

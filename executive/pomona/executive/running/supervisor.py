@@ -36,7 +36,7 @@ was far too busy, 0.10 s with the priority that a run asks for."""
 
 
 UNANSWERED = 10
-"""Heartbeats without an answer below which nobody is accused: the computer itself may have stood still."""
+"""Unanswered heartbeats from which the supervisor counts as lost; fewer may be a stall of the computer."""
 
 
 class NoSupervisorError(UsageError):
@@ -53,14 +53,14 @@ class Supervisor:
         Args:
             stops: for each device the function `module:name` that stops it from another process, and its arguments.
             deadline: seconds without a heartbeat after which this process is ended and the devices are stopped.
-            record: folder in which it says what it did.
+            record: folder for the report of its actions.
 
         Raises:
             NoSupervisorError: it does not start.
         """
         self._lost = ""
         command = [sys.executable, "-m", "pomona.executive.running.supervise"]
-        # A session of its own: what the terminal sends to the run must not end its supervisor first.
+        # A session of its own: a signal of the terminal to the run must not end its supervisor first.
         self._process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0, start_new_session=True
         )
@@ -91,7 +91,7 @@ class Supervisor:
         self._say(b"r")
 
     def state(self) -> str:
-        """'ok', or why nobody watches any more."""
+        """'ok', or the reason why the supervisor is lost."""
         return self._lost or "ok"
 
     def close(self) -> None:
@@ -109,7 +109,7 @@ class Supervisor:
         self._process.stdout.close()
 
     def _hear(self) -> None:
-        """A supervisor that is stopped or hangs takes what is sent for many minutes more: it must answer, too."""
+        """Read answers; they are required, since a hanging supervisor accepts heartbeats for minutes."""
         assert self._process.stdout is not None
         now = time.monotonic()
         if not self._unanswered:
@@ -135,8 +135,8 @@ class Supervisor:
 class RunSupervision:
     """A supervisor for a cell that needs one, and nothing for any other.
 
-    A tick that comes later than `LATE` of the deadline, but before it, ends the run in the safe state from within: what
-    happened meanwhile nobody has seen, and arms that have run out of points must not start by themselves.
+    A tick later than `LATE` of the deadline, but before it, ends the run in the safe state from within. The devices
+    were unmonitored meanwhile, and arms that have run out of points must not start by themselves.
     """
 
     def __init__(self, cell: Cell) -> None:
@@ -146,9 +146,9 @@ class RunSupervision:
         self._stood_still = ""
 
     def begin(self, runner: Runner, record: Path | None) -> None:
-        """Before anything moves; in the thread of the tick, which asks for priority.
+        """Start the supervisor before anything moves, in the thread of the tick, which requests priority.
 
-        That nobody watches any more ends the run in the safe state.
+        The loss of the supervisor ends the run in the safe state.
 
         Raises:
             NoSupervisorError: as `Supervisor`.

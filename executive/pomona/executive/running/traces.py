@@ -1,4 +1,4 @@
-"""Where an exception came from: one place for people, and the whole traceback for the record."""
+"""Origin of an exception: one place for the operator, and the whole traceback for the record."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def place_of(error: BaseException) -> str:
 
 
 def place_here() -> str:
-    """The innermost place in somebody's own code on the stack of the present call; empty when unknown."""
+    """Return the innermost place outside Pomona and its libraries on the current stack; empty when unknown."""
     frames = list(traceback.walk_stack(None))
     home = next((package for frame, _ in frames if (package := _package(_file(frame)))), "")
     return next((_place(frame, line) for frame, line in frames if _is_own(_file(frame), home)), "")
@@ -62,7 +62,7 @@ def traceback_of(error: BaseException) -> str:
 
 
 def _chain(error: BaseException) -> Iterator[list[tuple[FrameType, int]]]:
-    """The frames of an exception, then those of what it was raised from."""
+    """Yield the frames of an exception, then those of its cause."""
     found: BaseException | None = error
     for _ in range(10):
         if found is None:
@@ -80,7 +80,7 @@ def _file(frame: FrameType) -> str:
 
 
 def _package(file: str) -> str:
-    """The folder below site-packages of what is neither the executive nor py_trees; empty elsewhere."""
+    """Return the folder below site-packages of a third-party package other than py_trees; empty elsewhere."""
     for root in _PACKAGES:
         if file.startswith(root) and not file.startswith((_HERE, _PY_TREES)):
             return root + file[len(root) :].split(os.sep)[0]
@@ -96,6 +96,6 @@ def _is_own(file: str, home: str) -> bool:
 
 
 def _short(file: str) -> str:
-    """A path as people know it: from the folder that Python imports from."""
+    """Return a path relative to the folder from which Python imports."""
     roots = [root for root in sys.path if root and file.startswith(root.rstrip(os.sep) + os.sep)]
     return os.path.relpath(file, max(roots, key=len)) if roots else file

@@ -1,6 +1,6 @@
-"""What stands in place of an event that cannot be encoded: an error that names the node and the value.
+"""Replacement of an event that cannot be encoded: an error that names the node and the value.
 
-The record, the page and the live views use it alike, so that they tell the same run.
+The record, the page and the live views all use it, so that they show the same run.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def refuse(taken: Any, error: BaseException) -> UnencodableError:
     """Name an event, or readings (t, tick, by device), that raised this error while it was encoded."""
     match taken:
         case Published():
-            node, what = taken.node, f"'{taken.topic}'" if isinstance(taken.topic, str) else "what was published"
+            node, what = taken.node, f"'{taken.topic}'" if isinstance(taken.topic, str) else "a published value"
         case PortWritten():
             node, what = taken.writer, f"'{taken.key}'"
         case NodeChanged() | AttemptEnded():
@@ -43,6 +43,6 @@ def refuse(taken: Any, error: BaseException) -> UnencodableError:
 
 
 def in_place_of(taken: Any, refused: UnencodableError) -> ErrorRaised:
-    """The event that stands in place of what was refused."""
+    """Return the event that replaces a refused one."""
     t, tick = (taken.t, taken.tick) if isinstance(taken, Event) else taken[:2]
     return ErrorRaised(t, tick, refused.node, "telling of the run", type(refused).__name__, str(refused), "", "")

@@ -1,4 +1,4 @@
-"""Watchers: they show what a cell looks like while a run goes on, whichever skill is running.
+"""Watchers: they show the appearance of a cell throughout a run, under any skill.
 
 A package names its watchers in the entry point group `pomona.watchers`. One is made for every run whose cell has all
 the devices that it needs.
@@ -25,7 +25,7 @@ class Watcher(Protocol):
     """Looks at devices. Made with a function that gives the cell's device of an interface."""
 
     def look(self) -> Iterable[tuple[str, object]]:
-        """What is new, as (topic, view). Called in the tick's thread; must take no longer than a millisecond."""
+        """Return the changes, as (topic, view). Called in the tick's thread; must take no longer than a millisecond."""
         ...
 
 
@@ -42,9 +42,9 @@ class Watch:
         """
         Args:
             cell: connected.
-            publish: called with ("", topic, view) for what is new.
+            publish: called with ("", topic, view) for each change.
             watchers: asked in this order.
-            tell: called with ("", what was going on, the exception) when one fails.
+            tell: called with ("", the activity, the exception) when one fails.
         """
         self._cell, self._publish, self._watchers, self._tell = cell, publish, list(watchers), tell
         self._next = -math.inf
@@ -52,7 +52,7 @@ class Watch:
         """When each device was last seen [s], as of the last look."""
 
     def look(self) -> None:
-        """Publish what the watchers see, when it is time. One that fails is not asked again: it must not end a run."""
+        """Publish the watchers' views when due. A watcher that fails is not called again: it must not end a run."""
         now = self._cell.clock.now()
         if now < self._next:
             return
@@ -69,7 +69,7 @@ class Watch:
 
 
 def installed_watchers(cell: Cell) -> list[Watcher]:
-    """Watchers whose `devices` the cell has; one that cannot be loaded or made is left out, and the log says why."""
+    """Return the watchers whose `devices` the cell has; the log reports one that cannot be loaded or created."""
     found: list[Watcher] = []
     for point in entry_points(group=GROUP):
         try:
