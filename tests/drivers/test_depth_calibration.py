@@ -148,7 +148,7 @@ def walls(*parts: tuple[int, float, float]) -> NDArray[np.float32]:
 def test_a_view_that_is_not_one_wall_tells_no_noise(view: NDArray[np.float32]) -> None:
     wall = walls((640, 0.8, 0.3))
     assert calibrate_wall([wall], "d4xx").model.growth == pytest.approx(7e-4, rel=0.05)
-    with pytest.raises(UnusableDepth, match="lies on one plane: this is no wall"):
+    with pytest.raises(UnusableDepth, match="lie on one plane: this is no wall"):
         calibrate_wall([wall, view], "d4xx")
 
 
@@ -257,8 +257,8 @@ def test_a_cells_camera_that_looks_at_a_wall_tells_its_noise(
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (("--wall",), "name a folder of frames"),
-        (("somewhere", "--cell", "sim", "--wall"), "name a folder of frames"),
+        (("--wall",), "frames are missing"),
+        (("somewhere", "--cell", "sim", "--wall"), "frames are missing"),
         (("--cell", "sim", "--balls", "balls.csv"), "balls need frames"),
         (("--cell", "nothing", "--wall"), "nothing"),
     ],

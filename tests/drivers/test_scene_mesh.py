@@ -73,8 +73,8 @@ def test_cut_finely_the_parts_leave_a_hollow_free_and_contain_the_surface(tmp_pa
 @pytest.mark.parametrize(
     ("scale", "unit", "says"),
     [
-        (1000.0, 1.0, "400 x 200 x 410 m large: is it written in millimetres? Say `unit: mm`"),
-        (1.0, 1e-6, "is it written in metres? Say `unit: m`"),
+        (1000.0, 1.0, "400 x 200 x 410 m large: if it is in millimetres, write `unit: mm`"),
+        (1.0, 1e-6, "if it is in metres, write `unit: m`"),
     ],
 )
 def test_a_mesh_in_another_unit_is_refused_with_its_size(tmp_path: Path, scale: float, unit: float, says: str) -> None:

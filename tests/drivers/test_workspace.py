@@ -70,7 +70,7 @@ def test_a_mesh_stands_where_it_is_put(judge, tmp_path):
     ("mesh", "says", "column"),
     [
         ("{name: a, file: none.stl}", "none.stl does not exist", 28),
-        ("{name: a, file: board.stl}", "400 x 200 x 20 m large: is it written in millimetres? Say `unit: mm`", 28),
+        ("{name: a, file: board.stl}", "400 x 200 x 20 m large: if it is in millimetres, write `unit: mm`", 28),
         ("{name: a, file: empty.stl, unit: mm}", "empty.stl", 28),
         ("{name: a, file: board.stl, unit: inch}", "unit", 45),
         ("{name: a, file: board.stl, unit: mm, detail: 1 mm}", "detail", 57),

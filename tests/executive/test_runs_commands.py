@@ -186,7 +186,7 @@ def test_frames_and_export_say_what_they_wrote(capsys: pytest.CaptureFixture[str
 def test_prune_lists_asks_and_spares(capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("a", "b", "c"):
         write(Path("runs") / name, SUCCEEDED)
-    assert "say what may go" in say(capsys, "runs", "prune", status=2)
+    assert "no limit is given" in say(capsys, "runs", "prune", status=2)
     assert "2 of 3 records" in say(capsys, "runs", "prune", "--keep", "1", "--dry")
     assert "no terminal to ask on" in say(capsys, "runs", "prune", "--keep", "1", status=2)
     assert len(list(Path("runs").glob("*/"))) == 3

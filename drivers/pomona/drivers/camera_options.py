@@ -1,4 +1,4 @@
-"""What cell files say of a camera's intrinsics."""
+"""Options for a camera's intrinsics in cell files."""
 
 from __future__ import annotations
 

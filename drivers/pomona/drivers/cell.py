@@ -3,9 +3,9 @@
     cell = load_cell("trees/cells/sim.yaml", seed=3, overrides={"fruit": "apple_5", "place": "3"})
 
 `world:` names a simulated world, which gives the clock; without one the clock is the system's. `devices:` are connected
-in the order of the file, so that one can build on those above it. `workspace:` is what skills know of the surroundings.
-`heartbeat: 1 s` is how long a run may hang before its supervisor process stops the devices.
-`record: required` ends a run in the safe state when its record cannot be written; without it the run goes on.
+in the order of the file, so that one can build on those above it. `workspace:` describes the surroundings for skills.
+`heartbeat: 1 s` is the longest stall of a run before its supervisor process stops the devices. `record: required` ends
+a run in the safe state when its record cannot be written; without it the run goes on.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ STOPPING = 1.0
 COUNTS_MOST = (
     "lifted", "drops", "lost", "collisions", "slip_mm", "finger_peak_n", "position_error_mm", "size_error_mm",
 )  # fmt: skip
-"""What stands first in a world's score: a summary shows the first five figures that are not 0."""
+"""Quantities that come first in a world's score: a summary shows the first five figures that are not 0."""
 
 
 class Cell:
@@ -76,7 +76,7 @@ class Cell:
 
     @property
     def latched(self) -> str | None:
-        """The reason of a safe stop that nobody has acknowledged yet."""
+        """The reason of an unacknowledged safe stop."""
         return self._latched
 
     def interfaces(self) -> tuple[type, ...]:
@@ -96,7 +96,7 @@ class Cell:
         return found
 
     def links(self) -> Mapping[str, str]:
-        """State of each device's link, by the device's name: 'ok', or what is wrong."""
+        """State of each device's link, by the device's name: 'ok', or the problem."""
         return {name: device.link() for name, device in self.devices.items()}
 
     def last_seen(self) -> Mapping[str, float]:
@@ -128,8 +128,10 @@ class Cell:
             self._readings.note()
 
     def readings(self) -> Mapping[str, Mapping[str, Any]]:
-        """What the devices measured since the last call, by device and quantity: `Readings.take`. Nothing is gathered
-        before the first call."""
+        """Return the measurements of the devices since the last call, by device and quantity: `Readings.take`. Nothing
+        is gathered
+        before the first call.
+        """
         if self._readings is None:
             self._readings = Readings(self.devices)
         return self._readings.take()
@@ -141,7 +143,7 @@ class Cell:
         emergency stop.
 
         Returns:
-            what kept devices from stopping, by their names.
+            the reasons of devices that could not be stopped, by their names.
         """
         if self._latched is None:
             self._latched = reason
@@ -233,19 +235,19 @@ class Cell:
 
     @property
     def full_speed_only(self) -> tuple[str, ...]:
-        """Names of arms whose drivers cannot slow them down."""
+        """Names of arms whose drivers cannot reduce the speed."""
         return tuple(name for name, device in self.devices.items() if device.full_speed_only)
 
     def set_speed(self, speed: float, of: Collection[type] = ()) -> None:
-        """Let devices move at a share of what is commanded from now on, also what moves already.
+        """Scale the commanded speed of devices from now on, also of motions in progress.
 
         Args:
             speed: above 0 to 1.
-            of: of the devices with these interfaces only; of all without any.
+            of: applies to the devices with these interfaces, or to all if empty.
 
         Raises:
-            DeviceFault: it is less than 1, and an arm of them cannot be slowed down; nothing has changed.
-            ValueError: it is no such share.
+            DeviceFault: it is less than 1, and one of the arms cannot reduce its speed; nothing has changed.
+            ValueError: it is outside this range.
         """
         if not 0.0 < speed <= 1.0:
             raise ValueError(f"a speed is a share above 0 to 1, not {speed}")
@@ -264,7 +266,7 @@ class Cell:
         return {**within, **devices}
 
     def in_hand(self) -> str | None:
-        """What is felt between the fingers, as a sentence; empty for nothing, None when the cell cannot feel it."""
+        """Describe a contact between the fingers: an empty text without contact, None if it cannot be measured."""
         return self._watch.in_hand()
 
     def outside_stops(self) -> Mapping[str, tuple[str, Sequence[Any]]]:
@@ -279,7 +281,7 @@ class Cell:
         """The simulated world's own score of the run; None on any other cell.
 
         Args:
-            reported: what the run says of the fruit's position and size; its errors are part of the score.
+            reported: the run's estimate of the fruit's position and size; its errors are part of the score.
         """
         if self._world is None:
             return None
@@ -289,7 +291,7 @@ class Cell:
         return {name: truth[name] for name in dict.fromkeys((*COUNTS_MOST, *truth)) if name in truth}
 
     def close(self) -> None:
-        """Bring everything to rest and let go of the devices, those connected last first."""
+        """Bring everything to rest and release the devices, those connected last first."""
         if self._readings is not None:
             self._readings.close()
         _close(self.devices)
@@ -319,13 +321,13 @@ def load_cell(
         path: of the cell file.
         seed: of everything random in a simulated or mock cell.
         overrides: values of the file's `options`.
-        missing: told of every device that cannot be connected, by name and why, instead of an error: for a look over
-            the cell, never for a run.
+        missing: called with the name of every device that cannot be connected, and the reason, instead of an error: for
+            an inspection of the cell, never for a run.
         texts: contents of files, by path, that are not to be read from the disk.
 
     Raises:
-        CellFileError: the file cannot be used; says where, and what is known instead.
-        DeviceError: a device could not be connected; those connected before are let go.
+        CellFileError: the file cannot be used; the text has the place and the known alternatives.
+        DeviceError: a device could not be connected; those connected before are released.
     """
     return connect_cell(read_cell_file(Path(path), overrides, texts, missing), seed=seed, missing=missing)
 
@@ -334,12 +336,12 @@ def connect_cell(file: CellFile, *, seed: int = 0, missing: Callable[[str, Drive
     """Connect the devices of a cell file.
 
     Args:
-        file: in which nothing is wrong.
+        file: without errors.
         seed, missing: as of `load_cell`.
 
     Raises:
-        CellFileError: a value turns out to be wrong when it is used: an address at which nobody answers.
-        DeviceError: a device could not be connected; those connected before are let go.
+        CellFileError: a value is wrong on use: for example an address without a device.
+        DeviceError: a device could not be connected; those connected before are released.
     """
     said = file.section
     clock: Clock = ManualClock() if said.clock == "manual" else SystemClock()
@@ -374,7 +376,7 @@ def connect_cell(file: CellFile, *, seed: int = 0, missing: Callable[[str, Drive
 
 
 def _close(devices: Mapping[str, Device]) -> None:
-    """Let go of devices, those connected last first: one that fails to close must not keep the others open."""
+    """Release devices, those connected last first; a device that fails to close must not keep the others open."""
     for name, device in reversed(list(devices.items())):
         try:
             device.close()
@@ -398,7 +400,7 @@ class CellFiles:
     """Cell files for the executive: read, judged, connected, described."""
 
     def outline(self, path: Path, findings: Findings) -> Outline | None:
-        """The cell's kind and what `--set` may change; nothing when the file cannot be read."""
+        """Return the cell's kind and its options for `--set`, or None if the file cannot be read."""
         return outline_cell(path, findings)
 
     def judge(

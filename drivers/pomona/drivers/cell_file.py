@@ -1,7 +1,7 @@
-"""A cell file, read and judged without connecting anything.
+"""A cell file, read and checked without any connection.
 
 name: bench
-options:                       # what `--set` may change; "{place}" below stands for the value
+options:                       # may be changed with `--set`; "{place}" below stands for the value
   place: 3
 workspace: {include: shared/workspace.yaml}
 devices:
@@ -36,25 +36,26 @@ SHIPPED = installed_trees() / "cells"
 
 KINDS = ("simulated", "emulated", "real", "frames", "mock")
 OUTLIVED = ("real", "emulated")
-"""Kinds of cells in which something may go on moving when the process is gone. What a run on them must ask before it
-begins, and its supervisor, hang on this word."""
+"""Kinds of cells in which a device may go on moving after the end of the process. Runs on them need checks at the start
+and a supervisor.
+"""
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CellSection:
-    """A cell: its devices, what is around them, and what `--set` may change."""
+    """A cell: its devices, its surroundings, and its options for `--set`."""
 
     name: str = value(Text(), "", "the file's name without it")
-    kind: str = value(Text(*KINDS), help="what it is, shown wherever the run is shown: " + ", ".join(KINDS))
+    kind: str = value(Text(*KINDS), help="kind of the cell, shown with every run: " + ", ".join(KINDS))
     record: str = value(Text("required", "optional"), "optional", "'required' ends a run that cannot be recorded")
     heartbeat: float = value(
         Measure(TIME, "200 ms", "60 s"), "1 s", "the supervisor stops the devices when a run hangs for this long"
     )
     clock: str = value(Text("system", "manual"), "system", "where time comes from when no world gives it")
-    options: Mapping[str, str] = value(MappingOf(Text()), {}, 'what --set may change; "{name}" stands for the value')
-    score: Score | None = value(Section(Score), None, "what counts where the world scores runs")
-    workspace: WorkspaceSection | None = value(Section(WorkspaceSection), None, "what is known of the surroundings")
+    options: Mapping[str, str] = value(MappingOf(Text()), {}, 'options for --set; "{name}" stands for the value')
+    score: Score | None = value(Section(Score), None, "score of a world that scores runs")
+    workspace: WorkspaceSection | None = value(Section(WorkspaceSection), None, "known surroundings")
     world: Settings[Any] | None = value(DriverSection(), None, "a simulated world; it gives the clock and the truth")
     devices: Mapping[str, Settings[Any]] = value(
         MappingOf(DriverSection()), help="connected in this order: each may build on those above it"
@@ -66,13 +67,13 @@ CELL = Section(CellSection)
 
 @dataclass(frozen=True, slots=True)
 class CellFile:
-    """A cell file in which nothing is wrong.
+    """A cell file without errors.
 
     Attributes:
         path: of the file.
-        section: what it says.
+        section: its values.
         workspace: for the skills, or None.
-        options: what may be changed, with its defaults.
+        options: values that may be changed, with defaults.
         files: its text and those of the files that it includes, by their path from its folder.
     """
 
@@ -113,7 +114,7 @@ class CellFile:
         return tuple(wire for wire in wires if wire not in inside)
 
     def known(self, what: type[T]) -> T | None:
-        """What the file says about something before anything is connected: its workspace, limits of its arm …"""
+        """Return an object that the file describes, before any connection: its workspace, limits of its arm …"""
         if what is Workspace:
             return self.workspace  # type: ignore[return-value]
         return next((fact for fact in _facts(self.section) if isinstance(fact, what)), None)
@@ -125,16 +126,17 @@ def read_cell_file(
     texts: Mapping[str, str] | None = None,
     missing: Callable[[str, DriverError], None] | None = None,
 ) -> CellFile:
-    """Read and judge a cell file; nothing is connected.
+    """Read and check a cell file; nothing is connected.
 
     Args:
         path: of the file.
-        overrides: values of its options; a scalar knows where it is written.
+        overrides: values of its options; a scalar has its place in a file.
         texts: contents of files, by path, that are not to be read from the disk.
-        missing: told of every device whose section is wrong, by name and why; the cell is then read without it.
+        missing: called with the name of every device whose section is wrong, and the reason; the cell is then read
+            without it.
 
     Raises:
-        CellFileError: something is wrong; all of it is in the error.
+        CellFileError: the file has errors; the exception has all of them.
     """
     findings = Findings()
     found = judge_cell_file(path, findings, overrides, texts, missing)
@@ -170,7 +172,7 @@ def judge_cell_file(
 
 
 def _leave_out(written: ValueFile, missing: Callable[[str, DriverError], None]) -> None:
-    """Take the devices out whose sections cannot be read."""
+    """Remove the devices whose sections cannot be read."""
     devices = written.root.get("devices")
     if not isinstance(devices, YamlMapping):
         return
@@ -193,7 +195,7 @@ def outline_cell(path: Path, findings: Findings) -> Outline | None:
 
 
 def _misfits(section: CellSection, workspace: Workspace | None) -> Iterator[tuple[Placed[Any], Problem]]:
-    """What is wrong with a device in this cell, though its own section is right."""
+    """Yield the conflicts of a device with this cell; its own section is valid."""
     above: dict[str, Any] = {}
     world = section.world
     if world is not None and not hasattr(world.driver.device, "truth"):

@@ -1,13 +1,13 @@
-"""How a camera's depth errs, found out from balls of known size in recorded frames, or from a flat wall.
+"""Error model of a camera's depth, learnt from balls of known size in recorded frames, or from a flat wall.
 
-A ball tells its distance twice. Its outline in the picture does, since its size is known: the true one. And the points
-that the camera measured on it do, through a sphere of that size. Over several balls the two differ by
+A ball gives two distances. Its outline in the picture, with its known size, gives the true one. A sphere of that size,
+fitted to the points that the camera measured on it, gives the measured one. Over several balls the two differ by
 
     measured = offset + (1 + scale) · true,   and outlines that were drawn `outline_growth` pixels too wide,
 
-each with what the sensor's maker says as a prior. What the points scatter by about the sphere is the sensor's noise.
-Data that cannot tell are refused: too few balls, balls that leave the prior as wide as it was, and balls that
-contradict each other, where a correction learnt from the others makes the next one worse.
+each with the manufacturer's figure as a prior. The scatter of the points about the sphere is the sensor's noise.
+Insufficient data are refused: too few balls, balls that leave the prior as wide as it was, and balls that contradict
+each other, where a correction learnt from the others makes the next one worse.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ LEAST_BALLS = 3
 OUTLINE = 0.5
 """Standard deviation of either drawn side of a box [px]."""
 GROWTH_PRIOR = 1.0
-"""Standard deviation of what outlines are drawn too wide by, before any ball is seen [px]."""
+"""Standard deviation of the outlines' excess width, before any ball is measured [px]."""
 
 LEAST_OFFSET, LEAST_SCALE = 5e-3, 1e-3
-"""Nobody knows a sensor's offset [m] and scale better than this before it was measured."""
+"""Lower bounds of an unmeasured sensor's standard deviation of offset [m] and scale."""
 
 DOUBT = 3.0
-"""What is learnt may lie so many times farther from zero than the sensor's maker lets expect."""
+"""Limit of the learnt offset and scale, as a multiple of the prior's standard deviation."""
 
 AROUND = 15
 """Depth may lie so far beside the picture [px]."""
@@ -51,25 +51,25 @@ LEAST_SQUARE = 11
 """Side of the squares in which a wall's noise is looked for [px]."""
 
 PLANES = 200
-"""So many planes through three points each are tried: a wall is hit by the first few."""
+"""Number of planes through three points each that are tried: a wall is found by the first few."""
 
 LEAST_WALL = 0.7
-"""Share of what is measured that must lie on one plane: of two orchard frames 0.27 and 0.28 do."""
+"""Required ratio of points on one plane: two orchard frames have 0.27 and 0.28."""
 BENT = 0.03
 """A sensor may bend a flat wall by such a share of the distance."""
 
 LEAST_NOISE = 1e-5
-"""Whatever measures depth errs by more at 1 m [m]."""
+"""Lower bound of the noise at 1 m: every real depth sensor has more [m]."""
 
 INNER = 2
-"""The outermost points of a ball are mixed with what is behind it [px]."""
+"""Width of a ball's margin that is left out: its points are mixed with the background [px]."""
 
 LEARNT = 0.8
-"""What is learnt must leave less than this of what was not known before."""
+"""Upper bound of the ratio of the learnt uncertainty to the prior's."""
 
 
 class UnusableDepth(DriverError):
-    """Frames or a table from which a depth model cannot be learnt; the text says why and what to do."""
+    """Frames or a table from which no depth model can be learnt, with the reason and the remedy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,10 +84,10 @@ class Ball:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What one ball tells.
+    """Measurements of one ball.
 
     Attributes:
-        ball: which one it is.
+        ball: the measured ball.
         true: distance of its centre along the camera's axis, from its outline [m].
         per_pixel: by how much `true` would be more if the outline were a pixel narrower [m].
         deviation: standard deviation of `true`, from where the box was drawn [m].
@@ -105,15 +105,15 @@ class Seen:
 
 @dataclass(frozen=True, slots=True)
 class DepthCalibration:
-    """What was learnt, and how well it does.
+    """A learnt model with its quality.
 
     Attributes:
         sensor: name of the sensor that was the prior.
-        model: the sensor's model with what was learnt.
-        outline_growth, outline_growth_deviation: what drawn outlines are too wide by [px].
+        model: the sensor's model with the learnt values.
+        outline_growth, outline_growth_deviation: excess width of drawn outlines [px].
         before, after: root mean square of measured against true distance of balls that were held out, as the sensor was
             and as it was learnt from the other balls [m]; NaN for a wall.
-        seen: what each ball told; empty for a wall.
+        seen: measurements of each ball; empty for a wall.
     """
 
     sensor: str
@@ -138,7 +138,7 @@ class DepthCalibration:
         return "\n".join(lines)
 
     def save(self, path: Path) -> None:
-        """Write a depth model file, with what is known about it as comments."""
+        """Write a depth model file, with details of the calibration as comments."""
         m = self.model
         notes = "".join(f"# {line}\n" for line in str(self).splitlines())
         path.write_text(
@@ -150,15 +150,15 @@ class DepthCalibration:
 
 
 def read_balls(path: Path, diameter: str = "diameter_mm", only: str = "") -> list[Ball]:
-    """Balls from a table (CSV) with the columns frame, x, y, w, h, one with the diameter in mm, and a name or id.
+    """Read balls from a table (CSV) with the columns frame, x, y, w, h, one with the diameter in mm, and a name or id.
 
     Args:
         path: the table.
         diameter: name of the column with the diameter.
-        only: rows count whose name begins so.
+        only: prefix of the names of the rows to use.
 
     Raises:
-        UnusableDepth: a column is missing, or a number is none; says which line.
+        UnusableDepth: a column is missing, or a number is none; the text has the line.
     """
     try:
         with path.open(newline="", encoding="utf-8") as file:
@@ -185,15 +185,15 @@ def read_balls(path: Path, diameter: str = "diameter_mm", only: str = "") -> lis
             raise UnusableDepth(f"{path}:{line}: a box of 8 pixels or more and a diameter in mm are needed")
         found.append(Ball(row["frame"], name, (x, y, w, h), 1e-3 * size))
     if not found:
-        raise UnusableDepth(f"{path}: holds no ball" + (f" whose name begins with '{only}'" if only else ""))
+        raise UnusableDepth(f"{path}: holds no ball" + (f" with a name that begins with '{only}'" if only else ""))
     return found
 
 
 def look_at_ball(ball: Ball, depth: NDArray[np.float32], intrinsics: Intrinsics) -> Seen:
-    """What a ball tells of a depth image, shape (h, w) [m].
+    """Measure a ball in a depth image, shape (h, w) [m].
 
     Raises:
-        UnusableDepth: the box lies outside the image, or too little depth is there.
+        UnusableDepth: the box lies outside the image, or has too little depth.
     """
     x, y, w, h = ball.box
     if x < 0 or y < 0 or x + w > intrinsics.width or y + h > intrinsics.height:
@@ -204,7 +204,9 @@ def look_at_ball(ball: Ball, depth: NDArray[np.float32], intrinsics: Intrinsics)
     )
     across = ball.diameter * np.array([intrinsics.fx, intrinsics.fy]) * np.sqrt(1.0 + tan**2)
     each = across / np.array([w, h])
-    true = math.hypot(float(each.mean()), 0.5 * ball.diameter)  # what is seen of a ball is the cone that touches it
+    true = math.hypot(
+        float(each.mean()), 0.5 * ball.diameter
+    )  # the visible part of a ball lies within its tangent cone
     per_pixel = float((each / [w, h]).mean())
     deviation = float(np.sqrt(np.sum((each / [w, h]) ** 2)) * math.sqrt(2.0) * OUTLINE / 2.0)
     points = _points_of(ball, depth, intrinsics)
@@ -213,7 +215,7 @@ def look_at_ball(ball: Ball, depth: NDArray[np.float32], intrinsics: Intrinsics)
     radial = np.linalg.norm(rays, axis=1) - 0.5 * ball.diameter
     facing = np.abs(rays[:, 2]) / np.linalg.norm(rays, axis=1)
     middle = facing > 0.7
-    # A wrong scale bends what the sphere leaves over: noise is what is left of it beside a smooth surface.
+    # A wrong scale bends the residuals of the sphere: the noise is the rest after subtracting a smooth surface.
     u, v = (rays[middle, :2] / ball.diameter).T
     smooth = np.column_stack([np.ones_like(u), u, v, u * u, u * v, v * v])
     local = radial[middle] / facing[middle]
@@ -354,7 +356,7 @@ def _rms(errors: Sequence[float]) -> float:
 
 
 def calibrate_wall(depths: Sequence[NDArray[np.float32]], sensor: str) -> DepthCalibration:
-    """A sensor's noise from frames of a flat wall; its bias stays as the sensor's maker says.
+    """Measure a sensor's noise in frames of a flat wall; its bias keeps the manufacturer's figure.
 
     Args:
         depths: depth images, shape (h, w) each [m].
@@ -373,7 +375,7 @@ def calibrate_wall(depths: Sequence[NDArray[np.float32]], sensor: str) -> DepthC
             depth[:high, :wide].reshape(high // side, side, wide // side, side).swapaxes(1, 2).reshape(-1, side**2)
         )
         squares = squares[(squares > 0.0).all(axis=1) & np.isfinite(squares).all(axis=1)].astype(np.float64)
-        inverse = 1.0 / squares  # a plane is linear in 1/z, whatever its slant
+        inverse = 1.0 / squares  # a plane of any slant is linear in 1/z
         rest = inverse - inverse @ basis @ basis.T
         noise.append(np.sqrt((rest**2).sum(axis=1) / (side**2 - 3)))  # deviation of 1/z is that of z over z²
     all_noise = np.concatenate(noise) if noise else np.empty(0)
@@ -390,7 +392,7 @@ def calibrate_wall(depths: Sequence[NDArray[np.float32]], sensor: str) -> DepthC
     wall = min(_share_of_plane(depth, growth) for depth in depths)
     if wall < LEAST_WALL:
         raise UnusableDepth(
-            f"only {wall:.0%} of what one frame measures lies on one plane: this is no wall, and its noise none of the "
+            f"only {wall:.0%} of one frame's points lie on one plane: this is no wall, so its noise is not that of the "
             "sensor's; let a flat wall or a board fill the frames"
         )
     model = replace(SENSORS[sensor], disparity=0.0, floor=0.0, growth=growth)

@@ -1,11 +1,11 @@
-"""How a camera's depth errs: one model for every sensor, from its driver or from a file beside its frames.
+"""Error model of a camera's depth: one for every sensor, from its driver or from a file beside its frames.
 
 A depth z [m] differs from the truth by
 
-    random     z² · disparity / (f · baseline) of a stereo camera, growth · z² of time of flight, and a floor;
-    slant      lateral · z / f · tan(angle): a pixel looks beside where it should, a slanted surface is nearer there;
-    the whole  offset + scale · z, which `corrected` takes away, and what is not known of them;
-    edges      pixels beside a step in depth show something between its two sides.
+random     z² · disparity / (f · baseline) of a stereo camera, growth · z² of time of flight, and a floor; slant
+lateral · z / f · tan(angle): a pixel's ray is displaced, and a slanted surface is nearer there; the whole  offset +
+scale · z, which `corrected` subtracts, and their uncertainty; edges      pixels beside a step in depth have a value
+between its two sides.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ from pomona.executive.values.units import LENGTH, PIXELS
 
 _HALFWAY = float(np.tan(np.radians(30.0)))
 _PIXEL = float(1.0 / np.sqrt(12.0))
-"""An outline lies anywhere in its pixel: standard deviation [px]."""
+"""Standard deviation of an outline's position within its pixel [px]."""
 
 DEPTH_MODEL_FILE = "depth_model.yaml"
-"""In a folder of frames: how their depth errs; comes before what the cell file says."""
+"""Error model of the depth in a folder of frames; it has priority over the cell file's."""
 
 
 @dataclass(frozen=True, slots=True)
 class DepthModel:
-    """How one sensor's depth errs.
+    """Error model of one sensor's depth.
 
     Attributes:
         disparity: standard deviation of a stereo camera's disparity [px]; 0 for a camera of another kind.
         baseline: distance of the stereo camera's imagers [m].
         growth: standard deviation at 1 m that grows with the square of the distance [m / m²]: time of flight.
         floor: standard deviation at any distance [m].
-        lateral: standard deviation of where a pixel looks, from its footprint [px].
-        registration: by how much depth lies beside colour in either direction, the same for all pixels of a fruit,
-            standard deviation [px].
-        alike: so many neighbouring pixels err alike, since they share a matching window or one pixel of the sensor.
-        edge: so many pixels on the far side of a step in depth are mixed of both sides.
+        lateral: standard deviation of a pixel's ray, from its footprint [px].
+        registration: offset between depth and colour in either direction, the same for all pixels of a fruit, standard
+            deviation [px].
+        alike: number of neighbouring pixels with a common error, from a matching window or one pixel of the sensor.
+        edge: number of pixels on the far side of a step in depth that mix both sides.
         offset, scale: the depth is too long by offset + scale · z [m, 1].
         offset_deviation, scale_deviation: standard deviations of these two, the same in all pixels [m, 1].
     """
@@ -86,11 +86,11 @@ class DepthModel:
         return float(np.sqrt(2.0) * np.hypot(self.lateral, _PIXEL) * z / focal)
 
     def of_the_whole(self, z: float) -> float:
-        """Standard deviation of what all pixels at a depth z [m] err by together, of z."""
+        """Return the standard deviation of the error that all pixels at a depth z [m] have in common, in units of z."""
         return float(np.hypot(self.scale_deviation, self.offset_deviation / max(z, 1e-3)))
 
     def corrected(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Depth of any shape without the sensor's offset and scale [m]; what was not measured stays 0."""
+        """Return depth of any shape without the sensor's offset and scale [m]; unmeasured pixels stay 0."""
         if self.offset == self.scale == 0.0:
             return depth
         true = (depth - np.float32(self.offset)) / np.float32(1.0 + self.scale)
@@ -98,18 +98,18 @@ class DepthModel:
 
 
 D4XX = DepthModel(disparity=0.08, baseline=0.05, lateral=0.5, scale_deviation=0.0115)
-"""RealSense D4xx stereo, as frames of which nobody says more are thought to be. 0.08 px is an empirical number: what
-A. Grunnet-Jepsen of Intel advises for a scene as it comes, beside 0.032 px for a well calibrated camera and a well
-textured scene (librealsense, issue 3904). The scale is within the 2 % at 2 m of the data sheet, evenly spread.
-`lateral` is half a pixel, not measured."""
+"""RealSense D4xx stereo, the default for frames without a model. 0.08 px is an empirical number: the advice of A.
+Grunnet-Jepsen of Intel for an arbitrary scene, beside 0.032 px for a well calibrated camera and a well textured scene
+(librealsense, issue 3904). The scale is within the 2 % at 2 m of the data sheet, evenly spread. `lateral` is half a
+pixel, not measured."""
 
 AZURE_KINECT = DepthModel(
     growth=0.8e-3, lateral=0.5, registration=5.0, alike=4.0, edge=2, offset_deviation=6.4e-3, scale_deviation=0.6e-3
 )
 """Azure Kinect, narrow field unbinned, registered to 1920 x 1080. Growth and `lateral` were measured in two frames of
 an orchard row: residuals of 26 000 smooth patches of 11 x 11 px at 0.9 to 1.8 m are 0.8 mm · z² where they face the
-camera and 0.45 to 0.5 px · z / f · tan(angle) more where they do not. `registration` is what 12 outlines of fruit and
-balls in colour lie beside those in depth (root mean square of either direction). One pixel of its depth is 3.3 of the
+camera and 0.45 to 0.5 px · z / f · tan(angle) more where they do not. `registration` is the offset of 12 outlines of
+fruit and balls between colour and depth (root mean square of either direction). One pixel of its depth is 3.3 of the
 colour image. Offset and scale lie within the maker's 11 mm and 0.1 % of the distance, evenly spread (confirmed by
 Tölgyessy et al. 2021)."""
 
@@ -121,7 +121,7 @@ SENSORS = {"d4xx": D4XX, "azure_kinect": AZURE_KINECT, "simulated": SIMULATED}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DepthModelSection:
-    """How a camera's depth errs: a sensor that is known, and what is known better of this one."""
+    """Error model of a camera's depth: a known sensor, and better values for this camera."""
 
     sensor: str = value(Text(), "d4xx", "one that is known: " + ", ".join(SENSORS))
     disparity: float | None = value(Measure(PIXELS, "0 px", "10 px"), None, "standard deviation of the disparity")
@@ -130,7 +130,7 @@ class DepthModelSection:
     floor: float | None = value(Measure(LENGTH, "0 mm", "100 mm"), None, "standard deviation at any distance")
     lateral: float | None = value(Measure(PIXELS, "0 px", "50 px"), None, "deviation of where a pixel looks")
     registration: float | None = value(Measure(PIXELS, "0 px", "50 px"), None, "misalignment of depth and colour")
-    alike: float | None = value(Number(1.0, 1000.0), None, "so many neighbouring pixels err alike")
+    alike: float | None = value(Number(1.0, 1000.0), None, "number of neighbouring pixels with a common error")
     edge: float | None = value(Measure(PIXELS, "0 px", "50 px"), None, "width of the mixed pixels at a step in depth")
     offset: float | None = value(Measure(LENGTH, "-1 m", "1 m"), None, "the depth is too long by this everywhere")
     offset_deviation: float | None = value(Measure(LENGTH, "0 mm", "1 m"), None, "standard deviation of the offset")
@@ -141,7 +141,7 @@ class DepthModelSection:
         if self.sensor not in SENSORS:
             yield Problem("sensor", f"'{self.sensor}' is not known", choose(self.sensor, SENSORS))
         elif self.model() == replace(self.model(), disparity=0.0, growth=0.0, floor=0.0):
-            yield Problem("disparity", "no camera is without noise", "say 'disparity' [px], 'growth' or 'floor' [mm]")
+            yield Problem("disparity", "no camera is without noise", "write 'disparity' [px], 'growth' or 'floor' [mm]")
 
     def model(self) -> DepthModel:
         """For the camera's frames."""
@@ -153,22 +153,22 @@ class DepthModelSection:
 
 
 def depth_model_of(said: DepthModelSection | None, nominal: DepthModel = D4XX) -> DepthModel:
-    """What a file says of a camera's depth, or what is nominal."""
+    """Return a file's model of a camera's depth, or the nominal one."""
     return said.model() if said else nominal
 
 
 def read_depth_model(path: Path) -> DepthModel:
-    """A depth model from a file of its own, as `pomona calibrate depth` writes it.
+    """Read a depth model from a file of its own, as `pomona calibrate depth` writes it.
 
     Raises:
-        CellFileError: it cannot be used; says where and why.
+        CellFileError: it cannot be used; the text has the place and the reason.
     """
     section = Section(DepthModelSection)
     return read_section_file(path, "a depth model", lambda file: section.read(file.root, file.reader).model())
 
 
 def folder_depth_model(folder: Path) -> DepthModel | None:
-    """The depth model that lies in a folder of frames, or None.
+    """Read the depth model in a folder of frames, or return None.
 
     Raises:
         CellFileError: the file is there and cannot be used.

@@ -1,4 +1,4 @@
-"""A picture of a depth calibration: what each ball's depth differs by, before and after."""
+"""A picture of a depth calibration: the depth error of each ball, before and after."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
-"""What a driver is beyond its interface: its cell can watch, stop, pause and release it.
+"""Base of drivers, beyond their interface: the cell can watch, stop, pause and release a device.
 
-A device is a class that derives from `Device` and names in `interfaces` what it offers
-(`pomona.drivers.interfaces.Camera`, …). `pomona.drivers.registration` says how a cell file connects it. The defaults
-below suit a device that cannot move.
+A device derives from `Device` and lists its interfaces in `interfaces` (`pomona.drivers.interfaces.Camera`, …).
+`pomona.drivers.registration` describes how a cell file connects it. The defaults below suit a device that cannot move.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ class Device:
     interfaces: ClassVar[tuple[type, ...]] = ()
     outlives: ClassVar[bool] = False
     """Whether it moves something that keeps moving without this process. Its cell must then be declared real or
-    emulated: what is checked before a run depends on that."""
+    emulated: the checks before a run depend on that."""
     distrusted = ""
     hand_memory: HandMemory | None = None
     """Of fingers that measure from a bias: where the last one and the last state of the hand are kept."""
@@ -40,7 +39,7 @@ class Device:
         self.name = name
 
     def link(self) -> str:
-        """State of the link: 'ok', or what is wrong with it."""
+        """State of the link: 'ok', or the problem."""
         return "ok"
 
     def picture(self) -> tuple[UInt8, float] | None:
@@ -85,15 +84,15 @@ class Device:
         """Resume the paused motion."""
 
     def go_at(self, speed: float) -> None:
-        """Move at this share of what is commanded from now on, above 0 to 1, also what moves already.
+        """Scale the commanded speed by this ratio (above 0 to 1) from now on, also of motions in progress.
 
-        For an arm: its paths take so much longer, within its limits while that changes. An arm whose driver leaves
-        this out is said to know full speed only, and is refused where somebody asks for less. Other devices do nothing.
+        For an arm: its paths take longer by this ratio, within its limits during the change. An arm whose driver leaves
+        this out has full speed only, and a request for less is refused. Other devices do nothing.
         """
 
     @property
     def full_speed_only(self) -> bool:
-        """Whether it is an arm whose driver cannot slow it down."""
+        """Whether it is an arm whose driver cannot reduce the speed."""
         return Arm in self.interfaces and type(self).go_at is Device.go_at
 
     def settled(self) -> bool:
@@ -118,14 +117,14 @@ class World(Protocol):
 
 @dataclass(slots=True)
 class ConnectContext:
-    """What a device can use when it is connected: the clock, the seed, and the devices connected before it.
+    """Context of a connection: the clock, the seed, and the devices connected before it.
 
     Attributes:
         cell: the cell file; relative paths in it start at its folder.
         clock: of the whole cell.
         seed: of everything random.
-        workspace: what the cell file says about the surroundings, or None.
-        devices: connected so far, by name; a cell file lists what others build on first.
+        workspace: the surroundings in the cell file, or None.
+        devices: connected so far, by name; a cell file lists devices before those that build on them.
         wires: for addresses and ports at which this process itself emulates a device, how to connect.
         hand: memory of an emulated world's hand; None where the hand is real.
     """
@@ -139,7 +138,7 @@ class ConnectContext:
     hand: HandMemory | None = None
 
     def hand_memory(self, wires: Iterable[str]) -> HandMemory:
-        """Return what is known of the hand at the end of these wires."""
+        """Return the memory of the hand at the end of these wires."""
         return memory_of(wires) if self.hand is None else self.hand
 
     def find(self, interface: type[T]) -> T | None:

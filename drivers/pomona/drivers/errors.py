@@ -1,4 +1,4 @@
-"""What can go wrong with a cell and its devices.
+"""Errors of a cell and its devices.
 
 DriverError
 ├── CellFileError       the cell file is wrong, with its place
@@ -8,8 +8,8 @@ DriverError
     ├── MotionRefused   nothing has moved
     ├── NoBias          fingers cannot be calibrated: something may be between them
     ├── DeviceLost      no answer, or the stream went stale
-    └── DeviceFault     the device reports a fault of its own, or what it does cannot be right
-        └── StopFailed  it was told to stop, and refused or goes on
+    └── DeviceFault     the device reports a fault, or its motion or data are implausible
+        └── StopFailed  it refused to stop, or goes on
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class CellFileError(DriverError):
 
 
 class UnusableRobotFile(DriverError):
-    """A robot's description (MJCF or URDF) that cannot be read, or does not say what a driver needs."""
+    """A robot's description (MJCF or URDF) that cannot be read, or lacks data for a driver."""
 
     def __init__(self, path: Path, problem: str) -> None:
         self.path, self.problem = path, problem
@@ -44,7 +44,7 @@ class UnusableRobotFile(DriverError):
 
 
 class UnusableMesh(DriverError):
-    """A mesh file that cannot be read, or that holds nothing that can stand in a cell; says what to do."""
+    """A mesh file that cannot be read, or whose size fits no cell, with the remedy."""
 
 
 class BadTrajectory(DriverError):
@@ -88,11 +88,11 @@ class DeviceLost(DeviceError):
 
 
 class DeviceFault(DeviceError):
-    """A fault that the device itself reports, or that its driver sees in what it does."""
+    """A fault that the device reports, or that its driver detects."""
 
 
 class StopFailed(DeviceFault):
-    """A device that was told to stop, and refused or goes on; `earlier` is what was wrong before that."""
+    """A device that refused to stop, or goes on; `earlier` is the problem before that."""
 
     def __init__(self, device: str, message: str, earlier: DeviceError | None = None) -> None:
         self.earlier: DeviceError | None = earlier.earlier if isinstance(earlier, StopFailed) else earlier

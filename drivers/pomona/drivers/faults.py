@@ -1,7 +1,7 @@
-"""Faults on purpose: what simulated and emulated devices, their wires and sensors can be made to do.
+"""Fault injection: the faults of simulated and emulated devices, of their wires and sensors.
 
-Everything that can fail has a `FaultSwitch`; a cell names them all in `Cell.switches`. A `FaultPlan` turns them at
-given times, or so long after a phase of the run has begun. Real devices have none.
+Each component that can fail has a `FaultSwitch`; a cell names them all in `Cell.switches`. A `FaultPlan` turns them at
+given times, or with a delay after the start of a phase of the run. Real devices have none.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ class FaultSwitch:
         self.fault = kind
 
     def clear_fault(self) -> None:
-        """Work again; what the fault has changed stays changed."""
+        """Clear the fault; its consequences remain."""
         self.fault = None
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedFault:
-    """A fault and when it begins.
+    """A fault and its start.
 
     Attributes:
         switch: as the cell names it.
         kind: one of the switch's faults.
         after: seconds after the phase has begun; of the cell's clock when there is no phase.
-        phase: any name that whoever watches the run gives to what it does; None for the start of time.
+        phase: a name that the observer of the run gives to a stage of it; None for the start of time.
         lasts: seconds until it is cleared, or None for good.
     """
 
@@ -75,7 +75,7 @@ class FaultPlan:
         self._due = [(fault.after, fault) for fault in faults if fault.phase is None]
         self._clearing: list[tuple[float, PlannedFault]] = []
         self.injected: list[tuple[float, PlannedFault]] = []
-        """What has begun, and when."""
+        """Started faults with their times."""
 
     def begin(self, phase: str, now: float) -> None:
         """A phase of the run begins; only the first time counts."""
@@ -83,7 +83,7 @@ class FaultPlan:
         self._waiting = [fault for fault in self._waiting if fault.phase != phase]
 
     def step(self, now: float) -> None:
-        """Turn what is due."""
+        """Turn the faults that are due."""
         for due, fault in [entry for entry in self._due if entry[0] <= now]:
             self._due.remove((due, fault))
             self._switches[fault.switch].inject_fault(fault.kind)

@@ -8,7 +8,7 @@ from pomona.drivers.interfaces import MotionState
 
 
 class GripperMotion:
-    """Watched by whoever started it; its driver says how it goes."""
+    """Watched by the caller that started it; its driver reports the progress."""
 
     def __init__(self, width: float, speed: float, start: float, stop: Callable[[GripperMotion], None]) -> None:
         self.width, self.speed = width, speed
@@ -32,6 +32,6 @@ class GripperMotion:
         self._stop(self)
 
     def end(self, state: MotionState, problem: str = "") -> None:
-        """Say how it ended; the first outcome counts."""
+        """Report the end; the first outcome counts."""
         if not self.ended:
             self.state, self.problem = state, problem

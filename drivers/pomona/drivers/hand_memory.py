@@ -1,8 +1,8 @@
-"""State of the hand that outlives a connection: whether something was held, at which width, and the fingers' bias.
+"""State of the hand that outlives a connection: contact, width, and the fingers' bias.
 
-Fingers that measure from a bias must not take it while they press on something: the fruit would be felt no more. So
-the last bias is kept, together with the last state of the hand, and a driver of such fingers asks `HandMemory` before
-it takes a new one. A killed process cannot write: each change is written when it happens.
+Fingers that measure from a bias must not take it under load: the load would read as zero. So the last bias is kept with
+the last state of the hand, and a driver of such fingers asks `HandMemory` before it takes a new one. A killed process
+cannot write, so each change is written when it happens.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""State of the hand: whether something is between the fingers, by force, width and what was last known.
+"""State of the hand: contact between the fingers, by force, width and the last known state.
 
 `may_hold` decides it before the fingers are calibrated; `HoldWatch` follows it while a cell is connected, keeps it for
 the next connection, and compares arm and grip after a pause.
@@ -16,17 +16,19 @@ from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, GripperLimits, 
 from pomona.executive.values.arrays import Float64
 
 MOVED = 0.01
-"""A joint that changed by more than this while paused was moved by somebody [rad]."""
+"""Change of a joint while paused from which the arm counts as moved from outside [rad]."""
 HELD_FORCE, LOST_FORCE = 0.5, 0.2
 """Grasp force of one finger [N]: above the first at the pause something is held, below the second it is gone."""
 GIVE = 0.01
-"""Fingers that open or close by more than this have let go of what they held, or lost it [m]: what skin and pads give
-at 14 N, where they give 1.5 N/mm."""
+"""Change of the opening from which the fingers have released or lost the fruit [m]: the compliance of skin and pads at
+14 N
+with 1.5 N/mm.
+"""
 NO_ROOM = 2e-3
 """Fingers this near to either end of their travel hold nothing [m]: no fruit is so thin, and none was gripped by so
 short a motion."""
 STOOD = 1e-3
-"""Fingers whose width has changed by less than this have not been moved [m]; an encoder repeats to 0.1 mm."""
+"""Change of the width below which the fingers have not been moved [m]; an encoder repeats to 0.1 mm."""
 MOTOR_FORCE = 1.0
 """Grasp force by the motor's current from which it presses on something [N]: two of its steps, a WSG's friction."""
 HARDLY = "something was held, and is hardly felt now"
@@ -74,7 +76,7 @@ class HoldWatch:
     ) -> None:
         """
         Args:
-            memory: what was known of the hand before this connection; kept up to date.
+            memory: state of the hand before this connection; kept up to date.
         """
         self._arm, self._fingers, self._gripper, self._memory = arm, fingers, gripper, memory
         self._q: Float64 | None = None
@@ -95,7 +97,7 @@ class HoldWatch:
             self._force = self._least_force()
 
     def compare(self) -> None:
-        """Compare with what was noted.
+        """Compare with the noted state.
 
         Raises:
             DeviceFault: the arm was moved, or the fruit is gone.
@@ -110,10 +112,10 @@ class HoldWatch:
             raise DeviceFault("fingers", f"the fruit that was held with {self._force:.1f} N is gone ({now})")
 
     def in_hand(self) -> str | None:
-        """What is between the fingers, as a sentence; empty for nothing, None when nothing measures it.
+        """Describe a contact between the fingers: an empty text without contact, None if it cannot be measured.
 
-        Force and opening decide together. Fingers that press less than can be felt, and stand where they held
-        something, may hold it still: friction is felt with less, and a bias may have been taken while they pressed.
+        Force and opening decide together. If the force is below the threshold and the opening is still that of a grip,
+        the fingers may hold the fruit: a small force suffices, and a bias may have been taken under load.
         """
         force, gripper = self._least_force(), self._state()
         if force is None:
@@ -131,7 +133,7 @@ class HoldWatch:
         return self._hand
 
     def _begin(self, gripper: GripperState, force: float) -> None:
-        """Go on with what was known of the hand before this connection."""
+        """Continue from the state of the hand before this connection."""
         self._begun = True
         if self._memory is None or self._gripper is None:
             return

@@ -1,7 +1,7 @@
-"""What a cell's devices can do, as Protocols, and the data that they exchange.
+"""Interfaces of a cell's devices, as Protocols, and the data that they exchange.
 
 Everything is in SI units. Every stamp is read from the cell's one clock. No call of a Protocol blocks for longer than a
-few milliseconds: motions are started and then watched. What cannot be done raises a
+few milliseconds: motions are started and then watched. An impossible request raises a
 `pomona.drivers.errors.DeviceError`.
 """
 
@@ -49,13 +49,13 @@ class Frame:
         stamp: time of exposure on the cell's clock [s].
         sequence: number of the frame, counted by the camera from 0.
         colour: RGB, shape (h, w, 3), uint8.
-        depth: z-depth, shape (h, w), float32 [m]; 0 where the sensor saw nothing. None for a colour-only camera.
+        depth: z-depth, shape (h, w), float32 [m]; 0 without a measurement. None for a colour-only camera.
         intrinsics: of both images.
         q: joints of the arm at the exposure, shape (dof,) [rad], for a camera mounted on the arm; else None.
         T_mount_camera: pose of the camera in its mount: in tool0 when `q` is given (hand-eye), else in the base frame.
-        label: where the frame comes from, for people: a file's name, or the camera's.
+        label: origin of the frame for the operator: a file's name, or the camera's.
         depth_model: error model of `depth`, from the camera's driver; its offset and scale are corrected already.
-        placed: whether `q` and `T_mount_camera` say where the camera stood; if not, positions in two frames cannot be
+        placed: whether `q` and `T_mount_camera` give the camera's pose; if not, positions in two frames cannot be
             compared.
 
     Raises:
@@ -95,9 +95,9 @@ class Camera(Protocol):
 
 @runtime_checkable
 class DepthCamera(Protocol):
-    """A camera that can be asked for depth alone, where colour costs something that a look at depth need not cost.
+    """A camera that can deliver depth alone, if colour has a cost.
 
-    What watches a motion asks for it (`pomona.skills.shared.live_watch`); of any other camera it takes `Camera.latest`.
+    The watch of a motion uses it (`pomona.skills.shared.live_watch`); of any other camera it uses `Camera.latest`.
     """
 
     def latest_depth(self) -> Frame | None:
@@ -231,7 +231,7 @@ class Arm(Protocol):
 
     @property
     def limits(self) -> ArmLimits:
-        """What the arm may do, by joint."""
+        """Limits of the arm, by joint."""
         ...
 
     def state(self) -> ArmState:
@@ -291,7 +291,7 @@ class GripperLimits:
 
 @dataclass(frozen=True, slots=True)
 class GripperState:
-    """What a gripper measures at `stamp`.
+    """Measurements of a gripper at `stamp`.
 
     Attributes:
         width: opening between the pads' faces [m]; speed: its rate, negative closes [m/s].
@@ -315,7 +315,7 @@ class Gripper(Protocol):
 
     @property
     def limits(self) -> GripperLimits:
-        """What the gripper may do."""
+        """Limits of the gripper."""
         ...
 
     def state(self) -> GripperState:
@@ -345,7 +345,7 @@ class Gripper(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WrenchSample:
-    """What both fingers feel.
+    """Contact wrenches of both fingers.
 
     Attributes:
         stamp: time of the measurement [s].
@@ -403,7 +403,7 @@ class Hand(Protocol):
     """State of the hand, which a cell with fingers follows from its connection on."""
 
     def in_hand(self) -> str | None:
-        """What is between the fingers, as a sentence; empty for nothing, None when nothing measures it."""
+        """Describe a contact between the fingers: an empty text without contact, None if it cannot be measured."""
         ...
 
 
@@ -411,7 +411,7 @@ class Hand(Protocol):
 
 
 class HandTask(Enum):
-    """What a person at a cell is asked to do with a fruit."""
+    """Tasks for the operator at a cell, with a fruit."""
 
     LEAVE = "leave"
     HOLD = "hold"
@@ -421,12 +421,12 @@ class HandTask(Enum):
 
 @runtime_checkable
 class Hands(Protocol):
-    """Hands in a simulated cell, which do what a person does at a real one."""
+    """Simulated hands that carry out the operator's tasks."""
 
     def do(self, task: HandTask) -> None:
-        """Begin with a task; they go on with it while time passes.
+        """Begin a task; it continues while time passes.
 
-        LEAVE: let go of nothing, move nothing. HOLD: hold the fruit between the fingers. PULL: pull it along the pads
+        LEAVE: release nothing, move nothing. HOLD: hold the fruit between the fingers. PULL: pull it along the pads
         until it slides. TWIST: the same while turning it about the line between the pads.
         """
         ...
@@ -449,9 +449,9 @@ class Hull:
     """A fixed obstacle: the convex hull of points.
 
     Attributes:
-        name: for people.
+        name: for messages.
         points: shape (n, 3) [m].
-        normals: directions in which it has faces, shape (k, 3), unit length: the hull is told by them.
+        normals: directions of its faces, shape (k, 3), unit length; they define the hull.
     """
 
     name: str
@@ -461,13 +461,13 @@ class Hull:
 
 @dataclass(frozen=True, slots=True)
 class PathWatchSettings:
-    """How carefully the rest of a path is watched while the arm follows it.
+    """Settings of the watch of a path while the arm follows it.
 
     Attributes:
-        speed: at which what moves is expected to come towards the arm [m/s]; a hand's in ISO 13855.
-        near: what only stands there, unknown, is kept so far away, from the middle of its cell of 20 mm [m].
-        padding: around the robot's shape; what is nearer is taken for the robot itself [m].
-        delay: from a look at a frame to the moment at which the arm begins to brake [s].
+        speed: expected approach speed of moving objects [m/s]; a hand's in ISO 13855.
+        near: distance to unmapped standing objects, from the middle of their cell of 20 mm [m].
+        padding: around the robot's shape; nearer points count as the robot itself [m].
+        delay: from the exposure of a frame to the moment at which the arm begins to brake [s].
     """
 
     speed: float = 1.6
@@ -478,16 +478,15 @@ class PathWatchSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Workspace:
-    """What the cell file knows about the surroundings of the arm, in the base frame.
+    """Known surroundings of the arm, from the cell file, in the base frame.
 
     Attributes:
         table_z: height of the support plane [m], or None where there is none.
         lower, upper: corners of the volume that is mapped and moved in, shape (3,) [m].
-        obstacles: fixed geometry that no camera needs to see.
+        obstacles: fixed geometry, independent of cameras.
         poses: named joint configurations, shape (dof,) [rad] each: home, observe, observe_2, place …
-        watch: how the way is watched while the arm moves; None: it is not.
-        zones: where nothing of the robot, and nothing that it holds, may be, although nothing stands there; named
-            'zone NAME'.
+        watch: settings of the watch of paths; None: no watch.
+        zones: forbidden volumes for the robot and a held fruit, although empty; named 'zone NAME'.
         hulls: fixed geometry that is no box: parts of meshes, in the base frame.
     """
 
@@ -503,7 +502,7 @@ class Workspace:
 
 @dataclass(frozen=True, slots=True)
 class SampleRate:
-    """Of a force sensor [Hz], as the cell file says it before anything is connected."""
+    """Sample rate of a force sensor [Hz], from the cell file, before any connection."""
 
     hz: float
 

@@ -1,4 +1,4 @@
-"""What `pomona new driver` and `pomona new cell` write."""
+"""Files written by `pomona new driver` and `pomona new cell`."""
 
 from __future__ import annotations
 

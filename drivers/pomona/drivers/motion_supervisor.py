@@ -1,7 +1,7 @@
-"""Knows when an arm is wrong: feedback that cannot be true, and motions that do not go as they must.
+"""Detects faults of an arm: implausible feedback, and motions that deviate from their path.
 
-Every arm's driver, simulated, mock or real, tells its supervisor what it receives, what it commands, and the time; the
-supervisor raises what must end in the safe state. It has no clock, no thread and no device of its own.
+Every arm's driver, simulated, mock or real, passes feedback, commands and the time to its supervisor; the supervisor
+raises the error that must end in the safe state. It has no clock, no thread and no device of its own.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from pomona.executive.values.sections import value
 from pomona.executive.values.units import ANGLE, TIME
 
 PERIOD = 0.01
-"""Looking more often than this tells nothing new [s]: a controller pushes its state every 25 ms."""
+"""Period of the checks [s]; a controller pushes its state every 25 ms."""
 OVERSPEED = 1.5
 """Joints are never measured faster than their limits times this: controllers stop an arm at 1.05 to 1.2 of them."""
 JITTER = 0.05
-"""What comes over a network comes up to two pushes of 25 ms early or late [s]."""
+"""Jitter of messages over a network [s]: two pushes of 25 ms."""
 BEYOND_RANGE = 0.1
 """Mechanical stops keep every joint within this distance of its range [rad]."""
 FROZEN_PATH = 0.01
@@ -57,7 +57,7 @@ class Supervision:
 
 @dataclass(slots=True, eq=False)
 class _Feedback:
-    """Feedback, since when it has been the same to the last bit, and what was commanded then."""
+    """Feedback, the time since which it has been the same to the last bit, and the set-point at that time."""
 
     stamp: float
     q: Float64
@@ -108,14 +108,14 @@ class MotionSupervisor:
             self._feedback = _Feedback(stamp, q.copy(), stamp, passed[-1] if passed else None)
 
     def on_status(self, now: float) -> None:
-        """The controller told its status."""
+        """Note that the controller has reported its status."""
         self._status_at = now
 
     def check_status(self, now: float) -> None:
-        """For arms with a controller that tells its status.
+        """Check the age of the status, for arms with a controller that reports one.
 
         Raises:
-            DeviceLost: it has not for too long, so that a stop or an alarm would be hidden.
+            DeviceLost: the status is too old, so that a stop or an alarm would be hidden.
         """
         if self._status_at is None:
             self._status_at = now

@@ -1,4 +1,4 @@
-"""What cell files say of a camera that is mounted on the arm or in the cell, whatever it is connected by."""
+"""Options in cell files for a camera on the arm or in the cell, of any connection."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class MountedCameraFile:
 
     @property
     def depth_errs(self) -> DepthModel:
-        """How its depth errs: what the file says, or what is nominal."""
+        """Error model of its depth: the file's, or the nominal one."""
         return depth_model_of(self.depth_model)
 
 

@@ -9,11 +9,11 @@ A driver gives its `Owner` two functions and leaves everything that touches the 
     self._owner.close()                            # makes the calls that are left, then ends the thread
 
 Other threads read what the owner has published by single assignments of immutable values (a frozen state, a problem),
-and never iterate over what it writes. Refusals that must be told at once are judged by the caller on such values, and
-again by the call itself when it is made: a safe stop may have come between.
+and never iterate over its mutable data. The caller decides immediate refusals on such values, and the call checks again
+when it is made: a safe stop may have come between.
 
-Before `start` and after `close` whoever calls is the owner: calls are made at once, under a lock. So a test needs no
-thread: it calls `step` by hand. A simulated clock may give the thread, which then takes turns with the others.
+Before `start` and after `close` the caller is the owner: calls are made at once, under a lock. So a test needs no
+thread: it calls `step` by hand. A simulated clock may provide the thread, which then takes turns with the others.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ from pomona.executive.clock import Clock
 T = TypeVar("T")
 
 ANSWER = 0.5
-"""Deadline of a call that somebody waits for [s]: steps take a few milliseconds."""
+"""Deadline of a call with a waiting caller [s]: steps take a few milliseconds."""
 LOOK = 1e-3
 """Who waits for a call looks so often [s]."""
 HUNG = 1.0
-"""A thread that has made no step for so long serves nobody [s]; a blocked send takes 50 ms."""
+"""Time without a step after which the thread counts as hung [s]; a blocked send takes 50 ms."""
 
 
 class Thread(Protocol):
-    """What is needed of a `threading.Thread`."""
+    """The used part of `threading.Thread`."""
 
     def start(self) -> None:
         """Begin to run."""
@@ -64,10 +64,10 @@ class TurnTaking(Protocol):
 
 
 class Owner:
-    """Calls `step` again and again, and between the steps what others left to be done.
+    """Calls `step` repeatedly, and posted calls between the steps.
 
-    What goes wrong in a step or in a call is handed to `failed`, in the owner's thread, whatever it is: a device that
-    nobody serves must not look alive. The thread then goes on, so that the driver can open its wire again.
+    Any exception of a step or a call is passed to `failed`, in the owner's thread: an unserved device must not look
+    alive. The thread then goes on, so that the driver can open its wire again.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class Owner:
         self._device, self._step, self._failed, self._clock = device, step, failed, clock
         self._calls: deque[Callable[[], None]] = deque()
         self._closed = threading.Event()
-        self._turning = threading.RLock()  # taken by whoever makes calls and steps
+        self._turning = threading.RLock()  # held during calls and steps
         self._thread: Thread | None = None
         self._ident: int | None = None
         self._turned_at = clock.now()
@@ -103,11 +103,11 @@ class Owner:
             self._make_calls()
 
     def ask(self, call: Callable[[], T], deadline: float = ANSWER) -> T:
-        """Leave a call for the owner and wait for its result.
+        """Post a call to the owner and wait for its result.
 
         Raises:
             DeviceLost: the owner did not come to it within `deadline` [s]; it is not made any more.
-            Exception: whatever the call raised.
+            Exception: the exception of the call.
         """
         answer: Future[T] = Future()
 

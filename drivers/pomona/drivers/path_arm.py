@@ -1,8 +1,8 @@
-"""An arm that is told its path a moment ahead: what every driver of one has in common.
+"""Common base of drivers for arms that receive their path a moment ahead.
 
 A controller gets set-points up to a short `lead` before the arm shall pass them. One thread owns the wire and the
-motion; what others ask is posted to it. A problem fails the motion and stays latched until somebody acknowledges it,
-and nothing goes on by itself. The driver says how its controller is spoken to: it derives from `PathArm`.
+motion; requests are posted to it. A problem fails the motion and stays latched until an operator acknowledges it, and
+nothing resumes by itself. A driver derives from `PathArm` and implements the controller's protocol.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ AT_REST = 5e-3
 LEAVING = 2.0
 """An arm comes to rest on its path within this time when its driver is closed [s]."""
 DIFFERENCE = 0.2
-"""Velocities are told from positions that are no further apart than this [s]."""
+"""Longest distance in time between positions for a velocity by difference [s]."""
 
 
 class SetPointStream(Protocol):
@@ -55,15 +55,17 @@ class SetPointStream(Protocol):
 class PathArm(Device, ABC):
     """An arm whose set-points are sent ahead. Joints in the order of the robot's description.
 
-    A driver gives `step`, which serves the wire and ends with `_watch_motion`; `_failed` for what goes wrong in it; and
-    how a path is streamed, halted and begun again.
+    A driver gives `step`, which serves the wire and ends with `_watch_motion`; `_failed` for its errors; and methods
+    that stream, halt and restart a path.
     """
 
     interfaces = (Arm,)
     outlives = True
     stops_when_told: ClassVar[bool] = False
-    """Whether the controller has a command that stops the arm, wherever it is: such an arm is judged, and told to stop,
-    also while its joints cannot be believed. Any other brakes on its path then."""
+    """Whether the controller has a command that stops the arm at its place. Such an arm is checked and stopped also
+    while its
+    joint feedback is implausible; any other brakes on its path then.
+    """
 
     def __init__(
         self, name: str, clock: Clock, description: Path, limits: ArmLimits, supervision: Supervision, period: float
@@ -75,7 +77,7 @@ class PathArm(Device, ABC):
         super().__init__(name)
         self.description, self.limits = description, limits
         self._clock, self._period = clock, period
-        self._lock = threading.Lock()  # of latched, problem and motion; nobody waits with it
+        self._lock = threading.Lock()  # guards latched, problem and motion; never held while waiting
         self._owner = Owner(name, self.step, self._failed, clock)
         self._supervisor = MotionSupervisor(name, limits, supervision)
         self._state: ArmState | None = None
@@ -94,7 +96,7 @@ class PathArm(Device, ABC):
 
     @abstractmethod
     def _failed(self, error: BaseException) -> None:
-        """The driver itself is wrong: the arm shall brake, and nobody goes on."""
+        """Handle a defect of the driver itself: the arm shall brake, and the motion fails."""
 
     @property
     @abstractmethod
@@ -111,7 +113,7 @@ class PathArm(Device, ABC):
 
     @abstractmethod
     def _halt(self) -> None:
-        """Tell the controller to stop the arm where it is: it goes elsewhere than it was told."""
+        """Command the controller to stop the arm at its place: it has left its path."""
 
     @abstractmethod
     def _release(self) -> None:
@@ -122,7 +124,7 @@ class PathArm(Device, ABC):
         """Close the wire."""
 
     def _not_ready(self) -> str | None:
-        """Why no motion can begin, whatever was asked; called with the lock taken."""
+        """Return why no motion can begin; called with the lock taken."""
         return None if self._problem is None else words(self._problem)
 
     # ------------------------------------------------------------------------------------- the owner's thread
@@ -132,14 +134,14 @@ class PathArm(Device, ABC):
         self._owner.start()
 
     def _believe(self, stamp: float, q: Float64, qd: Float64 | None) -> None:
-        """Take over what the joints say.
+        """Accept joint feedback.
 
         Args:
             stamp: of the cell's clock [s].
             q, qd: (dof,) [rad], [rad/s]; without velocities those of the positions are taken.
 
         Raises:
-            DeviceLost: it cannot be true.
+            DeviceLost: it is implausible.
         """
         before = self._state
         if qd is None:
@@ -159,7 +161,7 @@ class PathArm(Device, ABC):
             self._motion.fail(error.message)
 
     def _blame(self, problem: DeviceError) -> None:
-        """Latch a problem until somebody acknowledges it; the first is kept."""
+        """Latch a problem until an operator acknowledges it; the first is kept."""
         with self._lock:
             if self._problem is None:
                 self._problem = problem
@@ -171,7 +173,7 @@ class PathArm(Device, ABC):
             self._end_stream()
             self._supervisor.end()
             return
-        # Feedback in doubt says nothing about rest either: what was sent is over, then.
+        # Implausible feedback is no evidence of rest either: rest is assumed after the last point sent.
         resting = bool(np.abs(state.qd).max() < AT_REST) if not self._doubted else stream is None or stream.played
         if stream is None:
             motion.settled = resting and motion.state is MotionState.FAILED  # else it has not begun yet
@@ -255,7 +257,7 @@ class PathArm(Device, ABC):
         """Release the latch.
 
         Raises:
-            DeviceLost: the arm is still lost, or still says what cannot be true.
+            DeviceLost: the arm is still lost, or its feedback still implausible.
         """
         with self._lock:
             if not self._believed:
@@ -297,5 +299,5 @@ class PathArm(Device, ABC):
 
 
 def words(problem: DeviceError | None) -> str:
-    """What is wrong, for a sentence."""
+    """Return the problem as part of a sentence."""
     return "no problem is known" if problem is None else problem.message

@@ -69,7 +69,7 @@ class PathFollower:
         self._wanted = self.speed
 
     def set_speed(self, speed: float) -> None:
-        """Follow the path at this share of its own pace from now on, above 0 to 1; what rests or brakes goes on so."""
+        """Scale the path's own pace by this ratio (above 0 to 1) from now on; a resting or braking arm continues so."""
         self.speed = speed
         if self._wanted > 0.0:
             self._wanted = speed

@@ -1,4 +1,4 @@
-"""The motion of an arm that follows a path: what a caller watches, and how it ends, stops and pauses."""
+"""The motion of an arm along a path: state for the caller, end, stop and pause."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ ARRIVED = 2e-3
 """Joints so near to the path's end are there [rad]."""
 
 HELD_UP = 1.0
-"""Joints that rest so long beside the path's end do not get there any more [s]."""
+"""Time after which joints that rest beside the path's end count as blocked [s]."""
 
 
 class Phase(Enum):
-    """What the set-point does: go along the path, come to rest on it, or rest."""
+    """State of the set-point: it follows the path, brakes on it, or rests."""
 
     RUNNING = "running"
     BRAKING = "braking"

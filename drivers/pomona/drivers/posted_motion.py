@@ -7,7 +7,7 @@ from pomona.drivers.owner import Owner
 
 
 class PostedMotion:
-    """A `Motion` whose stop is done by the thread that owns the device; what is read of it is one value each."""
+    """A `Motion` whose stop is posted to the device's owner thread; every attribute read is a single value."""
 
     def __init__(self, motion: Motion, owner: Owner) -> None:
         self._motion, self._owner = motion, owner

@@ -1,4 +1,4 @@
-"""What a cell's devices measure, gathered for the record: nobody else needs every sample."""
+"""Measurements of a cell's devices, gathered for the record, which needs every sample."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pomona.drivers.interfaces import Arm, ForceSensor, Gripper
 WRENCH = ("force_x_N", "force_y_N", "force_z_N", "torque_x_Nm", "torque_y_Nm", "torque_z_Nm")
 
 MOST = 5000
-"""Samples of one device that are kept until somebody takes them: ten seconds at 500 Hz."""
+"""Maximum number of samples of one device between two calls of `take`: ten seconds at 500 Hz."""
 
 
 class Readings:
@@ -33,17 +33,17 @@ class Readings:
         self._subscriptions = [sensor.subscribe(self._noted[name].append) for name, sensor in sensors.items()]
 
     def note(self) -> None:
-        """Read arm and gripper once; they are asked for what they know already, so this does not wait."""
+        """Read arm and gripper once; this uses their last states and does not wait."""
         moving: Any
         for name, moving in (*self._arms.items(), *self._grippers.items()):
             noted = self._noted[name]
-            with contextlib.suppress(DriverError):  # whether a silent device ends the run is not for the record to say
+            with contextlib.suppress(DriverError):  # the record does not decide whether a silent device ends the run
                 state = moving.state()
                 if not noted or noted[-1].stamp != state.stamp:
                     noted.append(state)
 
     def take(self) -> dict[str, dict[str, Any]]:
-        """What was measured since the last call, by device and quantity.
+        """Return the measurements since the last call, by device and quantity.
 
         Every device gives `stamp_s` on the cell's clock, arms their joints, grippers their width, fingers force and
         torque of each in its pad's frame; shape (n,) each, the name carries the unit.

@@ -1,12 +1,11 @@
-"""What a driver says of itself before anything is connected: its device, and the options that a cell file may give it.
+"""Declaration of a driver, before any connection: its device, and its options in a cell file.
 
     @driver(WsgGripper, WsgFile)
     def connect(settings: Settings[WsgFile], context: ConnectContext) -> WsgGripper: ...
 
 is found by its name in a cell file through the entry point group `pomona.drivers`. The options are a dataclass of
-`pomona.executive.values.sections`: with its kinds, ranges and defaults a cell file is judged without touching a device.
-Its `problems` tells what no single value shows; `fits` what is wrong with it in this cell; `known` what it says about
-the cell before it is connected.
+`pomona.executive.values.sections`: with its kinds, ranges and defaults a cell file is checked without any device. Its
+`problems` checks across values, `fits` checks it in this cell, and `known` describes the cell before the connection.
 """
 
 from __future__ import annotations
@@ -85,7 +84,7 @@ class Settings(Generic[Options]):
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """What is around a device in its cell file: the workspace, and the devices above it by name."""
+    """Surroundings of a device in its cell file: the workspace, and the devices above it by name."""
 
     workspace: Workspace | None = None
     above: Mapping[str, type[Device]] = field(default_factory=dict)
@@ -97,10 +96,10 @@ class Surroundings:
 
 @runtime_checkable
 class Fitting(Protocol):
-    """Options that must fit what is around the device."""
+    """Options with checks against the device's surroundings."""
 
     def fits(self, around: Surroundings) -> Iterable[Problem]:
-        """What does not fit to what the cell has so far."""
+        """Yield the conflicts with the rest of the cell."""
         ...
 
 
@@ -126,7 +125,7 @@ class Emulating(Protocol):
 
 @runtime_checkable
 class TellsOfCell(Protocol):
-    """Options that tell something about the cell before it is connected: limits of the arm, what lies on the table."""
+    """Options that describe the cell before its connection: limits of the arm, objects on the table."""
 
     def known(self) -> Iterable[object]: ...
 
@@ -148,7 +147,7 @@ class DriverSection(Kind[Settings[Any]]):
             message = f"the driver '{name}' cannot be loaded: {error}"
             raise reader.refuse(written, message, code="driver") from error
         if not isinstance(found, Driver):
-            message = f"the driver '{name}' ({points[name].value}) does not say which options it takes"
+            message = f"the driver '{name}' ({points[name].value}) does not declare its options"
             raise reader.refuse(written, message, "see drivers/pomona/drivers/registration.py", "driver")
         placed = Section(found.options, ignore=("driver",)).read_placed(node, reader)
         return Settings(reader.title.rpartition(".")[2], found, placed)

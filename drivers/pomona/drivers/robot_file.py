@@ -1,4 +1,4 @@
-"""Reading a robot's description file with MuJoCo, so that what is wrong with it is said in words about that file."""
+"""Reader of a robot's description file with MuJoCo, with error messages about that file."""
 
 from __future__ import annotations
 
@@ -33,8 +33,10 @@ def read_spec(path: Path) -> Any:
 
 
 MOST = {"arm_velocity": 50.0, "arm_acceleration": 5e3, "arm_jerk": 1e6}
-"""No arm is faster [rad/s, rad/s², rad/s³]: the quickest small ones turn their wrists at 20 rad/s. What is more was
-meant in degrees, or is no number: beside that nothing is ever too fast."""
+"""Upper bounds of an arm's limits [rad/s, rad/s², rad/s³]: the quickest small ones turn their wrists at 20 rad/s.
+Higher
+values are in degrees or invalid, and would disable the checks.
+"""
 WIDEST = 100.0
 """No joint turns further from its zero [rad]: 16 turns."""
 

@@ -1,6 +1,6 @@
-"""Meshes of what stands around the arm, cut into parts whose convex hulls are the obstacles.
+"""Meshes of the arm's surroundings, cut into parts whose convex hulls are the obstacles.
 
-Hulls contain what they stand for, so a coarse cut keeps the arm too far away, never too near.
+A hull contains its part, so a coarse cut keeps the arm too far away, never too near.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ MOST_TRIANGLES = 200_000
 MOST_PARTS = 400
 """Each costs every collision check about as much as a box."""
 MOST_NORMALS = 64
-"""Directions of faces by which a part's hull is told, the largest faces first; others round it off."""
+"""Maximum number of face directions that define a part's hull, the largest faces first; others round it off."""
 
 
 def read_parts(path: Path, unit: float = 1.0, detail: float | None = None) -> tuple[Hull, ...]:
-    """The parts of a mesh file, in its own frame.
+    """Read the parts of a mesh file, in its own frame.
 
     Args:
         path: of an STL, OBJ or PLY file.
@@ -35,7 +35,7 @@ def read_parts(path: Path, unit: float = 1.0, detail: float | None = None) -> tu
         detail: edge of the cubes by which its surface is cut [m]; None: each body of the file is one part.
 
     Raises:
-        UnusableMesh: no mesh can be read, it is empty, or as large as no mesh is that is told in this unit.
+        UnusableMesh: no mesh can be read, it is empty, or its size is impossible in this unit.
     """
     try:
         state = path.stat()
@@ -55,9 +55,9 @@ def _parts(path: Path, _changed: int, _size: int, unit: float, detail: float | N
     size = vertices.max(axis=0) - vertices.min(axis=0)
     told = f"{path.name} is {' x '.join(f'{edge:.4g}' for edge in size)} m large"
     if size.max() > LARGEST:
-        raise UnusableMesh(f"{told}: is it written in millimetres? Say `unit: mm`")
+        raise UnusableMesh(f"{told}: if it is in millimetres, write `unit: mm`")
     if size.max() < SMALLEST:
-        raise UnusableMesh(f"{told}: is it written in metres? Say `unit: m`")
+        raise UnusableMesh(f"{told}: if it is in metres, write `unit: m`")
     groups = _bodies(vertices, faces) if detail is None else _cubes(vertices, faces, detail, path.name)
     if len(groups) > MOST_PARTS:
         what = "bodies: join them, or cut it with `detail`" if detail is None else "parts: take a coarser `detail`"
@@ -87,7 +87,7 @@ def _triangles(path: Path) -> tuple[Float64, Int64]:
 
 
 def _bodies(vertices: Float64, faces: Int64) -> list[Float64]:
-    """Triangles (m, 3, 3) of each body: what hangs together."""
+    """Return the triangles (m, 3, 3) of each connected body."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -126,7 +126,7 @@ def _halved(triangles: Float64, longest: Int64) -> Float64:
 
 
 def _hull(name: str, triangles: Float64) -> Hull:
-    """What is kept of a part: its corners, and where its largest faces look."""
+    """Return the hull of a part: its corners, and the normals of its largest faces."""
     across = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     area = np.linalg.norm(across, axis=1)
     known = area > 1e-12

@@ -15,15 +15,15 @@ T = TypeVar("T")
 
 
 def read_section_file(path: Path, what: str, read: Callable[[ValueFile], T]) -> T:
-    """What `read` makes of a file.
+    """Read a file with `read`.
 
     Args:
         path: of the file.
-        what: the file is, for messages: 'a depth model'.
+        what: the kind of file for messages, for example 'a depth model'.
         read: its section, from the file as it is written; `Refused` when it cannot be used.
 
     Raises:
-        CellFileError: it cannot be used; everything that is wrong is in the error, with its place.
+        CellFileError: it cannot be used; the exception has all errors with their places.
     """
     findings = Findings()
     written = read_value_file(path, findings, what)

@@ -1,9 +1,9 @@
 """A motion that follows streamed set-points, for closed-loop control.
 
-A set-point only says where to go: the way there stays within the joints' limits of speed, acceleration and jerk,
-whatever arrives. Speeds follow the fastest profile that can still stop (v² = 2 a d). A moving average over the last
-`2 a / j` seconds turns its steps of acceleration into bounded jerk; an average of values within limits is within them,
-too. Without a new set-point within the watchdog's time the joints come to rest and the motion has failed.
+A set-point is only a target: the path to it stays within the joints' limits of speed, acceleration and jerk for any
+input. Speeds follow the fastest profile that can still stop (v² = 2 a d). A moving average over the last `2 a / j`
+seconds turns its steps of acceleration into bounded jerk; an average of values within limits is within them, too.
+Without a new set-point within the watchdog's time the joints come to rest and the motion has failed.
 """
 
 from __future__ import annotations

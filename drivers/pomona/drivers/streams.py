@@ -1,8 +1,8 @@
-"""Samples on their way from a device to those who listen: only what can be true gets through.
+"""Filter between a device and its listeners: only plausible samples pass.
 
-Every driver of force fingers delivers its samples through a `WrenchStream`, and every driver of a camera asks a
-`FrameGuard` about its frames: real, emulated, simulated and mock devices are judged alike, and what is wrong is told in
-the same words. Neither talks to a device, and neither compares sensors with each other: that is for skills.
+Every driver of force fingers delivers its samples through a `WrenchStream`, and every driver of a camera checks its
+frames with a `FrameGuard`. Real, emulated, simulated and mock devices thus have the same checks and the same messages.
+Neither class accesses a device or compares sensors with each other: that is for skills.
 """
 
 from __future__ import annotations
@@ -23,14 +23,16 @@ from pomona.executive.values.sections import value
 from pomona.executive.values.units import FORCE, TIME
 
 SILENCE = 0.040
-"""Fingers of which nothing can be believed for so long are not to be believed at all [s]."""
+"""Time without a valid sample after which the fingers are lost [s]."""
 FEW = 5
-"""Fewer samples in a row than this accuse nobody: the computer itself may have been held up."""
+"""Minimum run of bad samples before a fault: fewer may be a stall of the computer itself."""
 EARLY = 0.005
 """Stamps are read from the cell's clock; ahead of it by more than this they are wrong [s]."""
 WINDOW, FEW_GAPS, IN_BITS = 6, 4, 0.4
-"""Within so many times the silence allowed a stream must not have so many gaps of half of it or more that miss this
-share together: each by itself may be the computer's, but what comes and goes controls no grip."""
+"""Limit of an intermittent stream: within this multiple of the silence allowed, this number of gaps of half of it or
+more
+that together miss this ratio. A single gap may be the computer's; an intermittent stream controls no grip.
+"""
 FEW_FRAMES, EARLY_FRAME = 2, 0.020
 """The same of cameras: frames, and seconds; a camera's clock is followed to a few milliseconds."""
 
@@ -66,13 +68,13 @@ class _Listener:
 class WrenchStream:
     """Checks the samples of two fingers and passes the plausible ones to every listener.
 
-    Implausible samples are dropped, and are a fault of the device when nothing else arrives; a force that is not finite
-    or impossible, and a stuck finger, are a fault at once. A listener that fails is not called again, and is a fault as
+    Implausible samples are dropped, and are a fault of the device if no others arrive; a force that is not finite or
+    impossible, and a stuck finger, are a fault at once. A listener that fails is not called again, and is a fault as
     well: it may have been the grip's controller.
 
     Attributes:
-        newest: the newest sample that was believed, or None.
-        left_out: samples so far that were not.
+        newest: the newest accepted sample, or None.
+        left_out: number of rejected samples so far.
         on_lost: called once when a fault begins, in the thread that delivers: stops the gripper.
     """
 
@@ -98,7 +100,7 @@ class WrenchStream:
     # ------------------------------------------------------------------------------------------ who listens
 
     def subscribe(self, call: Callable[[WrenchSample], None]) -> Subscription:
-        """Call this with every sample that is believed, in the thread that delivers."""
+        """Call this with every accepted sample, in the thread that delivers."""
         with self._lock:
             listener = _Listener(call, self)
             self._listeners = (*self._listeners, listener)
@@ -149,10 +151,10 @@ class WrenchStream:
                 self._accuse(f"a listener failed: {error!r}", error)
 
     def leave_out(self, flaw: str, certain: bool = False) -> None:
-        """Count a sample that cannot be believed; the driver may have a reason of its own.
+        """Count a rejected sample; the driver may have a reason of its own.
 
         Args:
-            flaw: what is wrong, as a sentence that follows the device's name.
+            flaw: the problem, as a sentence that follows the device's name.
             certain: one is enough for a fault.
         """
         self.left_out += 1
@@ -168,7 +170,7 @@ class WrenchStream:
     # ------------------------------------------------------------------------------------------- the device
 
     def problem(self, device: str) -> DeviceError | None:
-        """What is wrong with the stream until it is acknowledged, or None."""
+        """Return the problem of the stream until it is acknowledged, or None."""
         if not self._wrong:
             return None
         fault = DeviceFault(device, self._wrong)
@@ -176,10 +178,10 @@ class WrenchStream:
         return fault
 
     def acknowledge(self, device: str) -> None:
-        """Forget what was wrong.
+        """Acknowledge the problem.
 
         Raises:
-            DeviceFault: it still is.
+            DeviceFault: it persists.
         """
         if self._wrong and self._left_out:
             raise DeviceFault(device, f"still: {self._wrong}")
@@ -204,7 +206,7 @@ class WrenchStream:
         """Why a sample cannot be true; empty when it can."""
         age = self._clock.now() - sample.stamp
         if not math.isfinite(age):
-            return "stamps its samples with no time"
+            return "has a sample timestamp that is not finite"
         stamp, sequence = self._last
         if sample.sequence == sequence or sample.stamp == stamp:
             return f"repeats its sample {sample.sequence}"
@@ -218,13 +220,13 @@ class WrenchStream:
         return ""
 
     def _unchanged(self, sample: WrenchSample) -> str:
-        """What is certainly wrong with what the fingers say: impossible, or the same for too long."""
+        """Return the certain fault of the fingers' values: impossible, or the same for too long."""
         wrenches, strongest = sample.wrenches, self._belief.strongest
-        if not np.abs(wrenches).max() <= strongest:  # written so that it is True of what is no number
+        if not np.abs(wrenches).max() <= strongest:  # this form is True also for NaN
             finger = 0 if not np.abs(wrenches[0]).max() <= strongest else 1
             said = next(float(said) for said in wrenches[finger] if not abs(said) <= strongest)
             what = f"{said:g} N" if math.isfinite(said) else f"{said} instead of a force"
-            return f"{SIDES[finger]} says {what}"
+            return f"{SIDES[finger]} reports {what}"
         same = (wrenches == self._same).all(axis=1) if self._same is not None else (False, False)
         self._same = wrenches
         stuck = []
@@ -239,7 +241,7 @@ class WrenchStream:
             return ""
         who, have = ("both fingers", "have") if len(stuck) == 2 else (SIDES[stuck[0]], "has")
         what = "zero" if not wrenches[stuck].any() else "the same to the last bit"
-        return f"{who} {have} said {what} for {1e3 * self._belief.stuck:.0f} ms"
+        return f"{who} {have} reported {what} for {1e3 * self._belief.stuck:.0f} ms"
 
 
 class FrameGuard:
@@ -248,8 +250,7 @@ class FrameGuard:
     def __init__(self, clock: Clock, silence: float) -> None:
         """
         Args:
-            silence: a camera of which no frame can be believed for so long is not to be believed [s]; older frames
-                are not the present.
+            silence: time without a valid frame after which the camera is lost [s]; older frames are rejected.
         """
         self._clock, self._silence = clock, silence
         self.restart()
@@ -280,10 +281,10 @@ class FrameGuard:
         return True
 
     def check(self, device: str) -> None:
-        """Look whether frames come that can be believed.
+        """Check that valid frames arrive.
 
         Raises:
-            DeviceFault: all that came lately cannot be true; says why.
+            DeviceFault: all recent frames are implausible; the text has the reason.
         """
         if self._flawed >= FEW_FRAMES and self._clock.now() - self._believed_at > self._silence:
             raise DeviceFault(device, self._flaw)

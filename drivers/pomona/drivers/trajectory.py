@@ -11,27 +11,26 @@ from pomona.executive.values.arrays import Float64
 ROUNDING = 1e-6
 """A position may be so far beyond its limit [rad]: a few times the last digit of an f32 on a controller's wire."""
 SHARE = 1e-3
-"""A rate may exceed its limit by this share of it: what sampling and rounding add to a motion timed to its limits."""
+"""Relative tolerance of rate limits, for sampling and rounding of a motion timed to its limits."""
 REST = 1e-3
-"""A joint that is slower than this rests [rad/s]: a fifth of what the drivers call an arm at rest, which also holds
-noise of the measurement."""
+"""Speed below which a joint rests [rad/s]: a fifth of the drivers' own threshold, which includes noise."""
 START_TOLERANCE = 2e-3
 """Largest distance of any joint between the arm and the trajectory's first sample [rad]: a choice, a millimetre at half
 a metre from the joint; `pomona.drivers.motoman.stream` takes it up smoothly."""
 
 
 def check_trajectory(trajectory: Trajectory, limits: ArmLimits, q_arm: Float64 | None = None) -> None:
-    """Look at every sample.
+    """Check every sample.
 
     Args:
-        trajectory: what shall be executed.
+        trajectory: to be executed.
         limits: of the arm; infinite where none is known.
-        q_arm: where the arm stands, shape (dof,) [rad]; None when the trajectory is not to be started now.
+        q_arm: present joints, shape (dof,) [rad]; None when the trajectory is not to be started now.
 
     Raises:
         BadTrajectory: shapes that disagree, values that are not finite, time that does not increase from 0, ends that
-            are not at rest, a position, velocity, acceleration or jerk beyond its limit, positions that are not what
-            the velocities integrate to, or a start away from the arm; says which joint and when.
+            are not at rest, a position, velocity, acceleration or jerk beyond its limit, positions that differ from the
+            integral of the velocities, or a start away from the arm; the text has the joint and the time.
     """
     _check_form(trajectory, limits.lower.size)
     _check_range(trajectory, limits)
@@ -90,7 +89,8 @@ def _check_rates(trajectory: Trajectory, limits: ArmLimits) -> None:
 
 
 def _check_consistency(trajectory: Trajectory, limits: ArmLimits) -> None:
-    """Positions must be what the velocities integrate to, or the limits of the rates mean nothing.
+    """Compare the positions with the integral of the velocities; otherwise the limits of the rates would be
+    meaningless.
 
     The trapezoidal rule is off by at most a dt² / 4 for a motion whose acceleration stays within a.
     """

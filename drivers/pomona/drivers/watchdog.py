@@ -6,7 +6,7 @@ import math
 
 
 class Watchdog:
-    """Ends a command that nobody renews.
+    """Ends a command that is not renewed.
 
     It adds up the intervals between calls of `has_expired`, and an interval is never negative: a clock that steps back
     costs one interval, and cannot keep a command alive.

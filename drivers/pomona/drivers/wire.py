@@ -1,4 +1,4 @@
-"""What drivers of devices on a wire share: links that move bytes, priority for their threads, typed complaints."""
+"""Common parts of drivers on a wire: links that move bytes, priority for their threads, typed errors."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Malformed(DriverError):
 
 
 class Nonsense(DeviceLost):
-    """A device that answers with bytes that its protocol does not know: whatever is there, it is lost as a device."""
+    """A device that answers with bytes outside its protocol: the peer counts as lost."""
 
     def __init__(self, device: str, malformed: Malformed) -> None:
         self.received = malformed.received
@@ -40,7 +40,7 @@ class Link(Protocol):
         ...
 
     def receive(self, timeout: float) -> bytes:
-        """What has arrived, waiting up to `timeout` [s] for the first byte; empty when nothing came."""
+        """Return the received bytes, waiting up to `timeout` [s] for the first one; empty without any."""
         ...
 
     def close(self) -> None: ...
@@ -53,11 +53,11 @@ class TcpLink:
         """Connect within `deadline` [s].
 
         Raises:
-            OSError: nobody answers there.
+            OSError: there is no answer.
         """
         self._socket = socket.create_connection((host, port), deadline)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._socket.settimeout(0.05)  # of a send: a full buffer means that nobody reads any more
+        self._socket.settimeout(0.05)  # of a send: a full buffer means that the peer does not read any more
 
     def send(self, chunk: bytes) -> None:
         self._socket.sendall(chunk)

@@ -47,11 +47,11 @@ class ObstacleSection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeshSection:
-    """A mesh of what stands there, as CAD or a scan gives it. Convex hulls of its parts are obstacles."""
+    """A mesh of the surroundings, from CAD or a scan. Convex hulls of its parts are obstacles."""
 
     name: str = value(Text(), help="refusals call it so: 'shelf'")
     file: Path = value(PathTo("file"), help="STL, OBJ or PLY")
-    unit: str = value(Text("m", "mm"), "m", "of the file's numbers, which the file does not say")
+    unit: str = value(Text("m", "mm"), "m", "unit of the file's numbers")
     at: tuple[float, ...] = value(Row(Measure(LENGTH), 3), (0.0, 0.0, 0.0), "where its origin is, in the base frame")
     rpy: tuple[float, ...] = value(Row(Measure(ANGLE), 3), (0.0, 0.0, 0.0), "turned about the base's x, then y, then z")
     detail: float | None = value(
@@ -101,14 +101,12 @@ class ZoneSection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchSection:
-    """How the rest of a path is compared with what the cameras see while the arm follows it. No safety function."""
+    """Comparison of the rest of a path with the camera images while the arm follows it. No safety function."""
 
-    speed: float = value(
-        Measure(SPEED, "0 m/s", "10 m/s"), "1.6 m/s", "at which what moves is expected to come towards the arm"
-    )
-    near: float = value(Measure(LENGTH, "20 mm", "500 mm"), "30 mm", "what stands there unknown is kept so far away")
+    speed: float = value(Measure(SPEED, "0 m/s", "10 m/s"), "1.6 m/s", "expected approach speed of moving objects")
+    near: float = value(Measure(LENGTH, "20 mm", "500 mm"), "30 mm", "distance to unmapped standing objects")
     padding: float = value(
-        Measure(LENGTH, "20 mm", "200 mm"), "30 mm", "around the robot; what is nearer is taken for the robot itself"
+        Measure(LENGTH, "20 mm", "200 mm"), "30 mm", "around the robot; nearer points count as the robot itself"
     )
     delay: float = value(
         Measure(TIME, "0 s", "2 s"), "50 ms", "from a look at a frame until the arm begins to brake; measure yours"
@@ -121,7 +119,7 @@ class WatchSection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorkspaceSection:
-    """What is known of the surroundings of the arm, in its base frame."""
+    """Known surroundings of the arm, in its base frame."""
 
     table_z: float | None = value(Measure(LENGTH), None, "height of the table's surface; no table without it")
     lower: tuple[float, ...] = value(Row(Measure(LENGTH), 3), help="corner of the volume that is mapped and moved in")
@@ -138,7 +136,7 @@ class WorkspaceSection:
     poses: Mapping[str, tuple[float, ...]] = value(MappingOf(Row(Measure(ANGLE))), {}, "joints, by the pose's name")
 
     watch: WatchSection | None = value(
-        Section(WatchSection), None, "watch the way while the arm moves; without it nobody does"
+        Section(WatchSection), None, "watch of paths while the arm moves; off if omitted"
     )
 
     def problems(self) -> Iterator[Problem]:
@@ -146,7 +144,7 @@ class WorkspaceSection:
             yield Problem("upper", "it must lie above workspace.lower in x, y and z")
         names = [zone.name for zone in self.zones]
         if len(set(names)) < len(names):
-            yield Problem("zones", "two zones have one name: a refusal could not say which")
+            yield Problem("zones", "two zones have one name, so that messages would be ambiguous")
 
     def workspace(self) -> Workspace:
         """For the skills."""
@@ -174,7 +172,7 @@ def _crate(name: str, T_base_crate: Float64, size: Float64, wall: float) -> tupl
 
 
 def _box(name: str, T_base_whole: Float64, offset: Float64, size: Float64) -> Box:
-    """A part of something whose pose is given, `offset` from its centre."""
+    """Return a part of an object whose pose is given, `offset` from its centre."""
     T_base_box = T_base_whole.copy()
     T_base_box[:3, 3] += T_base_whole[:3, :3] @ offset
     return Box(name, T_base_box, (float(size[0]) / 2.0, float(size[1]) / 2.0, float(size[2]) / 2.0))

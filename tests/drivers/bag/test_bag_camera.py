@@ -157,7 +157,7 @@ TEXT = STORE.types["std_msgs/msg/String"]("no image")
         (two(image(colour()[:20], "rgb8")), r"colour is 40 x 20, the intrinsics are for 40 x 30", 2),
         (two(compressed(colour(), ".jpg", -4))[:3], r"it cannot be decoded: its end is missing", 2),
         (two(image(colour(), "bayer_rggb8")), r"its encoding is 'bayer_rggb8'", 2),
-        (two(image(colour(), "rgb8", step=4000)), r"in rows of 4000 bytes, and has 3600 bytes", 2),
+        (two(image(colour(), "rgb8", step=4000)), r"in rows of 4000 bytes, but it has 3600 bytes", 2),
         (two(its_depth=image(colour(), "rgb8")), r"depth has 16UC1", 2),
         ([(t, s if t != "/depth" else s + 10**10, m) for t, s, m in two()], r"no depth lies within 0.02 s", 2),
     ],
@@ -209,7 +209,7 @@ def test_a_bag_whose_types_only_bear_the_names_of_ros_is_refused(cell: Path, kin
             known = [found for found in writer.connections if found.topic == topic]
             connection = known[0] if known else writer.add_connection(topic, of, typestore=store)
             writer.write(connection, stamp, STORE.serialize_cdr(message, of) if raw is None else raw)
-    with pytest.raises(CellFileError, match="its type is not what ROS calls so") as caught:
+    with pytest.raises(CellFileError, match="its type differs from the ROS type of that name") as caught:
         open_bag(cell, cell.parent / "bag")
     assert caught.value.line == line
 

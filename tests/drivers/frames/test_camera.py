@@ -131,7 +131,7 @@ def test_intrinsics_in_the_folder_come_first(cell: Path, folder: Path) -> None:
         ),
         (
             lambda folder: (folder / "frames.json").write_text('[{"label": "A"}]'),
-            "names none of the frames that are there: it says 'A', and a frame is 'a'",
+            "names none of the present frames, but for example 'A', and a frame is 'a'",
         ),
         (
             lambda folder: cv2.imwrite(str(folder / "a_depth_mm.png"), np.zeros((30, 40), np.uint8)),

@@ -405,10 +405,10 @@ def test_the_supervisor_process_sees_whether_it_rests(monkeypatch: pytest.Monkey
     ask = ("127.0.0.1:7447", "/joint_states", list(JOINTS), 5e-3)
     outside.see_rest(*ask)
     moved = np.full(3, 1e-3)
-    with pytest.raises(TimeoutError, match="they move on"):
+    with pytest.raises(TimeoutError, match="they go on moving"):
         outside.see_rest(*ask)
     controller.silent = True
-    with pytest.raises(TimeoutError, match="nothing is heard of them"):
+    with pytest.raises(TimeoutError, match="no message arrives"):
         outside.see_rest(*ask)
     assert controller.closed
 

@@ -129,7 +129,7 @@ class TestCompletion:
 class TestHover:
     @pytest.mark.parametrize(
         ("at", "said"),
-        [("Mo|veTo", "Move to a named pose"), ("po|se: home", "MoveTo.pose"), ("ret|ry: 3", "limits the number of tries"),
+        [("Mo|veTo", "Move to a named pose"), ("po|se: home", "MoveTo.pose"), ("ret|ry: 3", "limits the number"),
          ("{se|en}", "a detection"), ("m.dimen|sions", "an array"), ("lo|ok: {kind", "a subtree")],
     )  # fmt: skip
     def test_what_stands_there(self, service, at, said):

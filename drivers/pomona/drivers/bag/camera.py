@@ -1,4 +1,4 @@
-"""The images of a bag as a camera: what was recorded on another robot is looked at as if it were taken now."""
+"""The images of a bag as a camera: frames from another robot are processed like new ones."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ NOT_ROS = (AttributeError, TypeError, ValueError, IndexError)
 class Bag:
     """A bag of ROS 2 (a folder, an .mcap or a .db3) or of ROS 1. Its file is open only while something is read.
 
-    What the reader raises for a file that somebody damaged is of many kinds; here it is always `UnusableFrames`.
+    The reader raises many kinds of errors for a damaged file; they all become `UnusableFrames`.
     """
 
     def __init__(self, path: Path) -> None:
@@ -55,7 +55,7 @@ class Bag:
             for connection in reader.connections:
                 kinds.setdefault(connection.topic, set()).add(connection.msgtype)
         self.topics = {topic: " and ".join(sorted(of)) for topic, of in kinds.items()}
-        """Types by topic: one each, unless somebody mixed them."""
+        """Types by topic; normally one each."""
 
     def stamps(self, *topics: str) -> list[list[int]]:
         """When the messages of each topic were written [ns].
@@ -114,10 +114,10 @@ class BagFrame:
         return f"{self.bag.path.name} {self.colour[1]}"
 
     def read(self, intrinsics: Intrinsics) -> Images:
-        """Both images.
+        """Read both images.
 
         Raises:
-            UnusableFrames: they cannot be used; says which and why.
+            UnusableFrames: an image cannot be used; the text names it and the reason.
         """
         taken = self.bag.messages(self.colour, self.depth)
         topic, stamp = self.colour
@@ -140,7 +140,7 @@ class BagFile:
     """A bag with colour and depth images that belong together, and a CameraInfo unless intrinsics stand here."""
 
     bag: str = value(Text(), help="a bag's folder or file: --set bag=PATH")
-    every: int = value(Whole(1, 1_000_000), 1, "of so many frames one is shown")
+    every: int = value(Whole(1, 1_000_000), 1, "number of frames of which one is shown")
     colour: str = value(Text(), "/camera/color/image_raw", "topic of sensor_msgs/Image or CompressedImage")
     depth: str = value(Text(), "/camera/aligned_depth_to_color/image_raw", "topic of its depth")
     info: str = value(Text(), "/camera/color/camera_info", "topic of sensor_msgs/CameraInfo")
@@ -219,4 +219,6 @@ def _intrinsics(bag: Bag, topic: str) -> Intrinsics:
 
 
 def _why(error: Exception) -> str:
-    return str(error) if isinstance(error, UnusableImage) else f"its type is not what ROS calls so ({error})"
+    return (
+        str(error) if isinstance(error, UnusableImage) else f"its type differs from the ROS type of that name ({error})"
+    )

@@ -1,4 +1,4 @@
-"""Images in messages of ROS: their pixels, whatever their encoding, and intrinsics from a CameraInfo."""
+"""Images in messages of ROS: pixels of any encoding, and intrinsics from a CameraInfo."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _DEPTH = {"16UC1": ("u2", 1e-3), "mono16": ("u2", 1e-3), "32FC1": ("f4", 1.0)}
 
 
 class UnusableImage(ValueError):
-    """An image that cannot be used; says why."""
+    """An image that cannot be used, with the reason."""
 
 
 def colour_of(message: Any, kind: str) -> NDArray[np.uint8]:
@@ -82,7 +82,9 @@ def _rows(message: Any, dtype: np.dtype[Any], channels: int) -> NDArray[Any]:
     row = width * channels * dtype.itemsize
     data = np.frombuffer(np.ascontiguousarray(message.data).tobytes(), np.uint8)
     if not 0 < height * width <= MOST_PIXELS or step < row or len(data) < height * step:
-        raise UnusableImage(f"it says {width} x {height} pixels in rows of {step} bytes, and has {len(data)} bytes")
+        raise UnusableImage(
+            f"its header gives {width} x {height} pixels in rows of {step} bytes, but it has {len(data)} bytes"
+        )
     rows = data[: height * step].reshape(height, step)[:, :row]
     return np.ascontiguousarray(rows).view(dtype).reshape(height, width, channels)
 

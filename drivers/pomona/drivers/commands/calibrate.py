@@ -21,17 +21,19 @@ GROUP = "pomona.calibrate"
 
 LIVE_FRAMES = 20
 LIVE_TIMEOUT = 20.0
-"""So many frames of a live camera are taken, within so long [s]."""
+"""Time limit for collecting the frames of a live camera [s]."""
 
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser("calibrate", help="make calibration files")
-    kinds = parser.add_subparsers(metavar="WHAT", required=True)
+    kinds = parser.add_subparsers(metavar="KIND", required=True)
     fingers = kinds.add_parser("fingers", help="fit a finger's network to recorded voltages and wrenches")
     fingers.add_argument("recording", type=Path, help=".npz with volts and wrenches, or .csv with 31 columns")
     fingers.add_argument("--out", type=Path, required=True, help="the calibration file to write")
-    fingers.add_argument("--finger", default="", help="which finger it is: what says left is refused for the right one")
+    fingers.add_argument(
+        "--finger", default="", help="name of the finger; the calibration of a left finger is refused for the right one"
+    )
     fingers.add_argument("--hidden", type=int, nargs="+", default=[32], help="sizes of the hidden layers")
     fingers.add_argument("--epochs", type=int, default=300)
     fingers.add_argument("--seed", type=int, default=0)
@@ -55,7 +57,7 @@ def add(subparsers: Any) -> None:
     depth.add_argument("--diameter", default="diameter_mm", metavar="COLUMN", help="column with the diameter in mm")
     depth.add_argument("--only", default="", metavar="BEGIN", help="rows of the table whose name begins so")
     depth.add_argument("--intrinsics", type=Path, help="of the camera, where the folder holds none")
-    depth.add_argument("--sensor", default="d4xx", choices=sorted(SENSORS), help="what is thought before (d4xx)")
+    depth.add_argument("--sensor", default="d4xx", choices=sorted(SENSORS), help="prior model of the sensor (d4xx)")
     depth.add_argument("--plot", type=Path, help="picture of measured against true distance, before and after")
     depth.add_argument("--out", type=Path, required=True, help="the depth model file to write")
     depth.set_defaults(main=lambda options: _guarded(_depth, options))
@@ -65,7 +67,7 @@ def add(subparsers: Any) -> None:
 
 def _guarded(calibrate: Any, options: argparse.Namespace) -> int:
     try:
-        if options.out.exists():  # what was calibrated before may be in use, and cost somebody a day
+        if options.out.exists():  # an earlier calibration may be in use, and is costly to repeat
             raise DriverError(f"{options.out} is there already: name another file with --out")
         print(calibrate(options))
     except (DriverError, OSError) as error:
@@ -140,9 +142,9 @@ def _depth(options: argparse.Namespace) -> str:
     )
 
     if (options.balls is None) == (not options.wall):
-        raise UnusableDepth("say what the frames show: --balls TABLE or --wall")
+        raise UnusableDepth("the subject of the frames is missing: add --balls TABLE or --wall")
     if (options.folder is None) == (options.cell is None):
-        raise UnusableDepth("name a folder of frames, or with --cell a cell whose camera looks now")
+        raise UnusableDepth("frames are missing: name a folder, or a cell with a live camera by --cell")
     if options.cell is not None:
         if not options.wall:
             raise UnusableDepth("a camera that looks now is shown a wall: balls need frames, to draw boxes in")
@@ -152,7 +154,7 @@ def _depth(options: argparse.Namespace) -> str:
     frames = list_frames(options.folder)
     intrinsics = read_intrinsics(options.intrinsics) if options.intrinsics else folder_intrinsics(options.folder)
     if intrinsics is None:
-        raise UnusableDepth(f"nothing says the camera's intrinsics: put {INTRINSICS_FILE} into the folder")
+        raise UnusableDepth(f"the camera's intrinsics are missing: put {INTRINSICS_FILE} into the folder")
     depths = {frame.label: read_images(frame, intrinsics)[1] for frame in frames}
     if options.wall:
         found = calibrate_wall(list(depths.values()), options.sensor)

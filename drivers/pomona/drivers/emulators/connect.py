@@ -283,7 +283,7 @@ def connect_camera(settings: Settings[EmulatedCameraFile], context: ConnectConte
 
 
 def camera_site(robot: Path) -> Float64:
-    """T_tool0_camera (4, 4) [m] from the robot's description: what a hand-eye calibration would find."""
+    """Return T_tool0_camera (4, 4) [m] from the robot's description: the true result of a hand-eye calibration."""
     import mujoco
 
     site = mujoco.MjModel.from_xml_path(str(robot)).site("camera")

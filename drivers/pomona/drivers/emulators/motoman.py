@@ -34,7 +34,7 @@ START_TOLERANCE = 5e-4
 OVERSPEED = 1.05
 STATE_PERIOD = 0.025
 SERVO_TIME = 0.2
-"""The servos come on after so long [s]; a real controller takes some seconds."""
+"""Time until the servos are on [s]; a real controller takes some seconds."""
 NEEDED = Valid.TIME | Valid.POSITION | Valid.VELOCITY
 
 
@@ -71,15 +71,15 @@ class _Knot:
 
 
 class MotomanEmulator(FaultSwitch):
-    """The controller; `motion`, `state` and `io` are what its three ports serve.
+    """The controller; `motion`, `state` and `io` serve its three ports.
 
     Faults: `e_stop`, `teach`, `alarm`, `hold`; `lost` (the cable is pulled); `busy` (takes no more points, plays what
-    it has); `stuck` (the joints stand still while it believes that they move); `frozen` (pushes the same feedback for
-    ever); `nan`, `wild` (feedback that cannot be true); `no_status` (pushes feedback, but no status); `nonsense`
-    (answers on the motion's connection with bytes that are none of its protocol).
+    it has); `stuck` (the joints stand still while its model moves); `frozen` (pushes the same feedback for ever);
+    `nan`, `wild` (implausible feedback); `no_status` (pushes feedback, but no status); `nonsense` (answers on the
+    motion's connection with bytes outside its protocol).
 
     Attributes:
-        drives_on, e_stopped, teach, alarm, hold, remote: as on the pendant; set them to see what the driver does.
+        drives_on, e_stopped, teach, alarm, hold, remote: as on the pendant; set them to test the driver.
         silent: the cable is pulled.
         buffer: how much motion the queue holds [s].
         gaps: how often the queue ran empty while the arm moved.
@@ -139,7 +139,7 @@ class MotomanEmulator(FaultSwitch):
         self._drop_servos()
 
     def turn_to_teach(self) -> None:
-        """Somebody turns the key to teach: the servos drop."""
+        """Turn the key to teach, as an operator does: the servos drop."""
         self.teach = True
         self._drop_servos()
 
@@ -169,7 +169,7 @@ class MotomanEmulator(FaultSwitch):
                 self.state.push(self._status(qd))
 
     def _measured(self) -> tuple[Float64, Float64]:
-        """What it says of its joints."""
+        """Return the reported state of its joints."""
         q, qd = self._joints.measured()
         match self.fault:
             case "frozen":

@@ -1,4 +1,4 @@
-"""Wires inside one process: what a driver sends, the device has at once; its answers come when time goes on."""
+"""Wires inside one process: the driver's bytes reach the device at once; its answers arrive when time advances."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from pomona.drivers.emulators.virtual_time import VirtualTime
 from pomona.drivers.faults import FaultSwitch
 
 LATE = 0.15
-"""What the fault `late` adds to the way to the driver [s]."""
+"""Delay that the fault `late` adds to bytes for the driver [s]."""
 LOSS = 7
-"""The fault `lossy` loses every so many-th byte on the way to the driver."""
+"""Interval of lost bytes of the fault `lossy`, towards the driver."""
 
 
 class Pipe(FaultSwitch):
@@ -40,7 +40,7 @@ class Pipe(FaultSwitch):
             OSError: the wire is cut.
         """
         if self.fault == "cut":
-            raise ConnectionRefusedError("nobody answers: the wire is cut")
+            raise ConnectionRefusedError("no answer: the wire is cut")
         end = PipeEnd(self)
         self._ends.append(end)
         self.emulator.connected(end.peer)

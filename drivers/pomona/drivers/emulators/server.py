@@ -18,10 +18,10 @@ import can
 
 
 class Peer(Protocol):
-    """Whoever is at the other end of the wire."""
+    """The other end of the wire."""
 
     def send(self, chunk: bytes) -> None:
-        """Send bytes to whoever is connected."""
+        """Send bytes to every connected peer."""
         ...
 
     def close(self) -> None:
@@ -62,7 +62,7 @@ class Endpoint(Protocol):
         ...
 
     def poll(self) -> None:
-        """Pass on what has arrived."""
+        """Pass on the bytes that have arrived."""
         ...
 
     def close(self) -> None: ...
@@ -128,7 +128,7 @@ class TcpPort:
         self._emulator.disconnected(peer)
 
     def pull_cable(self) -> None:
-        """Close all connections, as if somebody pulled the cable; for tests."""
+        """Close all connections, as after pulling the cable; for tests."""
         for peer in tuple(self._peers):
             self.drop(peer)
 
@@ -209,7 +209,7 @@ class CanPort:
 
 
 class Server:
-    """Serves ports and lets emulators live, until `running` says no."""
+    """Serves ports and steps the emulators, until `running` returns False."""
 
     def __init__(self, ports: Sequence[Endpoint], emulators: Sequence[Emulator], now: Callable[[], float]) -> None:
         self.ports, self.emulators = tuple(ports), tuple(emulators)

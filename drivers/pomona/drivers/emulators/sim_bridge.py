@@ -1,4 +1,4 @@
-"""Puts the emulated devices onto the simulated world: what drives its joints, what is felt and seen in it."""
+"""Connects the emulated devices to the simulated world: joint set-points in, contacts and pictures out."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class EmulatedDevices:
         self.controller = MotomanEmulator(SimJoints(self.world), arm.limits.velocity, order)
         self.hand = WsgEmulator(gripper, finger_offset=gripper.limits.width_min)
         self.pads = tuple(SunTouchEmulator(partial(_wrench, fingers, side), seed=side) for side in (0, 1))
-        fingers.latest()  # its first sample compiles code, for which nobody waits later
+        fingers.latest()  # its first sample compiles code; later samples must not wait for that
         self.world.before_step.append(self._live)
 
     def _live(self) -> None:
@@ -122,7 +122,7 @@ class StatePort:
 
 
 def serve_camera(cell_file: Path, seed: int, overrides: dict[str, str], host: str, port: int, pipe: Connection) -> None:
-    """A process of its own: render the world's state for whoever asks on a TCP port, until the pipe ends."""
+    """Render the world's state in a process of its own, for clients on a TCP port, until the pipe ends."""
     cell = load_cell(cell_file, seed=seed, overrides=overrides)
     world = cast(SimWorld, cell.devices["world"])
     camera = cast(SimCamera, cell.device(Camera))

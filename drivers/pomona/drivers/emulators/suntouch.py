@@ -15,7 +15,7 @@ PITCH = 0.004
 SPREAD = 0.006
 """Width of the dent that a contact makes [m]."""
 NOISE = 4e-4
-"""Of every taxel [V]: half a step of the converter. No live sensor says the same twice."""
+"""Of every taxel [V]: half a step of the converter. No live sensor repeats a value."""
 
 
 class Pad:
@@ -52,12 +52,12 @@ class SunTouchEmulator:
 
     Attributes:
         silent: the cable is pulled.
-        drop_bytes: so many bytes of the next answer get lost on the way.
+        drop_bytes: number of bytes of the next answer that get lost.
         spike: added to a taxel of the next answer [V].
-        restless: by so much a taxel jumps with every answer [V].
-        stuck: the answer stays what it was.
-        dead: every taxel says 0 V.
-        held: so many answers in a row are one measurement.
+        restless: jump of a taxel with every answer [V].
+        stuck: the answer does not change.
+        dead: every taxel reads 0 V.
+        held: number of successive answers with one measurement.
     """
 
     def __init__(self, wrench: Callable[[], Float64], seed: int = 0) -> None:

@@ -1,4 +1,4 @@
-"""Fault switches of emulated devices whose faults are attributes: what a name of a fault sets."""
+"""Fault switches of emulated devices whose faults are attributes: the attribute that each fault sets."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pomona.drivers.faults import FaultSwitch
 from pomona.drivers.wsg.codec import Command, SystemState
 
 RUNAWAY = 0.02
-"""Speed of an opening that nobody commands any more [m/s]."""
+"""Speed of an opening without a command [m/s]."""
 HELD = 5
-"""So many answers of a slow finger are one measurement: 100 Hz of 500 Hz."""
+"""Number of answers of a slow finger with one measurement: 100 Hz of 500 Hz."""
 RESTLESS = 0.2
-"""By so much a restless taxel jumps [V]: four times what is a spike."""
+"""Jump of a restless taxel [V]: four times the threshold of a spike."""
 
 GRIPPER: dict[str, dict[str, object]] = {
     "lost": {"silent": True},
@@ -37,7 +37,7 @@ FINGER: dict[str, dict[str, object]] = {
 
 
 class AttributeSwitch(FaultSwitch):
-    """Sets attributes of a device, and back to what they were."""
+    """Sets attributes of a device, and restores their values."""
 
     def __init__(self, device: object, faults: Mapping[str, Mapping[str, object]]) -> None:
         super().__init__()
@@ -59,10 +59,10 @@ class AttributeSwitch(FaultSwitch):
 
 
 def gripper_switch(device: WsgEmulator) -> AttributeSwitch:
-    """Of a gripper's controller: what it does not do, says wrongly, or does by itself."""
+    """Return the switch of a gripper's controller: omitted, wrong and unrequested actions."""
     return AttributeSwitch(device, GRIPPER)
 
 
 def finger_switch(device: SunTouchEmulator) -> AttributeSwitch:
-    """Of one finger: what it says wrongly, or not at all."""
+    """Return the switch of one finger: wrong or missing readings."""
     return AttributeSwitch(device, FINGER)

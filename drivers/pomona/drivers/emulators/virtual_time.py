@@ -38,7 +38,7 @@ class Turn(threading.Thread):
         super().start()
 
     def run(self) -> None:
-        """What `threading.Thread` calls: the task, once it is its turn."""
+        """Run the task at its turn; called by `threading.Thread`."""
         self._go.acquire()
         try:
             self._task()
@@ -106,12 +106,12 @@ class VirtualTime:
         return Turn(name, run, self)
 
     def turn(self) -> Turn | None:
-        """Whose turn it is; None for the run's own thread."""
+        """The thread whose turn it is; None for the run's own thread."""
         thread = threading.current_thread()
         return thread if isinstance(thread, Turn) else None
 
     def wait(self, timeout: float, ready: Callable[[], bool]) -> None:
-        """Let time pass until `ready` says yes, or for `timeout` [s]."""
+        """Let time pass until `ready` returns True, or for `timeout` [s]."""
         turn = self.turn()
         if turn is None:
             end = self.now() + timeout

@@ -29,8 +29,8 @@ class VirtualWorld(Device):
     Attributes:
         clock: lets the drivers' threads take turns.
         pipes: where the drivers find their devices, by their addresses.
-        hand: what drivers know of the hand from one connection to the next; empty in a new world.
-        switches: all that can be made to fail: what is simulated, the arm's controller, and the wires.
+        hand: memory of the hand from one connection to the next; empty in a new world.
+        switches: all fault switches: simulated devices, the arm's controller, and the wires.
     """
 
     def __init__(self, cell: Cell, order: Order, addresses: Mapping[str, tuple[str, int]], fingers: Path) -> None:
@@ -75,7 +75,7 @@ class VirtualWorld(Device):
         }
 
     def enter(self, context: ConnectContext) -> None:
-        """Let drivers that are connected from now on find the devices of this world, and what is known of its hand."""
+        """Let drivers that are connected from now on find the devices of this world and the memory of its hand."""
         context.wires |= {address: pipe.open for address, pipe in self.pipes.items()}
         context.hand = self.hand
 

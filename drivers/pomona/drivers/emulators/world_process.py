@@ -3,7 +3,7 @@
     python -m pomona.drivers.emulators.world_process --cell sim.yaml --arm 127.0.0.1:50240 --gripper 127.0.0.1:41000
         --fingers /run/user/1000 --camera 127.0.0.1:41001
 
-It says `ready` on its standard output, answers every line `truth` with the world's score as JSON, and ends when its
+It prints `ready` on its standard output, answers every line `truth` with the world's score as JSON, and ends when its
 standard input is closed.
 """
 
@@ -117,7 +117,7 @@ def _set_up(cell: Cell, pipe: Connection, options: argparse.Namespace) -> tuple[
 
 
 def _run(server: Server, control: _Control, world: SimWorld, pace: float) -> None:
-    """Step the world at the pace of time; between the steps, answer whoever asks."""
+    """Step the world at the pace of time; between the steps, answer requests."""
     began = time.monotonic() - world.clock.now() / pace
     while control.open:
         due = began + (world.clock.now() + TIMESTEP) / pace

@@ -44,11 +44,11 @@ LEVEL = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0
 
 
 class Recorded(Protocol):
-    """A frame that was recorded, wherever it lies."""
+    """A recorded frame."""
 
     @property
     def label(self) -> str:
-        """Where it comes from, for people."""
+        """Its origin, for the operator."""
         ...
 
     def read(self, intrinsics: Intrinsics) -> Images:
@@ -77,7 +77,7 @@ class FramesCamera(Device):
     ) -> None:
         """
         Args:
-            T_base_camera: of frames of which nobody says where the camera stood.
+            T_base_camera: of frames without a recorded camera pose.
             poses: T_base_camera of the others, by their labels.
         """
         super().__init__(name)
@@ -148,7 +148,7 @@ class FramesFile:
     """A folder of recorded colour and depth images; intrinsics that lie in it come before those of the cell file."""
 
     folder: str = value(Text(), help="the folder with the recorded frames, or a video: --set folder=PATH")
-    every: int = value(Whole(1, 1_000_000), 1, "of so many frames one is shown")
+    every: int = value(Whole(1, 1_000_000), 1, "number of frames of which one is shown")
     intrinsics: IntrinsicsSection | None = value(
         Section(IntrinsicsSection), None, f"of the camera, unless {INTRINSICS_FILE} lies in the folder"
     )
@@ -172,11 +172,9 @@ def connect(settings: Settings[FramesFile], context: ConnectContext) -> FramesCa
         if intrinsics is None:
             if said.intrinsics is None:
                 hint = f"write 'intrinsics:' here, or put {INTRINSICS_FILE} into {folder}"
-                raise settings.error("nothing says the camera's intrinsics", "", hint)
+                raise settings.error("the camera's intrinsics are missing", "", hint)
             intrinsics = said.intrinsics.intrinsics()
-            words = (
-                "%s: no %s there, the cell file's camera is believed (fx %g px at %d x %d): sizes are as true as that"
-            )
+            words = "%s: no %s there, using the cell file's intrinsics (fx %g px at %d x %d), which scale all sizes"
             logger.warning(words, folder, INTRINSICS_FILE, intrinsics.fx, intrinsics.width, intrinsics.height)
         frames[0].read(intrinsics)
         poses = folder_poses(folder, [frame.label for frame in listed])

@@ -38,7 +38,7 @@ NEAREST_MM = 30
 
 
 class UnusableFrames(DriverError):
-    """A folder, a bag or an image that is no recorded frame; the text says which and why."""
+    """A folder, a bag or an image that is no recorded frame, with the reason."""
 
     def __init__(self, path: Path, message: str) -> None:
         self.path = path
@@ -93,10 +93,10 @@ def list_frames(folder: Path) -> tuple[RecordedFrame, ...]:
 
 
 def read_images(frame: RecordedFrame, intrinsics: Intrinsics) -> Images:
-    """Both images of a frame.
+    """Read both images of a frame.
 
     Raises:
-        UnusableFrames: a file cannot be read, or its size or type is not what the intrinsics and the format say.
+        UnusableFrames: a file cannot be read, or its size or type does not match the intrinsics and the format.
     """
     colour = _read(frame.colour, cv2.IMREAD_COLOR)
     depth = _read(frame.depth, cv2.IMREAD_UNCHANGED)
@@ -148,7 +148,7 @@ def _read(path: Path, flags: int) -> NDArray[Any]:
     data = np.frombuffer(content, np.uint8)
     try:
         image: NDArray[Any] | None = cv2.imdecode(data, flags) if data.size else None
-    except cv2.error:  # a picture that says it is larger than any memory
+    except cv2.error:  # a picture whose header gives a size beyond any memory
         image = None
     if image is None:
         raise UnusableFrames(path, "is not an image that can be read")
@@ -160,10 +160,10 @@ def _size(image: NDArray[Any]) -> str:
 
 
 def read_intrinsics(path: Path) -> Intrinsics:
-    """Intrinsics from a file of their own.
+    """Read intrinsics from a file of their own.
 
     Raises:
-        CellFileError: it cannot be used; says where and why.
+        CellFileError: it cannot be used; the text has the place and the reason.
     """
     section = Section(IntrinsicsSection)
     return read_section_file(
@@ -182,7 +182,7 @@ def folder_intrinsics(folder: Path) -> Intrinsics | None:
 
 
 def folder_poses(folder: Path, labels: Collection[str]) -> dict[str, Float64]:
-    """T_base_camera (4, 4) of the frames of a folder of which it says them, by their labels.
+    """Read T_base_camera (4, 4) of the frames in a folder's file of poses, by their labels.
 
     Args:
         folder: of the frames.
@@ -205,7 +205,7 @@ def folder_poses(folder: Path, labels: Collection[str]) -> dict[str, Float64]:
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise UnusableFrames(path, f"is no list of frames with label and T_base_camera: {error}") from error
     if said and not any(label in said for label in labels):
-        words = f"names none of the frames that are there: it says '{next(iter(said))}'"
+        words = f"names none of the present frames, but for example '{next(iter(said))}'"
         raise UnusableFrames(
             path, f"{words}, and a frame is '{next(iter(labels), '')}'; mend the labels, or take it away"
         )

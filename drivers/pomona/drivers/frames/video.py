@@ -1,8 +1,7 @@
 """A video of colour with a video of depth beside it: each pair of pictures is a recorded frame.
 
-row_7_color.mp4         colour, whatever OpenCV reads
-row_7_depth_mm.mkv      depth registered to it, one channel of 16 bits [mm], without loss (FFV1), 0 = no measurement
-intrinsics.yaml         as in a folder of images
+row_7_color.mp4         colour, in a format of OpenCV row_7_depth_mm.mkv      depth registered to it, one channel of 16
+bits [mm], without loss (FFV1), 0 = no measurement intrinsics.yaml         as in a folder of images
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ class Video:
         self._next = 0
         self._capture = self._open()
         self.count = max(0, int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT)))
-        """How many pictures it says that it holds."""
+        """Number of pictures in its header."""
 
     def read(self, index: int) -> NDArray[Any]:
         """One picture, counted from 0, of shape (height, width, 3) or (height, width).

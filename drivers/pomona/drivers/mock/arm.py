@@ -1,4 +1,4 @@
-"""An arm that follows trajectories exactly, and fails when it is told to."""
+"""An arm that follows trajectories exactly, with injected faults."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ class MockArm(Device):
 
     Args:
         clock: that moves it.
-        q: where it stands, shape (dof,) [rad]; zeros by default.
+        q: initial joints, shape (dof,) [rad]; zeros by default.
         limits, description: of the robot; the shipped one by default.
         supervision: how closely the arm must follow its commands.
 
     Attributes:
         followed: every trajectory that was started.
-        q: where it stands now; write it to move the arm by hand.
-        says: what it tells of its joints' positions, given the true ones; replace it to let the arm lie.
+        q: present joints; write it to move the arm by hand.
+        says: maps the true joint positions to the reported ones; replace it to inject false feedback.
     """
 
     interfaces = (Arm, StreamedArm)

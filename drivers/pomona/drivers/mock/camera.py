@@ -14,11 +14,11 @@ class MockCamera(Device):
     """Every look shows the next frame; the last one stays.
 
     Args:
-        frames: to show, in order; none at all gives a camera that never sees anything.
+        frames: to show, in order; none gives a camera without frames.
         clock: stamps each frame with the time of the look; without it frames keep their own stamps.
 
     Attributes:
-        looks: how often somebody looked.
+        looks: number of requested frames.
     """
 
     interfaces = (Camera,)

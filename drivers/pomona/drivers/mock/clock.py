@@ -1,4 +1,4 @@
-"""A clock whose advancing moves mock devices."""
+"""A clock that moves mock devices as it advances."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class MockClock:
         return self._steps * PERIOD
 
     def advance(self, duration: float) -> None:
-        """Step; what is shorter than a step is kept for the next call."""
+        """Step; a rest shorter than a step is kept for the next call."""
         self._owed += max(duration, 0.0)
         count = int(self._owed / PERIOD + 1e-6)
         self._owed -= count * PERIOD

@@ -1,4 +1,4 @@
-"""Force fingers that feel what a script says."""
+"""Force fingers with scripted wrenches."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def spring_fruit(gripper: MockGripper, width: float, stiffness: float = 2000.0) 
 
 
 RIPPLE = 1e-13
-"""Of every sample, to either side [N, N·m]: no live sensor says the same to the last bit."""
+"""Of every sample, to either side [N, N·m]: no live sensor repeats a value to the last bit."""
 
 
 class MockForceSensor(Device):
@@ -38,7 +38,7 @@ class MockForceSensor(Device):
 
     Args:
         clock: that drives the stream.
-        feel: what the fingers feel; nothing by default. May be replaced at any time.
+        feel: the wrenches at the fingers; zero by default. May be replaced at any time.
     """
 
     interfaces = (ForceSensor,)
@@ -58,11 +58,11 @@ class MockForceSensor(Device):
     # ---------------------------------------------------------------------------------------------- script
 
     def lose(self, duration: float) -> None:
-        """Deliver nothing for so many seconds; the sequence counts on."""
+        """Deliver nothing for a duration [s]; the sequence counts on."""
         self._silent = self._clock.now() + duration
 
     def give(self, sample: WrenchSample) -> None:
-        """Deliver one sample now, whatever it says: nothing judges it."""
+        """Deliver one sample now, without checks."""
         self._stream.hand_on(sample)
 
     def fail_check(self, error: DeviceError | None) -> None:

@@ -1,4 +1,4 @@
-"""A gripper whose fingers go where they are told, at once and exactly, until they meet something."""
+"""A gripper whose fingers reach the commanded width at once and exactly, until they meet an object."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class MockMove:
         self.end(MotionState.STOPPED)
 
     def end(self, state: MotionState, problem: str = "") -> None:
-        """End the move, once, with its state and what went wrong."""
+        """End the move, once, with its state and its problem."""
         if not self.settled:
             self.state, self.problem, self.settled = state, problem, True
 

@@ -1,1 +1,1 @@
-"""Yaskawa arms whose controller runs MotoROS, over ROS-Industrial's simple message."""
+"""Yaskawa arms with a MotoROS controller, over ROS-Industrial's simple message protocol."""

@@ -1,6 +1,6 @@
-"""Simple message, as MotoROS speaks it: messages as frozen dataclasses, and finding them in a stream of bytes.
+"""Codec of MotoROS' simple message protocol: messages as frozen dataclasses, and a decoder for a stream of bytes.
 
-    length i32 (of what follows) | type i32 | communication i32 | reply i32 | body
+    length i32 (of the rest) | type i32 | communication i32 | reply i32 | body
 
 All numbers are i32 or f32, in the controller's byte order: big-endian on the FS100, little-endian on DX and YRC. Joints
 are in the wire's order S, L, E, U, R, B, T, filled up to ten.
@@ -24,7 +24,7 @@ ZEROS: Ten = (0.0,) * JOINTS
 
 
 class Communication(IntEnum):
-    """What a message is in the exchange."""
+    """Role of a message in the exchange."""
 
     TOPIC = 1
     REQUEST = 2
@@ -175,7 +175,7 @@ def encode(message: Message, order: Order) -> bytes:
 class MessageDecoder:
     """Finds messages in a stream of bytes; after damage it goes on with the next intact one.
 
-    There is no checksum: what is no message is known by its header, or by a value that is not finite.
+    There is no checksum: an invalid header or a value that is not finite marks garbage.
 
     Attributes:
         discarded: bytes so far that belonged to no message.
@@ -244,7 +244,7 @@ class MessageDecoder:
         return place is not None
 
     def _size(self, position: int) -> int | None:
-        """Bytes of the message whose header stands here; None where no header does."""
+        """Return the size of the message whose header is at this position; None without a header."""
         length, kind, communication, reply = self._header.unpack_from(self._buffer, position)
         size = _SIZES.get(kind)
         right = size is not None and length + 4 == size and 1 <= communication <= 3 and 0 <= reply <= 2

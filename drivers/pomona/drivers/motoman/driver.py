@@ -1,8 +1,8 @@
 """A Yaskawa arm under MotoROS as an `Arm`: state watched, trajectories streamed, faults in words.
 
-One thread owns both connections and the motion; what others ask is posted to it. A lost controller, an emergency stop,
-teach mode, an alarm, feedback that cannot be true or a motion that does not go on fails the motion and stays latched
-until somebody acknowledges it; the handshake is then repeated, and nothing goes on by itself.
+One thread owns both connections and the motion; requests are posted to it. A lost controller, an emergency stop, teach
+mode, an alarm, implausible feedback or a stalled motion fails the motion and stays latched until an operator
+acknowledges it. The handshake is then repeated, and nothing resumes by itself.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ FIRST_STATE = 1.0
 
 @dataclass(frozen=True, slots=True)
 class MotomanOptions:
-    """What the cell file says of the arm.
+    """Options of the arm in the cell file.
 
     Attributes:
         order: byte order of the controller, "<" or ">".
         group: control group of the arm.
         wire_joints: for every joint of the robot's description its place on the wire (S L E U R B T = 0 … 6).
-        servo_on: whether the servos are switched on at the connection; else somebody does it at the pendant.
+        servo_on: whether the servos are switched on at the connection; else the operator does it at the pendant.
         point_period: time between points that are sent [s].
         lead: how far ahead of the arm points are sent [s]: a stop takes effect behind them.
-        silence: without feedback for so long the arm is lost [s].
+        silence: time without feedback after which the arm is lost [s].
         supervision: how closely the arm must follow its commands.
     """
 
@@ -162,7 +162,7 @@ class MotomanArm(PathArm):
         self._session = self._open()
 
     def _lose(self, error: BaseException) -> None:
-        """The wire is gone, or what answers there is no controller: the motion has failed, the wire is opened again."""
+        """Fail the motion and reopen the wire: it is gone, or the peer is no controller."""
         session, self._session = self._session, None
         self._believed = False
         if session is not None:
@@ -170,7 +170,7 @@ class MotomanArm(PathArm):
             self._blame(error if isinstance(error, DeviceError) else DeviceLost(self.name, told))
             self._abandon(words(self._problem))
             if self._motion is not None:
-                self._motion.settled = True  # nobody knows better
+                self._motion.settled = True  # its state is unknown
             session.close()
         self._retry_at = self._clock.now() + RECONNECT
         self._enabling = False
@@ -249,7 +249,7 @@ class MotomanArm(PathArm):
             self._abandon(error.message)
             session.ask(Control.STOP)
             ready = session.ask(Control.CHECK_READY)
-            if ready.result == Result.NOT_READY:  # somebody holds it at the pendant: nothing may move when that is over
+            if ready.result == Result.NOT_READY:  # an operator holds it at the pendant: nothing may move after that
                 self._blame(DeviceFault(self.name, refusal(ready)))
 
     @property
@@ -280,7 +280,7 @@ class MotomanArm(PathArm):
     # ---------------------------------------------------------------------------------------- the device
 
     def state(self) -> ArmState:
-        """As the Protocol says.
+        """See the Protocol.
 
         Raises:
             DeviceLost: there is no fresh state.

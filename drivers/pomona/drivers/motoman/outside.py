@@ -25,7 +25,7 @@ def stop(host: str, port: int, order: Order, group: int) -> None:
     """Let the controller end the motion and forget its queue. The servos stay on and hold the arm.
 
     Raises:
-        OSError: nobody answers there, or somebody else holds the motion connection.
+        OSError: there is no answer, or another client holds the motion connection.
     """
     link = TcpLink(host, port, ANSWER)
     try:

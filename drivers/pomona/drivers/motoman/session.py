@@ -57,7 +57,7 @@ class ControllerSession:
         return self._on_bytes(self._state.receive(patience))
 
     def forget_status(self) -> None:
-        """Take in all that was pushed until now and forget the status in it: the next push tells the present one.
+        """Read all pushed messages and drop the status in them: the next push has the present one.
 
         Raises:
             OSError: the connection failed.

@@ -1,7 +1,7 @@
 """Sends a motion to the controller point by point, a moment ahead of the arm.
 
 The controller keeps a queue and interpolates; a point that does not fit is answered BUSY and sent again. The queue is
-kept short (`lead`), because what is in it can no longer be changed: a stop takes effect behind it.
+kept short (`lead`), because queued points cannot be changed: a stop takes effect behind them.
 """
 
 from __future__ import annotations
@@ -25,8 +25,10 @@ BLEND = 0.3
 BUSY_PAUSE = 0.01
 """Wait before a point that was answered BUSY is sent again [s]."""
 GAP = 0.1
-"""Without points for longer than this a moving arm has come to rest [s], and going on would be a start that nobody
-asked for; a shorter gap is a jolt."""
+"""Gap between points after which a moving arm has come to rest [s]; continuing would be an unrequested start. A shorter
+gap
+is a jolt.
+"""
 
 
 class RanDryError(DeviceFault):
@@ -58,7 +60,7 @@ class PointStream:
 
         Args:
             wire_joints: for every joint of the path its place on the wire.
-            commanded: told of every point that the controller accepted, and when the arm shall pass it [s].
+            commanded: called with every accepted point and the time at which the arm shall pass it [s].
         """
         self._commanded = commanded
         self._joint_of_place = np.argsort(wire_joints)

@@ -1,4 +1,4 @@
-"""What a MotoROS controller means, as sentences for a person: what it is, and what to do."""
+"""Meaning of a MotoROS controller's codes for the operator: the problem and the remedy."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def refusal(reply: MotionReply) -> str:
 
 
 def fault(status: RobotStatus) -> str:
-    """What keeps the arm from moving, as a sentence; empty when nothing does."""
+    """Return the reason why the arm cannot move, as a sentence; empty without one."""
     if status.e_stopped == 1:
         return _NOT_READY[5003]
     if status.in_error == 1:

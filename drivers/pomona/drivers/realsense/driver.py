@@ -30,7 +30,7 @@ PIXELS = 16
 
 
 class ImageSource(Protocol):
-    """What delivers images; see `pomona.drivers.realsense.source`."""
+    """A source of images; see `pomona.drivers.realsense.source`."""
 
     def wait(self, timeout: float) -> Pair | None:
         """The next pair of pictures, waiting at most `timeout` seconds; None when none came."""

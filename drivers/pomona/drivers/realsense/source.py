@@ -19,10 +19,10 @@ FILTERS = ("decimation", "spatial", "temporal", "hole_filling")
 
 
 def load_library() -> ModuleType:
-    """pyrealsense2, imported lazily.
+    """Import pyrealsense2 lazily.
 
     Raises:
-        DeviceFault: it is not installed, or a system library is missing; says what to do.
+        DeviceFault: it is not installed, or a system library is missing; the text has the remedy.
     """
     try:
         import pyrealsense2
@@ -38,7 +38,7 @@ def load_library() -> ModuleType:
 
 @dataclass(frozen=True, slots=True)
 class CameraSettings:
-    """What the cell file says of the camera.
+    """Options of the camera in the cell file.
 
     Attributes:
         serial: of the camera, or "" for any.

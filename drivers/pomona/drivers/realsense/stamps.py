@@ -19,8 +19,8 @@ STARTING = 0.5
 class Stamps:
     """Follows one camera from its opening on.
 
-    A time of the host's clock says the age of a frame. A counter of the camera's own does not, but frames that come
-    late show beside those that came soonest: the counter's offset is the least difference to the cell's clock so far.
+    A timestamp of the host's clock gives the age of a frame. For a counter of the camera, the offset is the smallest
+    difference to the cell's clock so far, so that late frames show.
     """
 
     def __init__(self, clock: Clock, host_time: Callable[[], float] = time.time) -> None:

@@ -1,8 +1,8 @@
 """An arm behind ros2_control as an `Arm` (`driver: ros2-arm`): joint states in, trajectories for its controller out.
 
-The controller is a joint_trajectory_controller, by its topic. It gives no answers, so what it does is judged by the
-joints alone. Silence, what cannot be true, an arm that does not follow and set-points that ran out fail the motion and
-stay latched until somebody acknowledges it; nothing goes on by itself.
+The controller is a joint_trajectory_controller, by its topic. It gives no answers, so the joints alone show its motion.
+Silence, implausible feedback, an arm that does not follow and missing set-points fail the motion and stay latched until
+an operator acknowledges it; nothing resumes by itself.
 """
 
 from __future__ import annotations
@@ -34,23 +34,23 @@ from pomona.executive.values.units import TIME
 
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 SAY = 0.03
-"""Set-points are said again so often [s]: of several that get lost, one arrives before the lead is over."""
+"""Period of repeated set-points [s]: if several get lost, one arrives before the lead is over."""
 PATIENCE = 0.004
 """The wire is waited for no longer than this at a time [s]."""
 HOLD = 0.05
-"""An arm that does not follow is told to be where it is, in this time [s]."""
+"""Time within which an arm that does not follow is commanded to its present position [s]."""
 FIRST = 3.0
 """Deadline of the first joint state [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ros2ArmOptions:
-    """What the cell file says of the arm.
+    """Options of the arm in the cell file.
 
     Attributes:
         joints: of the robot's description, by their names in ROS 2.
         states, commands: topics.
-        lead: how far ahead of the arm it is told what to do [s].
+        lead: time by which set-points precede the arm [s].
         silence: without joint states for this long the arm is lost [s].
         supervision: how closely the arm must follow its commands.
     """
@@ -116,7 +116,7 @@ class Ros2Arm(PathArm):
         self._watch_motion()
 
     def _failed(self, error: BaseException) -> None:
-        """The driver itself is wrong: what was said last brings the arm to rest."""
+        """Handle a defect of the driver itself: the last message brings the arm to rest."""
         found = error if isinstance(error, DeviceError) else DeviceFault(self.name, f"the driver failed: {error!r}")
         self._blame(found)
         self._abandon(found.message)
@@ -142,14 +142,14 @@ class Ros2Arm(PathArm):
             path.go_on()
         except OutOfSetPointsError as error:
             self._blame(error)
-            self._abandon(error.message)  # what was said last brings it to rest
+            self._abandon(error.message)  # the last message brings it to rest
             return
         if now >= self._say_at and not path.played:
             self._say_at = now + SAY
             self._send(path.window())
 
     def _send(self, points: Sequence[SetPoint]) -> None:
-        """A trajectory that begins with the first point, whose time it carries."""
+        """Send a trajectory that begins with the first point, whose time it carries."""
         now, wall = self._clock.now(), self._host_time()
         first = points[0].due
         told = [
@@ -172,7 +172,7 @@ class Ros2Arm(PathArm):
     # ---------------------------------------------------------------------------------------- the device
 
     def state(self) -> ArmState:
-        """As the Protocol says.
+        """See the Protocol.
 
         Raises:
             DeviceLost: there is no fresh state.

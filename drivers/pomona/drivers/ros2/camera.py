@@ -33,7 +33,7 @@ KEPT = 8
 
 
 class Topics(Protocol):
-    """What a source needs of a peer."""
+    """The part of a peer that a source needs."""
 
     def subscribe(self, topic: str, kind: str, take: Callable[[bytes], None]) -> Any: ...
 
@@ -71,10 +71,10 @@ class Ros2Images:
             self._arrived.notify_all()
 
     def wait(self, timeout: float) -> Pair | None:
-        """The newest pair.
+        """Return the newest pair.
 
         Raises:
-            DeviceFault: what came is no image of this camera.
+            DeviceFault: the received message is no image of this camera.
         """
         with self._arrived:
             self._arrived.wait_for(lambda: self._raw["colour"] or self._raw["depth"], timeout)
@@ -84,7 +84,7 @@ class Ros2Images:
         try:
             return self._pair(taken)
         except UnusableImage as error:
-            raise DeviceFault(self._name, f"what it publishes cannot be used: {error}") from error
+            raise DeviceFault(self._name, f"its messages cannot be used: {error}") from error
 
     def _pair(self, taken: Mapping[str, list[bytes]]) -> Pair | None:
         for raw in taken["info"][-1:]:
@@ -111,7 +111,7 @@ class Ros2Images:
         metres = depth_of(depth, self._topics.depth[1])
         size = (self._intrinsics.height, self._intrinsics.width)
         if pixels.shape[:2] != size or metres.shape != size:
-            raise UnusableImage(f"colour is {pixels.shape[:2]}, depth {metres.shape}, the CameraInfo says {size}")
+            raise UnusableImage(f"colour is {pixels.shape[:2]}, depth {metres.shape}, but the CameraInfo {size}")
         return Pair(pixels, metres, self._intrinsics, stamp / 1e9, True, stamp)
 
     def close(self) -> None:
@@ -122,7 +122,7 @@ class Ros2Images:
 def _message(raw: bytes, kind: str) -> Any:
     try:
         return typestore().deserialize_cdr(raw, kind)
-    except Exception as error:  # whatever a peer sends
+    except Exception as error:  # any malformed message
         raise UnusableImage(f"bytes that are no {kind}") from error
 
 
@@ -154,7 +154,7 @@ def connect(settings: Settings[Ros2CameraFile], context: ConnectContext) -> Stre
     try:
         camera.connect()
     except DeviceError as error:
-        hint = "is it published, with this type, by rmw_zenoh? `ros2 topic info -v` tells"
+        hint = "check with `ros2 topic info -v` that rmw_zenoh publishes it with this type"
         raise settings.error(error.message, "colour", hint) from error
     camera.start()
     return camera

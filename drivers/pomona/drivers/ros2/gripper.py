@@ -46,12 +46,12 @@ SPEED_WINDOW = 0.04
 FIRST_STATE = 3.0
 """Deadline for the first joint state [s]."""
 ACCELERATION = 1.0
-"""What the supervisor assumes when the set-point starts or stops moving [m/s²]; real fingers are quicker."""
+"""Assumed acceleration of the set-point for the supervisor [m/s²]; real fingers are quicker."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ros2GripperOptions:
-    """What the cell file says of the gripper.
+    """Options of the gripper in the cell file.
 
     Attributes:
         joint: its name in ROS 2.
@@ -286,7 +286,7 @@ class Ros2Gripper(Device):
             self._blame(error)
             if self._move is not None:
                 self._move.end(MotionState.FAILED, f"the gripper was lost: {error.message}")
-                self._move.settled = True  # what it does is unknown
+                self._move.settled = True  # its state is unknown
             self._rest()
         self._lost = self._estranged = True
         self._set_point = None
@@ -307,7 +307,7 @@ class Ros2Gripper(Device):
     # --------------------------------------------------------------------------------------- the interface
 
     def state(self) -> GripperState:
-        """As the Protocol says.
+        """See the Protocol.
 
         Raises:
             DeviceLost: there is no fresh state.
@@ -334,7 +334,7 @@ class Ros2Gripper(Device):
         self._owner.post(lambda: self._stop(move))
 
     def set_speed(self, speed: float) -> None:
-        """As the Protocol says; while latched the fingers may close and hold but not open.
+        """See the Protocol; while latched the fingers may close and hold but not open.
 
         Raises:
             DeviceLost: the gripper is lost, or was lost and that is not acknowledged yet.

@@ -1,7 +1,7 @@
 """The newest positions of some joints from a topic of `sensor_msgs/JointState`, and how old they are.
 
-Other joints' messages on the same topic are none of ours. What is old, repeated, of the future or unreadable is as if
-it had not come: when nothing else comes, the joints are lost, and the reason says what came instead.
+Messages of other joints on the same topic are ignored. Old, repeated, future or unreadable messages are dropped:
+without valid ones the joints are lost, and the reason describes the dropped ones.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ EARLY = 0.02
 
 
 class RosNode(Protocol):
-    """What a device needs of a node: `pomona.executive.ros2.peer.Ros2Peer`."""
+    """The part of a node that a device needs: `pomona.executive.ros2.peer.Ros2Peer`."""
 
     def subscribe(self, topic: str, kind: str, take: Callable[[bytes], None]) -> Any:
         """Call `take` with every message's bytes, in the wire's thread."""
@@ -68,8 +68,8 @@ class JointFeed:
         """
         Args:
             joints: their names, in the order that is wanted.
-            clock: the cell's; stamps are told on it.
-            silence: no new sample for so long, and the joints are lost [s].
+            clock: the cell's; stamps refer to it.
+            silence: time without a new sample after which the joints are lost [s].
             host_time: with which the topic's stamps are compared [s since 1970].
         """
         self._device, self._topic, self._joints, self._silence = device, topic, tuple(joints), silence
@@ -115,14 +115,14 @@ class JointFeed:
             DeviceLost: none came for too long that could be used.
         """
         if self.silent_for > self._silence:
-            instead = f": what comes {self._instead}" if self._instead else ""
+            instead = f": the received messages have {self._instead}" if self._instead else ""
             raise DeviceLost(self._device, f"no joints on {self._topic} for {1e3 * self.silent_for:.0f} ms{instead}")
 
     def _sample(self, raw: bytes) -> JointSample | None:
         try:
             message = typestore().deserialize_cdr(raw, JOINT_STATE)
             places = {name: k for k, name in enumerate(message.name)}
-        except Exception:  # whatever a peer sends
+        except Exception:  # any malformed message
             self._instead = f"is no {JOINT_STATE}"
             return None
         missing = [name for name in self._joints if name not in places]

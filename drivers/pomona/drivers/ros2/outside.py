@@ -1,6 +1,6 @@
-"""After the process that moved a device is gone: sees to it that the joints rest; called by the supervisor process.
+"""Check that the joints rest after the end of the process that moved them; called by the supervisor process.
 
-Nothing needs to be sent: what the device was told last ends at rest. Whether it does is looked at here.
+No command is necessary: the last set-points end at rest. This module waits until the joints do.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pomona.executive.ros2.peer import Ros2Peer
 DEADLINE = 2.5
 """Seconds within which the joints must be seen at rest."""
 STILL = 0.1
-"""For so long they must not have moved [s]."""
+"""Time without motion after which the joints count as resting [s]."""
 
 
 def see_rest(address: str, states: str, joints: Sequence[str], slow: float) -> None:
@@ -25,11 +25,11 @@ def see_rest(address: str, states: str, joints: Sequence[str], slow: float) -> N
 
     Args:
         address, states, joints: as in the cell file.
-        slow: what is slower than this rests [rad/s or m/s].
+        slow: speed below which a joint rests [rad/s or m/s].
 
     Raises:
-        TimeoutError: they move on, or nothing is heard of them.
-        UsageError: nobody can be reached there.
+        TimeoutError: they go on moving, or no message arrives.
+        UsageError: there is no peer at the address.
     """
     wire = Ros2Peer(address, node="pomona_supervisor")
     try:
@@ -44,7 +44,7 @@ def see_rest(address: str, states: str, joints: Sequence[str], slow: float) -> N
             seen.append((sample.stamp, sample.q))
             if sample.stamp - seen[0][0] >= STILL:
                 return
-        words = "they move on" if seen else "nothing is heard of them"
+        words = "they go on moving" if seen else "no message arrives"
         raise TimeoutError(f"joints on {states} were not measured at rest within {DEADLINE:g} s: {words}")
     finally:
         wire.close()

@@ -1,7 +1,7 @@
-"""What a trajectory controller is told of a motion: set-points a moment ahead of the arm, then a way to rest.
+"""Set-points of a motion for a trajectory controller: a moment ahead of the arm, then a stopping path.
 
-Each message is whole by itself and ends at rest, so an arm that hears nothing more comes to rest on its path: nobody
-needs to reach it for that. The next message replaces what the one before said of the time after `lead`.
+Each message is whole by itself and ends at rest, so an arm that receives no further message comes to rest on its path.
+The next message replaces the previous one after `lead`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ PERIOD = 0.01
 BLEND = 0.3
 """Time over which the distance between the path's start and the arm's true position is taken up [s]."""
 LONGEST = 500
-"""Points of a way to rest; five seconds, ten times what any arm needs."""
+"""Maximum number of points of a stopping path; five seconds, ten times the need of any arm."""
 
 
 class OutOfSetPointsError(DeviceFault):
@@ -54,8 +54,8 @@ class RollingPath:
         """Begin at the arm's own position `q_arm`, which may differ a little from the path's start `q_start`.
 
         Args:
-            lead: how far ahead of the arm it is told what to do [s]; a stop takes effect behind that.
-            commanded: told of every set-point, in the order of their times.
+            lead: time by which set-points precede the arm [s]; a stop takes effect after it.
+            commanded: called with every set-point, in the order of their times.
         """
         self.motion, self.sent = motion, 0
         self._device, self._clock, self._lead, self._commanded = device, clock, lead, commanded
@@ -97,7 +97,7 @@ class RollingPath:
             self._promised.popleft()
 
     def window(self) -> list[SetPoint]:
-        """What to say now: where the arm shall be from now on, at the end at rest.
+        """Return the set-points from now on; the last ones are at rest.
 
         Velocities are those of the positions, by central differences: a path whose rate changes has others, to first
         order in the period, and cubics through both would swing.
