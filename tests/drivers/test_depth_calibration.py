@@ -93,7 +93,7 @@ def test_outlines_that_are_drawn_too_wide_are_not_taken_for_a_bias() -> None:
 
 def test_what_cannot_tell_is_refused() -> None:
     balls, depth = seen(BALLS, 0.02, 0.0, 1e-3)
-    with pytest.raises(UnusableDepth, match="cannot tell bias from chance"):
+    with pytest.raises(UnusableDepth, match="cannot separate bias from chance"):
         calibrate_balls(balls[:1] * 3, {"f": depth}, CAMERA, "d4xx")
     with pytest.raises(UnusableDepth, match="no frame 'f'"):
         calibrate_balls(balls, {"g": depth}, CAMERA, "d4xx")

@@ -276,10 +276,10 @@ def calibrate_balls(
         balls: of known size, each seen in one frame.
         depths: depth images by the frames' labels, shape (h, w) [m].
         intrinsics: of all of them.
-        sensor: name of a known sensor, what is thought before.
+        sensor: name of a known sensor: the prior.
 
     Raises:
-        UnusableDepth: the balls cannot tell.
+        UnusableDepth: the balls are insufficient.
     """
     unknown = sorted({ball.frame for ball in balls} - set(depths))
     if unknown:
@@ -288,7 +288,7 @@ def calibrate_balls(
     names = sorted({ball.name for ball in balls})
     if len(seen) < LEAST_BALLS or len(names) < 2:
         raise UnusableDepth(
-            f"{len(seen)} looks at {len(names)} ball(s) cannot tell bias from chance: "
+            f"{len(seen)} looks at {len(names)} ball(s) cannot separate bias from chance: "
             f"show {LEAST_BALLS} or more of at least two balls, at different distances"
         )
     prior = SENSORS[sensor]
@@ -302,7 +302,7 @@ def calibrate_balls(
     known = math.sqrt(row @ covariance[:2, :2] @ row)
     if known > LEARNT * known_before:
         raise UnusableDepth(
-            f"these balls tell the depth at {middle:.2f} m to ± {1e3 * known:.1f} mm, and "
+            f"these balls give the depth at {middle:.2f} m to ± {1e3 * known:.1f} mm, and "
             f"± {1e3 * known_before:.1f} mm was known before: show more or larger balls, "
             "in boxes that are drawn with care"
         )
@@ -347,7 +347,7 @@ def _known_before(prior: DepthModel) -> Float64:
 
 
 def _left_over(seen: Seen, solution: Float64) -> float:
-    """What a correction leaves of a ball's measured distance against its true one [m]."""
+    """Return the difference between a ball's corrected distance and its true one [m]."""
     return float(seen.measured - seen.true - solution @ [1.0, seen.true, seen.per_pixel])
 
 

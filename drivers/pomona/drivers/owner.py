@@ -8,9 +8,9 @@ A driver gives its `Owner` two functions and leaves everything that touches the 
     self._owner.ask(self._release)                 # the same, and wait for its result or its error
     self._owner.close()                            # makes the calls that are left, then ends the thread
 
-Other threads read what the owner has published by single assignments of immutable values (a frozen state, a problem),
-and never iterate over its mutable data. The caller decides immediate refusals on such values, and the call checks again
-when it is made: a safe stop may have come between.
+Other threads read values that the owner publishes by single assignments of immutable objects (a frozen state, a
+problem), and never iterate over its mutable data. The caller decides immediate refusals on such values, and the call
+checks again when it is made: a safe stop may have come between.
 
 Before `start` and after `close` the caller is the owner: calls are made at once, under a lock. So a test needs no
 thread: it calls `step` by hand. A simulated clock may provide the thread, which then takes turns with the others.

@@ -73,8 +73,8 @@ class _Knot:
 class MotomanEmulator(FaultSwitch):
     """The controller; `motion`, `state` and `io` serve its three ports.
 
-    Faults: `e_stop`, `teach`, `alarm`, `hold`; `lost` (the cable is pulled); `busy` (takes no more points, plays what
-    it has); `stuck` (the joints stand still while its model moves); `frozen` (pushes the same feedback for ever);
+    Faults: `e_stop`, `teach`, `alarm`, `hold`; `lost` (the cable is pulled); `busy` (accepts no more points, plays the
+    queued ones); `stuck` (the joints stand still while its model moves); `frozen` (pushes the same feedback for ever);
     `nan`, `wild` (implausible feedback); `no_status` (pushes feedback, but no status); `nonsense` (answers on the
     motion's connection with bytes outside its protocol).
 

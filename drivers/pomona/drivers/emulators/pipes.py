@@ -19,7 +19,7 @@ class Pipe(FaultSwitch):
     """A place where a driver finds an emulated device; `open` gives the driver's end, a `pomona.drivers.wire.Link`.
 
     Faults: `cut` (every connection breaks, and none can be opened), `silent` (nothing arrives at either end), `late`,
-    `lossy` and `garbage` (of what comes to the driver).
+    `lossy` and `garbage` (of the bytes to the driver).
     """
 
     known_faults = ("cut", "silent", "late", "lossy", "garbage")

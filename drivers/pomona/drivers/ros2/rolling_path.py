@@ -74,10 +74,10 @@ class RollingPath:
         return self._last.q
 
     def go_on(self) -> None:
-        """Promise what the arm shall do until `lead` from now.
+        """Fix the arm's set-points until `lead` from now.
 
         Raises:
-            OutOfSetPointsError: the time until which it was promised is over, and the arm was moving.
+            OutOfSetPointsError: the fixed set-points have ended, and the arm was moving.
         """
         now = self._clock.now()
         if now > self._last.due:
