@@ -71,7 +71,7 @@ def test_a_force_that_cannot_be_is_a_fault_at_once_and_reaches_nobody(
     sensor: Sensor, finger: int, value: float
 ) -> None:
     sensor.run(PERIOD, with_value(finger, value))
-    assert sensor.told().startswith(f"the {('left', 'right')[finger]} finger says {value:g} ")
+    assert sensor.told().startswith(f"the {('left', 'right')[finger]} finger reports {value:g} ")
     assert len(sensor.received) == 50
     assert sensor.lost == 1
 
@@ -121,7 +121,7 @@ def test_a_finger_that_says_the_same_is_stuck(sensor: Sensor, fingers: list[int]
     assert sensor.told() == ""
     sensor.run(3 * PERIOD, hold)
     who = "both fingers have" if len(fingers) == 2 else f"the {('left', 'right')[fingers[0]]} finger has"
-    assert sensor.told() == f"{who} said {'zero' if zero else 'the same to the last bit'} for 30 ms"
+    assert sensor.told() == f"{who} reported {'zero' if zero else 'the same to the last bit'} for 30 ms"
 
 
 def test_how_far_samples_are_believed_is_a_setting() -> None:
@@ -133,7 +133,7 @@ def test_how_far_samples_are_believed_is_a_setting() -> None:
     assert stream.problem("fingers") is None
     clock.advance(PERIOD)
     stream.deliver(WrenchSample(clock.now(), 1000, np.full((2, 6), 21.0)))
-    assert "the left finger says 21 N" in str(stream.problem("fingers"))
+    assert "the left finger reports 21 N" in str(stream.problem("fingers"))
 
 
 def test_a_reason_of_the_drivers_own_is_a_fault_when_nothing_else_comes(sensor: Sensor) -> None:
@@ -154,7 +154,7 @@ def test_single_samples_that_are_left_out_are_no_fault(sensor: Sensor) -> None:
 
 def test_a_fault_stays_until_it_is_acknowledged_and_is_over(sensor: Sensor) -> None:
     sensor.run(PERIOD, with_value(0, np.nan))
-    with pytest.raises(DeviceFault, match="still: the left finger says nan"):
+    with pytest.raises(DeviceFault, match="still: the left finger reports nan"):
         sensor.stream.acknowledge("fingers")
     sensor.run(0.1)
     assert "nan" in sensor.told()

@@ -159,14 +159,14 @@ def test_said_poses_that_contradict_what_the_frames_show_are_doubted(
     frames = [looked(label, {1: 3}) for label in ("one", "two")]
     aside, far = np.eye(4), CameraMotion(None, np.inf, "nothing in common")
     aside[0, 3] = 0.5
-    words = "by the camera's said places what this frame and the one before show lies 500 mm apart"
+    words = "the given camera poses disagree with the images by 500 mm between these two frames"
     moved, still = CameraMotion(aside, 0.002, ""), CameraMotion(np.eye(4), 0.002, "")
     for motion, doubted in ((moved, True), (still, False), (far, False)):
         monkeypatch.setattr(count_fruit, "camera_motion", lambda *_, found=motion: found)
         out = tmp_path / f"{len(list(tmp_path.iterdir()))}"
         end = count(*frames, out=out)
         assert (f"two: {words}" in end.feedback) is doubted
-        assert ((out / PAGE).read_text().count("lies 500 mm apart") == 2) is doubted
+        assert ((out / PAGE).read_text().count("disagree with the images by 500 mm") == 2) is doubted
         assert [words in row["doubt"] for row in rows(out / FINDS)] == [False, doubted]
     drive(skill := CountFruit(), {**frames[0], "join": False})
     monkeypatch.setattr(count_fruit, "camera_motion", None)
@@ -182,7 +182,7 @@ def test_frames_whose_depth_does_not_lie_on_colour_are_doubted_where_they_show_f
     assert "two: depth is turned: is it registered" in end.feedback
     assert "(frames in doubt: 1 of 3)" in end.feedback
     page = (out / PAGE).read_text()
-    assert "Do not believe these figures yet: two: depth is turned" in page
+    assert "These figures are not reliable yet: two: depth is turned" in page
     assert "In doubt: depth is turned" in page
     assert ["turned" in row["doubt"] for row in rows(out / FINDS)] == [False, True]
 
@@ -248,7 +248,7 @@ def test_where_all_fruit_look_too_large_or_too_small_the_sizes_are_doubted(
     wrong = tuple(replace(each, shown=factor * each.shown) for each in seen)
     end = count(inputs | {"finds": FrameSightings(inputs["looked"].frame, wrong)}, out=tmp_path / "o")
     assert ("do the intrinsics belong to these pictures" in end.feedback) is doubted
-    assert ("Do not believe these figures yet" in (tmp_path / "o" / PAGE).read_text()) is doubted
+    assert ("These figures are not reliable yet" in (tmp_path / "o" / PAGE).read_text()) is doubted
 
 
 @pytest.mark.parametrize(("lost", "doubted"), [((1, 2, 5), True), ((1, 2), False)])
@@ -260,7 +260,7 @@ def test_where_no_fruit_at_all_was_measured_the_depth_is_doubted(
     assert (words in end.feedback) is doubted
     page = (tmp_path / "o" / PAGE).read_text()
     assert (words in page) is doubted
-    assert "Do not believe these figures" not in page
+    assert "These figures are not reliable" not in page
 
 
 def test_sizes_of_a_kind_tell_less_of_what_is_usual_than_its_model() -> None:

@@ -191,7 +191,7 @@ def damaged(file: Path, content: bytes) -> None:
         (lambda f: f.write_bytes(b""), "no archive of NumPy"),
         (lambda f: f.write_text("hello"), "no archive of NumPy"),
         (lambda f: f.write_bytes(f.read_bytes()[:-40]), "no archive of NumPy"),
-        (lambda f: np.savez(f, a=np.zeros(3)), "does not say that it is a pomona-policy-1"),
+        (lambda f: np.savez(f, a=np.zeros(3)), "has no format pomona-policy-1"),
         (lambda f: np.savez(f, format=np.array([object()], object)), "no archive of NumPy"),
         (lambda f: np.savez(f, format="pomona-policy-1"), "is not whole"),
         (lambda f: write_policy(f, network(rate=0.0)), "a rate of 0 Hz is not possible"),

@@ -206,7 +206,7 @@ class WrenchStream:
         """Why a sample cannot be true; empty when it can."""
         age = self._clock.now() - sample.stamp
         if not math.isfinite(age):
-            return "has a sample timestamp that is not finite"
+            return "stamps its samples with a time that is not finite"
         stamp, sequence = self._last
         if sample.sequence == sequence or sample.stamp == stamp:
             return f"repeats its sample {sample.sequence}"

@@ -1,11 +1,11 @@
 """Where compiled loops are kept between runs, and the first start of a version, which compiles them.
 
-numba keeps the code of a function beside its source and renews it when that file changes, but not when a function from
-another file does that was compiled into it. After an update a checker of collisions could go on with yesterday's
-geometry. So the code is kept in a folder named by what all compiled sources say: a change anywhere compiles afresh.
+numba keeps the code of a function beside its source and renews it when that file changes, but not when an inlined
+function of another file does. After an update a collision checker could thus use the old geometry. So the code is kept
+in a folder whose name is a hash of all compiled sources: any change compiles everything again.
 
-What is compiled copies rows element by element: for `a[i] = b[j]` between arrays numba compiles how it would word an
-error, too, which is several seconds of the first start.
+Compiled functions copy rows element by element: for `a[i] = b[j]` between arrays numba also compiles the text of an
+error, which costs several seconds of the first start.
 """
 
 from __future__ import annotations

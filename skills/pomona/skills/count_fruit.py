@@ -22,11 +22,14 @@ from pomona.skills.shared.fruit_page import Page
 from pomona.skills.shared.fruit_report import FruitReport
 
 MOST_APART = 0.04
-"""What two frames show may lie so far apart by the camera's said places [m]: half an apple, and it is counted once."""
+"""Allowed distance between the contents of two frames by the camera's given poses [m]: half an apple, so that it is
+counted
+once.
+"""
 
 
 class FruitCount(Outputs):
-    """What CountFruit gives."""
+    """Outputs of CountFruit."""
 
     fruit: int
     measured: int
@@ -34,10 +37,10 @@ class FruitCount(Outputs):
 
 
 class CountFruit(Skill):
-    """Count the fruit of one frame after the other, each once however many frames show it, and write the tables.
+    """Count the fruit of successive frames, each once, and write the tables.
 
-    Frames whose cameras' places are known are one scene. Between frames of which nobody says it, the camera's motion
-    is taken from what both show; where it cannot be known, the frame begins a scene of its own and nothing is merged.
+    Frames with known camera poses are one scene. Without poses the camera's motion is estimated from the contents of
+    both frames. If that fails, the frame begins a scene of its own and nothing is merged.
     """
 
     failures = ("NOT_WRITTEN",)
@@ -50,7 +53,7 @@ class CountFruit(Skill):
 
     @classmethod
     def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
-        """What is there already is not written over."""
+        """Refuse to overwrite existing results."""
         if known.get("out"):
             problem = Page(Path(known["out"])).problem()
             if problem:
@@ -58,7 +61,7 @@ class CountFruit(Skill):
 
     def run(
         self,
-        looked: Annotated[AllDetections | None, Port(help="what was found in the frame")] = None,
+        looked: Annotated[AllDetections | None, Port(help="detections in the frame")] = None,
         finds: Annotated[
             FrameSightings | None, Port(help="the same fruit as measured; those of another frame are not used")
         ] = None,
@@ -69,7 +72,7 @@ class CountFruit(Skill):
     ) -> Work[FruitCount]:
         report = self._report
         if unreadable or looked is None:
-            report.add_unreadable(unreadable or "nobody looked at it")
+            report.add_unreadable(unreadable or "no detection was run on it")
         else:
             sightings = finds.sightings if finds is not None and finds.frame is looked.frame else ()
             T, deviation, how, doubt = yield from self._place(looked, join)
@@ -94,7 +97,7 @@ class CountFruit(Skill):
         )
 
     def _place(self, looked: AllDetections, join: bool) -> Work[tuple[Float64 | None, float, str, str]]:
-        """T_scene_base of a frame, how much that errs [m], how it is known and what contradicts it, for people."""
+        """Return T_scene_base of a frame, its error [m], its origin, and contradictions, both for the operator."""
         frame, before = looked.frame, self._before
         T: Float64 | None = None
         deviation, doubt = 0.0, ""
@@ -116,7 +119,7 @@ class CountFruit(Skill):
             if motion.T_earlier_later is not None:
                 T = T_scene_base @ T_base_camera @ motion.T_earlier_later @ inverse(looked.T_base_camera)
                 deviation = float(np.hypot(so_far, motion.deviation))
-                how = f"the camera's motion was found from what both frames show, to {1e3 * deviation:.1f} mm"
+                how = f"the camera's motion was estimated from both frames, to {1e3 * deviation:.1f} mm"
         self._before = frame, looked.T_base_camera, np.eye(4) if T is None else T, deviation
         return T, deviation, how, doubt
 
@@ -128,7 +131,7 @@ class CountFruit(Skill):
 
 
 def _contradicted(T_earlier_later: Float64, motion: CameraMotion, later: Frame) -> str:
-    """By how much what two frames show contradicts the motion (4, 4) that is said of the camera; empty where not."""
+    """Describe a contradiction between two frames' contents and the camera's given motion (4, 4)."""
     if motion.T_earlier_later is None or later.depth is None:
         return ""
     optics, z = later.intrinsics, float(np.median(later.depth[later.depth > 0.0]))
@@ -139,6 +142,6 @@ def _contradicted(T_earlier_later: Float64, motion: CameraMotion, later: Frame) 
     if apart <= MOST_APART + 3.0 * motion.deviation:
         return ""
     return (
-        f"by the camera's said places what this frame and the one before show lies {1e3 * apart:.0f} mm apart: are "
+        f"the given camera poses disagree with the images by {1e3 * apart:.0f} mm between these two frames: are "
         "they right, in metres, of these frames? Fruit may be counted twice"
     )

@@ -76,7 +76,7 @@ class Detect(LookingSkill):
         weights: Annotated[
             str, Port(help="another weights file than the fruit's own; with config, DOPE's full network")
         ] = "",
-        config: Annotated[str, Port(help="config_pose.yaml of DOPE's full network whose weights are given")] = "",
+        config: Annotated[str, Port(help="config_pose.yaml of DOPE's full network with the given weights")] = "",
         boxes: Annotated[str, Port(help="detector of boxes as an ONNX file, which finds the fruit: model.onnx")] = "",
         pose_from: Annotated[
             PoseSource, Port(help="with boxes, source of the pose: the weights' close look, or the depth in the box")

@@ -36,7 +36,7 @@ class Follow(MovingSkill):
     def run(
         self,
         path: Trajectory,
-        map: Annotated[OccupancyMap | None, Port(help="what is known to be there, and no news to the cameras")] = None,
+        map: Annotated[OccupancyMap | None, Port(help="known obstacles, which the cameras need not report")] = None,
         grasp: Annotated[Grasp | None, Port(help="its fruit is known to be there, too")] = None,
     ) -> Work[None]:
         arm = self.device(Arm)

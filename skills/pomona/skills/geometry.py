@@ -14,7 +14,7 @@ _IDENTITY = np.eye(3)
 
 
 def transform(rotation: ArrayLike | None = None, translation: ArrayLike | None = None) -> Float64:
-    """A pose from a 3 x 3 rotation and a translation, shape (3,) [m]; identity for what is left out."""
+    """Compose a pose from a 3 x 3 rotation and a translation, shape (3,) [m]; an omitted part is the identity."""
     T = np.eye(4)
     if rotation is not None:
         T[:3, :3] = rotation

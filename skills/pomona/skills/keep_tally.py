@@ -15,13 +15,13 @@ COLUMNS = ("fruit", "seen at", "size", "tries", "outcome", "why")
 
 
 class Kept(Outputs):
-    """What KeepTally gives."""
+    """Outputs of KeepTally."""
 
     tally: Tally
 
 
 class KeepTally(Skill):
-    """Note what became of a fruit, in one table for the whole run."""
+    """Note the outcome for a fruit, in one table for the whole run."""
 
     def run(
         self,
@@ -29,8 +29,8 @@ class KeepTally(Skill):
         measured: Annotated[
             MeasuredFruit | None, Port(help="the same fruit measured; another look's measurement is not used")
         ] = None,
-        outcome: Annotated[str, Port(help=f"{DONE}, or what else became of it")] = DONE,
-        why: Annotated[str, Port(help="the reason, for people")] = "",
+        outcome: Annotated[str, Port(help=f"{DONE}, or another outcome")] = DONE,
+        why: Annotated[str, Port(help="the reason, for the operator")] = "",
         so_far: Annotated[Tally | None, Port(help="the tally so far")] = None,
     ) -> Kept:
         if measured is None or measured.frame is not detection.frame:

@@ -1,4 +1,4 @@
-"""What `pomona new fruit` writes."""
+"""Files written by `pomona new fruit`."""
 
 from __future__ import annotations
 

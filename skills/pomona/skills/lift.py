@@ -31,8 +31,10 @@ from pomona.skills.shared.usable_map import usable_field
 from pomona.skills.shared.warm_motion import prepare_moving
 
 STILL, STILL_FOR = 1e-4, 0.15
-"""A grip is at rest when the fruit has slid by less than the first [m] within the second [s]: twice what noise shows,
-and the time in which a fruit that slides at 1 mm/s exceeds it."""
+"""A grip is at rest when the fruit has slid by less than the first [m] within the second [s]: twice the noise, and the
+time
+in which a fruit that slides at 1 mm/s exceeds it.
+"""
 
 
 class Lift(MovingSkill):
@@ -69,7 +71,7 @@ class Lift(MovingSkill):
         grasp: Annotated[
             Grasp | None, Port(help="of the held fruit, which is then checked for collision as part of the robot")
         ] = None,
-        map: Annotated[OccupancyMap | None, Port(help="what is in the way")] = None,
+        map: Annotated[OccupancyMap | None, Port(help="obstacles")] = None,
         clearance: Annotated[
             Length, Port(min="0 mm", help="kept by the links; gripper and fingers keep a share")
         ] = LENGTH("5 mm"),
@@ -77,7 +79,7 @@ class Lift(MovingSkill):
         acceleration: Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")] = ACCELERATION("1 m/s²"),
         hold_time: Annotated[Time, Port(min="0 s", help="how long it is watched at the top", was="keep")] = TIME("0 s"),
         settle_within: Annotated[
-            Time, Port(min="0 s", help="wait at the top until the grip has come to rest, at most so long")
+            Time, Port(min="0 s", help="longest wait at the top until the grip has come to rest")
         ] = TIME("0 s"),
     ) -> Work[None]:
         arm = self.device(Arm)
@@ -128,7 +130,7 @@ class Lift(MovingSkill):
         return None
 
     def _settle(self, hold: Hold, within: float, watch: Callable[[], None]) -> Watching:
-        """Wait until the force has come down to what the load needs, and the fruit slides no more."""
+        """Wait until the force has fallen to the requirement of the load, and the fruit does not slide any more."""
         began = since = self.context.elapsed()
         slid = hold.slipped
         while (now := self.context.elapsed()) - began < within - 1e-9 and now - since < STILL_FOR - 1e-9:

@@ -20,12 +20,15 @@ from pomona.skills.shared.warm_motion import prepare_planning
 
 
 class MoveTo(MovingSkill):
-    """Move to a named pose of the cell file, around what is in the way.
+    """Move to a named pose of the cell file, around obstacles.
 
-    The fixed surroundings and the robot itself are always avoided, what a `map` holds as well, and with `carrying` the
-    fruit between the fingers is part of the robot and is moved gently; with `upright` it stays as it was when it was
-    grasped, to within that tilt. When a camera sees something new in the way (a
-    cell file with `workspace.watch`), the arm stops on its path, and the skill fails with PATH_BLOCKED.
+    The path avoids the fixed surroundings, the robot itself, and the obstacles of a `map`. With `carrying`, the fruit
+    between
+    the fingers is part of the robot and is moved gently. With `upright`, its tilt against the pose at the grasp is
+    limited.
+    If a camera sees a new obstacle on the path (a cell file with `workspace.watch`), the arm stops on its path, and the
+    skill
+    fails with PATH_BLOCKED.
     """
 
     devices = (Arm, Gripper, Workspace)
@@ -50,7 +53,7 @@ class MoveTo(MovingSkill):
         self,
         pose: Annotated[str, Port(help="a name under workspace.poses in the cell file")],
         variation: Annotated[int, Port(min=1, help="1 is the pose itself, 2 its pose_2 and so on, around")] = 1,
-        map: Annotated[OccupancyMap | None, Port(help="what is in the way")] = None,
+        map: Annotated[OccupancyMap | None, Port(help="obstacles")] = None,
         carrying: Annotated[Grasp | None, Port(help="the grasp by which a fruit is held")] = None,
         avoiding: Annotated[
             MeasuredFruit | None, Port(help="a fruit that was left out of the map and is still there")

@@ -37,7 +37,7 @@ class OpenFingers(MovingSkill):
         self,
         grasp: Grasp,
         path: Annotated[Trajectory, Port(help="on which the arm is meanwhile")],
-        map: Annotated[OccupancyMap | None, Port(help="what is in the way; the target is left out of it")] = None,
+        map: Annotated[OccupancyMap | None, Port(help="obstacles, without the target")] = None,
         clearance: Annotated[
             Length, Port(min="0 mm", help="kept by the links; gripper and fingers keep a share")
         ] = LENGTH("5 mm"),

@@ -26,7 +26,7 @@ OPTIMISING = tuple(name for name, planner in PLANNERS.items() if planner.kind is
 
 
 class Planned(Outputs):
-    """What Plan gives."""
+    """Outputs of Plan."""
 
     grasp: Grasp
     path: Trajectory
@@ -50,7 +50,7 @@ class Plan(Skill):
     def run(
         self,
         to: Annotated[GraspCandidates, Port(help="goals; reaching any one of them will do")],
-        map: Annotated[OccupancyMap, Port(help="what is in the way; the target is left out of it")],
+        map: Annotated[OccupancyMap, Port(help="obstacles, without the target")],
         planner: Annotated[str, Port(choices=tuple(PLANNERS))] = "RRTConnect",
         improve: Annotated[
             str, Port(choices=("none", *OPTIMISING), help="for the rest of the budget")

@@ -16,16 +16,17 @@ from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
 from pomona.skills.shared.policy_network import PolicyNetwork, UnusablePolicy, read_policy
 
 STILL = 0.5
-"""A policy that wants to go nowhere for so long has arrived [s]."""
+"""Time without a demanded motion after which a policy has arrived [s]."""
 
 
 class Policy(MovingSkill):
-    """Let a learned policy move the arm: it sees the joints and a goal, and says again and again where to go.
+    """Let a learned policy move the arm: from joints and a goal it repeatedly returns the next target.
 
-    The arm's driver keeps its limits whatever is said, and comes to rest when nothing is said for the `watchdog`'s
-    time. What is no number, lies outside the joints' limits or is decided on old joints stops the arm. It ends when the
-    policy wants to go no further; whether that is the goal is for the tree to look at. Interrupted, the arm comes to
-    rest within its limits.
+    The arm's driver keeps its limits for any target, and comes to rest without one for the `watchdog`'s time. A target
+    that
+    is not finite, outside the joints' limits or based on old joints stops the arm. The skill ends when the policy
+    demands no
+    motion; the tree must check whether that is the goal. Interrupted, the arm comes to rest within its limits.
     """
 
     devices = (Arm, StreamedArm)
@@ -115,7 +116,7 @@ class Policy(MovingSkill):
         except DeviceError as lost:
             raise self.failure("STALE_JOINTS", f"{lost}: there are no joints to decide on") from lost
         age = self.clock.now() - state.stamp
-        if not age <= max_age:  # written so that it is True of what is no number
+        if not age <= max_age:  # this form is True also for NaN
             raise self.failure(
                 "STALE_JOINTS", f"the joints are {1e3 * age:.0f} ms old: too old to decide on", age_s=age
             )
@@ -131,4 +132,4 @@ class Policy(MovingSkill):
 
     def _no_number(self, wanted: Float64) -> SkillFailure:
         joint = int(np.argmin(np.isfinite(wanted))) + 1
-        return self.failure("NOT_FINITE", f"the policy says {wanted[joint - 1]} for joint {joint}", joint=joint)
+        return self.failure("NOT_FINITE", f"the policy returns {wanted[joint - 1]} for joint {joint}", joint=joint)

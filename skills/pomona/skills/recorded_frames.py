@@ -8,13 +8,13 @@ from pomona.executive.skill import Skill
 
 
 class Counted(Outputs):
-    """What FirstFrame gives."""
+    """Outputs of FirstFrame."""
 
     count: int
 
 
 class FirstFrame(Skill):
-    """Show the first recorded frame, and say how many there are."""
+    """Show the first recorded frame, and return their number."""
 
     devices = (FrameSequence,)
 

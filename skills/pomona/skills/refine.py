@@ -36,7 +36,7 @@ _SOMETHING = Mesh(
 
 
 class Refined(Outputs):
-    """What Refine gives."""
+    """Outputs of Refine."""
 
     measured: MeasuredFruit
 
@@ -125,7 +125,7 @@ class Refine(Skill):
 def _measure(
     detection: Detection, workspace: Workspace, earlier: Sequence[tuple[float, Float64]], how: tuple[Any, ...]
 ) -> MeasuredFruit | FrameProblem:
-    """The measured fruit, or what cannot be true of its frame; `how` holds the other arguments of `measure`."""
+    """Return the measured fruit, or the problem of its frame; `how` holds the other arguments of `measure`."""
     problem = frame_problem(detection.frame, detection.T_base_camera, workspace, earlier)
     return problem or measure(detection, *how)
 

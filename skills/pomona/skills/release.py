@@ -85,7 +85,7 @@ class Release(MovingSkill):
             Grasp | None, Port(help="the grasp by which the fruit is held: it is then part of the robot on the way")
         ] = None,
         hold: Annotated[Hold | None, Port(help="the grip that goes on until the fruit is released")] = None,
-        map: Annotated[OccupancyMap | None, Port(help="what is in the way")] = None,
+        map: Annotated[OccupancyMap | None, Port(help="obstacles")] = None,
         clearance: Annotated[
             Length, Port(min="0 mm", help="kept by the links; gripper and fingers keep a share")
         ] = LENGTH("5 mm"),
@@ -120,7 +120,7 @@ class Release(MovingSkill):
         hand = None if current_hold(self.device(Gripper)) is not None else self.optional_device(Hand)
         held = None if hand is None else hand.in_hand()
         if held:
-            return self.failure("HAND_UNCLEAR", f"{held}; it cannot be put down, since no contact would be felt")
+            return self.failure("HAND_UNCLEAR", f"{held}; it cannot be put down, since a contact would not be measured")
         return self.failure("NOT_HELD", "there is nothing between the fingers to put down")
 
     def _lower(

@@ -48,8 +48,8 @@ class Retreat(MovingSkill):
     """Back off from a failed attempt: put a lifted fruit down, open, go straight back to the pre-grasp.
 
     Safe from any point where an attempt can fail. The fingers open only where the fruit is supported: a lifted fruit is
-    first lowered along the line on which it came up. Nothing is held and nothing is near: nothing moves. The ways back
-    are the ways that the attempt came; all the same they are checked against what is fixed and the arm itself.
+    first lowered along the line on which it came up. Nothing is held and nothing is near: nothing moves. The paths back
+    are those of the attempt; they are still checked against fixed obstacles and the arm itself.
     """
 
     devices = (Arm, Gripper, ForceSensor, Workspace)

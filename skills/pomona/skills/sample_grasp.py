@@ -29,7 +29,7 @@ FINER = 2
 
 
 class Sampled(Outputs):
-    """What SampleGrasp gives."""
+    """Outputs of SampleGrasp."""
 
     candidates: GraspCandidates
 
@@ -57,7 +57,7 @@ class SampleGrasp(Skill):
     def run(
         self,
         around: Annotated[MeasuredFruit, Port(help="the refined fruit")],
-        map: Annotated[OccupancyMap | None, Port(help="what is in the way; the target is left out of it")] = None,
+        map: Annotated[OccupancyMap | None, Port(help="obstacles, without the target")] = None,
         tried: Annotated[Grasp | None, Port(help="the candidate of the previous attempt")] = None,
         radius: Annotated[Length, Port(min="20 mm", max="1 m", help="the paper's r_o")] = LENGTH("120 mm"),
         theta_min: Annotated[Angle, Port(min="0 deg", max="90 deg", help="tilt of the approach")] = ANGLE("0 deg"),
@@ -74,7 +74,7 @@ class SampleGrasp(Skill):
         ] = 2.0,
         count: Annotated[int, Port(min=0, help="how many candidates to give at most; 0 gives all")] = 0,
         check: Annotated[
-            bool, Port(help="rule out what cannot be approached; the paper leaves that to planning")
+            bool, Port(help="exclude grasps without a free approach; the paper leaves that to planning")
         ] = True,
     ) -> Work[Sampled]:
         arm, workspace = self.device(Arm), self.device(Workspace)
@@ -119,7 +119,7 @@ class SampleGrasp(Skill):
         grasps: Sequence[Grasp],
         ruled_out: Sequence[RuledOut],
     ) -> None:
-        """The sphere for people: what is left, what was tried, what is out of the question."""
+        """Show the sphere: remaining, tried and excluded grasps."""
         p_fruit = fruit.T_base_fruit[:3, 3]
         tried = [grasp for grasp in grasps if direction(grasp) in self._tried.directions]
         groups = (

@@ -12,7 +12,7 @@ from pomona.skills.perception.measured_fruit import MeasuredFruit
 
 
 class Tabulated(Outputs):
-    """What Tabulate gives."""
+    """Outputs of Tabulate."""
 
     finds: FrameSightings
 
@@ -26,7 +26,7 @@ class Tabulate(Skill):
         measured: Annotated[MeasuredFruit | None, Port(help="the same fruit as it was measured")] = None,
         why: Annotated[str, Port(help="why it was not measured; another fruit's measurement is not used")] = "",
         so_far: Annotated[
-            FrameSightings | None, Port(help="what was found in the frame; finds of another frame are not used")
+            FrameSightings | None, Port(help="detections in the frame; those of another frame are not used")
         ] = None,
     ) -> Tabulated:
         before = so_far.sightings if so_far is not None and so_far.frame is detection.frame else ()

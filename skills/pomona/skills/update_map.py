@@ -24,7 +24,7 @@ from pomona.skills.shared.frame_trust import require_true_look
 
 
 class Mapped(Outputs):
-    """What UpdateMap gives."""
+    """Outputs of UpdateMap."""
 
     map: OccupancyMap
 
@@ -92,12 +92,12 @@ class UpdateMap(Skill):
 
 
 def view_of(map: OccupancyMap) -> SceneView:
-    """Blocked cells, for people."""
+    """Return a view of the blocked cells."""
     occupied, hidden = map.centres(OCCUPIED), map.centres(HIDDEN)
     return SceneView(
         points=(
             Points3(occupied, "occupied", "occupied", map.resolution),
-            Points3(hidden, "hidden behind what was seen", "muted", map.resolution),
+            Points3(hidden, "hidden behind obstacles", "muted", map.resolution),
         ),
         caption=f"{len(occupied)} occupied and {len(hidden)} hidden cells of {1e3 * map.resolution:.0f} mm, "
         f"{len(map.stamps)} look{'s' if len(map.stamps) != 1 else ''}",

@@ -147,14 +147,14 @@ def test_resume_is_refused_when_the_fruit_is_gone(open_cell, probe_of, pick_with
 
 
 CANNOT_BE = {
-    "stuck_left": "the left finger has said the same to the last bit for 30 ms",
-    "stuck_right": "the right finger has said the same to the last bit for 30 ms",
-    "stuck": "both fingers have said the same to the last bit for 30 ms",
-    "dead_left": "the left finger has said zero for 30 ms",
-    "dead_right": "the right finger has said zero for 30 ms",
-    "zero": "both fingers have said zero for 30 ms",
-    "not_a_number": "the left finger says nan instead of a force",
-    "infinite": "the left finger says -inf instead of a force",
+    "stuck_left": "the left finger has reported the same to the last bit for 30 ms",
+    "stuck_right": "the right finger has reported the same to the last bit for 30 ms",
+    "stuck": "both fingers have reported the same to the last bit for 30 ms",
+    "dead_left": "the left finger has reported zero for 30 ms",
+    "dead_right": "the right finger has reported zero for 30 ms",
+    "zero": "both fingers have reported zero for 30 ms",
+    "not_a_number": "the left finger reports nan instead of a force",
+    "infinite": "the left finger reports -inf instead of a force",
     "old": "delivers samples that are 0.5 s old",
     "early": "stamps its samples 10 s in the future",
     "repeated": "repeats its sample 10",

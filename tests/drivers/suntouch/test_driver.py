@@ -307,7 +307,7 @@ def test_a_finger_whose_every_sample_is_a_spike_is_a_fault_within_50_ms(rig: Rig
 def test_a_stuck_finger_is_a_fault_within_50_ms(rig: Rig) -> None:
     rig.run(0.1)
     rig.right.device.stuck = True
-    assert told(rig) == "the right finger has said the same to the last bit for 30 ms"
+    assert told(rig) == "the right finger has reported the same to the last bit for 30 ms"
 
 
 def test_a_finger_that_says_no_volt_is_a_fault_within_50_ms_and_no_force_is_made_of_it(rig: Rig) -> None:
@@ -322,7 +322,7 @@ def test_a_calibration_that_gives_no_force_is_a_fault_at_once(rig: Rig, value: f
     rig.run(0.1)
     rig.fingers.fingers[1].calibration = replace(CALIBRATION, out_low=np.full(6, value), out_high=np.full(6, value))
     assert told(rig, 0.005).startswith(
-        f"the right finger says {'nan instead of a force' if np.isnan(value) else '1e+30 N'}"
+        f"the right finger reports {'nan instead of a force' if np.isnan(value) else '1e+30 N'}"
     )
 
 

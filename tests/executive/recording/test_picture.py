@@ -34,7 +34,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch, peak: float, long: str) -> Any:
     views = {
         "detection": ImageView(np.zeros((480, 640, 3), np.uint8), (Line2(square, "this line", "found"),), caption=long),
         "measured": ImageView(None, (Line2(square, "measured", "refined"),), caption=long),
-        "map": SceneView(points=(Points3(corners, label="hidden behind what was seen"),), caption=long),
+        "map": SceneView(points=(Points3(corners, label="hidden behind obstacles"),), caption=long),
         "path": SceneView(lines=(Line3(corners, "planned path", "path"),), caption=long),
         "grip": SeriesView(
             t,

@@ -79,7 +79,7 @@ def test_looks_at_one_fruit_are_one_fruit(capsys) -> None:
     assert main(["calibrate", "sizes", write(finds(10, looks=3)), "--out", "sizes.yaml"]) == 0
     said = capsys.readouterr().out
     assert said.startswith("10 fruit: ")
-    assert "each fruit with what the others teach" in said
+    assert "each fruit with the sizes of the others" in said
 
 
 def test_tables_of_two_places_are_added_up(capsys) -> None:
@@ -99,8 +99,8 @@ def spoilt(rows: list[dict[str, str]], **values: str) -> list[dict[str, str]]:
 @pytest.mark.parametrize(
     ("spoil", "how", "words"),
     [
-        (lambda rows: rows[:4], (), "4 measured fruit do not tell how sizes spread: measure 7 or more"),
-        (lambda rows: rows[:6], (), "6 measured fruit do not tell how sizes spread: measure 7 or more"),
+        (lambda rows: rows[:4], (), "4 measured fruit do not give the spread of sizes: measure 7 or more"),
+        (lambda rows: rows[:6], (), "6 measured fruit do not give the spread of sizes: measure 7 or more"),
         (lambda rows: without(rows, "fruit"), (), "no column fruit"),
         (lambda rows: spoilt(rows, true_width_mm="7.1"), (), "finds.csv:5: true_width_mm is 7.1, but the camera saw"),
         (lambda rows: spoilt(rows, true_height_mm="700"), (), "finds.csv:5: true_height_mm is 700, but the camera saw"),

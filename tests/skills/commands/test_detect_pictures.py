@@ -88,7 +88,7 @@ def test_ctrl_c_that_a_library_swallowed_ends_it_after_that_picture_and_keeps_it
     with pytest.raises(KeyboardInterrupt), raising():
         run(pictures, "--out", tmp_path / "out")
     said = capsys.readouterr()
-    assert "found.csv holds what was found until then" in said.err
+    assert "found.csv holds the results so far" in said.err
     assert "b.jpg" not in said.out
     rows = list(csv.DictReader((tmp_path / "out" / "found.csv").read_text().splitlines()))
     assert [Path(row["picture"]).name for row in rows] == ["a.png"]

@@ -115,7 +115,7 @@ class JointFeed:
             DeviceLost: none came for too long that could be used.
         """
         if self.silent_for > self._silence:
-            instead = f": the received messages have {self._instead}" if self._instead else ""
+            instead = f": the newest message {self._instead}" if self._instead else ""
             raise DeviceLost(self._device, f"no joints on {self._topic} for {1e3 * self.silent_for:.0f} ms{instead}")
 
     def _sample(self, raw: bytes) -> JointSample | None:

@@ -37,7 +37,7 @@ def add(kinds: Any) -> None:
     grip.add_argument("recording", type=Path, nargs="?", help=".npz of pushes; without it they are made at --cell")
     grip.add_argument("--cell", help="cell file, or the name of an installed one, at which pushes are made now")
     grip.add_argument("--out", type=Path, required=True, help="the parameter file to write")
-    grip.add_argument("--fruit", default="", help="which fruit it is, for people")
+    grip.add_argument("--fruit", default="", help="name of the fruit, for the report")
     about = "grasp forces (2N 4N 7N)"
     grip.add_argument(
         "--forces", type=GRASP_FORCE.option, nargs="+", default=[2.0, 4.0, 7.0], metavar="FORCE", help=about
@@ -100,7 +100,7 @@ def _tell(sentence: str) -> None:
 
 
 def _who_is_asked(cell: Any) -> Callable[[str, HandTask], None]:
-    """The hands of a simulated cell if it has some, else whoever sits at the terminal."""
+    """Return a function that asks the hands of a simulated cell if it has some, else the operator at the terminal."""
     if Hands not in cell.interfaces():
         return _ask
     hands = cell.device(Hands)
@@ -116,4 +116,4 @@ def _ask(sentence: str, task: HandTask) -> None:
     try:
         input(f"{sentence} [Enter] ")
     except EOFError:
-        raise GuidanceEnded("somebody must be there to read and press Enter") from None
+        raise GuidanceEnded("an operator must read the instructions and press Enter") from None

@@ -1,4 +1,4 @@
-"""`pomona calibrate sizes`: what sizes a kind of fruit has, from fruit that were measured."""
+"""`pomona calibrate sizes`: the distribution of sizes of a kind of fruit, from measured fruit."""
 
 from __future__ import annotations
 
@@ -27,8 +27,10 @@ _BY_SHAPE = "width_mm", "width_90_mm", "height_mm", "height_90_mm"
 _Z_90 = 1.6449
 
 LEAST_KNOWN = 0.06
-"""Where a shape tells height over width less well than this share, it says what was believed before: fruit of one kind
-differ by as much (52 calipered apples)."""
+"""Relative uncertainty of height over width above which a shape gives the prior only: fruit of one kind differ by as
+much
+(52 calipered apples).
+"""
 
 
 MOST_TIMES = 2.0
@@ -43,15 +45,15 @@ orchard's apples are 0.08 higher for their width than the model."""
 
 
 class UnusableTable(ValueError):
-    """A table that cannot be read, or lacks what is needed."""
+    """A table that cannot be read, or lacks required columns."""
 
 
 def add(kinds: Any) -> None:
     """Register `sizes` among the kinds of `pomona calibrate`."""
-    sizes = kinds.add_parser("sizes", help="learn what sizes a kind of fruit has, from fruit that were measured")
+    sizes = kinds.add_parser("sizes", help="learn the sizes of a kind of fruit from measured fruit")
     sizes.add_argument("tables", type=Path, nargs="+", metavar="FINDS", help="finds.csv of pomona measure")
     sizes.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
-    about = "believe what --method shape measured, where its depth told height and width apart: no calipers"
+    about = "use the sizes of --method shape, where its depth separates height and width: no calipers"
     sizes.add_argument("--by-shape", action="store_true", help=about)
     sizes.add_argument("--out", type=Path, required=True, help="the file to write: `sizes: {include: FILE}`")
     sizes.set_defaults(main=main)
@@ -71,7 +73,7 @@ def main(options: argparse.Namespace) -> int:
             _refuse_exchanged(measured, proportion, fruit.name)
         count, least = len(measured.sizes), LEAST_FRUIT + 1  # one is left out in turn
         if count < least:
-            raise TooFewFruit(f"{count} measured fruit do not tell how sizes spread: measure {least} or more")
+            raise TooFewFruit(f"{count} measured fruit do not give the spread of sizes: measure {least} or more")
         given = (measured.sizes, measured.shown, measured.deviations, measured.sines, proportion, measured.own)
         learnt = learn_sizes(*given)
         before, after = held_out(*given)
@@ -82,7 +84,7 @@ def main(options: argparse.Namespace) -> int:
     sys.stdout.write(
         f"{len(measured.sizes)} fruit: width {1e3 * learnt.width:.1f} mm ± {learnt.width_deviation:.1%}, height over "
         f"width {learnt.height_over_width:.3f} ± {learnt.height_over_width_deviation:.1%}\n"
-        f"mean error of width / height, each fruit with what the others teach: {_mm(after)} (their mean size: "
+        f"mean error of width / height, each fruit with the sizes of the others: {_mm(after)} (their mean size: "
         f"{_mm(before)})\nwritten to {options.out}: `sizes: {{include: {options.out.name}}}` in fruit.yaml beside it\n"
     )
     return 0
@@ -151,7 +153,9 @@ def _rows(table: Path, needed: Sequence[str]) -> list[tuple[int, dict[str, str]]
 
 
 def _by_hand(table: Path, line: int, row: dict[str, str]) -> list[float] | None:
-    """Width, height, shown [m], deviation of ln shown, sine, and twice 0; None for what was not measured twice."""
+    """Return width, height, shown [m], deviation of ln shown, sine, and twice 0; None for a fruit without both
+    measurements.
+    """
     if not (row[TRUE[0]] and row[TRUE[1]] and row["shown_mm"]):
         return None
     width, height, shown, spread, sine = (_number(table, line, row, name) for name in (*TRUE, *_SEEN))
@@ -163,13 +167,13 @@ def _by_hand(table: Path, line: int, row: dict[str, str]) -> list[float] | None:
 
 
 def _by_shape(table: Path, line: int, row: dict[str, str]) -> list[float] | None:
-    """The same with what the fit says of its own errors; None for what no shape was fitted to, or hardly any."""
+    """Return the same with the fit's own errors; None for a fruit without a usable fit of its shape."""
     if not (row.get("method") or "").startswith("shape"):
         return None
     width, width_90, height, height_90 = (_number(table, line, row, name) for name in _BY_SHAPE)
     shown, spread, sine = (_number(table, line, row, name) for name in _SEEN)
     wide, high = width_90 / _Z_90 / width, height_90 / _Z_90 / height
-    ratio = float(np.hypot(wide, high))  # taken as independent: what they share makes the proportion surer
+    ratio = float(np.hypot(wide, high))  # taken as independent: a common error makes the proportion more certain
     if ratio > LEAST_KNOWN:
         return None
     return [width / 1e3, height / 1e3, shown / 1e3, spread / _Z_90 / shown, sine, wide, ratio]
@@ -179,7 +183,7 @@ def _agree(table: Path, line: int, row: dict[str, str], first: Sequence[float]) 
     """A fruit has one size, in whichever of its rows it is written."""
     for name, before in zip(TRUE, first[:2], strict=True):
         if abs(float(row[name]) / (1e3 * before) - 1.0) > MOST_APART:
-            other = f"another row of fruit {row[_FRUIT]} says {1e3 * before:g}"
+            other = f"another row of fruit {row[_FRUIT]} has {1e3 * before:g}"
             raise UnusableTable(f"{table}:{line}: {name} is {row[name]}, and {other}: a fruit has one size")
 
 

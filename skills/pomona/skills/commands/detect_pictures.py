@@ -1,4 +1,4 @@
-"""`pomona detect`: the fruit in pictures, for people without a tree: a table and the pictures with boxes."""
+"""`pomona detect`: the fruit in pictures, without a tree: a table, and the pictures with boxes."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def main(options: argparse.Namespace) -> int:
         return 2
     except KeyboardInterrupt:
         if table.is_file():
-            sys.stderr.write(f"interrupted: {table} holds what was found until then\n")
+            sys.stderr.write(f"interrupted: {table} holds the results so far\n")
         raise
     sys.stdout.write(f"written to {options.out}: {TABLE}, and each picture with its boxes\n")
     return 2 if unusable else 0
@@ -162,7 +162,7 @@ def _read(file: Path) -> Any:
 
 
 def find_fruit(detector: CompactDetector, colour: UInt8) -> list[FoundFruit]:
-    """All fruit in a picture (h, w, 3) uint8 RGB of an unknown camera: boxes and scores hold, poses do not."""
+    """Find all fruit in a picture (h, w, 3) uint8 RGB of an unknown camera; only boxes and scores are valid."""
     height, width = colour.shape[:2]
     K = np.array([[width, 0.0, 0.5 * width], [0.0, width, 0.5 * height], [0.0, 0.0, 1.0]])
     return detector.find(np.ascontiguousarray(colour), K)

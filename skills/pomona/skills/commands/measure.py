@@ -1,4 +1,4 @@
-"""`pomona measure`: count and measure the fruit in recorded frames, for people without a tree."""
+"""`pomona measure`: count and measure the fruit in recorded frames, without a tree."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def add(subparsers: Any) -> None:
     parser.add_argument("--score", default="0.5", help="least belief that it is fruit, 0 to 1 (0.5)")
     parser.add_argument("--width", default="1280", help="width at which a picture is searched [px] (1280)")
     parser.add_argument("--method", default="uniform", help="how size is refined: uniform, shape, paper (uniform)")
-    parser.add_argument("--every", default="1", metavar="N", help="look at one of so many frames (1)")
+    parser.add_argument("--every", default="1", metavar="N", help="use one of N frames (1)")
     parser.add_argument(
         "--no-join", action="store_true", help="each frame without a known camera pose is a scene of its own"
     )
@@ -36,7 +36,7 @@ def add(subparsers: Any) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Run the tree and say how far it has come.
+    """Run the tree and report the progress.
 
     Returns:
         0; 2 when something cannot be used or written; 130 when it was interrupted.
@@ -69,11 +69,13 @@ def main(options: argparse.Namespace) -> int:
         return 0
     if result.interrupted:
         there = (options.out / PAGE).is_file()
-        what = f"{options.out} holds what was measured until then" if there else "nothing was measured yet"
+        what = f"{options.out} holds the results so far" if there else "nothing was measured yet"
         sys.stderr.write(f"interrupted: {what}\n")
         return 130
     if progress.unreadable:
-        sys.stderr.write(f"{progress.unreadable} of the frames could not be read: {options.out / PAGE} says why\n")
+        sys.stderr.write(
+            f"{progress.unreadable} of the frames could not be read: {options.out / PAGE} has the reasons\n"
+        )
         return 2
     why = [reason.message for reason in result.reason.leaves()] if result.reason else [result.outcome]
     sys.stderr.write(f"pomona measure: {why[-1]}\n")
@@ -81,7 +83,7 @@ def main(options: argparse.Namespace) -> int:
 
 
 def _in_own_words(error: UsageError, order: RunOrder) -> str:
-    """What is wrong, without the tree, the cell and the settings that the person has not written."""
+    """Return the problem without the tree, the cell and the settings that the user has not written."""
     findings: Sequence[Finding] = getattr(error.__cause__, "findings", ())
     ours = str(order.tree), str(order.cell)
     theirs = [found for found in findings if found.path not in ours]
@@ -100,7 +102,7 @@ def _line(found: Finding, ours: Sequence[str]) -> str:
 
 
 class _Progress:
-    """A line for each frame, as CountFruit says it."""
+    """A line for each frame, in the words of CountFruit."""
 
     def __init__(self) -> None:
         self.unreadable = 0

@@ -16,7 +16,7 @@ Pose = Annotated[Float64, Array(4, 4)]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grasp:
-    """One candidate: where the gripper's centre point (TCP) stands before and at the grasp.
+    """One candidate: poses of the gripper's centre point (TCP) before and at the grasp.
 
     Attributes:
         index: number of the candidate on the sphere, in the sampling's own order.
@@ -26,7 +26,7 @@ class Grasp:
         q_pre_grasp: joint solutions of the pre-grasp that are free of collision, shape (n, dof) [rad], best first.
         clearance: distance from the nearest obstacle over the approach [m].
         oblique: angle at which the pads meet the skin [rad]; 0 is square.
-        fruit: what is to be grasped.
+        fruit: the fruit to grasp.
     """
 
     index: int
@@ -42,7 +42,7 @@ class Grasp:
 
     @property
     def sentence(self) -> str:
-        """For people."""
+        """Description for the operator."""
         theta, alpha = np.degrees((self.theta, self.alpha))
         return f"θ {theta:.0f}°, α {alpha:.0f}°, {self.width * 1e3:.0f} mm open, {self.clearance * 1e3:.0f} mm clear"
 
@@ -60,7 +60,7 @@ class RuledOut:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GraspCandidates:
-    """What is left to try, best first, and what was ruled out."""
+    """The remaining candidates, best first, and the excluded ones."""
 
     grasps: tuple[Grasp, ...]
     ruled_out: tuple[RuledOut, ...]

@@ -49,7 +49,7 @@ def frame_problem(
     workspace: Workspace,
     earlier: Sequence[tuple[float, Float64]] = (),
 ) -> FrameProblem | None:
-    """Return what cannot be true of a frame, or None.
+    """Return the implausible part of a frame, or None.
 
     Args:
         frame: its depth is compared with the table, and with its colour where that is not black.

@@ -1,4 +1,4 @@
-"""What Refine says about a fruit: where it truly is and how large it truly is."""
+"""Result of Refine: a fruit's refined position and size."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ class MeasuredFruit:
         dimensions: (d_x, d_y, d_z) [m], shape (3,); d_y is the height.
         mu, sigma: the paper's scale factor and displacement [m] of the uniform fit.
         covariance: of (position in the base frame [m], dimensions [m]), shape (6, 6).
-        inlier_ratio: share of the model's measured pixels whose depth agrees; 0 for an unrefined detection.
+        inlier_ratio: ratio of the model's measured pixels with agreeing depth; 0 for an unrefined detection.
         residual: root mean square of the inliers' depth residuals [m].
         contour: outline of the refined shape in the image, shape (n, 2) [px].
         frame: the look that was measured.
         method: which formulation gave the result: none, paper, uniform, shape, shape+plane, and `+views` where earlier
             looks were fused in.
         earlier: those looks: frames with the pose of the camera, T_base_camera.
-        doubt: what was seen around the fruit that contradicts the cell file, for people; empty where nothing was.
+        doubt: contradiction between the fruit's surroundings and the cell file, for the operator; empty without one.
     """
 
     fruit: FruitModel
@@ -54,7 +54,7 @@ class MeasuredFruit:
 
     @property
     def sentence(self) -> str:
-        """For people."""
+        """Description for the operator."""
         size = " × ".join(f"{d * 1e3:.1f}" for d in self.dimensions)
         spread = float(np.sqrt(np.clip(np.diag(self.covariance)[:3], 0.0, None).max()))
         return f"{size} mm   (scale {self.mu:.3f}, {self.method})   position ± {spread * 1e3:.1f} mm"

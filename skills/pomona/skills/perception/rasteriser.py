@@ -22,7 +22,7 @@ EDGE = 1e-9
 def project(points: NDArray[Any], camera: tuple[float, float, float, float]) -> tuple[Float64, Float64, Float64]:
     """Columns, rows [px] and inverse depths [1/m] of points (n, 3) in the camera frame, with (fx, fy, cx, cy) [px]."""
     x, y, z = np.asarray(points, np.float64).T
-    with np.errstate(divide="ignore", invalid="ignore"):  # what lies in the camera's plane is left out by the caller
+    with np.errstate(divide="ignore", invalid="ignore"):  # the caller leaves out points in the camera's plane
         nearness = 1.0 / z
         return camera[0] * x * nearness + camera[2], camera[1] * y * nearness + camera[3], nearness
 
@@ -45,17 +45,14 @@ def draw(
     face_index: Indices | None = None,
     shares: NDArray[np.float32] | None = None,
 ) -> None:
-    """Keep at each pixel's centre what is nearest.
-
-    Nearness is what is linear over a triangle's image: inverse depth in perspective, any falling function of the depth
-    that is linear in it without.
+    """Keep the nearest triangle at each pixel's centre.
 
     Args:
         u, v: column and row of each vertex (n,) [px]; pixel centres lie at whole numbers.
         nearness: of each vertex (n,).
         faces: vertices of each triangle (m, 3).
         drawn: which triangles are drawn (m,).
-        nearest: nearness drawn so far (h, w); what is nearer replaces it.
+        nearest: nearness drawn so far (h, w); nearer triangles replace it.
         face_index: triangle that each pixel shows (h, w); only where one is drawn, it changes.
         shares: how much each pixel's point has of its triangle's first and second vertex (h, w, 2), corrected for
             perspective; as `face_index`.

@@ -29,8 +29,8 @@ COLUMNS = 80
 FARTHEST = 2.0
 """Depth beyond this is not used [m]: noise grows with its square."""
 LEAST_POINTS, LEAST_SHARE, LEAST_SPREAD = 300, 0.35, 0.04
-"""A plane counts as the table with so many points, this share of all points within reach, and this standard deviation
-of its points along its shorter side [m]."""
+"""A plane counts as the table with this number of points, this ratio of all points within reach, and this standard
+deviation of its points along its shorter side [m]."""
 BAND = 4e-3
 """Distance from a plane within which a point lies on it, or three deviations of its noise where these are more [m]."""
 AROUND = 0.02

@@ -1,1 +1,1 @@
-"""What several skills share; a skill never imports another."""
+"""Parts that several skills share; a skill never imports another."""

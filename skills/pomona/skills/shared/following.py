@@ -1,4 +1,4 @@
-"""How skills move devices: start, watch, and come to rest whatever happens."""
+"""Motions of skills: start, watch, and come to rest after any end."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pomona.skills.shared.zones import zone_entered
 Watching = Generator["str | None", None, None]
 
 MOTION_FAILURES = ("REFUSED", "STOPPED", "MOTION_FAILED")
-"""Codes of every skill that moves: the device would not start, was stopped by somebody else, or failed on the way."""
+"""Codes of every skill that moves: the device refused the motion, was stopped from outside, or failed during it."""
 
 
 class MotionEnded(Exception):
@@ -34,10 +34,10 @@ def follow_motion(motion: Motion, watch: Callable[[], str | None] | None = None)
 
     Args:
         motion: that was just started.
-        watch: called in every tick while it runs; raises what should end the motion, or gives words for the feedback.
+        watch: called in every tick while it runs; raises an exception to end the motion, or returns feedback.
 
     Raises:
-        MotionEnded: it was stopped by somebody else, or failed.
+        MotionEnded: it was stopped from outside, or failed.
     """
     try:
         while motion.state in (MotionState.RUNNING, MotionState.PAUSED):
@@ -78,14 +78,14 @@ class MovingSkill(Skill):
         Args:
             trajectory: to follow.
             watch: as in `follow_motion`.
-            around: what is known to be there. The cell's cameras then watch the path: an unknown obstacle too near
-                fails with PATH_BLOCKED, and a camera whose frames cannot be true with POSE_MISMATCH or DEPTH_MISMATCH.
+            around: known obstacles. The cell's cameras then watch the path: an unknown obstacle too near fails with
+                PATH_BLOCKED, and a camera with implausible frames with POSE_MISMATCH or DEPTH_MISMATCH.
                 The skill must declare these.
             carrying: the grasp by which a fruit is held.
             started: called with the motion, once it has been started.
 
         Raises:
-            SkillFailure: REFUSED, where the way leads through a zone of the cell, or begins in one.
+            SkillFailure: REFUSED, if the path leads through a zone of the cell, or begins in one.
         """
         arm = self.device(Arm)
         entered = zone_entered(self, arm, trajectory, carrying)

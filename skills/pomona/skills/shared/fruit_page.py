@@ -1,4 +1,4 @@
-"""The account of fruit as files for people: two tables, a page, and one picture a frame with the rows' numbers."""
+"""Report of fruit as files: two tables, a page, and one picture per frame with the rows' numbers."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ WHY = {
     "TOO_FEW_INLIERS": "too little of the depth has a fruit's shape: it is too hidden, or it is no fruit",
     "SIZE_OUT_OF_RANGE": "it would be far larger or smaller than this kind of fruit is",
     "AT_BOUND": "the depth there is not the fruit's: it is hidden, or it is no fruit",
-    "NOT_ITS_SHAPE": "what is there is flat in a direction in which this fruit is round: a leaf, a post or a wall",
+    "NOT_ITS_SHAPE": "the surface there is flat in a direction in which this fruit is round: a leaf, a post or a wall",
     "RENDER_FAILED": "its model could not be drawn where it was seen",
 }
-"""What the codes of Refine say to people."""
+"""Texts for the codes of Refine."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ class Page:
 
 
 def make_page(report: FruitReport, of: int = 0) -> ReportPage:
-    """The page: what there is in all, sizes, each fruit, each frame with its picture and rows."""
+    """Return the page: totals, sizes, each fruit, each frame with its picture and rows."""
     book, frames = report.book, report.frames
     kind = book.fruit[0].sightings[0].fruit if book.fruit else None
     done = len(frames)
@@ -113,7 +113,7 @@ def make_page(report: FruitReport, of: int = 0) -> ReportPage:
         )
     page.add(Tiles(tuple(tiles)))
     if report.doubt:
-        page.add(Paragraph(f"Do not believe these figures yet: {report.doubt}" if report.measured else report.doubt))
+        page.add(Paragraph(f"These figures are not reliable yet: {report.doubt}" if report.measured else report.doubt))
     if any(entry.unreadable for entry in frames):
         page.add(Heading("Frames that could not be looked at"))
         page.add(
@@ -178,24 +178,24 @@ def _add_frame(page: ReportPage, entry: FrameEntry) -> None:
 
 
 def _refusals(report: FruitReport) -> Table | None:
-    """Why fruit was not measured, how often, and what that means."""
+    """Return the table of refusals: reason, number and meaning."""
     codes = Counter(fruit.why for fruit in report.book.fruit if fruit.why)
     rows = tuple((code, str(count), WHY.get(code, "")) for code, count in codes.most_common())
-    return Table(("not measured", "fruit", "what that means"), rows, words=True) if rows else None
+    return Table(("not measured", "fruit", "meaning"), rows, words=True) if rows else None
 
 
 def _how_to_read(report: FruitReport) -> str:
     kind = report.book.fruit[0].sightings[0].fruit
-    words = "± is half the width of the interval in which the truth is believed to lie in 90 of 100 cases. "
+    words = "± is half the width of the interval that contains the true value in 90 of 100 cases.  "
     words += "Width and depth are level, height goes along the stem. Places are in the base frame where the camera's "
     words += (
         "place is known, else in a level frame at the scene's first camera (x right, y ahead, z up); ≈ is guessed by "
     )
     words += "the size in the picture. "
     if any(fruit.size is not None and not fruit.size.agree for fruit in report.book.fruit):
-        words += "Looks that disagree differ by more than they say that they err: their interval is widened. "
+        words += "Measurements that disagree differ by more than their uncertainty: their interval is widened.  "
     model = mass_model(kind)
-    return words + (f"Mass: {model}." if model else f"No mass: nobody has weighed fruit for the model of {kind.name}.")
+    return words + (f"Mass: {model}." if model else f"No mass: the model of {kind.name} has no weighed fruit.")
 
 
 def _frames(count: int) -> str:

@@ -16,10 +16,10 @@ from pomona.skills.perception.inventory.mass import mass_model, mass_of
 from pomona.skills.perception.inventory.sighting import Z_90, Sighting
 
 CLASS_MM = 5
-"""Widths are counted in classes of so many millimetres, as fruit is sorted for sale (UNECE standard FFV-50, apples)."""
+"""Width of a size class [mm], as fruit is sorted for sale (UNECE standard FFV-50, apples)."""
 
 LEAST_TELLING = 3
-"""So many fruit tell that all of them are too large or too small; one is just large."""
+"""Minimum number of fruit for the statement that all of them are too large or too small; one may just be large."""
 
 UNLIKE_MODEL = 0.5, 1.25
 """Fruit of a kind of which only the model is known are at least and at most so large, beside it, in the middle: the
@@ -49,11 +49,11 @@ class FrameEntry:
     Attributes:
         number: from 1, in the order in which they were looked at.
         label: its name.
-        scene: from 1; 0 where it could not be looked at.
-        how: it is known where the camera stood, or why not.
-        finds: what was found in it, places in the scene's frame, each with the number of its fruit.
-        unreadable: why it could not be looked at; empty where it could.
-        doubt: why sizes or places in it may be wrong; empty where nothing says so.
+        scene: from 1; 0 if it could not be processed.
+        how: origin of the camera's pose, or the reason why it is unknown.
+        finds: detections in it, places in the scene's frame, each with the number of its fruit.
+        unreadable: reason why it could not be processed; empty if it could.
+        doubt: reason why sizes or places in it may be wrong; empty without one.
     """
 
     number: int
@@ -93,7 +93,7 @@ class FruitReport:
         how: str,
         doubt: str = "",
     ) -> None:
-        """One frame more, with what `FrameEntry` says of it; see `FruitBook.add_frame`."""
+        """Add one frame, with the values of `FrameEntry`; see `FruitBook.add_frame`."""
         numbers = self.book.add_frame(sightings, T_scene_base, deviation)
         T = np.eye(4) if T_scene_base is None else T_scene_base
         finds = tuple((sighting.moved(T), number) for sighting, number in zip(sightings, numbers, strict=True))
@@ -108,10 +108,7 @@ class FruitReport:
         self.frames.append(FrameEntry(number, f"frame {number}", 0, "", (), why))
 
     def is_due(self, last: bool) -> bool:
-        """Whether to tell the tables anew: always at first, then when they have grown by a twentieth, and at the end.
-
-        So what is written stays in proportion to what is found, however many frames there are.
-        """
+        """Return True when the tables are due: always at first, after a growth by a twentieth, and at the end."""
         due = last or len(self.frames) <= 20 or self._finds >= 1.05 * self._told
         if due:
             self._told = self._finds
@@ -123,7 +120,7 @@ class FruitReport:
         return sum(fruit.size is not None for fruit in self.book.fruit)
 
     def sentence(self, of: int = 0) -> str:
-        """How far it has come, for people."""
+        """Describe the progress for the operator."""
         newest = self.frames[-1]
         done = f"{len(self.frames)} of {of} frames" if of else f"{len(self.frames)} frames"
         here = newest.unreadable or f"{newest.label}: {len(newest.finds)} found, {newest.measured} measured"
@@ -132,11 +129,11 @@ class FruitReport:
 
     @property
     def doubt(self) -> str:
-        """Why sizes and counts may be wrong, for people; empty where nothing says so."""
+        """Reason why sizes and counts may be wrong; empty without one."""
         return "; ".join(filter(None, (self._doubt_of_frames(), self._doubt_of_sizes())))
 
     def _doubt_of_frames(self) -> str:
-        """What the first frame in doubt is doubted for, and how many are."""
+        """Return the doubt of the first frame with one, and the number of such frames."""
         doubted = [entry for entry in self.frames if entry.doubt]
         if not doubted:
             return ""
@@ -170,7 +167,7 @@ class FruitReport:
         )
 
     def tables(self) -> dict[str, TableView]:
-        """Finds, fruit and sizes for people, by the topics that they are shown as."""
+        """Return finds, fruit and sizes as tables, by their topics."""
         measured = sum(entry.measured for entry in self.frames)
         finds = tuple((entry.label, *find_said(s, fruit)) for entry in self.frames for s, fruit in entry.finds)
         return {
@@ -182,11 +179,11 @@ class FruitReport:
         }
 
     def find_rows(self) -> list[tuple[str, ...]]:
-        """A row for each find, as `FIND_COLUMNS` says."""
+        """Return a row for each find, with the columns `FIND_COLUMNS`."""
         return [_find_row(entry, sighting, number) for entry in self.frames for sighting, number in entry.finds]
 
     def fruit_rows(self) -> list[tuple[str, ...]]:
-        """A row for each fruit, as `FRUIT_COLUMNS` says."""
+        """Return a row for each fruit, with the columns `FRUIT_COLUMNS`."""
         return [_fruit_row(fruit) for fruit in self.book.fruit]
 
     def size_classes(self) -> TableView:
@@ -222,7 +219,7 @@ FRUIT_WORDS = ("fruit", "frames", "score", *_SAID, "x, y, z [mm]", "looks", "not
 
 
 def find_said(sighting: Sighting, fruit: int) -> tuple[str, ...]:
-    """A find for people, as `FIND_WORDS` says."""
+    """Return a find as texts, with the columns `FIND_WORDS`."""
     guess = "≈ " if sighting.dimensions is None else ""
     return (
         str(sighting.number), str(fruit), f"{sighting.score:.2f}",
@@ -233,7 +230,7 @@ def find_said(sighting: Sighting, fruit: int) -> tuple[str, ...]:
 
 
 def fruit_said(fruit: KnownFruit) -> tuple[str, ...]:
-    """A fruit for people, as `FRUIT_WORDS` says."""
+    """Return a fruit as texts, with the columns `FRUIT_WORDS`."""
     size, kind = fruit.size, fruit.sightings[0].fruit
     said = _said(kind, None, None) if size is None else _said(kind, size.dimensions, size.covariance)
     looks = "" if size is None or size.looks < 2 else f"{size.looks} " + ("agree" if size.agree else "disagree")
@@ -242,7 +239,7 @@ def fruit_said(fruit: KnownFruit) -> tuple[str, ...]:
 
 
 def _said(fruit: FruitModel, dimensions: Float64 | None, covariance: Float64 | None) -> tuple[str, ...]:
-    """Width, height, depth and mass with their 90 % intervals, for people."""
+    """Return width, height, depth and mass with their 90 % intervals as texts."""
     from_size = _sizes(fruit, dimensions, covariance)
     pairs = (from_size[k : k + 2] for k in range(0, 8, 2))
     return tuple(f"{value} ± {spread}" if value else "" for value, spread in pairs)

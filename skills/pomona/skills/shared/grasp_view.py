@@ -1,4 +1,4 @@
-"""A grasp for people: the fruit in space, and the chosen grasp over the camera's image."""
+"""Views of a grasp: the fruit in space, and the chosen grasp over the camera's image."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pomona.skills.motion.robot.solids import hull
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 
 CORNERS = 160
-"""About so many vertices of the fruit's shape are enough for the eye."""
+"""Approximate number of vertices of the fruit's shape in a view."""
 
 
 def fruit_mesh(fruit: MeasuredFruit) -> Mesh3:

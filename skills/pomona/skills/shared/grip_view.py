@@ -1,4 +1,4 @@
-"""A grip on the operator's plot: force over time against the least force that holds."""
+"""A grip on the operator's plot: force over time against the minimum grip force."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def show_grip(skill: Skill, hold: Hold, everything: bool = False) -> None:
 
     Args:
         skill: publishes under its own path, topic "grip".
-        hold: whose samples are drained.
-        everything: publish what there is, however little (when a node ends).
+        hold: source of the samples.
+        everything: publish all samples, even few (when a node ends).
     """
     if hold.waiting < EVERY and not (everything and hold.waiting > 0.0):
         return

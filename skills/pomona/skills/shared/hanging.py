@@ -1,4 +1,4 @@
-"""Whether a fruit that was lifted still hangs: its weight stays on the pads, whatever presses."""
+"""Check that a lifted fruit still hangs: its weight stays on the pads under any pressing force."""
 
 from __future__ import annotations
 
@@ -15,18 +15,14 @@ LEFT = 0.35
 """Less than this share of the load that was there has gone: a lift that slows down with 3 m/s² leaves 0.5."""
 
 LASTING = 0.06
-"""For so long [s]."""
+"""Minimum duration [s]."""
 
 AVERAGED, REMEMBERED = 0.1, 1.0
 """The load is averaged over the first, its largest value fades over the second [s]: a bump is no load."""
 
 
 class Hanging:
-    """Watches the load of a held fruit on its way up, and says whether it hangs at the end.
-
-    The grip's own word that it holds rests on the normal forces; this one on the tangential ones. A fault that hits one
-    leaves the other.
-    """
+    """Watches the load of a held fruit during the lift, and decides whether it hangs at the end."""
 
     def __init__(self, hold: Hold) -> None:
         self._hold = hold
@@ -35,10 +31,10 @@ class Hanging:
         self._light_for = 0.0
 
     def look(self) -> str:
-        """Look at the newest sample, once a tick; why the fruit cannot hang any more, or an empty text.
+        """Check the newest sample, once a tick; return why the fruit cannot hang any more, or an empty text.
 
         Raises:
-            DeviceFault: the fingers are not to be believed.
+            DeviceFault: the finger readings are not valid.
         """
         require_truth(self._hold)
         reading = self._hold.reading
@@ -53,14 +49,14 @@ class Hanging:
         return ""
 
     def missing(self) -> str:
-        """What speaks against a fruit that hangs now, at rest; empty when nothing does."""
+        """Return the evidence against a hanging fruit, at rest; empty without any."""
         if self._load < LEAST:
             return f"no weight hangs on the fingers: {self._load:.2f} N"
         return ""
 
 
 def require_truth(hold: Hold) -> None:
-    """Refuse to go on with a grip whose fingers are not to be believed; the run ends in the safe state.
+    """Refuse to continue a grip with invalid finger readings; the run ends in the safe state.
 
     Raises:
         DeviceFault: they stand still, contradict each other or the motor, or have gone silent.

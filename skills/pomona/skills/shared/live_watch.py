@@ -41,13 +41,13 @@ from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.frame_trust import earlier_poses, mismatch, note_pose, require_sound_pose
 
 BLOCKED = "PATH_BLOCKED"
-"""The code with which a motion fails that was stopped by what a camera saw."""
+"""Failure code of a motion that was stopped by an obstacle in a camera's view."""
 
 WATCH_FAILURES = (BLOCKED, *MISMATCHES)
-"""Codes of every skill whose motions are watched: an obstacle, or a camera whose frames cannot be true."""
+"""Codes of every skill with watched motions: an obstacle, or a camera with implausible frames."""
 
 TOO_OLD = 0.3
-"""A frame older than this says nothing about now [s]; a camera that sends no others is lost, which its driver says."""
+"""Age from which a frame is stale [s]; a camera that sends no others is lost, which its driver reports."""
 
 KEPT = 64
 """Postures that are remembered, to know where the arm was when a fixed camera looked: a second of ticks."""
@@ -57,10 +57,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class KnownAround:
-    """What is known to be around the arm.
+    """Known obstacles around the arm.
 
     Attributes:
-        map: what earlier looks saw, or None.
+        map: obstacles from earlier frames, or None.
         fruit: measured fruit that is left out of the map.
         carrying: the grasp by which a fruit is held, or None.
     """
@@ -92,7 +92,9 @@ class LiveWatch:
 
     @staticmethod
     def of(skill: Skill, arm: Arm, trajectory: Trajectory, around: KnownAround) -> LiveWatch | None:
-        """The watch of a trajectory; None in a cell that has no camera, or whose file does not ask for a watch."""
+        """Return the watch of a trajectory; None in a cell without a camera, or with a file that does not request a
+        watch.
+        """
         cameras, workspace = skill.optional_device(Cameras), skill.optional_device(Workspace)
         if cameras is None or not cameras.all or workspace is None or workspace.watch is None:
             return None
@@ -122,10 +124,10 @@ class LiveWatch:
         self._motion = motion
 
     def look(self) -> str | None:
-        """Compare what is new with the rest of the path; words when something is ahead that is not near yet.
+        """Compare new frames with the rest of the path; return a text for an obstacle ahead that is not near yet.
 
         Raises:
-            SkillFailure: PATH_BLOCKED, or POSE_MISMATCH or DEPTH_MISMATCH where the camera's frames cannot be true.
+            SkillFailure: PATH_BLOCKED, or POSE_MISMATCH or DEPTH_MISMATCH if the camera's frames are implausible.
         """
         motion = self._motion
         self._states.append(self._arm.state())
@@ -167,7 +169,7 @@ class LiveWatch:
     def _refuse(self, ahead: Ahead, camera: Camera, frame: Frame) -> None:
         self._refuse_untrue(camera, frame)
         x, y, z = ahead.point
-        spot = Points3(np.array([ahead.point]), "what is in the way", "occupied", 0.04)
+        spot = Points3(np.array([ahead.point]), "obstacle", "occupied", 0.04)
         words = "something has come in" if ahead.moved else "something unknown stands"
         self._skill.publish("blocked", SceneView(points=(spot,), caption=f"{words} at ({x:.2f}, {y:.2f}, {z:.2f}) m"))
         raise self._skill.failure(

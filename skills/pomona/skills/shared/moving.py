@@ -45,19 +45,19 @@ def move_to_pose(
     speed: float = 1.0,
     upright: float = np.pi,
 ) -> Watching:
-    """Plan to a named pose of the cell file and go there.
+    """Plan to a named pose of the cell file and move there.
 
     Args:
         skill: moves; it must have Arm, Gripper and Workspace among its devices, and `POSE_FAILURES`.
         pose, variation: as in `named_pose`.
-        map: what is in the way besides the fixed surroundings.
+        map: obstacles besides the fixed surroundings.
         carrying: the grasp by which a fruit is held; the fruit is then part of the robot.
         clearance: kept by the arm's links [m], as in `arm_space`.
         budget: of planning [s].
         avoiding: a fruit that was left out of the map and is still there.
-        speed: share of the speed that the limits allow, above 0 to 1.
-        upright: by how much the fruit may be tilted on the way [rad], from how it was when it was grasped, or without
-            `carrying` from how it is now; π: as the way has it.
+        speed: ratio of the speed that the limits allow, above 0 to 1.
+        upright: largest tilt of the fruit on the path [rad], against its pose at the grasp, or without `carrying`
+            against the present one; π: no limit.
     """
     arm, workspace = skill.device(Arm), skill.device(Workspace)
     try:

@@ -17,7 +17,9 @@ COLD_START = 5.0
 """Seconds that a process which has never planned may need on top of the budget to import and compile."""
 
 SIMULATED_PATIENCE = 60.0
-"""Wall seconds after which planning is given up on a simulated clock, where iterations are what counts."""
+"""Time after which planning is given up on a simulated clock [s, wall clock]; the number of iterations is the budget
+there.
+"""
 
 
 def planned(skill: Skill, request: PlanRequest) -> Generator[str | None, None, PlanResult]:

@@ -1,9 +1,9 @@
-"""A small network that says where an arm shall go next, from its joints and a goal; read from a file without any code.
+"""A small network that maps an arm's joints and a goal to the next motion; read from a file without any code.
 
 The file is NumPy's archive (.npz): `format` names it, `joints` in their order, `rate` [1/s] at which it is asked, mean
 and scale of inputs and outputs, and for each layer k `W{k}` (inputs x outputs) and `b{k}`, with tanh between them.
-Inputs are the joints [rad] and the goal, a position of the tool in the base frame [m]; outputs are how far each joint
-shall go [rad].
+Inputs are the joints [rad] and the goal, a position of the tool in the base frame [m]; outputs are the motion of each
+joint [rad].
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ FORMAT = "pomona-policy-1"
 GOAL = 3
 """Numbers of a goal: x, y, z."""
 MOST_BYTES = 16 << 20
-"""What is larger is no small network."""
+"""Size limit of a small network's file [byte]."""
 MOST_LAYERS = 16
 
 
@@ -35,7 +35,7 @@ class UnusablePolicy(Exception):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PolicyNetwork:
-    """A multilayer perceptron with what scales its inputs and outputs.
+    """A multilayer perceptron with scales of its inputs and outputs.
 
     Attributes:
         joints: names, in the order of inputs and outputs.
@@ -96,7 +96,7 @@ def read_policy(path: Path) -> PolicyNetwork:
     except (ValueError, zipfile.BadZipFile, EOFError, KeyError) as error:
         raise UnusablePolicy(path, "is no archive of NumPy, or a damaged one") from error
     if str(parts.get("format", "")) != FORMAT:
-        raise UnusablePolicy(path, f"does not say that it is a {FORMAT}")
+        raise UnusablePolicy(path, f"has no format {FORMAT}")
     try:
         return _checked(path, parts)
     except (KeyError, TypeError, ValueError) as error:

@@ -1,4 +1,4 @@
-"""The robot for people: its shape once, then where its parts are while it moves."""
+"""View of the robot: its shape once, then the poses of its moving parts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pomona.skills.motion.robot.solids import solid
 
 TOPIC = "robot"
 STILL = 1e-4
-"""What moves less [rad, m] since the last picture has not moved."""
+"""Motion below which a part has not moved since the last picture [rad, m]."""
 
 
 class RobotWatch:

@@ -21,11 +21,11 @@ class TalliedFruit:
     """One fruit.
 
     Attributes:
-        p_base: where it was seen, shape (3,) [m].
+        p_base: its position, shape (3,) [m].
         size: its dimensions, shape (3,) [m], or None when it was not measured.
-        outcome: a word: `DONE`, or what else became of it.
+        outcome: a word: `DONE`, or another outcome.
         why: a sentence, empty when there is nothing to explain.
-        tries: how often it was tried.
+        tries: number of tries.
     """
 
     p_base: Float64
@@ -36,13 +36,13 @@ class TalliedFruit:
 
     @property
     def place(self) -> str:
-        """For people."""
+        """Text for the operator."""
         x, y = 1e3 * self.p_base[:2]
         return f"({x:.0f}, {y:.0f}) mm"
 
     @property
     def dimensions(self) -> str:
-        """For people."""
+        """Text for the operator."""
         return "not measured" if self.size is None else " × ".join(f"{1e3 * d:.0f}" for d in self.size) + " mm"
 
 
@@ -54,11 +54,11 @@ class Tally:
     known: int = 0
 
     def with_entry(self, entry: TalliedFruit, found: int = 1) -> Tally:
-        """The account with one more try; a fruit that failed before at the same place is the same fruit.
+        """Return the tally with one more try; a fruit that failed before at the same place is the same fruit.
 
         Args:
-            entry: what became of it.
-            found: fruit in the look in which it was found, itself included.
+            entry: outcome of the try.
+            found: number of fruit in its frame, itself included.
         """
         seen = len(self.entries) - len(self.left) + found
         for k, known in enumerate(self.entries):
@@ -75,7 +75,7 @@ class Tally:
 
     @property
     def sentence(self) -> str:
-        """For people; names what was given up."""
+        """Text for the operator, with the given-up fruit."""
         done = f"{len(self.entries) - len(self.left)} of {max(self.known, len(self.entries))} fruit put away"
         return "; ".join((done, *(f"{entry.outcome} at {entry.place}: {entry.why}" for entry in self.left)))
 

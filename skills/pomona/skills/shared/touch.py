@@ -1,4 +1,4 @@
-"""What the fingers feel while the arm moves: unexpected contact, weight that comes or goes, a fruit between them."""
+"""Contact during a motion: unexpected contact, weight that comes or goes, a fruit between the fingers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ STALE_AFTER = 0.1
 """A newest sample older than this means that the fingers feel nothing any more [s]."""
 
 SPIKE = 3
-"""A change of force counts when so many samples in a row show it: one sample may be a spike."""
+"""Number of successive samples that confirm a change of force: one sample may be a spike."""
 
 AVERAGED = 0.1
 """Time of an average [s]."""
@@ -27,12 +27,12 @@ HELD_WIDTH = 2e-3
 
 
 def each_finger(forces: Float64) -> Float64:
-    """What a touch of the empty fingers changes: the force on each, (2, 3) -> (2, 3)."""
+    """Return the force on each finger, which a touch of the empty fingers changes, (2, 3) -> (2, 3)."""
     return forces
 
 
 def load(forces: Float64) -> Float64:
-    """What a held fruit changes that meets something: the force along the pads of both together, (2, 3) -> (1, 2).
+    """Return the force along both pads together, which a contact of a held fruit changes, (2, 3) -> (1, 2).
 
     The pads' y axes point in opposite directions (z out of either face, x along the approach), hence the signs. The
     pressing force is left out: the grip's controller changes it.
@@ -43,12 +43,12 @@ def load(forces: Float64) -> Float64:
 class Touch:
     """Listens to both fingers and remembers how much their force has changed since the beginning.
 
-    The first sample is the reference: an offset of the sensors, or the weight of a held fruit, does not count.
-    Use it as a context manager; the subscription ends with it.
+    The first sample is the reference: an offset of the sensors, or the weight of a held fruit, does not count. Use it
+    as a context manager; the subscription ends with it.
 
     Attributes:
         change: largest lasting change so far [N].
-        finger: which finger felt it: left or right; empty before any, and when both are looked at together.
+        finger: the finger with the change: left or right; empty before any, and when both are evaluated together.
     """
 
     def __init__(self, sensor: ForceSensor, of: Callable[[Float64], Float64] = each_finger) -> None:
@@ -56,7 +56,7 @@ class Touch:
 
         Args:
             sensor: the fingers.
-            of: what is looked at: maps forces (finger, axis) to vectors (n, k) whose norms are compared.
+            of: maps forces (finger, axis) to the vectors (n, k) whose norms are compared.
         """
         self._sensor, self._of = sensor, of
         first = sensor.latest()
@@ -91,7 +91,7 @@ class Touch:
         return 0.0 if self._reference is None else float(np.linalg.norm(self._reference, axis=1).max())
 
     def average(self) -> Float64:
-        """Of what was felt lately, shape (n, k) [N]."""
+        """Mean of the recent forces, shape (n, k) [N]."""
         mean: Float64 = np.mean(self._felt, axis=0)
         return mean
 
@@ -139,6 +139,6 @@ def pressing_forces(sensor: ForceSensor) -> tuple[float, float]:
 
 
 def something_between(gripper: Gripper, sensor: ForceSensor) -> bool:
-    """Whether force and opening both say that the fingers hold something."""
+    """Return True if force and opening both show an object between the fingers."""
     open_enough = gripper.state().width > gripper.limits.width_min + HELD_WIDTH
     return open_enough and min(pressing_forces(sensor)) > HELD_FORCE

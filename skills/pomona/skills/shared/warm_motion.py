@@ -1,4 +1,4 @@
-"""Compiling before the run what would otherwise be compiled in it: collision checks, straight lines, the planner."""
+"""Compilation before the run: collision checks, straight lines, the planner."""
 
 from __future__ import annotations
 

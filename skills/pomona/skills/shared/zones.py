@@ -1,4 +1,4 @@
-"""Zones of a cell: every motion is held against them before it begins, whatever planned it."""
+"""Zones of a cell: every motion is checked against them before it begins, independent of its planner."""
 
 from __future__ import annotations
 
@@ -12,12 +12,10 @@ from pomona.skills.motion.robot import RobotModel
 
 
 def zone_entered(skill: Skill, arm: Arm, trajectory: Trajectory, carrying: Grasp | None = None) -> str:
-    """Which part of the robot, or of what it holds, would enter a zone of the cell on a path, and where; or nothing.
-
-    Planners go around zones. This is for whoever does not ask one, or knows less than is held against the zones here.
+    """Describe which part of the robot or of a held fruit would enter a zone on a path, and where; empty without one.
 
     Args:
-        skill: that moves; a cell without a workspace or without zones has nothing to enter.
+        skill: that moves; in a cell without a workspace or zones the text is empty.
         trajectory: to be followed.
         carrying: the grasp by which a fruit is held.
     """

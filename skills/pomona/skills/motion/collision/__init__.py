@@ -1,4 +1,4 @@
-"""What the robot may hit: its own geometry as spheres, the world around it, and checks of postures and whole paths."""
+"""Collisions: the robot's geometry as spheres, the world around it, and checks of postures and whole paths."""
 
 from pomona.skills.motion.collision.convex import Convex, fruit_points
 from pomona.skills.motion.collision.distance_field import DistanceField

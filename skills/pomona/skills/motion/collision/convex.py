@@ -21,13 +21,13 @@ _ROUND = fibonacci_sphere(_ROUND_DIRECTIONS)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Convex:
-    """The region n·p <= offset of all planes, in the base frame; it contains the shape that it stands for.
+    """The region n·p <= offset of all planes, in the base frame; it contains the represented shape.
 
     The distance to it is bounded from below by the largest n·p - offset: exact in front of a face of a box, within some
     percent beside edges, within half a millimetre for a fruit of 5 cm.
 
     Attributes:
-        name: for people.
+        name: for messages.
         planes: unit normals and offsets, shape (k, 4) [1, m].
         bound: a sphere around the shape, shape (4,) [m].
     """

@@ -1,4 +1,4 @@
-"""Spheres that cover a convex collision shape, so that what the spheres miss the shape cannot hit.
+"""Spheres that cover a convex collision shape, so that a free cover proves a free shape.
 
 Boxes are tiled and every tile put into its circumscribed sphere; capsules are strung along their segment; cylinders,
 ellipsoids and hulls of meshes are cut into small cells, and spheres inside are chosen greedily until every cell lies
@@ -105,7 +105,9 @@ def _cover_capsule(radius: float, half: float) -> Cover:
 
 
 def _cover_box(half: Float64) -> Cover:
-    tile = _protrusion(float(half.min())) / (np.sqrt(3.0) - 1.0)  # half-edge of a cube whose sphere protrudes so far
+    tile = _protrusion(float(half.min())) / (
+        np.sqrt(3.0) - 1.0
+    )  # half-edge of a cube whose sphere protrudes by this distance
     counts = np.ceil(half / tile).astype(int)
     axes = [(np.arange(n) + 0.5) * 2.0 * h / n - h for n, h in zip(counts, half, strict=True)]
     centres = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -124,7 +126,7 @@ def _cover_cylinder(radius: float, half: float) -> Cover:
     protrusion = _protrusion(radius)
     large = radius + protrusion
     reach = float(np.sqrt(large**2 - radius**2))  # along the axis, to either side of a centre
-    last = half + protrusion - large  # the outermost centre whose sphere keeps to the end
+    last = half + protrusion - large  # the outermost centre whose sphere stays within the end
     spheres = []
     end = 0.0  # where the flat remainder begins
     if last > 0.0:
@@ -164,10 +166,7 @@ def _cover_of(spheres: Float64, depth: Depth, support: Float64) -> Cover:
 def _cover_greedily(half: Float64, centre: Float64, depth: Depth) -> Float64:
     """Spheres, shape (n, 4), that cover the part of a convex shape that lies in a box; `depth` is below its surface.
 
-    For points inside, `depth` may say less than the truth; for points outside, it is no further below zero than they
-    are from the shape.
-
-    Cells that no sphere takes whole are halved: what sticks out of the shape falls away.
+    For points inside, `depth` may underestimate; for points outside, it is no further below zero than their distance.
     """
     edge = float(np.cbrt(np.prod(2.0 * half) / _CELLS))
     counts = np.ceil(2.0 * half / edge).astype(int)

@@ -1,7 +1,6 @@
-"""What can go wrong when a collision world is built or asked.
+"""Errors of building or querying a collision world.
 
-CollisionError
-└── UnknownObstacle    a name that no obstacle has
+CollisionError └── UnknownObstacle    a name that no obstacle has
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Collision checks of postures, compiled by numba; `segment` proves what lies between them.
+"""Collision checks of postures, compiled by numba; `segment` proves the paths between them.
 
-Distances are lower bounds. A geom is first judged by one sphere around it; its covering spheres (or, against planes,
-its support points) are only looked at when that is not enough. `enough` says which distance the caller does not need
-to know more exactly.
+Distances are lower bounds. A geom is first checked by one sphere around it; its covering spheres (or, against planes,
+its support points) are only used if that is not sufficient. `enough` is the distance above which the caller needs no
+exact value.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ MAP = 0
 
 
 class WorldArrays(NamedTuple):
-    """What the robot may hit; c convex obstacles, h half spaces, g geoms of the robot. Base frame, metres.
+    """Obstacles of the robot: c convex obstacles, h half spaces, g geoms of the robot. Base frame, metres.
 
     Attributes:
         field, origin, resolution: a distance field, see `pomona.skills.motion.collision.distance_field`.
@@ -203,11 +203,11 @@ def evaluate_clearances(
     robot: RobotArrays, world: WorldArrays, width: float, active: NDArray[np.bool_], wanted: Float64,
     only_worst: bool, scratch: Scratch, found: Float64, which: Int64,
 ) -> int:  # fmt: skip
-    """Judge what is active in the posture that was placed: geoms against the world, then pairs of geoms.
+    """Check the active parts in the present posture: geoms against the world, then pairs of geoms.
 
     Writes the clearance beyond the margin into `found` (resolved only below `wanted`) and into `which` the obstacle, or
-    -1 - the pair's first geom. Returns the number of the smallest; with `only_worst`, what cannot be smaller than what
-    was found already is not resolved, and nothing more is judged after a collision when `wanted` is 0.
+    -1 - the pair's first geom. Returns the number of the smallest; with `only_worst`, clearances that cannot be the
+    smallest are not resolved, and the check ends after a collision when `wanted` is 0.
     """
     # Local names: reading an array out of a tuple counts references, which costs more than the arithmetic.
     of_geom, slides, bounds, spheres, start = robot.links, robot.slides, robot.bounds, robot.spheres, robot.sphere_start
@@ -220,7 +220,7 @@ def evaluate_clearances(
     self_margin, opening, geoms, obstacles = world.self_margin, width - robot.closed, of_geom.shape[0], convex.shape[0]
     worst: int = -1
     smallest: float = 1e9
-    for g in range(geoms - 1, -1, -1):  # the gripper is what most often collides
+    for g in range(geoms - 1, -1, -1):  # the gripper collides most often
         if not active[g]:
             continue
         enough = min(wanted[g], smallest) if only_worst else wanted[g]

@@ -22,7 +22,7 @@ _POSTURES = 64
 
 
 class RobotArrays(NamedTuple):
-    """What the kernels read; everything in the frame of the link that carries it, fingers closed. g geoms, n spheres.
+    """Arrays for the kernels; everything in the frame of the link that carries it, fingers closed. g geoms, n spheres.
 
     Attributes:
         steps, sliding: the chain, shapes (dof, 3, 4) and (dof,).
@@ -56,7 +56,7 @@ class RobotShape:
     """A robot's collision geometry, by name and as arrays.
 
     Attributes:
-        model: whose it is.
+        model: the robot model.
         arrays: for the kernels.
         geom_names, geom_bodies, geom_groups: of each geom: its name, its body's name, its group ("arm", "gripper",
             "fingers" or "held").
@@ -170,7 +170,7 @@ def _shape_of(model: RobotModel) -> RobotShape:
 
 
 class _Part(NamedTuple):
-    """What the kernels know as one geom: its name, its body, its cover in the link's frame, fingers closed."""
+    """A geom of the kernels: its name, its body, its cover in the link's frame, fingers closed."""
 
     name: str
     body: Body
@@ -239,7 +239,7 @@ def _reach(model: RobotModel, link: int, spheres: Float64) -> Float64:
 
 
 def _may_meet(model: RobotModel, one: Body, other: Body) -> bool:
-    """False for parts of one rigid assembly, for parent and child, and for what the file excludes."""
+    """Return False for parts of one rigid assembly, for parent and child, and for pairs that the file excludes."""
     if one.link == other.link:
         return False
     if frozenset((one.name, other.name)) in model.excluded:
@@ -250,7 +250,7 @@ def _may_meet(model: RobotModel, one: Body, other: Body) -> bool:
 def _without_overlapping(
     model: RobotModel, bodies: list[Body], covers: list[Cover], pairs: list[tuple[int, int]]
 ) -> Int64:
-    """Pairs of geoms without those of bodies that overlap in every posture: their contact says nothing.
+    """Return the pairs of geoms without those of bodies that overlap in every posture: their contact is meaningless.
 
     Overlap is judged by spheres *inside* the shapes, so a pair is left out only when it truly overlaps each time.
     """

@@ -1,18 +1,18 @@
 """Proof that a straight joint-space segment is free, by conservative advancement, compiled by numba.
 
-A clearance that is found in one posture reaches some way on along the segment; only where it ends the geom is looked at
-again. How far a geom's points move while the joints go on by a share s of the segment is bounded twice, and the smaller
-bound counts:
+A clearance in one posture is valid for some distance along the segment; the geom is checked again only at its end. How
+far a geom's points move while the joints go on by a share s of the segment is bounded twice, and the smaller bound
+counts:
 
 - by s times the sum of |dq_j| · reach_j: right for any motion, and far too much for one in which joints work against
   each other, such as a straight line of the tool;
 - by s |v| + s²/2 a, where v is how a point moves in the posture at hand and a bounds how that can change: a point p
   of a chain has |d²p/dq_j dq_k| <= reach of the later of the two joints.
 
-A proof needs slack: advanced by exactly the clearance that was found, the next look would find nothing left. And what
-one check has proven, a later one that looks elsewhere on the same segment must not deny: a plan would fail on its own
-path. So a check is told how much a look may miss of the margin (`tolerance`), and proves `SLACK` less than that. What
-is being planned is checked with none, what has been planned and is about to be executed with `SLACK`.
+A proof needs slack: after an advance by exactly the clearance, the next check would find none. Also, a later check at
+other points of the same segment must not contradict an earlier proof: a plan would fail on its own path. So a check may
+miss `tolerance` of the margin, and proves `SLACK` less than that. Planning uses no tolerance; the check of a planned
+path before its execution uses `SLACK`.
 
 For two geoms the motion of the outer one in the inner one's frame counts, in which the joints before both stand still.
 """
@@ -102,8 +102,7 @@ def check_path(
     """`check_segment` for all segments between waypoints, shape (n, dof), until one is not free.
 
     Returns:
-        Number of the first segment that is not free, -1 when there is none, and what
-        `check_segment` says of it.
+        Number of the first segment that is not free, -1 when there is none, and the result of `check_segment` for it.
     """
     for k in range(max(path.shape[0] - 1, 1)):
         end = path[min(k + 1, path.shape[0] - 1)]
@@ -159,7 +158,7 @@ def speed_of_ball(turns: Float64, shifts: Float64, inner: int, outer: int, centr
 
 @njit(cache=True, nogil=True)
 def _reaches(clear: float, rate: float, speed: float, bend: float) -> float:
-    """How far along the segment a clearance lasts: the larger of what the two bounds of the motion allow."""
+    """Return the validity of a clearance along the segment: the larger value of the two bounds of the motion."""
     steady = clear / max(rate, 1e-12)
     bending = 2.0 * clear / max(speed + sqrt(speed * speed + 2.0 * bend * clear), 1e-12)
     return max(steady, bending)

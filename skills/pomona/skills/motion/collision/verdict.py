@@ -1,4 +1,4 @@
-"""What to keep clear, and what is said when it is not."""
+"""Distances to keep, and the message for a violation."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from pomona.executive.values.arrays import Float64
 
 @dataclass(frozen=True, slots=True)
 class Margins:
-    """Distances to keep, body by body [m]: one margin for all would leave large fruit no room between the fingers.
+    """Distances to keep, body by body [m]: with one margin for all, large fruit would not fit between the fingers.
 
     Attributes:
-        arm, gripper, fingers, held: of the links, of what is fixed on the flange, of fingers and pads, of held fruit,
+        arm, gripper, fingers, held: of the links, of parts fixed on the flange, of fingers and pads, of held fruit,
             from everything in the world.
         itself: of the robot's parts from each other.
     """
@@ -24,7 +24,7 @@ class Margins:
     itself: float = 0.004
 
     def scaled(self, factor: float) -> Margins:
-        """All margins times a factor: what a fallback of the tree may ask for."""
+        """Return all margins times a factor, for example of a fallback in the tree."""
         return Margins(*(factor * m for m in (self.arm, self.gripper, self.fingers, self.held, self.itself)))
 
 

@@ -26,7 +26,7 @@ MAP = "map"
 TABLE = "table"
 
 _FAR = 0.25
-"""Clearances are told up to this distance [m]."""
+"""Limit of the reported clearances [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,10 +37,10 @@ class CollisionWorld:
         shape: the robot's geometry.
         field: distance to blocked cells of the map.
         obstacles: convex obstacles by number; their names need not differ.
-        margins: what to keep.
+        margins: distances to keep.
         arrays: for the kernels.
         table_z: height of the table [m], or None.
-        ignored: which obstacle's name may be touched by which group of the robot.
+        ignored: names of obstacles that a group of the robot may touch.
     """
 
     shape: RobotShape
@@ -140,7 +140,7 @@ class CollisionWorld:
         return self._collision(joints, width, float(clearances[0]), int(closest[0, 0]), int(closest[0, 1]), 0.0)
 
     def clearance(self, q: ArrayLike, width: float) -> float:
-        """Distance that is left beyond the margins [m], negative in collision; 0.25 m and more are told as 0.25 m.
+        """Return the distance beyond the margins [m], negative in collision; at most 0.25 m.
 
         Raises:
             BadJoints: q is no posture of this robot.
@@ -195,8 +195,8 @@ class CollisionWorld:
     def check_trajectory(self, trajectory: Trajectory, width: float) -> Collision | None:
         """The first collision along a timed trajectory, or None.
 
-        Between samples the arm may leave the straight segment by up to max|qdd|·dt²/8 in each joint; the motion that
-        this can mean is added to what every part must keep clear.
+        Between samples the arm may leave the straight segment by up to max|qdd|·dt²/8 in each joint; the resulting
+        motion is added to the margin of every part.
 
         Raises:
             BadTrajectory: malformed, or beyond a limit of the arm: see `pomona.drivers.trajectory`.
@@ -283,7 +283,7 @@ class CollisionWorld:
 
 @lru_cache(maxsize=4)
 def standing(workspace: Workspace) -> tuple[Convex, ...]:
-    """What the cell file says that stands there: boxes and parts of meshes."""
+    """Return the obstacles in the cell file: boxes and parts of meshes."""
     return (*map(Convex.of_box, workspace.obstacles), *map(Convex.of_hull, workspace.hulls))
 
 

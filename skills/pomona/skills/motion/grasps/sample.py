@@ -1,8 +1,8 @@
-"""Grasp candidates on the paper's sphere: what can be reached without touching anything, best first.
+"""Grasp candidates on the paper's sphere: those reachable without contact, best first.
 
-Every candidate is followed through: opening against the estimated width, fingers against the table, joint solutions of
-the pre-grasp, the straight approach in one arm configuration, and everything on the way against the map. One that fails
-is ruled out with the reason of the step at which it came furthest.
+Every candidate is checked step by step: opening against the estimated width, fingers against the table, joint solutions
+of the pre-grasp, the straight approach in one arm configuration, and everything on the way against the map. A failing
+one is excluded with the reason of the furthest step that it reached.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ LINE_STEP = 30e-3
 
 @dataclass(frozen=True, slots=True)
 class GraspRules:
-    """What a grasp must keep to.
+    """Rules for a grasp.
 
     Attributes:
         side: air between each pad and the fruit on the approach that is wanted, and that is needed at least [m].
@@ -48,7 +48,7 @@ class GraspRules:
         raise_up_to: how far the grasp may be drawn back from the widest section to clear the table [m].
         palm: air between fruit and palm [m].
         solutions: joint solutions that are kept of each candidate.
-        tried_solutions: joint solutions that are looked at, nearest to where the arm stands first.
+        tried_solutions: number of joint solutions to check, nearest to the present joints first.
         arm_angles: how finely a redundant arm's solutions are sampled.
         check: follow every candidate through; without it only the joint solutions are sought (the paper's way).
     """
@@ -74,8 +74,10 @@ class CandidateRejected(Exception):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Setting:
-    """What all candidates of one fruit share: among it the TCP's pose in the last link, shape (3, 4), and how far back
-    from the grasp the poses are at which an approach is judged, shape (m,) [m]."""
+    """Common data of all candidates of one fruit, such as the TCP's pose in the last link, shape (3, 4), and the
+    distances from
+    the grasp at which an approach is checked, shape (m,) [m].
+    """
 
     measured: MeasuredFruit
     vertices_base: Float64
@@ -253,7 +255,7 @@ def _judge(
 
 
 def warm_up(robot: RobotModel) -> None:
-    """Compile what sampling needs, before a run's clock starts."""
+    """Compile the functions of the sampling before a run's clock starts."""
     q = (robot.lower + robot.upper) / 2.0
     space = ArmSpace(CollisionWorld.build(robot), robot.width_max)
     poses = np.tile(robot.tcp(q)[:3], (2, 1, 1))

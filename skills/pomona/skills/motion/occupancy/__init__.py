@@ -1,4 +1,4 @@
-"""The occupancy map from depth frames: free, occupied and hidden cells, their ages, and the distance to what blocks."""
+"""Occupancy map from depth frames: free, occupied and hidden cells, ages, distance to blocked cells."""
 
 from pomona.skills.motion.occupancy.camera_pose import check_camera_pose, pose_of_camera
 from pomona.skills.motion.occupancy.errors import (

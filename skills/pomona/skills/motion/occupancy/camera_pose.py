@@ -1,4 +1,4 @@
-"""Does the camera stand where it is said to stand?"""
+"""Check of the camera's given pose."""
 
 from __future__ import annotations
 

@@ -1,10 +1,8 @@
-"""What can go wrong with the occupancy map. None of these is ever read as "free".
+"""Errors of the occupancy map. None of these is ever read as "free".
 
-OccupancyError
-├── NothingMeasured      a look without depth, or without a valid pixel in the mapped volume
-├── CameraPoseMismatch   where the camera is said to be contradicts the arm or the table
-├── MapEmpty             no look has been taken yet
-└── MapStale             the newest look is too old
+OccupancyError ├── NothingMeasured      a look without depth, or without a valid pixel in the mapped volume ├──
+CameraPoseMismatch   the camera's given pose contradicts the arm or the table ├── MapEmpty             no look has been
+taken yet └── MapStale             the newest look is too old
 """
 
 from __future__ import annotations
@@ -15,7 +13,7 @@ class OccupancyError(Exception):
 
 
 class NothingMeasured(OccupancyError):
-    """A look that says nothing about the mapped volume."""
+    """A frame without information about the mapped volume."""
 
     def __init__(self, label: str, valid: int, inside: int) -> None:
         self.label, self.valid, self.inside = label, valid, inside

@@ -2,7 +2,7 @@
 
 A cell well in front of the surface seen at its pixel is free. A cell that holds enough surface points is occupied. A
 cell close behind such a surface is hidden: the rest of the object. The table is a known plane, not part of the map;
-neither are the robot itself and the fruit that is to be picked, nor what these two hide.
+neither are the robot itself, the fruit to pick, and the cells hidden behind them.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def integrate(
     target: Convex | None = None,
     sensing: Sensing | None = None,
 ) -> OccupancyMap:
-    """The map after one more look; `previous` is left as it is.
+    """Return the map after one more frame; `previous` is not changed.
 
     Args:
         previous: an earlier map, or `OccupancyMap.empty` of the workspace.
@@ -70,7 +70,7 @@ def integrate(
 
     Raises:
         NothingMeasured: the frame has no depth, or none of it lies inside the mapped volume.
-        CameraPoseMismatch: much of what the camera sees would lie below the table.
+        CameraPoseMismatch: much of the depth would lie below the table.
     """
     how = sensing or Sensing()
     if frame.depth is None:
@@ -109,7 +109,7 @@ def integrate(
 
 
 def _clear_target(states: UInt8, grid: OccupancyMap, target: Convex, margin: float) -> None:
-    """Forget what is blocked inside the target: it is an obstacle of its own."""
+    """Clear the blocked cells inside the target: it is an obstacle of its own."""
     reach = target.bound[3] + margin + grid.resolution
     first = np.maximum(grid.cell_of(target.bound[:3] - reach), 0)
     last = np.minimum(np.array(grid.cell_of(target.bound[:3] + reach)) + 1, states.shape)
@@ -146,10 +146,7 @@ def _label_pixels(
     depth: Float32, camera: Float64, T: Float64, origin: Float64, resolution: float, table_z: float, table: float,
     own: NDArray[np.bool_], planes: Float64, bound: Float64, margin: float, labels: UInt8, points: NDArray[np.uint16],
 ) -> tuple[int, int, int]:  # fmt: skip
-    """Say of every pixel what it sees, and count the surface's points in each cell.
-
-    Returns how many pixels have depth, how many lie inside the volume, how many would lie under the table.
-    """
+    """Label every pixel, and count the surface's points in each cell."""
     nx, ny, nz = own.shape
     valid, inside, below = 0, 0, 0
     near = bound[3] + margin

@@ -1,4 +1,4 @@
-"""The occupancy map: what looks have seen of the cell's volume, as a frozen snapshot."""
+"""The occupancy map: the observed state of the cell's volume, as a frozen snapshot."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class OccupancyMap:
         origin: lower corner of the volume, shape (3,) [m].
         resolution: edge of a cell [m].
         states: UNKNOWN, FREE, OCCUPIED or HIDDEN, shape (nx, ny, nz), uint8.
-        last_look: number of the look that last said something about a cell, same shape, int16; -1 for none.
+        last_look: number of the last frame with information about a cell, same shape, int16; -1 for none.
         stamps: time of each look on the cell's clock [s].
     """
 

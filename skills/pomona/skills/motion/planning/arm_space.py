@@ -108,14 +108,14 @@ def arm_space(
     target: MeasuredFruit | None = None,
     held: Grasp | None = None,
 ) -> ArmSpace:
-    """What a skill's arm must avoid.
+    """Return the obstacles of a skill's arm.
 
     Args:
         arm: names the robot's description.
         workspace: table and fixed obstacles.
-        field: what the camera saw besides (`usable_field`); the target must be left out of it.
+        field: further obstacles from the camera (`usable_field`), without the target.
         width: opening of the gripper [m].
-        clearance: kept by the arm's links [m]; gripper and fingers keep their usual share of it (see `Margins`).
+        clearance: kept by the arm's links [m]; gripper and fingers keep their usual ratio of it (see `Margins`).
         target: a fruit that is to be grasped: the fingers may come near to it, nothing else may.
         held: the grasp by which a fruit is held: the fruit is then part of the robot.
     """

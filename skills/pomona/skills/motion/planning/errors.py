@@ -1,9 +1,8 @@
-"""What can go wrong with planning.
+"""Errors of planning.
 
-PlanningError
-├── PlanningFailed    there is no path to give; carries a code of the skill Plan, a sentence and data
-├── BadRequest        a request that is none: NaN, a wrong number of joints, no such planner
-└── BadProblem        a benchmark's problem file that cannot be used
+PlanningError ├── PlanningFailed    there is no path to give; carries a code of the skill Plan, a sentence and data ├──
+BadRequest        a request that is none: NaN, a wrong number of joints, no such planner └── BadProblem        a
+benchmark's problem file that cannot be used
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ class PlanningFailed(PlanningError):
 
 
 class BadRequest(PlanningError):
-    """A request that cannot be planned, whatever the scene."""
+    """A request that cannot be planned in any scene."""
 
 
 class BadProblem(PlanningError):

@@ -59,11 +59,11 @@ def problem_sets(folder: Path) -> tuple[Path, ...]:
 
 
 def read_problems(folder: Path, robot: RobotModel, limit: int = 0) -> Iterator[PlanningProblem]:
-    """The problems of one set, in order.
+    """Yield the problems of one set, in order.
 
     Args:
         folder: with scenes and requests.
-        robot: whose joints the requests name.
+        robot: the robot of the requests.
         limit: how many at most; 0 for all.
 
     Raises:

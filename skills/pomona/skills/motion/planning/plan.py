@@ -1,11 +1,12 @@
-"""From where the arm stands to the best of many pre-grasps: a checked, timed trajectory.
+"""A checked, timed trajectory from the present joints to the best of many pre-grasps.
 
 1. Straight joint motions to every goal, nearest first: most scenes need nothing else.
 2. A planner to the *set* of goals: RRT-Connect for a first path in milliseconds.
-3. Shortcuts, rounded corners, time within velocity, acceleration and jerk limits, and a check of what will be executed.
+3. Shortcuts, rounded corners, time within velocity, acceleration and jerk limits, and a check of the trajectory to
+execute.
 4. The rest of the budget on an optimising planner; the quicker trajectory is given.
 
-`planner: RRTstar` with one goal and without `improve` is the paper's way.
+`planner: RRTstar` with one goal and without `improve` is the paper's method.
 """
 
 from __future__ import annotations
@@ -29,20 +30,20 @@ GOOD_ENOUGH = 1.02
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanRequest:
-    """What to plan; picklable, since it is planned in another process.
+    """A planning problem; picklable, since it is planned in another process.
 
     Attributes:
         space: collision checks with the robot and the obstacles behind them.
-        q_start: where the arm stands, shape (dof,) [rad].
+        q_start: present joints, shape (dof,) [rad].
         q_goals: alternatives, shape (n, dof) [rad]; any of them will do.
         limits: of the arm's motion.
         planner: a name in `PLANNERS`.
         improve: an optimising planner for the rest of the budget, or empty.
         budget: seconds of planning on an unloaded core; converted to a number of iterations.
-        seed: the same seed gives the same path, whatever the machine's load.
+        seed: the same seed gives the same path, independent of the machine's load.
         patience: seconds on the wall after which planning is given up: the last resort.
         direct: whether to try straight joint motions first and to be content with a path nearly as short as one; the
-            paper's way does neither.
+            paper's method does neither.
     """
 
     space: Space
@@ -83,7 +84,7 @@ class PlanResult:
 
 @dataclass(slots=True)
 class _Progress:
-    """What has been used and found so far."""
+    """Budget used and paths found so far."""
 
     began: float = field(default_factory=time.perf_counter)
     iterations: int = 0
@@ -175,7 +176,7 @@ def _first_path(request: PlanRequest, goals: Float64, progress: _Progress) -> tu
 
 
 def _improve(request: PlanRequest, goals: Float64, progress: _Progress) -> Float64 | None:
-    """A path by the optimising planner in what is left of the budget."""
+    """Return a path by the optimising planner within the rest of the budget."""
     if PLANNERS[request.planner].kind is BudgetUse.OPTIMISING:
         return None
     used = progress.iterations / (request.budget * PLANNERS[request.planner].iterations_per_second)

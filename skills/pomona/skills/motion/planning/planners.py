@@ -18,7 +18,7 @@ from pomona.skills.motion.planning.space import Space
 
 
 class BudgetUse(Enum):
-    """What a planner does with its budget."""
+    """Use of the budget by a planner."""
 
     FEASIBLE = "ends with the first path"
     OPTIMISING = "shortens its path while the budget lasts"
@@ -26,10 +26,10 @@ class BudgetUse(Enum):
 
 @dataclass(frozen=True, slots=True)
 class PlannerKind:
-    """A planner that is offered.
+    """An available planner.
 
     Attributes:
-        kind: what it does with its budget.
+        kind: its use of the budget.
         iterations_per_second: on an unloaded core (2.5 GHz, warm).
         ompl: the name of OMPL's class, empty for this project's own.
     """

@@ -14,7 +14,7 @@ _SHARPER = {0.0: 0.35, 0.35: 0.7, 0.7: 1.0}
 
 
 def time_free_path(space: Space, waypoints: Float64, limits: ArmLimits) -> Trajectory:
-    """Time a polyline and check what will be executed; corners that touch something are driven more sharply.
+    """Time a polyline and check the trajectory; corners that touch an obstacle are rounded less.
 
     A corner at which the motion rests follows the polyline exactly, so this ends with a free motion.
 

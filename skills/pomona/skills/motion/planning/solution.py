@@ -1,4 +1,4 @@
-"""What a planner found."""
+"""Result of a planner."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What planners and samplers ask about joint space."""
+"""Interface to joint space for planners and samplers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pomona.executive.values.arrays import Float64
 
 
 class Space(Protocol):
-    """Joint space with what is free in it; robots and obstacles are behind it."""
+    """Joint space with its free part; implementations hold robots and obstacles."""
 
     @property
     def lower(self) -> Float64:
@@ -37,5 +37,5 @@ class Space(Protocol):
         ...
 
     def explain(self, q: Float64) -> tuple[str, dict[str, object]]:
-        """Why a configuration is not free: half a sentence for people, and data (link, obstacle, distance)."""
+        """Explain why a configuration is not free: part of a sentence, and data (link, obstacle, distance)."""
         ...

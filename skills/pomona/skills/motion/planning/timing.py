@@ -180,7 +180,7 @@ def time_curve(
     s3 = np.gradient(s2[:, 0], profile.t)[:, None]
     qd, qdd = first * s1, second * s1**2 + first * s2
     qddd = third * s1**3 + 3.0 * second * s1 * s2 + first * s3
-    jerk_between = np.diff(qdd, axis=0) / np.diff(profile.t)[:, None]  # what a controller makes of the samples
+    jerk_between = np.diff(qdd, axis=0) / np.diff(profile.t)[:, None]  # as a controller interpolates the samples
     stretch = max(
         1.0,
         float((np.abs(qd) / limits.velocity).max()),

@@ -18,7 +18,7 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.planning.arm_space import ArmSpace
 
 SLACK = np.radians(0.25)
-"""By how much the bound may be passed between two looks [rad]; on what is about to be executed twice that."""
+"""Tolerance of the bound between two checks [rad]; for a path before its execution twice that."""
 INSIDE = 0.7
 """Steps are pulled back to this share of the bound, so that the way between two of them stays within it."""
 STEP = 0.3
@@ -26,7 +26,7 @@ STEP = 0.3
 TRIES = 8
 """Newton steps of a projection."""
 COST = 20
-"""A step of these trees counts as so many of those without a bound, which are compiled: budgets stay seconds."""
+"""Cost of a step of these trees in steps without a bound, which are compiled: budgets stay in seconds."""
 
 
 class _Tree(NamedTuple):
@@ -52,12 +52,12 @@ class _Tree(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UprightSpace:
-    """A `Space` for an arm that carries something that must stay upright. Picklable.
+    """A `Space` for an arm with a load that must stay upright. Picklable.
 
     Attributes:
-        space: what else is to be avoided.
+        space: the other constraints.
         up: the direction in the TCP's frame that points up when it is upright, shape (3,), unit length.
-        most: by how much it may be tilted [rad].
+        most: largest allowed tilt [rad].
     """
 
     space: ArmSpace
@@ -97,7 +97,7 @@ class UprightSpace:
         if not self.space.free(q):
             return self.space.explain(q)
         tilt = self.tilt(q)
-        words = f"what is held would be tilted by {np.degrees(tilt):.0f}°, {np.degrees(self.most):.0f}° are allowed"
+        words = f"the held fruit would be tilted by {np.degrees(tilt):.0f}°, {np.degrees(self.most):.0f}° are allowed"
         return words, {"tilt_rad": tilt, "allowed_rad": self.most}
 
     def connect(self, q_start: Float64, q_goals: Float64, iterations: int, seed: int) -> tuple[Float64 | None, int]:

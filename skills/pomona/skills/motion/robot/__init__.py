@@ -1,4 +1,4 @@
-"""The robot model: what a description file says about kinematics, limits and collision geometry."""
+"""The robot model: kinematics, limits and collision geometry from a description file."""
 
 from pomona.skills.motion.robot.description import Body, Geom
 from pomona.skills.motion.robot.errors import BadJoints, BadRobotFile, NotAPose, RobotError

@@ -1,4 +1,4 @@
-"""What a robot's file says: a serial chain to the tool, the gripper's sliding fingers, and collision geometry.
+"""Contents of a robot's file: a serial chain to the tool, the gripper's sliding fingers, and collision geometry.
 
 MuJoCo compiles MJCF and URDF alike; everything is read from the compiled model with all joints at zero, so any way of
 writing the file (nested defaults, offsets of joints, Euler angles) gives the same description.
@@ -52,7 +52,7 @@ class Body:
         name: in the file.
         link: the link of the chain that carries it; 0 never moves.
         slide: shift per metre of gripper opening in the link's frame, shape (3,); zero for all but fingers.
-        group: "arm", "gripper" (what is fixed on the flange) or "fingers".
+        group: "arm", "gripper" (parts fixed on the flange) or "fingers".
         parent: name of the body it is attached to.
     """
 

@@ -17,7 +17,7 @@ from pomona.skills.motion.robot.chain import compose, forward, jacobian
 from pomona.skills.motion.robot.model import RobotModel
 
 _CONVERGED = 1e-11  # norm of the pose error [m, rad]
-_ACCEPTED = 1e-9  # what is returned when rounding stops the descent earlier
+_ACCEPTED = 1e-9  # accepted error when rounding stops the descent earlier
 
 
 def descend(model: RobotModel, T_base_tcp: Float64, starts: Float64, iterations: int = 80) -> Float64:

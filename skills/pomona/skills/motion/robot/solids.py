@@ -49,7 +49,7 @@ def _points(geom: Geom) -> Float64:
 
 
 def _ball(straight: float) -> Float64:
-    """Points on a ball of radius 1 whose halves are moved apart along z."""
+    """Return points on a ball of radius 1 with its halves moved apart along z."""
     angles = np.radians([0.0, 30.0, 60.0])
     upper = [_ring(float(np.cos(a)), float(np.sin(a)) + straight) for a in angles] + [
         np.array([[0, 0, 1.0 + straight]])

@@ -141,7 +141,7 @@ def _three_axes(a: Vector, b: Vector, c: Vector, rows: Rows, branch: float, angl
     """Write angles with R = Rot(a, x) Rot(b, y) Rot(c, z) for unit axes a ⟂ b ⟂ c into angles[first:first + 3].
 
     `rows` are those of R. It maps c to t; the part of t along a fixes y up to its sign, `branch`; the direction of the
-    rest fixes x; what is then left of R is z.
+    rest fixes x; the remainder of R is z.
     """
     t = (_dot(rows[0], c), _dot(rows[1], c), _dot(rows[2], c))
     along, rest = _dot(a, t), _cross(a, t)

@@ -1,4 +1,4 @@
-"""Watching the rest of a path while it is followed: what comes into view, and whether the arm would get at it."""
+"""Watch of the rest of a path while it is followed: new obstacles in view, and possible collisions with them."""
 
 from pomona.skills.motion.watch.braking import Braking
 from pomona.skills.motion.watch.path_watch import Ahead, PathWatch

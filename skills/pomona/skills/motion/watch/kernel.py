@@ -216,7 +216,7 @@ def nearest_ahead(
         geom[m] = which[m] = -1
         for g in range(links.shape[0]):
             if links[g] == 0:
-                continue  # what does not move hits nothing
+                continue  # a part at rest hits nothing
             around = bounds[g, 3]
             x, y, z = centres[g, 0], centres[g, 1], centres[g, 2]
             apart = np.sqrt((x - bound[0]) ** 2 + (y - bound[1]) ** 2 + (z - bound[2]) ** 2) - bound[3] - around

@@ -1,10 +1,10 @@
-"""Compares what a camera sees now with the rest of a path.
+"""Comparison of a camera's present frame with the rest of a path.
 
-Three things are told apart, cell by cell of a coarse grid. What is *known* (the map, the cell's fixed boxes, the table,
-fruit that was measured, the robot itself with what it holds) is no news. What was *seen free* during this motion and is
-taken now has moved in: it may go on moving, so it stops the arm when it could meet it before the arm rests. What is
-seen for the first time and is not known only stands there: it stops the arm when the arm would come near to it while it
-brakes. Further along the path either is told, and stops nothing yet.
+Each cell of a coarse grid is in one of three classes. A *known* cell (the map, the cell's fixed boxes, the table,
+measured fruit, the robot itself with a held fruit) is ignored. A cell *seen free* during this motion and now occupied
+holds a moving object: the arm stops if the object could meet it before it rests. A cell occupied at its first
+observation holds a standing object: the arm stops if it would come near to it while braking. Objects further along the
+path are reported, and do not stop the arm yet.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ CELL = 0.025
 """Edge of the grid's cells [m]: a hand takes dozens of them."""
 
 AROUND = 0.03
-"""What is nearer than this to something known belongs to it [m]: noise at its edge, or a stem."""
+"""Distance within which points belong to a known object [m]: noise at its edge, or a stem."""
 
 TABLE = 0.02
 """Height above the table below which everything is the table's [m]."""
@@ -79,16 +79,16 @@ class Ahead:
 
 
 class PathWatch:
-    """Watches one motion; give it every new frame of every camera.
+    """Watches one motion; needs every new frame of every camera.
 
     Args:
-        shape: of the robot, with what it holds.
+        shape: of the robot, with a held fruit.
         trajectory: that it follows.
-        limits: of the arm: they say how long it brakes.
+        limits: of the arm, which give its braking time.
         width: opening of the gripper [m].
-        workspace: table, fixed boxes, the volume that is looked at, and how carefully.
-        map: what earlier looks saw, or None.
-        known: further things that are where they are: the fruit to be picked.
+        workspace: table, fixed boxes, the watched volume, and the settings of the watch.
+        map: obstacles from earlier frames, or None.
+        known: further known objects: the fruit to pick.
 
     Attributes:
         width: opening of the gripper now; write it while the fingers move [m].
@@ -126,14 +126,14 @@ class PathWatch:
 
         Args:
             frame: with depth.
-            T_base_camera: where the camera was at the exposure, shape (4, 4).
+            T_base_camera: pose of the camera at the exposure, shape (4, 4).
             q: the arm's joints at the exposure, shape (dof,) [rad].
             age: of the frame now [s].
             path_time: how far along its trajectory the arm is now [s].
-            camera: which one's: what has moved is told from its own earlier frames.
+            camera: number of the camera: moving objects are found by its own earlier frames.
 
         Returns:
-            the most urgent new thing that is near the rest of the path, or None.
+            the most urgent new object near the rest of the path, or None.
         """
         new = self._new_cells(frame, T_base_camera, q, camera)
         if new == 0:

@@ -1,4 +1,4 @@
-"""The fruit catalogue: what Detect, Refine and the grasp need to know about a kind of fruit."""
+"""The fruit catalogue: models of the kinds of fruit, for Detect, Refine and the grasp."""
 
 from pomona.skills.perception.fruit.catalogue import FruitModel, Mesh, find_weights, known_fruits, load_fruit
 from pomona.skills.perception.fruit.errors import BadFruitFile, FruitError, UnknownFruit

@@ -68,7 +68,7 @@ def apple_mesh(
     """Build a watertight apple with its stem axis along -y, centred in its cuboid.
 
     Args:
-        shape: what makes this apple differ from others.
+        shape: the individual form of this apple.
         dimensions: outer cuboid (d_x, d_y, d_z) [m].
         around: vertices on a ring.
         rings: rings between the two poles.

@@ -27,7 +27,7 @@ CATALOGUE = installed_trees() / "fruits"
 SHIPPED_WEIGHTS = Path(__file__).resolve().parents[1] / "detection" / "weights"
 
 _AGREES = 1e-4
-"""A mesh measures what is said to so much [m]."""
+"""Tolerance between a mesh's dimensions and those in the file [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,9 +53,9 @@ class FruitModel:
         weights: the detector's weights for this fruit, None when there are none yet.
         stem: the stem in the object frame, for pictures only; None when the fruit has none.
         colour: typical colour of the flesh, RGB in 0..1.
-        sizes: how large fruit of this kind are and how high for their width, where that was learnt.
-        mass: of a fruit of the model's size [kg]; None where nobody has weighed any.
-        mass_spread: standard deviation of it, as a share, among fruit of one size.
+        sizes: distribution of size and height over width of this kind, if it was learnt.
+        mass: of a fruit of the model's size [kg]; None if no fruit was weighed.
+        mass_spread: relative standard deviation of it among fruit of one size.
     """
 
     name: str
@@ -182,7 +182,7 @@ def load_fruit(name_or_path: str | Path, catalogue: Path = CATALOGUE) -> FruitMo
 
 
 def judge_fruit(file: Path, findings: Findings) -> FruitFileSection | None:
-    """What a fruit.yaml says; everything that is wrong with it goes to `findings`."""
+    """Read a fruit.yaml; all errors go to `findings`."""
     written = read_value_file(file, findings, "a fruit file")
     try:
         return None if written is None else FRUIT.read(written.root, written.reader)
@@ -191,11 +191,11 @@ def judge_fruit(file: Path, findings: Findings) -> FruitFileSection | None:
 
 
 def damage(weights: Path) -> str:
-    """What is wrong with a file of weights as far as its checksums tell; an empty text when nothing is."""
+    """Return the damage of a file of weights according to its checksums; an empty text for an intact file."""
     try:
         now = weights.stat()
         broken = _broken_member(weights, now.st_mtime_ns, now.st_size)
-    except Exception as error:  # what zipfile and zlib raise has no common base
+    except Exception as error:  # the errors of zipfile and zlib have no common base
         return str(error) or type(error).__name__
     return "" if broken is None else f"{broken} in it is damaged"
 
@@ -242,7 +242,7 @@ def _load_mesh(path: Path, _changed: int) -> Mesh:
 
         loaded = trimesh.load_mesh(path, process=False)
         vertices, faces = np.asarray(loaded.vertices, np.float64), np.asarray(loaded.faces, np.int32)
-    except Exception as error:  # trimesh raises whatever the format's reader meets
+    except Exception as error:  # trimesh's readers may raise any exception
         words = str(error).strip().strip("'") or type(error).__name__
         raise _BadMesh(f"{path.name} is no mesh that can be read ({words})") from error
     if len(vertices) == 0 or len(faces) == 0 or not np.all(np.isfinite(vertices)):

@@ -1,7 +1,7 @@
-"""What is known of the sizes of a kind of fruit before one of them is measured, and how it is learnt.
+"""Prior distribution of the sizes of a kind of fruit, and its estimation.
 
-A depth camera gives one size of a fruit well, how large it looks at its distance, and its proportions hardly at all. So
-the width W and height H of a fruit are what the kind has, made better by the width that the scaled model shows:
+A depth camera measures the apparent size of a fruit well, but hardly its proportions. So the width W and height H of a
+fruit are the kind's, improved by the width of the scaled model:
 
     ln W ~ N(ln width, width_deviation²),  ln H - ln W ~ N(ln height_over_width, height_over_width_deviation²)
     ln shown = ln W + ½ s² · (ln H - ln W - ln model's) + ln looks + error,  error ~ N(0, looks_deviation² + deviation²)
@@ -21,7 +21,7 @@ import numpy as np
 from pomona.executive.values.arrays import Float64
 
 LEAST_FRUIT = 6
-"""Fewer fruit than this do not tell how a kind's sizes spread."""
+"""Minimum number of fruit for the spread of a kind's sizes."""
 
 _AS_SURE_AS_ANY = 0.03
 """Measurements that know better than this share how large a fruit looks count no more for it."""
@@ -37,13 +37,13 @@ class TooFewFruit(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class KindSizes:
-    """Sizes of a kind of fruit; every deviation is of a logarithm, so a share.
+    """Sizes of a kind of fruit; every deviation is of a logarithm, and thus relative.
 
     Attributes:
         width, width_deviation: median of the horizontal dimension [m] and its spread.
         height_over_width, height_over_width_deviation: median of the proportion and its spread.
-        looks, looks_deviation: width that a scaled model shows over the true one, and its spread beyond what each
-            measurement knows of itself.
+        looks, looks_deviation: width of a scaled model over the true one, and its spread beyond the uncertainty of each
+            measurement.
     """
 
     width: float
@@ -87,22 +87,22 @@ def learn_sizes(
     model_height_over_width: float,
     own: Float64 | float = 0.0,
 ) -> KindSizes:
-    """A kind's sizes from fruit that were measured, by hand or by their shape, and seen by the camera.
+    """Estimate a kind's sizes from fruit measured by hand or by their shape, and seen by the camera.
 
     Args:
         sizes: widths and heights, shape (n, 2) [m].
         shown: width that the scaled model had for each, shape (n,) [m].
-        deviations: of ln shown, as each measurement knew of itself, shape (n,).
+        deviations: of ln shown, estimated by each measurement, shape (n,).
         sines: of the angle between the line of sight and the stem's axis, shape (n,).
         model_height_over_width: the model's proportion.
-        own: standard deviations of ln width and of ln height over width as they were measured, shape (n, 2); 0 where
-            that was by hand. Fruit differ by what is left of their spread.
+        own: standard deviations of ln width and of ln height over width as they were measured, shape (n, 2); 0 for hand
+            measurements. They are subtracted from the spread between fruit.
 
     Raises:
         TooFewFruit: fewer than `LEAST_FRUIT`, or a size that is none.
     """
     if len(sizes) < LEAST_FRUIT:
-        raise TooFewFruit(f"{len(sizes)} measured fruit do not tell how sizes spread: measure {LEAST_FRUIT} or more")
+        raise TooFewFruit(f"{len(sizes)} measured fruit do not give the spread of sizes: measure {LEAST_FRUIT} or more")
     if not (np.isfinite(sizes).all() and (sizes > 0.0).all() and np.isfinite(shown).all() and (shown > 0.0).all()):
         raise TooFewFruit("a size that is zero, negative or no number teaches nothing: leave its fruit out")
     ln_width, ln_ratio = np.log(sizes[:, 0]), np.log(sizes[:, 1] / sizes[:, 0])
@@ -110,7 +110,7 @@ def learn_sizes(
     weight = 1.0 / (deviations**2 + _AS_SURE_AS_ANY**2)
     looks = float(weight @ seen / weight.sum())
     beyond = float(weight @ ((seen - looks) ** 2 - deviations**2) / weight.sum())
-    wider = math.sqrt(1.0 + 1.0 / len(sizes))  # the medians are only as well known as so many fruit tell
+    wider = math.sqrt(1.0 + 1.0 / len(sizes))  # uncertainty of the medians of this number of fruit
     told = np.broadcast_to(own, sizes.shape)
     spread = np.var([ln_width, ln_ratio], axis=1, ddof=1) - np.mean(np.square(told), axis=0)
     width_deviation, ratio_deviation = wider * np.sqrt(np.maximum(spread, _LEAST_SPREAD**2))
@@ -132,10 +132,11 @@ def held_out(
     model_height_over_width: float,
     own: Float64 | float = 0.0,
 ) -> tuple[Float64, Float64]:
-    """Errors of width and height of each fruit with what all others teach; the arguments are those of `learn_sizes`.
+    """Return the errors of width and height of each fruit with the sizes of all others; for the arguments see
+    `learn_sizes`.
 
     Returns:
-        by the others' mean size, and by that and what is seen of the fruit itself, shape (n, 2) each [m].
+        with the others' mean size, and with that and the fruit's own image, shape (n, 2) each [m].
 
     Raises:
         TooFewFruit: without one of them there are fewer than `LEAST_FRUIT`.

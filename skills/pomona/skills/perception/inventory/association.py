@@ -13,8 +13,8 @@ GATE = 11.345
 """Squared Mahalanobis distance in space that 99 of 100 sightings of the same fruit stay within (chi², 3 degrees)."""
 
 MISPLACED = 0.1
-"""Standard deviation of what no covariance tells, the pose of the camera and a dent, as a share of the diameter. Two
-sightings of it reach 0.48 of a diameter at the gate: no two solid fruit are as near to each other."""
+"""Standard deviation of errors outside the covariances, such as the camera's pose and dents, relative to the diameter.
+Two sightings reach 0.48 of a diameter at the gate: no two solid fruit are as near to each other."""
 
 
 def associate(

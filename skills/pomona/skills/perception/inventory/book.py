@@ -19,11 +19,11 @@ class KnownFruit:
 
     Attributes:
         number: its identity, counted from 1.
-        scene: in which it was seen; places in different scenes say nothing about each other.
+        scene: in which it was seen; places in different scenes are unrelated.
         sightings: in the order of the frames, with places in the scene's frame.
         place: by all of them, shape (3,) [m].
         place_covariance: of it, shape (3, 3) [m²].
-        size: by all that measured it; None when none did.
+        size: from all its measurements; None without any.
     """
 
     number: int
@@ -81,15 +81,15 @@ class FruitBook:
     def add_frame(
         self, sightings: Sequence[Sighting], T_scene_base: Float64 | None, deviation: float = 0.0
     ) -> list[int]:
-        """Count one frame in.
+        """Add one frame.
 
-        Sightings that were measured choose among the known fruit first: the others' distances are guessed by their
+        Measured sightings are assigned to the known fruit first: the distances of the others are estimates by their
         size in the picture.
 
         Args:
             sightings: all of one frame.
             T_scene_base: from the frame's base frame to that of the newest scene, shape (4, 4); None begins a new
-                scene, since nobody knows where the camera has gone.
+                scene, since the camera's motion is unknown.
             deviation: standard deviation of that, at the fruit [m].
 
         Returns:

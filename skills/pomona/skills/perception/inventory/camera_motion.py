@@ -1,8 +1,8 @@
-"""Where the camera went between two frames of which nobody says it: from what both show.
+"""Motion of the camera between two frames without poses, estimated from their contents.
 
 Points that both pictures show (SIFT) and that have depth in both are brought into line by a rigid motion. It is
-believed only where many points all over the picture agree on it, and where two halves of them that share no point give
-the same motion: fruit that was counted twice is seen, fruit that was merged by mistake is not.
+accepted only if many points all over the picture agree on it, and if two disjoint halves of them give the same motion.
+A rejected motion counts fruit twice, which is visible; a wrong one would merge fruit, which is not.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ RATIO = 0.75
 
 LEAST_POINTS = 60
 LEAST_SHARE = 0.3
-"""Of the matches that must agree with the motion: what else moves, or looks alike, is not the scene."""
+"""Minimum ratio of matches that agree with the motion; the others are moving or similar objects."""
 LEAST_SPREAD = 0.15
 """Standard deviation of the agreeing points in the picture, as a share of its width and of its height."""
 MOST_DEVIATION = 0.01
@@ -37,9 +37,9 @@ class CameraMotion:
     """The later camera's pose in the earlier camera's frame.
 
     Attributes:
-        T_earlier_later: shape (4, 4); None where it cannot be known.
-        deviation: standard deviation of where it puts what is seen [m].
-        why: it cannot be known; empty where it is.
+        T_earlier_later: shape (4, 4); None if it is unknown.
+        deviation: standard deviation of the resulting positions [m].
+        why: reason why it is unknown; empty if it is known.
     """
 
     T_earlier_later: Float64 | None

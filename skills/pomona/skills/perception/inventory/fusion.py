@@ -25,8 +25,8 @@ class FusedSize:
     Attributes:
         dimensions: (d_x, d_y, d_z), shape (3,) [m].
         covariance: of them, shape (3, 3) [m²].
-        looks: how many measured it.
-        agree: whether the looks differ by no more than they say that they err, as if they had nothing in common.
+        looks: number of measurements.
+        agree: whether the measurements differ by no more than their uncertainties, taken as independent.
     """
 
     dimensions: Float64
@@ -37,11 +37,11 @@ class FusedSize:
 
 @dataclass(slots=True, eq=False)
 class SizeOfLooks:
-    """The mean of looks at one fruit, each weighted by its information; one more look costs the same however many there
-    were.
+    """The mean of the measurements of one fruit, weighted by their information; one more costs the same for any number.
 
-    What they have in common (`SHARED`) is not averaged away. Where they disagree the covariance is widened by the
-    factor by which they differ more than expected (Birge's ratio).
+    The common error (`SHARED`) is not averaged. If the measurements disagree, the covariance is widened by the factor
+    by
+    which they differ more than expected (Birge's ratio).
     """
 
     looks: int = 0
@@ -85,8 +85,10 @@ class SizeOfLooks:
 
 
 def _turned_as(first: Float64, dimensions: Float64, covariance: Float64, R: Float64) -> tuple[Float64, Float64]:
-    """A look's dimensions with x and z exchanged where its x axis lies along the first look's z: a fruit's turn about
-    its stem is seen from the camera, so another look's axes may be others."""
+    """Return a measurement's dimensions with x and z exchanged where its x axis lies along the first one's z: the turn
+    of a
+    fruit about its stem depends on the view, so the axes of another view may differ.
+    """
     if abs(first[:, 0] @ R[:, 0]) >= abs(first[:, 2] @ R[:, 0]):
         return dimensions, covariance
     order = [2, 1, 0]

@@ -1,4 +1,4 @@
-"""What a fruit weighs, from its size: the weighed fruit of the model's size, scaled with the volume."""
+"""Mass of a fruit from its size: the mean of weighed fruit of the model's size, scaled with the volume."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pomona.skills.perception.fruit import FruitModel
 
 
 def mass_of(fruit: FruitModel, dimensions: Float64, covariance: Float64) -> tuple[float, float] | None:
-    """Mass and its standard deviation [kg]; None for a kind of which nobody has weighed any.
+    """Return the mass and its standard deviation [kg]; None for a kind without weighed fruit.
 
     Args:
         fruit: the model, whose `mass` is that of a fruit of the model's size.
@@ -24,7 +24,7 @@ def mass_of(fruit: FruitModel, dimensions: Float64, covariance: Float64) -> tupl
 
 
 def mass_model(fruit: FruitModel) -> str:
-    """By which the mass is estimated, for people; empty where it is not."""
+    """Name the model of the mass for the operator; empty without one."""
     if fruit.mass is None:
         return ""
     size = " x ".join(f"{1e3 * d:.0f}" for d in fruit.dimensions)

@@ -1,8 +1,8 @@
-"""Whether depth lies on the colour of its own pixels: mirrored, turned, shifted or other depth gives wrong sizes.
+"""Check of the registration of depth to colour: mirrored, turned, shifted or foreign depth gives wrong sizes.
 
 Where depth changes, colour mostly does too, and along the same line. So the directions of both gradients (the
-normalised gradient fields of Haber and Modersitzki, 2006) agree more where depth lies as it should than anywhere else.
-The score of a shift says how far its mean agreement stands above that of all shifts, in their standard deviations.
+normalised gradient fields of Haber and Modersitzki, 2006) agree most for the correct registration. The score of a shift
+is the difference of its mean agreement to that of all shifts, in their standard deviations.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ SURE = 8.0
 """With this score depth and colour belong together: 44 right frames score 9.8 (simulated) to 23 (an orchard's)."""
 
 NOWHERE = 5.0
-"""With less than this they do not: moved beyond what overlaps, the orchard's depth scores 4.6 at most."""
+"""Score below which the edges disagree everywhere: moved beyond the overlap, the orchard's depth scores 4.6 at most."""
 
 LEAST_EDGES = 0.02
-"""Share of the picture that must be edges of depth, to tell that they lie nowhere on colour's."""
+"""Minimum ratio of the picture with depth edges for the conclusion that they match no colour edges."""
 
 FAINT = 0.03
 """Change of inverse depth that counts half as an edge [1/m per pixel of `WIDTH`]."""
@@ -51,16 +51,12 @@ Complex = NDArray[np.complex64]
 
 
 def misplaced_depth(frame: Frame) -> str:
-    """How depth lies beside its colour, for people; empty where it lies on it, or where nothing tells.
-
-    Args:
-        frame: one without depth says nothing.
-    """
+    """Describe the misregistration of depth for the operator; empty if it is correct or unknown."""
     return depth_elsewhere(frame, or_nowhere=True)
 
 
 def depth_elsewhere(frame: Frame, or_nowhere: bool = False) -> str:
-    """How depth lies beside its colour where it fits better shifted, mirrored or turned; else empty.
+    """Describe the misregistration of depth that fits better shifted, mirrored or turned; else empty.
 
     Args:
         frame: one without depth gives an empty text.
@@ -105,7 +101,7 @@ def _of_colour(colour: UInt8) -> Complex:
 
 
 def _of_depth(depth: Float32) -> Complex:
-    """Directions of the gradient of inverse depth; what was not measured counts as far away."""
+    """Return the directions of the gradient of inverse depth; missing depth counts as far away."""
     small = cv2.resize(depth, _size(depth.shape), interpolation=cv2.INTER_NEAREST)
     inverse = np.where(small > 0.0, 1.0 / np.maximum(small, 0.2), 0.0).astype(np.float32)
     smooth = cv2.GaussianBlur(inverse, (0, 0), SMOOTH)

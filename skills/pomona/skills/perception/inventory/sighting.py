@@ -17,7 +17,7 @@ SIZE_SPREAD = 0.2
 orchard's 52 calipered apples are 0.60 to 0.86 of the model wide."""
 
 Z_90 = 1.6449
-"""A normal variable stays within so many standard deviations in 90 of 100 cases."""
+"""Quantile of the normal distribution for an interval of 90 %, in standard deviations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,25 +78,25 @@ class Sighting:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameSightings:
-    """What was found in one frame, so far."""
+    """The sightings in one frame so far."""
 
     frame: Frame
     sightings: tuple[Sighting, ...]
 
     @property
     def sentence(self) -> str:
-        """For people."""
+        """Description for the operator."""
         measured = sum(sighting.dimensions is not None for sighting in self.sightings)
         return f"{measured} of {len(self.sightings)} fruit measured"
 
 
 def sighting_of(detection: Detection, measured: MeasuredFruit | None, why: str, number: int) -> Sighting:
-    """A fruit as it was found, and measured unless `why` says why not.
+    """Return a sighting from a detection and its measurement, or the reason `why` there is none.
 
     Args:
         detection: the fruit as it was found.
-        measured: the same fruit as it was measured; not looked at when `why` is not empty.
-        why: it was not measured.
+        measured: the same fruit as it was measured; ignored when `why` is not empty.
+        why: reason why it was not measured.
         number: in its frame, from 1.
     """
     frame, T_base_camera = detection.frame, detection.T_base_camera
@@ -127,7 +127,7 @@ def sighting_of(detection: Detection, measured: MeasuredFruit | None, why: str, 
 
 
 def label_of(frame: Frame) -> str:
-    """A frame's name, for people."""
+    """Return a frame's name for the operator."""
     return frame.label or f"frame {frame.sequence}"
 
 

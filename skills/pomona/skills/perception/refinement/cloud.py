@@ -20,9 +20,10 @@ class Cloud:
     Attributes:
         points: shape (n, 3) [m].
         rays: unit vectors from the camera to them, shape (n, 3).
-        deviation: standard deviation along the camera's z axis, shape (n,) [m], enlarged for what neighbours share.
-        beside: standard deviation across the ray, of where the pixel looks, shape (n,) [m], enlarged as well.
-        alike: so many neighbours err alike, by which both are enlarged.
+        deviation: standard deviation along the camera's z axis, shape (n,) [m], enlarged for the common error of
+            neighbours.
+        beside: standard deviation across the ray, of the pixel's ray, shape (n,) [m], enlarged as well.
+        alike: number of neighbours with a common error, by which both are enlarged.
     """
 
     points: Float64
@@ -46,7 +47,7 @@ class Cloud:
         return replace(self, points=apply(T_a_b, self.points), rays=self.rays @ T_a_b[:3, :3].T)
 
     def thinned(self, at_most: int) -> Cloud:
-        """Every k-th point; what neighbours share is then less."""
+        """Return every k-th point; the common error of neighbours is then smaller."""
         step = -(-len(self.points) // at_most) if len(self.points) else 1
         gain = np.sqrt(max(1.0, self.alike / step) / self.alike)
         few = self.chosen(np.arange(len(self.points)) % step == 0)

@@ -1,4 +1,5 @@
-"""Is what is seen there curved as the fruit is? A wall, a post or the edge of a box agrees with a part of any model.
+"""Comparison of the measured surface's curvature with the fruit's: a flat wall or a post agrees with a part of any
+model.
 
 Inverse depth is linear over the image of a plane, whatever its tilt, so the second derivatives of inverse depth measure
 curvature alone. They are fitted to the same pixels of the measured and of the rendered depth.
@@ -25,11 +26,12 @@ _LEAST_PIXELS = 60
 _MOST_PIXELS = 1500
 """Of a larger box every second or third pixel of every second or third row is looked at."""
 _TRIMMED = 3.0
-"""Pixels farther from the fitted surface than so many standard deviations are left out once: holes' edges, stems."""
+"""Distance from the fitted surface of outliers, dropped once, in standard deviations: holes' edges, stems."""
 
 _CLEARLY_CURVED = 0.1
-"""A model with less curvature in one direction than this share of that in the other one tells nothing there: at 0.3
-seven of 50 half-hidden apples were not judged, at 0.1 two."""
+"""Ratio of the model's curvatures in its two directions below which the flatter one is not checked: at 0.3 seven of 50
+half-hidden apples were not checked, at 0.1 two.
+"""
 
 
 class Curvature(NamedTuple):
@@ -51,16 +53,16 @@ class Curvature(NamedTuple):
 def least_curvature(
     depth: DepthImage, virtual_depth: DepthImage, inliers: NDArray[np.bool_], band: float, alike: float
 ) -> Curvature | None:
-    """How curved the surface is that agrees with a model, in the direction in which it is least so.
+    """Return the curvature of the surface that agrees with a model, in the direction of its minimum.
 
     Args:
         depth, virtual_depth: measured and of the refined model, shape (h, w) [m]; 0 where there is none.
         inliers: pixels that agree, shape (h, w).
         band: half-width of the band in which depth agrees [m].
-        alike: so many neighbouring pixels err alike.
+        alike: number of neighbouring pixels with a common error.
 
     Returns:
-        None where too little of one connected surface is seen, or the model itself is flat there.
+        None if too little of one connected surface is visible, or the model itself is flat there.
     """
     step = max(1, math.isqrt(depth.size // _MOST_PIXELS))
     depth, virtual_depth, inliers = depth[::step, ::step], virtual_depth[::step, ::step], inliers[::step, ::step]

@@ -1,4 +1,4 @@
-"""What virtual depth is rendered from and into: a mesh, a box of the image, its depth."""
+"""Data of the rendering of virtual depth: a mesh, a box of the image, its depth."""
 
 from __future__ import annotations
 

@@ -1,16 +1,10 @@
-"""What can go wrong when a fruit is measured in a depth image.
+"""Errors of the measurement of a fruit in a depth image.
 
-RefineError           carries the skill's failure code; the attributes are its data
-├── BadDepth            NO_DEPTH: not a depth image of this camera
-│   └── DepthNotInMetres  every value is about a thousand times too large
-├── BadMesh             RENDER_FAILED: empty, flat or not finite
-├── BadPose             RENDER_FAILED: not a rigid transform
-├── NoDepth             NO_DEPTH
-├── TooFewInliers       TOO_FEW_INLIERS
-├── SizeOutOfRange      SIZE_OUT_OF_RANGE
-├── AtBound             AT_BOUND
-├── NotItsShape         NOT_ITS_SHAPE
-└── RenderFailed        RENDER_FAILED
+RefineError           carries the skill's failure code; the attributes are its data ├── BadDepth            NO_DEPTH:
+not a depth image of this camera │   └── DepthNotInMetres  every value is about a thousand times too large ├── BadMesh
+RENDER_FAILED: empty, flat or not finite ├── BadPose             RENDER_FAILED: not a rigid transform ├── NoDepth
+NO_DEPTH ├── TooFewInliers       TOO_FEW_INLIERS ├── SizeOutOfRange      SIZE_OUT_OF_RANGE ├── AtBound
+AT_BOUND ├── NotItsShape         NOT_ITS_SHAPE └── RenderFailed        RENDER_FAILED
 """
 
 from __future__ import annotations
@@ -36,7 +30,7 @@ class DepthNotInMetres(BadDepth):
     def __init__(self, median_depth: float, expected_depth: float) -> None:
         self.median_depth, self.expected_depth = median_depth, expected_depth
         super().__init__(
-            f"the depth is {median_depth:.0f} where the detection says {expected_depth:.2f} m: "
+            f"the depth is {median_depth:.0f} where the detection gives {expected_depth:.2f} m: "
             "the image is in millimetres; divide it by 1000"
         )
 
@@ -93,14 +87,16 @@ class SizeOutOfRange(RefineError):
 
 
 class NotItsShape(RefineError):
-    """What agrees with the model is flat in a direction in which the fruit is round: a wall, a post, a leaf."""
+    """The surface that agrees with the model is flat in a direction in which the fruit is round: a wall, a post, a
+    leaf.
+    """
 
     code = "NOT_ITS_SHAPE"
 
     def __init__(self, curvature: float, needed: float) -> None:
         self.curvature, self.needed = curvature, needed
         super().__init__(
-            f"what is seen there has {max(curvature, 0.0):.2f} of the fruit's curvature in one direction, "
+            f"the surface there has {max(curvature, 0.0):.2f} of the fruit's curvature in one direction, "
             f"{needed:.2f} is needed: it is a wall, a post or a leaf, or it hides the fruit"
         )
 

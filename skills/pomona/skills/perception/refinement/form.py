@@ -33,7 +33,7 @@ class Form:
 
     @property
     def nearly_round(self) -> bool:
-        """Whether the model is about a body of revolution, so that nobody can tell how the fruit is turned."""
+        """Whether the model is nearly a body of revolution, so that its turn about the axis is unobservable."""
         return bool(abs(np.log(self.radius[0] / self.radius[1])) < _NEARLY_ROUND)
 
     def changed(self, ln_stretch: Float64, lean: Float64) -> Form:

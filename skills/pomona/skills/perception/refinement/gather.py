@@ -1,4 +1,4 @@
-"""Which measured points to fit a fruit's shape to: from all looks, without what it stands on."""
+"""Measured points for the fit of a fruit's shape: from all looks, without its support."""
 
 from __future__ import annotations
 

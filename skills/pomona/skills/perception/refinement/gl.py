@@ -1,12 +1,17 @@
-"""pyrender's context and mesh buffers through EGL, one draw call of our own, in one process with MuJoCo's EGL renderer.
+"""pyrender's context and mesh buffers through EGL, with a draw call of Pomona, in one process with MuJoCo's EGL
+renderer.
 
-pyrender's own `render` spends most of a small picture's time on what depth does not need: buffers with four samples a
-pixel and their resolution, colour, walking the scene. Here a mesh that pyrender uploaded is drawn by a program with one
-matrix into a buffer that holds depth alone. The picture is pyrender's (tested).
+For a small picture, pyrender's own `render` spends most of its time on things that depth does not need: buffers with
+four
+samples a pixel and their resolution, colour, walking the scene. Here a program with one matrix draws a mesh that
+pyrender
+uploaded into a buffer that holds depth alone. The picture equals pyrender's (tested).
 
-A context belongs to the thread in which it is current: ours is so for the time of one call, under a lock, in whatever
-thread the caller comes from, and what another library had made current there is so again afterwards. The renderer is
-never deleted, since deleting it terminates the display that other renderers of the process use.
+A context belongs to the thread in which it is current. This one is current for the time of one call, under a lock, in
+the
+caller's thread; afterwards the previous context of another library is current again. The renderer is never deleted,
+since
+deleting it terminates the display that other renderers of the process use.
 """
 
 from __future__ import annotations

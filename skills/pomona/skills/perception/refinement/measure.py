@@ -92,7 +92,7 @@ def _doubt(look: DepthLook, result: RefineResult, support: Plane) -> str:
     side = "above" if height > 0.0 else "below"
     return (
         f"around the fruit a surface is seen {1e3 * abs(height):.0f} mm {side} the table and {math.degrees(tilt):.0f}° "
-        "tilted against it: the fruit lies on something, or the table's height, the camera's place or its intrinsics "
+        "tilted against it: the fruit lies on an object, or the table's height, the camera's place or its intrinsics "
         "are wrong"
     )
 

@@ -1,6 +1,6 @@
 """The paper's method as it is printed: move and scale the model, render it, compare, search. Kept as the reference.
 
-`scale_fit.fit_scale` finds the same optimum from one render; this module is what it is measured against.
+`scale_fit.fit_scale` finds the same optimum from one render; this module is the reference for it.
 """
 
 from __future__ import annotations

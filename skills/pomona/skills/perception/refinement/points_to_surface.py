@@ -15,11 +15,11 @@ PARAMETERS = 11
 """Move 3, tilt about x and z, ln stretch 3, lean 2, turn about y."""
 
 _FACING = 0.1
-"""A surface whose normal makes at least this cosine with the ray looks away: it is the far side of the model."""
+"""Cosine between a normal and the ray from which a surface faces away: it is the far side of the model."""
 
 
 class Points(NamedTuple):
-    """What a camera measured, as the kernel takes it: a `Cloud`, arrays of shape (n, 3) or (n,) [m]."""
+    """Measured points for the kernel: a `Cloud`, arrays of shape (n, 3) or (n,) [m]."""
 
     points: Float64
     rays: Float64
@@ -72,19 +72,20 @@ def points_to_surface(
     texture: float,
     patches: float,
 ) -> tuple[Float64, Float64, float]:
-    """Normal equations of point-to-plane distances, weighted by Tukey's function and by what each point errs.
+    """Return the normal equations of point-to-plane distances, weighted by Tukey's function and each point's
+    uncertainty.
 
     Args:
         measured: points of the camera's frame.
         samples: of the model's surface.
-        placed: where and how large the object is taken to be.
-        nearest: the sample that each point was next to, where the search begins, shape (n,); changed in place.
+        placed: assumed pose and size of the object.
+        nearest: the previous nearest sample of each point, start of the search, shape (n,); changed in place.
         reach: points farther from the surface do not count [m].
         texture: standard deviation of the surface against the model [m].
-        patches: so many parts of the visible surface deviate independently.
+        patches: number of independently deviating parts of the visible surface.
 
     Returns:
-        H, shape (11, 11), b, shape (11,), and the share of the points that count.
+        H, shape (11, 11), b, shape (11,), and the ratio of the points that count.
     """
     count = len(measured.points)
     jacobian = np.empty((count, PARAMETERS))

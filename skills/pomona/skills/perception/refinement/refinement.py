@@ -34,38 +34,40 @@ _LEAST_AGREEMENT = 0.8
 """A stretched model must agree with at least this share of the pixels that the scaled one agreed with."""
 
 _NOISE_IN_BAND = 2.0
-"""The band holds at least so many standard deviations of what depth errs by. Of 53 finds with depth in two real frames
-(1.0 to 1.9 m) a band of 4 mm measures 45, one of 8 mm 49, of 10 mm and of 16 mm 51, all as exactly: 10 mm is what this
-makes there of the sensor's noise and of a registration that is 5 px off."""
+"""Minimum width of the band in standard deviations of the depth error. Of 53 finds with depth in two real frames (1.0
+to 1.9 m) a band of 4 mm measures 45, one of 8 mm 49, of 10 mm and of 16 mm 51, all as exactly: 10 mm results there from
+the sensor's noise and a registration error of 5 px."""
 
 _AROUND_CENTRE = 8
 """Half the edge of the square in which that deviation is looked up [px]."""
 
 _THROUGH = 2.0
 _MOST_THROUGH = 0.1
-"""A stretched model is refused when the camera sees through more than this share of it, by so many bands."""
+"""A stretched model is refused when the camera sees through more than this ratio of it, by this number of bands."""
 
 _UNMODELLED = np.array([0.01, 0.01, 0.01, 0.003, 0.012, 0.003])
 _UNMODELLED_ON_SUPPORT = np.array([0.01, 0.01, 0.01, 0.003, 0.004, 0.003])
-"""Standard deviations of what no stretched model explains (lobes, dents, one shoulder higher than the other, the turn
-about the axis) in place and dimensions, of the mean dimension; over the share of the fruit that is seen."""
+"""Standard deviations of position and dimensions from form errors of a stretched model (lobes, dents, one shoulder
+higher
+than the other, the turn about the axis), relative to the mean dimension; over the visible ratio of the fruit.
+"""
 
 _FIT_VARIANCE = 0.75
-"""Of what the fit says of itself: its weights are those that measure best, and as variances they are too large."""
+"""Factor on the fit's own variances: its weights measure best, but as variances they are too large."""
 
 _UNSEEN_DOUBT = 0.6
-"""Where a fruit is half hidden the stretched and the scaled model's mean sizes differ by errors of the former: by so
-much of this difference, times what is hidden over what is seen, the dimensions may be wrong."""
+"""If a fruit is half hidden, the mean sizes of the stretched and the scaled model differ by errors of the former: the
+dimensions' uncertainty is this factor times the difference, times the hidden over the visible ratio.
+"""
 
 _NO_DOUBT = 0.95
-"""With this share of the depth agreeing the shape is not doubted: of 60 walls, posts and edges the most was 0.94."""
+"""Ratio of agreeing depth from which the shape is not checked: of 60 walls, posts and edges the most was 0.94."""
 
 _FLAT, _CURVED, _SURELY = 0.2, 0.5, 2.0
 _SMOOTH = 0.9
-"""What is flat, and what is curved, of the model's curvature, within so many standard deviations; and the share of the
-surface that one curvature must explain: a leaf beside a fruit makes no smooth surface. The least of 290 whole and half
-hidden apples was 0.77, with its uncertainty; 28 walls and posts had 0.2 at most; of 53 finds in real frames one is
-refused."""
+"""Relative curvature of flat and of curved surfaces, the number of standard deviations, and the ratio of the surface
+that one curvature must explain: a leaf beside a fruit makes no smooth surface. The least of 290 whole and half hidden
+apples was 0.77, with its uncertainty; 28 walls and posts had 0.2 at most; of 53 finds in real frames one is refused."""
 
 _OVAL = 0.02
 """Either width of a fruit that is taken for round differs from their mean by so much, of it."""
@@ -133,7 +135,7 @@ def refine(
         method: shape - height, widths and tilt separately where the depth supports it, otherwise uniform;
             uniform - the closed form with one render; paper - the same optimum by repeated rendering.
         known: support, other looks, sizes of the kind.
-        limits: what is accepted as a measurement.
+        limits: of accepted measurements.
 
     Raises:
         RefineError: `BadDepth`, `BadMesh` or `BadPose` if an argument is no depth image of this camera, no mesh or no
@@ -229,7 +231,7 @@ def _check_curvature(task: _Task, result: RefineResult) -> None:
 
 def _distance(depth: DepthImage, intrinsics: Intrinsics, p_camera: Float64) -> Float64:
     """Depth where the fruit is seen, shape () [m]: measured, since a small fruit is nearer than its model seems."""
-    if p_camera[2] <= 0.0:  # behind the camera: rendering says so
+    if p_camera[2] <= 0.0:  # behind the camera: the rendering reports it
         return np.zeros(())
     column, row = intrinsics.K[:2] @ p_camera / p_camera[2]
     top, left = (max(round(float(at)) - _AROUND_CENTRE, 0) for at in (row, column))
@@ -259,7 +261,7 @@ def _scaled(
     T_refined = T_camera_object.copy()
     T_refined[:3, 3] = fit.mu * p_hat
     dimensions = fit.mu * extents(task.mesh)
-    # Depth shows where the front is: a larger fruit in the picture lies half of the difference farther away.
+    # Depth measures the front: a larger fruit in the picture lies half of the difference farther away.
     deeper = 0.5 * dimensions.mean() * p_hat / np.linalg.norm(p_hat)
     seen_larger = task.known.size_deviation * np.concatenate([deeper, dimensions])
     unlike_model = np.concatenate([np.full(3, _MISPLACED * dimensions.mean()), _PROPORTIONS * dimensions])
@@ -365,19 +367,19 @@ def _fitted(task: _Task, scaled: RefineResult) -> RefineResult:
 
 
 def _share_inside(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics) -> float:
-    """Share of a mesh's vertices that lie in the picture: what lies beside it is not seen either."""
+    """Return the ratio of a mesh's vertices inside the picture; those outside are hidden, too."""
     x, y, z = intrinsics.K @ (T_camera_mesh[:3, :3] @ mesh.vertices.T + T_camera_mesh[:3, 3:])
     inside = (x >= 0.0) & (x < intrinsics.width * z) & (y >= 0.0) & (y < intrinsics.height * z)
     return float(inside.mean())
 
 
 def _covariance(fit: ShapeFit, dimensions: Float64, whole: float, seen: float, doubt: float) -> Float64:
-    """Of (position, dimensions): of the fit, of what it does not model, and of what all depth errs by.
+    """Return the covariance of (position, dimensions): of the fit, of form errors, and of the common depth error.
 
     Args:
         fit, dimensions: the stretched model.
-        whole: standard deviation of what all depth errs by, relative.
-        seen: share of the fruit that is seen and agrees.
+        whole: standard deviation of the common depth error, relative.
+        seen: ratio of the fruit that is visible and agrees.
         doubt: standard deviation of the dimensions, as other ways to measure disagree [m].
     """
     change = np.concatenate([fit.T_camera_object[:3, 3], dimensions])

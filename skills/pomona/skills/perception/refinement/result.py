@@ -1,4 +1,4 @@
-"""What a refinement gives, and what of it is accepted."""
+"""Result of a refinement, and the limits of accepted ones."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ Method = Literal["shape", "uniform", "paper"]
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What is accepted as a measurement.
+    """Limits of accepted measurements.
 
     Attributes:
         inlier_band: half-width of the band in which depth agrees with the model [m], where the camera's noise is less.
-        min_inliers: least share of the measured pixels that must agree.
+        min_inliers: minimum ratio of agreeing measured pixels.
         size: least and largest size relative to the model.
     """
 
@@ -38,7 +38,7 @@ class RefineResult:
         dimensions: (d_x, d_y, d_z) [m], shape (3,).
         mu, sigma: scale factor and displacement [m] of the uniform fit (the paper's).
         covariance: of (position in the camera frame, dimensions), shape (6, 6) [m²].
-        inlier_ratio: share of the refined model's measured pixels whose depth agrees.
+        inlier_ratio: ratio of the refined model's measured pixels with agreeing depth.
         residual: root mean square of the inliers' depth residuals [m].
         box: part of the image that the next two cover.
         inliers: pixels that agree, bool, shape `box.shape`.

@@ -24,7 +24,7 @@ MIN_VALID = 0.05
 """A smaller share of the model's pixels than this is no measurement."""
 
 TOO_DEEP = 100.0
-"""Depth of so many times the virtual depth is in another unit."""
+"""Depth/model ratio above which the depth is in millimetres."""
 
 _HYPOTHESES = 512
 _REFITS = 20
@@ -140,8 +140,8 @@ def _least_squares(
 def _largest_consensus(ratio: NDArray[np.float64], half_width: float) -> float:
     """The mean of the best supported interval of width 2 `half_width`, over evenly chosen ratios.
 
-    What is nearer than the fruit may hide it, but nothing farther can be seen through it: measurements beyond an
-    interval count against it. Of equally good intervals the one nearest to the median wins.
+    Nearer objects may hide the fruit, but none farther can be seen through it: measurements beyond an interval count
+    against it. Of equally good intervals the one nearest to the median wins.
     """
     ordered = np.sort(ratio[:: max(1, len(ratio) // _HYPOTHESES)])
     first = np.arange(len(ordered))

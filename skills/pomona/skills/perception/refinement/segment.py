@@ -28,12 +28,12 @@ def connected_to(
         agreeing: pixels whose depth agrees with the model, shape (h, w).
         depth: z-depth, shape (h, w) [m]; 0 or not finite where there is none.
         covered: pixels that the model covers, shape (h, w).
-        stride: these are every so many pixels of the image, in both directions; steps are so much higher.
+        stride: distance of these pixels in the image, in both directions; steps in depth are higher by this factor.
     """
     valid = np.isfinite(depth) & (depth > 0.0)
     z = np.where(valid, depth, np.inf)
     nearest = ndimage.minimum_filter(z, size=3, mode="nearest")
-    # Of two pixels at a step the far one is given up: what is in front keeps its outline.
+    # Of two pixels at a step the far one is dropped: the front object keeps its outline.
     with np.errstate(invalid="ignore"):
         smooth = valid & (z - nearest <= stride * _STEP * np.maximum(1.0, (nearest / _STEP_DEPTH) ** 2))
     labels, count = ndimage.label(smooth)
@@ -46,6 +46,6 @@ def connected_to(
 
 
 def without_edge(surface: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
-    """A surface of shape (h, w) without its outermost pixels: a camera mixes there what is in front and behind."""
+    """Return a surface of shape (h, w) without its outermost pixels: these mix foreground and background."""
     inner: NDArray[np.bool_] = ndimage.binary_erosion(surface, iterations=pixels, border_value=1)
     return inner

@@ -2,9 +2,9 @@
 
 The model is stretched along its own axes by three factors, made higher on one side than on the other, tilted about its
 two horizontal axes, turned about the third one unless it is about round, and moved, until the measured points lie on
-its surface (Gauss-Newton on point-to-plane distances, Tukey's weights, a band that narrows). What the points leave open
-is settled by priors: how far fruit of one kind differ in proportions and in tilt from what the detector said, that a
-fruit is about round, and, where one is known, that it stands on its support.
+its surface (Gauss-Newton on point-to-plane distances, Tukey's weights, a band that narrows). Priors determine the rest:
+the spread of proportions within a kind, the tilt against the detection, the roundness, and, with a known support, that
+the fruit stands on it.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _STANDING = 0.05
 """Standard deviation of the gap to its support that a fruit which stands on it may seem to have, of its height."""
 
 _PATCHES = 80
-"""So many parts of the visible surface deviate from the model independently: a lobe or a dent is some 10 mm wide."""
+"""Number of independently deviating parts of the visible surface: a lobe or a dent is some 10 mm wide."""
 
 _MAX_STEPS = 25
 _MAX_POINTS = 1000
@@ -48,7 +48,7 @@ _MAX_LEAN = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Priors:
-    """Standard deviations of what is known before a point is measured.
+    """Standard deviations of the priors.
 
     Attributes:
         place: of the centre against that of the scaled model, in each direction [m].
@@ -56,9 +56,9 @@ class Priors:
         aspect: of ln(height / mean width), about `proportion`.
         proportion: expected ln(height / mean width), relative to the model's.
         roundness: of ln(d_x / d_z), relative to a round fruit when the model is nearly round, else to the model's.
-        lean: by how much the height differs at the sides, relative.
+        lean: of the height difference between the sides, relative.
         tilt: of the stem axis against the detection, about each horizontal axis [rad].
-        turn: about the stem axis against the detection [rad]; nobody can tell it of a model that is about round.
+        turn: about the stem axis against the detection [rad]; unobservable for a model that is about round.
         contact: of the distance between the support and the fruit's lowest point [m].
         texture: of the surface against the stretched model, from patch to patch [m].
     """
@@ -127,13 +127,13 @@ def fit_shape(
     """Fit the stretched model to points.
 
     Args:
-        cloud: measured points, mostly the fruit's; others are left out as they turn out not to fit.
+        cloud: measured points, mostly the fruit's; outliers are left out during the fit.
         mesh: the CAD model.
-        T_camera_object: where to start, with the model scaled by `mu`; its axis is what the tilt is measured from.
+        T_camera_object: where to start, with the model scaled by `mu`; the tilt refers to its axis.
         mu: uniform scale to start with.
         support: the plane that the fruit stands on; used if the fruit turns out to reach it.
         band: half-width of the band about the surface in which points count, at the end [m].
-        priors: what is known beforehand.
+        priors: prior distributions.
     """
     priors = priors or Priors()
     measured = _Measured.of(cloud.thinned(_MAX_POINTS), surface_of(mesh), T_camera_object, mu)
@@ -151,7 +151,7 @@ def fit_shape(
     covariance = np.linalg.inv(equations.H)[np.ix_(picked, picked)]
     centre, dimensions = state.form.cuboid(mesh)
     if state.form.nearly_round:
-        # Where the cuboid's centre lies beside the axis depends on how the fruit is turned, which cannot be known.
+        # The offset of the cuboid's centre from the axis depends on the fruit's turn, which is unobservable.
         centre[[0, 2]] = state.form.stretch[[0, 2]] * surface_of(mesh).samples.points[:, [0, 2]].mean(axis=0)
     T_cuboid = state.T.copy()
     T_cuboid[:3, 3] += T_cuboid[:3, :3] @ centre
@@ -222,7 +222,7 @@ def _iterate(
 
 
 _LIKENESS = np.zeros((11, PARAMETERS))
-"""What fruit of a kind have in common: place 3, tilt about z and x, size, aspect, roundness, lean 2, turn."""
+"""Prior directions: place 3, tilt about z and x, size, aspect, roundness, lean 2, turn."""
 _LIKENESS[[0, 1, 2, 8, 9, 10], [0, 1, 2, 8, 9, 10]] = 1.0
 _LIKENESS[3, 4], _LIKENESS[4, 3] = -1.0, 1.0
 _LIKENESS[5, 5:8] = 1.0 / 3.0
@@ -231,7 +231,7 @@ _LIKENESS[7, 5:8] = 1.0, 0.0, -1.0
 
 
 def _expect_likeness(equations: _Normal, state: _State, start: _State, priors: Priors) -> None:
-    """What fruit of a kind have in common, and what the detection and the uniform scale said."""
+    """Add the priors of the kind, of the detection and of the uniform scale."""
     axis = state.T[:3, :3].T @ start.T[:3, 1]  # the detected axis as the present object sees it; (0, 1, 0) if alike
     ln_x, ln_y, ln_z = np.log(state.form.stretch / start.form.stretch)
     model_ratio = float(np.log(state.form.radius[0] / state.form.radius[1]))

@@ -13,7 +13,7 @@ from pomona.skills.perception.refinement.result import RefineResult
 from pomona.skills.perception.refinement.support_plane import Plane
 
 _SETTLED = 0.95
-"""With this share of the depth agreeing, the stem's axis as detected is not doubted."""
+"""Ratio of agreeing depth from which the detected axis of the stem is accepted."""
 
 _CLEARLY = 0.02
 """Another axis of the stem must explain so much more of the depth."""
@@ -23,17 +23,15 @@ _ASPECT_WEIGHT = 0.05
 deviation: upside down a fruit fits its depth nearly as well, but wider and flatter than it is."""
 
 _HIDDEN = 5.0
-"""What is so many bands in front of the model hides it."""
+"""Distance in front of the model from which an object hides it, in bands."""
 
 _ASIDE = np.radians(45.0)
 
 
 def other_starts(T_camera_object: Float64, support: Plane | None) -> list[Float64]:
-    """Poses to start a fit from where the detected one leads nowhere: the place is kept, the stem's axis is not.
-
-    A nearly round fruit's axis is what a detector is wrong about, by half a turn (calyx for stem) or by much: beyond
-    what a fit of the shape recovers from. On a support fruit stands upright or upside down; elsewhere the stem may
-    point anywhere, and 45 degrees to each side of both ends are tried.
+    """Return other poses (4, 4) to start a fit from if the detected one fails: same place, other axes of the stem. On a
+    support fruit stands upright or upside down; elsewhere the stem may point anywhere, and 45 degrees to each side of
+    both ends are tried.
     """
     x, y = T_camera_object[:3, 0], T_camera_object[:3, 1]
     stems = [y]
@@ -61,7 +59,7 @@ def _with_stem(T_camera_object: Float64, stem: Float64) -> Float64:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Judge:
-    """Says how well a fitted model explains the depth.
+    """Scores how well a fitted model explains the depth.
 
     Attributes:
         depth: measured, of the whole image [m].
@@ -76,7 +74,7 @@ class Judge:
     aspect: float
 
     def explained(self, result: RefineResult) -> tuple[int, int]:
-        """How many pixels the model explains, and how many it does not; what hides it counts as neither."""
+        """Return the numbers of explained and of contradicting pixels; pixels of hiding objects count as neither."""
         model, measured = result.virtual_depth, self.depth[result.box.slices]
         valid = (model > 0.0) & np.isfinite(measured) & (measured > 0.0)
         difference = measured[valid] - model[valid]
@@ -90,7 +88,9 @@ class Judge:
         return float((np.log(dimensions[1] * model_wide / (wide * self.model[1])) / self.aspect) ** 2)
 
     def score(self, result: RefineResult) -> tuple[float, float, bool]:
-        """Pixels explained less those that are not and what is odd; by how much another must be better; settled."""
+        """Return explained minus contradicting pixels and oddness; the margin for a better one; and whether it is
+        settled.
+        """
         agree, differ = self.explained(result)
         penalty = _ASPECT_WEIGHT * self.aspect_penalty(result.dimensions) * agree
         return agree - differ - penalty, _CLEARLY * agree, agree >= _SETTLED * (agree + differ)

@@ -38,10 +38,10 @@ def horizontal_plane(T_base_camera: Float64, z: float) -> Plane:
 
 
 def seen_near(known: Plane, points: Float64) -> Plane | None:
-    """Where the camera sees a plane that is known to be about there.
+    """Return a plane near a known one, as the camera measures it.
 
-    A depth camera errs by some millimetres as a whole, and the camera's own pose may be off: the fruit and what it
-    stands on share these errors, so their distance is better taken from one image than from two sources.
+    A depth camera errs by some millimetres as a whole, and the camera's own pose may be off: the fruit and its support
+    share these errors, so their distance is better taken from one image than from two sources.
 
     Returns:
         None when the points around the fruit do not show it within 15 mm and 5 degrees.
@@ -57,9 +57,9 @@ def seen_near(known: Plane, points: Float64) -> Plane | None:
 
 
 def seen_elsewhere(known: Plane, points: Float64) -> tuple[float, float] | None:
-    """How far above a known plane, and how tilted against it, another one is seen in its place [m], [rad].
+    """Return height above and tilt against a known plane of another one in its place [m], [rad].
 
-    Then the plane's height, the camera's place or its focal length is wrong, or the fruit lies on something.
+    Then the plane's height, the camera's place or its focal length is wrong, or the fruit lies on another object.
 
     Returns:
         None when most points lie on the known plane, or on none that is about parallel and less than 60 mm away.

@@ -14,9 +14,9 @@ from pomona.skills.perception.refinement.points_to_surface import Samples
 
 _SAMPLES = 4000
 _NEIGHBOURS = 16
-"""So many neighbours of a sample are tried for one that is nearer to a point. After a step of up to 10 mm a search from
-neighbour to neighbour ends beside the nearest sample for 1 of 10 000 points about the shipped fruit (12:
-1 of 1 000)."""
+"""Number of neighbours of a sample that are tried for one that is nearer to a point. After a step of up to 10 mm a
+search from neighbour to neighbour ends beside the nearest sample for 1 of 10 000 points about the shipped fruit (12: 1
+of 1 000)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
