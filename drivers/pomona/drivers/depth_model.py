@@ -2,10 +2,10 @@
 
 A depth z [m] differs from the truth by
 
-random     z² · disparity / (f · baseline) of a stereo camera, growth · z² of time of flight, and a floor; slant
-lateral · z / f · tan(angle): a pixel's ray is displaced, and a slanted surface is nearer there; the whole  offset +
-scale · z, which `corrected` subtracts, and their uncertainty; edges      pixels beside a step in depth have a value
-between its two sides.
+    random     z² · disparity / (f · baseline) of a stereo camera, growth · z² of time of flight, and a floor;
+    slant      lateral · z / f · tan(angle): a pixel's ray is displaced, and a slanted surface is nearer there;
+    the whole  offset + scale · z, which `corrected` subtracts, and their uncertainty;
+    edges      pixels beside a step in depth have a value between its two sides.
 """
 
 from __future__ import annotations

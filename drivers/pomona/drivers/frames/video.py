@@ -1,7 +1,8 @@
 """A video of colour with a video of depth beside it: each pair of pictures is a recorded frame.
 
-row_7_color.mp4         colour, in a format of OpenCV row_7_depth_mm.mkv      depth registered to it, one channel of 16
-bits [mm], without loss (FFV1), 0 = no measurement intrinsics.yaml         as in a folder of images
+row_7_color.mp4         colour, in a format of OpenCV
+row_7_depth_mm.mkv      depth registered to it, one channel of 16 bits [mm], without loss (FFV1), 0 = no measurement
+intrinsics.yaml         as in a folder of images
 """
 
 from __future__ import annotations

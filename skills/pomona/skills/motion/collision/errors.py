@@ -1,6 +1,7 @@
 """Errors of building or querying a collision world.
 
-CollisionError └── UnknownObstacle    a name that no obstacle has
+CollisionError
+└── UnknownObstacle    a name that no obstacle has
 """
 
 from __future__ import annotations

@@ -1,8 +1,10 @@
 """Errors of the occupancy map. None of these is ever read as "free".
 
-OccupancyError ├── NothingMeasured      a look without depth, or without a valid pixel in the mapped volume ├──
-CameraPoseMismatch   the camera's given pose contradicts the arm or the table ├── MapEmpty             no look has been
-taken yet └── MapStale             the newest look is too old
+OccupancyError
+├── NothingMeasured      a look without depth, or without a valid pixel in the mapped volume
+├── CameraPoseMismatch   the camera's given pose contradicts the arm or the table
+├── MapEmpty             no look has been taken yet
+└── MapStale             the newest look is too old
 """
 
 from __future__ import annotations

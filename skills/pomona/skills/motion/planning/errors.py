@@ -1,8 +1,9 @@
 """Errors of planning.
 
-PlanningError ├── PlanningFailed    there is no path to give; carries a code of the skill Plan, a sentence and data ├──
-BadRequest        a request that is none: NaN, a wrong number of joints, no such planner └── BadProblem        a
-benchmark's problem file that cannot be used
+PlanningError
+├── PlanningFailed    there is no path to give; carries a code of the skill Plan, a sentence and data
+├── BadRequest        an invalid request: NaN, a wrong number of joints, no such planner
+└── BadProblem        a benchmark's problem file that cannot be used
 """
 
 from __future__ import annotations

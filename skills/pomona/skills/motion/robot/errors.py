@@ -1,8 +1,9 @@
 """Errors of a robot's description and of joints for it.
 
-RobotError ├── BadRobotFile      an MJCF or URDF that cannot be compiled, or lacks a joint, site or limit that is needed
-├── BadJoints         joints with a wrong number of values, or values that are not finite └── NotAPose          a pose
-that is no finite rigid transform
+RobotError
+├── BadRobotFile      an MJCF or URDF that cannot be compiled, or lacks a joint, site or limit that is needed
+├── BadJoints         joints with a wrong number of values, or values that are not finite
+└── NotAPose          a pose that is no finite rigid transform
 """
 
 from __future__ import annotations

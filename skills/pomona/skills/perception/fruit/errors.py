@@ -1,7 +1,8 @@
 """Errors of the fruit catalogue.
 
-FruitError ├── UnknownFruit      no such name in the catalogue └── BadFruitFile      a fruit.yaml, or the mesh it names,
-that cannot be read
+FruitError
+├── UnknownFruit      no such name in the catalogue
+└── BadFruitFile      a fruit.yaml, or the mesh it names, that cannot be read
 """
 
 from __future__ import annotations

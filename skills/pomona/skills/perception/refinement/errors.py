@@ -1,10 +1,16 @@
 """Errors of the measurement of a fruit in a depth image.
 
-RefineError           carries the skill's failure code; the attributes are its data ├── BadDepth            NO_DEPTH:
-not a depth image of this camera │   └── DepthNotInMetres  every value is about a thousand times too large ├── BadMesh
-RENDER_FAILED: empty, flat or not finite ├── BadPose             RENDER_FAILED: not a rigid transform ├── NoDepth
-NO_DEPTH ├── TooFewInliers       TOO_FEW_INLIERS ├── SizeOutOfRange      SIZE_OUT_OF_RANGE ├── AtBound
-AT_BOUND ├── NotItsShape         NOT_ITS_SHAPE └── RenderFailed        RENDER_FAILED
+RefineError           carries the skill's failure code; the attributes are its data
+├── BadDepth            NO_DEPTH: not a depth image of this camera
+│   └── DepthNotInMetres  every value is about a thousand times too large
+├── BadMesh             RENDER_FAILED: empty, flat or not finite
+├── BadPose             RENDER_FAILED: not a rigid transform
+├── NoDepth             NO_DEPTH
+├── TooFewInliers       TOO_FEW_INLIERS
+├── SizeOutOfRange      SIZE_OUT_OF_RANGE
+├── AtBound             AT_BOUND
+├── NotItsShape         NOT_ITS_SHAPE
+└── RenderFailed        RENDER_FAILED
 """
 
 from __future__ import annotations
