@@ -37,13 +37,13 @@ class IntrinsicsSection:
             yield Problem("fx", f"it is {self.fx:g} px and fy is {self.fy:g} px: a camera's are nearly the same")
 
     def intrinsics(self, size: tuple[int, ...] | None = None) -> Intrinsics:
-        """The intrinsics of the same view in an image of another size (width, height)."""
+        """Return the intrinsics of the same view in an image of another size (width, height)."""
         width, height = size or (self.width, self.height)
         return scaled(Intrinsics(self.fx, self.fy, self.cx, self.cy, self.width, self.height), width, height)
 
 
 def scaled(of: Intrinsics, width: int, height: int) -> Intrinsics:
-    """The intrinsics of the same view in an image of another size [px]."""
+    """Return the intrinsics of the same view in an image of another size [px]."""
     x, y = width / of.width, height / of.height
     if (x, y) == (1.0, 1.0):
         return of

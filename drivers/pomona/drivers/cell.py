@@ -80,12 +80,12 @@ class Cell:
         return self._latched
 
     def interfaces(self) -> tuple[type, ...]:
-        """The device interfaces that this cell has."""
+        """Return the device interfaces that this cell has."""
         offered = [interface for device in self.devices.values() for interface in device.interfaces]
         return tuple(dict.fromkeys(offered + ([Workspace] if self.workspace else [])))
 
     def device(self, interface: type[T]) -> T:
-        """The device with this interface.
+        """Return the device with this interface.
 
         Raises:
             KeyError: the cell has none.
@@ -278,7 +278,7 @@ class Cell:
         return all(device.settled() for device in self.devices.values())
 
     def truth(self, reported: Mapping[str, Any] | None = None) -> Mapping[str, object] | None:
-        """The simulated world's own score of the run; None on any other cell.
+        """Return the simulated world's own score of the run; None on any other cell.
 
         Args:
             reported: the run's estimate of the fruit's position and size; its errors are part of the score.
@@ -392,7 +392,7 @@ def _connect(settings: Settings[Any], context: ConnectContext) -> Device:
 
 
 def known_drivers() -> dict[str, str]:
-    """Names that cell files can use, and the functions behind them."""
+    """Return names that cell files can use, and the functions behind them."""
     return {name: entry.value for name, entry in installed_drivers().items()}
 
 
@@ -422,7 +422,7 @@ class CellFiles:
         return load_cell(path)
 
     def recognises(self, keys: Collection[str]) -> bool:
-        """Whether a file with these keys at its top is one."""
+        """Return True if a file with these keys at its top is one."""
         return not {"devices", "world", "workspace", "options"}.isdisjoint(keys)  # an `include` may bring the devices
 
     def check(self, path: Path, findings: Findings) -> None:
@@ -430,7 +430,7 @@ class CellFiles:
         judge_cell_file(path, findings)
 
     def schema(self) -> Schema:
-        """The JSON Schema of cell files."""
+        """Return the JSON Schema of cell files."""
         return {"title": "Pomona cell file", **with_includes(CELL.schema(options=True))}
 
 

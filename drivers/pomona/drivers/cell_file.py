@@ -100,7 +100,7 @@ class CellFile:
         return self.section.score
 
     def interfaces(self) -> tuple[type, ...]:
-        """The device interfaces that the cell will have."""
+        """Return the device interfaces that the cell will have."""
         devices = [i for device in self.section.devices.values() for i in device.driver.device.interfaces]
         world = self.section.world.driver.device.interfaces if self.section.world else ()
         return tuple(dict.fromkeys([*world, *devices, *([Workspace] if self.workspace else [])]))
@@ -186,7 +186,7 @@ def _leave_out(written: ValueFile, missing: Callable[[str, DriverError], None]) 
 
 
 def outline_cell(path: Path, findings: Findings) -> Outline | None:
-    """A cell's kind, and its options with their defaults: the keys that `overrides` may hold."""
+    """Return a cell's kind, and its options with their defaults: the keys that `overrides` may hold."""
     written = read_value_file(path, findings, "a cell file", overrides={}, shipped=SHIPPED)
     if written is None:
         return None

@@ -225,7 +225,7 @@ def look_at_ball(ball: Ball, depth: NDArray[np.float32], intrinsics: Intrinsics)
 
 
 def _points_of(ball: Ball, depth: NDArray[np.float32], intrinsics: Intrinsics) -> Float64:
-    """The points of the connected surface in and beside a ball's box, shape (n, 3) [m]."""
+    """Return the points of the connected surface in and beside a ball's box, shape (n, 3) [m]."""
     x, y, w, h = (round(value) for value in ball.box)
     top, left = max(y - AROUND, 0), max(x - AROUND, 0)
     part = depth[top : y + h + AROUND, left : x + w + AROUND].astype(np.float64)
@@ -342,7 +342,7 @@ def _solve(seen: Sequence[Seen], prior: DepthModel) -> tuple[Float64, Float64]:
 
 
 def _known_before(prior: DepthModel) -> Float64:
-    """Standard deviations of offset [m] and scale, (2,), as the sensor's maker lets expect them."""
+    """Return the standard deviations of offset [m] and scale, (2,), as the sensor's maker lets expect them."""
     return np.array([max(prior.offset_deviation, LEAST_OFFSET), max(prior.scale_deviation, LEAST_SCALE)])
 
 

@@ -68,7 +68,7 @@ class DepthModel:
         return grown if self.floor == 0.0 else np.hypot(grown, self.floor)
 
     def beside(self, z: Float64, focal: float) -> Float64:
-        """Standard deviation of where a pixel looks, across its ray, at depths z of any shape [m]."""
+        """Return the standard deviation of where a pixel looks, across its ray, at depths z of any shape [m]."""
         aside: Float64 = self.lateral * z / focal
         return aside
 

@@ -47,7 +47,7 @@ class Device:
         return None
 
     def last_seen(self) -> float | None:
-        """The stamp [s] of the newest thing that the device sent, or None: nothing yet, or it sends nothing."""
+        """Return the stamp [s] of the newest thing that the device sent, or None: nothing yet, or it sends nothing."""
         device: Any = self
         newest = None
         if Arm in self.interfaces or Gripper in self.interfaces:
@@ -142,7 +142,7 @@ class ConnectContext:
         return memory_of(wires) if self.hand is None else self.hand
 
     def find(self, interface: type[T]) -> T | None:
-        """The device connected before with this interface or of this class, or None."""
+        """Return the device connected before with this interface or of this class, or None."""
         for device in self.devices.values():
             if interface in device.interfaces or isinstance(device, _class_only(interface)):
                 return device  # type: ignore[return-value]  # its class promises the interface

@@ -9,7 +9,7 @@ import numpy as np
 
 
 def estimate_errors(reported: Mapping[str, Any], fruits: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Errors of a reported position and size against the fruit that lies nearest to it.
+    """Return errors of a reported position and size against the fruit that lies nearest to it.
 
     Args:
         reported: facts of the estimate: `position_m`, shape (3,), in the base frame, and `dimensions_m`, shape (3,).

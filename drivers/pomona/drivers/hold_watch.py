@@ -161,6 +161,6 @@ class HoldWatch:
             return None
 
     def _least_force(self) -> float | None:
-        """The smaller of the two fingers' normal forces [N]."""
+        """Return the smaller of the two fingers' normal forces [N]."""
         sample = self._fingers.latest() if self._fingers is not None else None
         return None if sample is None else float((-sample.wrenches[:, 2]).min())

@@ -89,7 +89,7 @@ class Camera(Protocol):
     """An RGB-D camera that keeps the newest frame at hand."""
 
     def latest(self) -> Frame | None:
-        """The newest frame, or None before the first. Never waits; the caller judges the stamp's age."""
+        """Return the newest frame, or None before the first. Never waits; the caller judges the stamp's age."""
         ...
 
 
@@ -101,7 +101,7 @@ class DepthCamera(Protocol):
     """
 
     def latest_depth(self) -> Frame | None:
-        """The newest frame, perhaps of fewer pixels, its colour black; as `Camera.latest` otherwise."""
+        """Return the newest frame, perhaps of fewer pixels, its colour black; as `Camera.latest` otherwise."""
         ...
 
 
@@ -235,7 +235,7 @@ class Arm(Protocol):
         ...
 
     def state(self) -> ArmState:
-        """The joints as last measured."""
+        """Return the joints as last measured."""
         ...
 
     @command
@@ -380,7 +380,7 @@ class ForceSensor(Protocol):
         ...
 
     def latest(self) -> WrenchSample | None:
-        """The newest sample, or None before the first."""
+        """Return the newest sample, or None before the first."""
         ...
 
     def subscribe(self, listener: Callable[[WrenchSample], None]) -> Subscription:

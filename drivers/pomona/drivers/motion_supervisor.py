@@ -79,7 +79,7 @@ class MotionSupervisor:
         self._advanced: tuple[float, float] = (0.0, 0.0)
 
     def due(self, now: float) -> bool:
-        """Whether it is time to look again, for callers that are called more often than every `PERIOD`."""
+        """Return True if it is time to look again, for callers that are called more often than every `PERIOD`."""
         if 0.0 <= now - self._looked_at < PERIOD - 1e-9:
             return False
         self._looked_at = now

@@ -50,7 +50,7 @@ class Thread(Protocol):
         ...
 
     def is_alive(self) -> bool:
-        """Whether it still runs."""
+        """Return True if it still runs."""
         ...
 
 
@@ -59,7 +59,7 @@ class TurnTaking(Protocol):
     """A clock whose threads run one at a time, in an order that is the same in every run: a simulated one's."""
 
     def thread(self, name: str, run: Callable[[], None]) -> Thread:
-        """A thread that runs when it is its turn."""
+        """Return a thread that runs when it is its turn."""
         ...
 
 
@@ -148,7 +148,7 @@ class Owner:
             self._thread.join(deadline)
 
     def _is_caller(self) -> bool:
-        """Whether the present thread may make calls by itself: it is the owner, or there is no other."""
+        """Return True if the present thread may make calls by itself: it is the owner, or there is no other."""
         return self._thread is None or not self._thread.is_alive() or self._ident == threading.get_ident()
 
     def _make_calls(self) -> None:

@@ -133,7 +133,7 @@ class PathFollower:
 
 
 def _resample(trajectory: Trajectory, period: float) -> tuple[Float64, Float64, Float64]:
-    """The trajectory at multiples of the period (and once beyond its end), by cubic Hermite interpolation."""
+    """Return the trajectory at multiples of the period (and once beyond its end), by cubic Hermite interpolation."""
     t = np.arange(math.ceil(trajectory.duration / period - 1e-9) + 2) * period
     t = np.minimum(t, trajectory.duration)
     i = np.clip(np.searchsorted(trajectory.t, t, side="right") - 1, 0, len(trajectory.t) - 2)

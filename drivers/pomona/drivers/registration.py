@@ -76,7 +76,7 @@ class Settings(Generic[Options]):
         return self.placed.values
 
     def error(self, message: str, key: str = "", hint: str = "") -> CellFileError:
-        """An error at the place of a value, or of the whole section."""
+        """Return an error at the place of a value, or of the whole section."""
         findings = Findings()
         findings.error(self.placed.place(key), "device", f"{self.name}: {message}", hint)
         return CellFileError(findings.sorted())
@@ -90,7 +90,7 @@ class Surroundings:
     above: Mapping[str, type[Device]] = field(default_factory=dict)
 
     def has(self, device: type[Device]) -> bool:
-        """Whether a device of this class stands above."""
+        """Return True if a device of this class stands above."""
         return any(issubclass(other, device) for other in self.above.values())
 
 
@@ -166,7 +166,7 @@ class DriverSection(Kind[Settings[Any]]):
 
 
 def read_settings(of: Driver[Options], path: Path) -> Settings[Options]:
-    """The settings of one device from a file that holds nothing else: for tools and tests.
+    """Return the settings of one device from a file that holds nothing else: for tools and tests.
 
     Raises:
         CellFileError: something is wrong; all of it is in the error.
@@ -181,5 +181,5 @@ def read_settings(of: Driver[Options], path: Path) -> Settings[Options]:
 
 @cache
 def installed_drivers() -> Mapping[str, EntryPoint]:
-    """Every installed driver by its name."""
+    """Return every installed driver by its name."""
     return {entry.name: entry for entry in entry_points(group=GROUP)}

@@ -14,7 +14,7 @@ from pomona.drivers.interfaces import ArmLimits
 
 
 def read_spec(path: Path) -> Any:
-    """The file (MJCF or URDF) as an `mujoco.MjSpec` that compiles.
+    """Return the file (MJCF or URDF) as an `mujoco.MjSpec` that compiles.
 
     Raises:
         UnusableRobotFile: it is no XML, or names joints, bodies or frames that it does not have.

@@ -101,7 +101,7 @@ def _bodies(vertices: Float64, faces: Int64) -> list[Float64]:
 
 
 def _cubes(vertices: Float64, faces: Int64, detail: float, name: str) -> list[Float64]:
-    """Triangles (m, 3, 3) of each cube of the surface, cut until none is longer than a cube's edge."""
+    """Return triangles (m, 3, 3) of each cube of the surface, cut until none is longer than a cube's edge."""
     triangles = vertices[faces]
     while len(triangles):
         sides = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)
@@ -118,7 +118,7 @@ def _cubes(vertices: Float64, faces: Int64, detail: float, name: str) -> list[Fl
 
 
 def _halved(triangles: Float64, longest: Int64) -> Float64:
-    """Each triangle (m, 3, 3) as two, cut at the middle of its side from corner `longest` to the next."""
+    """Return each triangle (m, 3, 3) as two, cut at the middle of its side from corner `longest` to the next."""
     rows = np.arange(len(triangles))
     a, b, c = (triangles[rows, (longest + k) % 3] for k in range(3))
     middle = (a + b) / 2.0

@@ -151,7 +151,7 @@ class StreamedMotion:
         return self._smooth, (self._smooth - smooth) / self._period
 
     def _fastest(self) -> Float64:
-        """The speeds towards the target from which each joint can still stop at it."""
+        """Return the speeds towards the target from which each joint can still stop at it."""
         h, a, way = self._period, self._limits.acceleration, self._target - self._raw
         speed = np.sqrt((0.5 * a * h) ** 2 + 2.0 * a * np.abs(way)) - 0.5 * a * h
         speed = np.minimum(np.minimum(speed, np.abs(way) / h), self.speed * self._limits.velocity)

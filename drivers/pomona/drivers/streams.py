@@ -304,7 +304,7 @@ class FrameGuard:
         return ""
 
     def _repeated(self, name: str, pixels: bytes) -> str:
-        """The flaw of an image that equals the one before it; empty otherwise."""
+        """Return the flaw of an image that equals the one before it; empty otherwise."""
         now = self._clock.now()
         before, since = self._images.get(name, (b"", now))
         if not pixels or pixels != before:

@@ -34,7 +34,7 @@ class ObstacleSection:
             yield Problem("wall", "the walls of a crate leave room between them")
 
     def boxes(self) -> tuple[Box, ...]:
-        """The solids that it is made of, all of one name."""
+        """Return the solids that it is made of, all of one name."""
         T_base_box = np.eye(4)
         T_base_box[:3, 3] = self.centre
         cos, sin = np.cos(self.yaw), np.sin(self.yaw)
@@ -65,7 +65,7 @@ class MeshSection:
             yield Problem("file", str(error))
 
     def parts(self) -> tuple[Hull, ...]:
-        """Its hulls, in the base frame.
+        """Return its hulls, in the base frame.
 
         Raises:
             UnusableMesh: the file holds no mesh that can be used.

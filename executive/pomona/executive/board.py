@@ -70,9 +70,9 @@ class Board:
             listener(key, entry)
 
     def get(self, key: str) -> Entry | None:
-        """The newest entry, or None when nothing was written yet."""
+        """Return the newest entry, or None when nothing was written yet."""
         return self._entries.get(key)
 
     def snapshot(self) -> dict[str, Entry]:
-        """A copy for other threads: entries never change."""
+        """Return a copy for other threads: entries never change."""
         return dict(self._entries)

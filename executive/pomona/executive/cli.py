@@ -70,7 +70,7 @@ def _main(words: Sequence[str]) -> int:
 
 
 def _command(words: Sequence[str]) -> str:
-    """The name of the subcommand; empty when there is none."""
+    """Return the name of the subcommand; empty when there is none."""
     return next((words[index] for index in range(0, len(words), 2) if words[index] != "--skill"), "")
 
 
@@ -122,7 +122,7 @@ def _leave_quietly() -> None:
 
 
 def _left() -> list[str]:
-    """Names of the threads and processes for whose end Python would wait before this one ends."""
+    """Return names of the threads and processes for whose end Python would wait before this one ends."""
     threads = [thread.name for thread in threading.enumerate() if not thread.daemon]
     threads.remove(threading.main_thread().name)
     return threads + [child.name for child in _children() if not child.daemon]

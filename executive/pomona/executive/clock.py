@@ -15,7 +15,7 @@ class Clock(Protocol):
         ...
 
     def now(self) -> float:
-        """Seconds since an arbitrary start; never goes back."""
+        """Return seconds since an arbitrary start; never goes back."""
         ...
 
     def advance(self, duration: float) -> None:

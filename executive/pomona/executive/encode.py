@@ -35,12 +35,12 @@ _AS_THEY_ARE = frozenset((str, int, bool, type(None)))
 
 @cache
 def _fields(kind: Any) -> tuple[str, ...] | None:
-    """Names of a dataclass's fields; None for any other class."""
+    """Return names of a dataclass's fields; None for any other class."""
     return tuple(field.name for field in dataclasses.fields(kind)) if dataclasses.is_dataclass(kind) else None
 
 
 def field_names(kind: Any) -> tuple[str, ...]:
-    """Names of a dataclass's fields, looked up once."""
+    """Return names of a dataclass's fields, looked up once."""
     return _fields(kind) or ()
 
 
@@ -107,5 +107,5 @@ def encoded(message: Any) -> bytes:
 
 
 def _listed(value: Any) -> Any:
-    """An array that the compiled encoder does not take, for instance a transposed one."""
+    """Return an array that the compiled encoder does not take, for instance a transposed one."""
     return plain(value, arrays=sys.maxsize)

@@ -458,7 +458,7 @@ def _with_place(error: BaseException) -> str:
 
 
 def _started(work: _Work, runner: Runner, folder: Path | None, preparation: float) -> RunStarted:
-    """The first event of a run: everything that is needed to repeat it."""
+    """Return the first event of a run: everything that is needed to repeat it."""
     order, document, cell = work.order, work.document, work.cell
     return RunStarted(
         0.0,

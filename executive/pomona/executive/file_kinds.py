@@ -15,7 +15,7 @@ class FileKind(Protocol):
     """Files of one kind."""
 
     def recognises(self, keys: Collection[str]) -> bool:
-        """Whether a file with these keys at its top is one."""
+        """Return True if a file with these keys at its top is one."""
         ...
 
     def check(self, path: Path, findings: Findings) -> None:
@@ -23,18 +23,18 @@ class FileKind(Protocol):
         ...
 
     def schema(self) -> Mapping[str, Any]:
-        """The JSON Schema of such files."""
+        """Return the JSON Schema of such files."""
         ...
 
 
 def kind_names() -> tuple[str, ...]:
-    """The installed kinds."""
+    """Return the installed kinds."""
     return tuple(sorted(point.name for point in entry_points(group="pomona.files")))
 
 
 @cache
 def file_kind(name: str) -> FileKind:
-    """An installed kind by its name.
+    """Return an installed kind by its name.
 
     Raises:
         KeyError: there is none.

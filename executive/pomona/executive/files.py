@@ -37,7 +37,7 @@ def default_name(kind: str) -> str:
 
 
 def read_text(path: Path) -> str:
-    """A text file.
+    """Return a text file.
 
     Raises:
         UsageError: it cannot be read, or is not UTF-8.

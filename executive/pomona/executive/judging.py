@@ -80,7 +80,7 @@ def judge(
 def split_settings(
     document: Document, settings: Mapping[str, str | YamlScalar]
 ) -> tuple[dict[str, str], dict[str, str | YamlScalar]]:
-    """Settings of the tree's parameters, and the others: options of the cell."""
+    """Return settings of the tree's parameters, and the others: options of the cell."""
     declared = document.main.parameters
     for_tree = {key: _text(value) for key, value in settings.items() if key in declared}
     return for_tree, {key: value for key, value in settings.items() if key not in declared}
@@ -100,7 +100,7 @@ def _name_unknown(document: Document, cell: Path, for_cell: dict[str, str | Yaml
 
 
 def _placed(found: Finding, settings: Mapping[str, str | YamlScalar]) -> Finding:
-    """A finding about a setting, at the place where it is written in a file."""
+    """Return a finding about a setting, at the place where it is written in a file."""
     name = found.path.removeprefix("--set ").partition("=")[0]
     where = settings.get(name) if found.path.startswith("--set ") else None
     if not isinstance(where, YamlScalar):

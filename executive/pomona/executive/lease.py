@@ -83,7 +83,7 @@ class Lease:
             raise error
 
     def handed_on(self, to: str) -> Lease:
-        """A lease of its own for control that goes on after its skill; it has no right if this one has none."""
+        """Return a lease of its own for control that goes on after its skill; it has no right if this one has none."""
         with self.lock:
             return Lease(f"{self.owner} ({to})", self._refused, self._over)
 
@@ -160,13 +160,13 @@ def give_up(device: object, why: str) -> None:
 
 
 def identity(device: object) -> int:
-    """A number that all handles of a device share with it."""
+    """Return a number that all handles of a device share with it."""
     return id(device._device if isinstance(device, Handle) else device)
 
 
 @cache
 def commands_of(interface: type) -> frozenset[str]:
-    """Names of an interface's commands."""
+    """Return names of an interface's commands."""
     found = {name: member for base in reversed(interface.__mro__) for name, member in vars(base).items()}
     return frozenset(name for name, member in found.items() if getattr(member, "__is_command__", False)) or _NONE
 

@@ -153,7 +153,7 @@ class Port:
         return None if self.required or self.default is None else self.si(self.default)
 
     def accepts(self, value: Any) -> bool:
-        """Whether a value may travel through this port (an int may pass as a number)."""
+        """Return True if a value may travel through this port (an int may pass as a number)."""
         if value is None:
             return not self.required
         if isinstance(self.type, Quantity) or self.type is float:
@@ -182,7 +182,7 @@ class Ports(Mapping[str, Port]):
         return name in self._ports
 
     def items(self) -> ItemsView[str, Port]:
-        """Names with their ports; the check of a large tree asks often, and Mapping's own way takes longer."""
+        """Return names with their ports; the check of a large tree asks often, and Mapping's own way takes longer."""
         return self._ports.items()
 
     @cached_property
@@ -205,5 +205,5 @@ class Outputs:
 
 
 def optional(port_type: PortType, help: str = "") -> Port:
-    """A port that may stay unwired; the skill then gets None."""
+    """Return a port that may stay unwired; the skill then gets None."""
     return Port(port_type, default=None, help=help)

@@ -39,19 +39,19 @@ class Reason:
     causes: tuple[Reason, ...] = ()
 
     def leaves(self) -> Iterator[Reason]:
-        """The reasons without further causes, in the order in which they happened."""
+        """Yield the reasons without further causes, in the order in which they happened."""
         if not self.causes:
             yield self
         for cause in self.causes:
             yield from cause.leaves()
 
     def codes(self) -> frozenset[str]:
-        """Every code in the chain."""
+        """Return every code in the chain."""
         return frozenset({self.code}).union(*(cause.codes() for cause in self.causes))
 
 
 def bounded(reason: Reason) -> Reason:
-    """The reason with no more causes than are recorded, and none farther down: the latest are kept.
+    """Return the reason with no more causes than are recorded, and none farther down: the latest are kept.
 
     Where the way down is too long, the leaf that it led to stands at its end.
     """
@@ -81,7 +81,7 @@ def _latest_leaf(reason: Reason) -> Reason:
 
 
 def path_of(node: Behaviour) -> str:
-    """The node's path id; its name when it was not built from a tree file."""
+    """Return the node's path id; its name when it was not built from a tree file."""
     path = getattr(node, "path", "")
     return path if isinstance(path, str) and path else node.name
 
@@ -103,7 +103,7 @@ def reason_of(node: Behaviour) -> Reason:
 
 
 def from_causes(node: Behaviour, causes: tuple[Reason, ...]) -> Reason:
-    """The reason of a node that failed because its children did."""
+    """Return the reason of a node that failed because its children did."""
     if not causes:
         return Reason(path_of(node), "FAILED", node.feedback_message or f"{node.name} failed without saying why")
     return Reason(path_of(node), causes[-1].code, causes[-1].message, causes=causes)

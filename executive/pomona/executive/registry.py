@@ -102,7 +102,7 @@ class Registry(Mapping[str, type[Skill]]):
         ]
 
     def listing(self) -> tuple[SkillListing, ...]:
-        """All skills, by name."""
+        """Return all skills, by name."""
         return tuple(_list_skill(name, self._skills[name]) for name in sorted(self._skills))
 
 
@@ -117,7 +117,7 @@ def _stand_in(name: str, inputs: Sequence[str], outputs: Sequence[str]) -> type[
 
 
 def _loaded(name: str, points: Sequence[EntryPoint], said: Mapping[str, str]) -> type[Skill] | str:
-    """A skill, or why it cannot be used."""
+    """Return a skill, or why it cannot be used."""
     if not points:
         return "no package offers it"
     point, problem = chosen(name, points, said)
@@ -174,7 +174,7 @@ def _list_skill(name: str, skill: type[Skill]) -> SkillListing:
 
 
 def default_text(port: Port) -> str:
-    """The default as it would be written in a tree file."""
+    """Return the default as it would be written in a tree file."""
     default = port.default
     if isinstance(default, Enum):
         return default.value if isinstance(default.value, str) else default.name

@@ -71,11 +71,11 @@ class Computation(Protocol):
     """Work that goes on beside the tick."""
 
     def done(self) -> bool:
-        """Whether it has ended."""
+        """Return True if it has ended."""
         ...
 
     def result(self) -> Any:
-        """The function's result, or the exception that it raised."""
+        """Return the function's result, or the exception that it raised."""
         ...
 
     def cancel(self) -> None:
@@ -199,13 +199,13 @@ class Skill(py_trees.behaviour.Behaviour):
 
     @classmethod
     def claims(cls) -> tuple[type, ...]:
-        """Devices that it moves; no other skill may move them from its start until it has ended or halted."""
+        """Return devices that it moves; no other skill may move them from its start until it has ended or halted."""
         if cls.moves is not None:
             return cls.moves
         return cls.devices if isgeneratorfunction(getattr(cls, "run", None)) else ()
 
     def speed(self, allowed: float) -> float:
-        """Share of the speed at which it moves its devices, where the operator allows a share."""
+        """Return the share of the speed at which it moves its devices, where the operator allows a share."""
         return 1.0 if self.own_speed else allowed * math.prod(share() for share in self.slowed_by)
 
     # ------------------------------------------------------------------------------------- for subclasses
@@ -236,7 +236,7 @@ class Skill(py_trees.behaviour.Behaviour):
         """Load and warm up weights and compiled code for the first start, before the run's clock starts."""
 
     def failure(self, code: str, message: str, **data: object) -> SkillFailure:
-        """A failure to raise.
+        """Return a failure to raise.
 
         Raises:
             SkillError: the code is none of the class's `failures`, or the message is no text.
@@ -277,7 +277,7 @@ class Skill(py_trees.behaviour.Behaviour):
         return self.context.device(found, self)
 
     def optional_device(self, interface: Callable[..., T]) -> T | None:
-        """The cell's device of an interface, or None where the cell has none.
+        """Return the cell's device of an interface, or None where the cell has none.
 
         Raises:
             SkillError: the interface is in neither `devices` nor `optional_devices`.
@@ -291,7 +291,7 @@ class Skill(py_trees.behaviour.Behaviour):
             return None
 
     def rng(self) -> np.random.Generator:
-        """A random generator for this start of this node: reproducible from the run's seed."""
+        """Return a random generator for this start of this node: reproducible from the run's seed."""
         import numpy as np
 
         return np.random.default_rng(self.context.seed(f"{self.path}#{self.starts}"))

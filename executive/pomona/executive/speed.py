@@ -29,7 +29,7 @@ def speed_of(text: str) -> float:
 
 
 def checked_speed(share: float, written: str = "") -> float:
-    """The share itself.
+    """Return the share itself.
 
     Raises:
         SpeedRefusedError: it is not from 10 % to 100 %.

@@ -64,14 +64,14 @@ def rot_z(angle: float) -> Float64:
 
 
 def angle_between(R_a: Float64, R_b: Float64) -> float:
-    """The angle of the turn from one rotation to another, shapes (3, 3), from 0 to pi [rad]."""
+    """Return the angle of the turn from one rotation to another, shapes (3, 3), from 0 to pi [rad]."""
     from scipy.spatial.transform import Rotation
 
     return float(Rotation.from_matrix(R_a.T @ R_b).magnitude())
 
 
 def is_pose(T: Float64, tolerance: float = 1e-6) -> bool:
-    """Whether T is a finite rigid transform: orthonormal, right-handed, last row 0 0 0 1."""
+    """Return True if T is a finite rigid transform: orthonormal, right-handed, last row 0 0 0 1."""
     if T.shape != (4, 4) or not np.isfinite(T).all():
         return False
     R = T[:3, :3]

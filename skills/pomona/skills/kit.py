@@ -11,7 +11,7 @@ RADII = (0.035, 0.04, 0.035)
 
 
 def mesh() -> bytes:
-    """An ellipsoid, watertight, in metres."""
+    """Return an ellipsoid, watertight, in metres."""
     ball = trimesh.creation.icosphere(subdivisions=3, radius=1.0)
     ball.apply_scale(RADII)
     data: bytes = ball.export(file_type="ply")

@@ -42,7 +42,7 @@ class MoveTo(MovingSkill):
 
     @classmethod
     def offers(cls, port: str, cell: CellFacts | None) -> tuple[str, ...]:
-        """The cell's poses."""
+        """Return the cell's poses."""
         return offered_poses(cell) if port == "pose" else ()
 
     def prepare(self) -> None:

@@ -131,7 +131,7 @@ def _measure(
 
 
 def _picture(detection: Detection, measured: MeasuredFruit, using: RendererName) -> ImageView:
-    """The camera's image with the outlines of the model as detected and of the fruit as measured."""
+    """Return the camera's image with the outlines of the model as detected and of the fruit as measured."""
     detected = outline(
         *render_depth(detection.fruit, detection.T_camera_object, detection.frame.intrinsics, using=using)
     )

@@ -65,7 +65,7 @@ class Release(MovingSkill):
 
     @classmethod
     def offers(cls, port: str, cell: CellFacts | None) -> tuple[str, ...]:
-        """The cell's poses."""
+        """Return the cell's poses."""
         return offered_poses(cell) if port == "into" else ()
 
     def prepare(self) -> None:

@@ -67,7 +67,7 @@ class Bag:
             return [[stamp for _connection, stamp, _raw in reader.messages(_of(reader, topic))] for topic in topics]
 
     def messages(self, *wanted: tuple[str, int]) -> list[Any]:
-        """The messages that were written to these topics at these times [ns].
+        """Return the messages that were written to these topics at these times [ns].
 
         Raises:
             UnusableFrames: the bag is damaged.

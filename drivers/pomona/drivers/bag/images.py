@@ -43,7 +43,7 @@ def colour_of(message: Any, kind: str) -> NDArray[np.uint8]:
 
 
 def depth_of(message: Any, kind: str) -> NDArray[np.float32]:
-    """Depth [m], shape (h, w); 0 where nothing was measured, and where it was not finite or negative.
+    """Return the depth [m], shape (h, w); 0 where nothing was measured, and where it was not finite or negative.
 
     Raises:
         UnusableImage: it is no depth image that can be read.
@@ -77,7 +77,7 @@ def intrinsics_of(info: Any) -> Intrinsics:
 
 
 def _rows(message: Any, dtype: np.dtype[Any], channels: int) -> NDArray[Any]:
-    """Pixels, shape (h, w, channels)."""
+    """Return pixels, shape (h, w, channels)."""
     height, width, step = int(message.height), int(message.width), int(message.step)
     row = width * channels * dtype.itemsize
     data = np.frombuffer(np.ascontiguousarray(message.data).tobytes(), np.uint8)

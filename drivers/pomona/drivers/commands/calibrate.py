@@ -93,7 +93,7 @@ def _fingers(options: argparse.Namespace) -> str:
 
 
 def _look_now(name: str) -> list[NDArray[np.float32]]:
-    """Depth images of a cell's camera, one after the other, shape (h, w) each [m].
+    """Return the depth images of a cell's camera, one after the other, shape (h, w) each [m].
 
     Raises:
         DriverError: the cell cannot be used, it has no camera, or no depth comes.

@@ -202,7 +202,7 @@ def _start_process(settings: Settings[EmulatedWorldFile], context: ConnectContex
 
 
 def read_line(process: subprocess.Popen[bytes], deadline: float) -> bytes:
-    """A line of the process's standard output, or the part of it that arrived within `deadline` [s]."""
+    """Return a line of the process's standard output, or the part of it that arrived within `deadline` [s]."""
     assert process.stdout is not None
     descriptor, line, end = process.stdout.fileno(), b"", time.monotonic() + deadline
     while not line.endswith(b"\n"):

@@ -42,7 +42,7 @@ class Joints(Protocol):
     """The arm behind the controller, joints in the wire's order."""
 
     def measured(self) -> tuple[Float64, Float64]:
-        """Positions [rad] and velocities [rad/s], shape (dof,)."""
+        """Return positions [rad] and velocities [rad/s], shape (dof,)."""
         ...
 
     def drive(self, q: Float64, qd: Float64) -> None:

@@ -149,7 +149,7 @@ def _look(camera: SimCamera, world: SimWorld, pipe: Connection) -> bytes:
 
 
 def pack_frame(frame: Frame, age: float) -> bytes:
-    """A frame as bytes: header, colour (h, w, 3) uint8, depth (h, w) float32 [m]."""
+    """Return a frame as bytes: header, colour (h, w, 3) uint8, depth (h, w) float32 [m]."""
     K = frame.intrinsics
     size = (FRAME_MAGIC, K.width, K.height)
     header = FRAME_HEADER.pack(*size, K.fx, K.fy, K.cx, K.cy, frame.stamp, age, frame.sequence)

@@ -102,11 +102,11 @@ class VirtualTime:
             self.step()
 
     def thread(self, name: str, run: Callable[[], None]) -> Turn:
-        """A thread that takes turns with the others, see `pomona.drivers.owner.TurnTaking`."""
+        """Return a thread that takes turns with the others, see `pomona.drivers.owner.TurnTaking`."""
         return Turn(name, run, self)
 
     def turn(self) -> Turn | None:
-        """The thread whose turn it is; None for the run's own thread."""
+        """Return the thread whose turn it is; None for the run's own thread."""
         thread = threading.current_thread()
         return thread if isinstance(thread, Turn) else None
 

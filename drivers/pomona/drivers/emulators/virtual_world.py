@@ -86,7 +86,7 @@ class VirtualWorld(Device):
             pipe.hang_up()
 
     def truth(self) -> Mapping[str, object]:
-        """The world's own score; see `pomona.drivers.sim.score.Scorer.report`."""
+        """Return the world's own score; see `pomona.drivers.sim.score.Scorer.report`."""
         return self._world.truth()
 
     def close(self) -> None:

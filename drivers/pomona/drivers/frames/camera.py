@@ -52,7 +52,7 @@ class Recorded(Protocol):
         ...
 
     def read(self, intrinsics: Intrinsics) -> Images:
-        """Its images.
+        """Return its images.
 
         Raises:
             UnusableFrames: they cannot be read, or do not fit the intrinsics.
@@ -109,7 +109,7 @@ class FramesCamera(Device):
         self._position = 0
 
     def latest(self) -> Frame:
-        """The frame that is shown, stamped with the present time: a recording is as new as the look at it.
+        """Return the frame that is shown, stamped with the present time: a recording is as new as the look at it.
 
         Raises:
             FrameUnreadable: one of its images cannot be used.

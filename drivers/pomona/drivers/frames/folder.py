@@ -58,12 +58,12 @@ class RecordedFrame:
     depth: Path
 
     def read(self, intrinsics: Intrinsics) -> Images:
-        """Both images; see `read_images`."""
+        """Return both images; see `read_images`."""
         return read_images(self, intrinsics)
 
 
 def list_frames(folder: Path) -> tuple[RecordedFrame, ...]:
-    """The frames of a folder in the order of their names.
+    """Return the frames of a folder in the order of their names.
 
     Raises:
         UnusableFrames: there is no such folder, it holds no frame, or a colour image has no depth beside it, or
@@ -113,7 +113,7 @@ def read_images(frame: RecordedFrame, intrinsics: Intrinsics) -> Images:
 
 
 def metres(depth: NDArray[np.uint16], path: Path) -> NDArray[np.float32]:
-    """Depth in metres of depth in millimetres, of the same shape (height, width).
+    """Return the depth in metres of depth in millimetres, of the same shape (height, width).
 
     Raises:
         UnusableFrames: it holds no such thing: all of it is nearer than any camera measures.
@@ -127,7 +127,7 @@ def metres(depth: NDArray[np.uint16], path: Path) -> NDArray[np.float32]:
 
 
 def _other(depth: str, there: Collection[str]) -> str:
-    """Words about a depth image that was taken alone: colour and depth of two moments are no frame."""
+    """Return words about a depth image that was taken alone: colour and depth of two moments are no frame."""
     alone = sorted(
         name
         for name in there

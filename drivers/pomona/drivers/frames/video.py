@@ -81,7 +81,7 @@ class VideoFrame:
         return f"{_name(self.colour.path)} {self.index + 1:06d}"
 
     def read(self, intrinsics: Intrinsics) -> Images:
-        """Both images.
+        """Return both images.
 
         Raises:
             UnusableFrames: they cannot be read, or are not of the intrinsics' size.
@@ -103,7 +103,7 @@ class VideoFrame:
 
 
 def list_video(path: Path) -> Sequence[VideoFrame]:
-    """The frames of a video of colour with depth beside it.
+    """Return the frames of a video of colour with depth beside it.
 
     Raises:
         UnusableFrames: it is no video, has no depth beside it, or the two are not of the same moments.

@@ -19,7 +19,7 @@ Script = Callable[[float], Float64]
 
 
 def spring_fruit(gripper: MockGripper, width: float, stiffness: float = 2000.0) -> Script:
-    """A fruit of the given width [m] between two soft pads of the given stiffness each [N/m]."""
+    """Return a fruit of the given width [m] between two soft pads of the given stiffness each [N/m]."""
 
     def feel(_now: float) -> Float64:
         wrenches = np.zeros((2, 6))

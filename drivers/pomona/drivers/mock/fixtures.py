@@ -25,19 +25,19 @@ from pomona.drivers.mock.gripper import MockGripper
 
 @pytest.fixture
 def mock_clock() -> MockClock:
-    """The clock that moves all mock devices of a test."""
+    """Return the clock that moves all mock devices of a test."""
     return MockClock()
 
 
 @pytest.fixture
 def mock_arm(mock_clock: MockClock) -> MockArm:
-    """An arm on the fixture's clock."""
+    """Return an arm on the fixture's clock."""
     return MockArm(mock_clock)
 
 
 @pytest.fixture
 def mock_gripper(mock_clock: MockClock) -> MockGripper:
-    """A gripper on the fixture's clock."""
+    """Return a gripper on the fixture's clock."""
     return MockGripper(mock_clock)
 
 
@@ -49,7 +49,7 @@ def mock_fingers(mock_clock: MockClock) -> MockForceSensor:
 
 @pytest.fixture
 def mock_camera(mock_clock: MockClock) -> MockCamera:
-    """A camera without frames: give it some with `show`."""
+    """Return a camera without frames: give it some with `show`."""
     return MockCamera(clock=mock_clock)
 
 
@@ -57,7 +57,7 @@ def mock_camera(mock_clock: MockClock) -> MockCamera:
 def mock_devices(
     mock_arm: MockArm, mock_gripper: MockGripper, mock_fingers: MockForceSensor, mock_camera: MockCamera
 ) -> dict[type, object]:
-    """All of them by interface, as `pomona.executive.skill_testing.drive` takes them."""
+    """Return all of them by interface, as `pomona.executive.skill_testing.drive` takes them."""
     return {Arm: mock_arm, Gripper: mock_gripper, ForceSensor: mock_fingers, Camera: mock_camera}
 
 
@@ -69,6 +69,6 @@ def mock_cell(
     mock_fingers: MockForceSensor,
     mock_camera: MockCamera,
 ) -> Cell:
-    """A whole cell of mock devices."""
+    """Return a whole cell of mock devices."""
     devices = {"arm": mock_arm, "gripper": mock_gripper, "fingers": mock_fingers, "camera": mock_camera}
     return Cell("mock", "mock", mock_clock, devices)

@@ -160,7 +160,7 @@ class Message:
 
 
 def encode(message: Message, order: Order) -> bytes:
-    """The bytes of a message in a byte order."""
+    """Return the bytes of a message in a byte order."""
     body = message.body
     numbers: list[float] = []
     for value in astuple(body):
@@ -191,12 +191,12 @@ class MessageDecoder:
         self._taken = 0  # bytes of the last message, which stay at the buffer's beginning for `_look_back`
 
     def decode(self, chunk: bytes) -> list[Message]:
-        """The messages that are complete with these bytes, in order."""
+        """Return the messages that are complete with these bytes, in order."""
         self._buffer += chunk
         return self._scan(final=False)
 
     def flush(self) -> list[Message]:
-        """The messages hidden behind an unfinished one, when nothing more will come of it."""
+        """Return the messages hidden behind an unfinished one, when nothing more will come of it."""
         return self._scan(final=True)
 
     def complain(self) -> None:
@@ -257,7 +257,7 @@ class MessageDecoder:
         return position + 1
 
     def _body(self, position: int, size: int) -> Body | None:
-        """The body of the message here; None when it is not complete, or a value is not finite."""
+        """Return the body of the message here; None when it is not complete, or a value is not finite."""
         if len(self._buffer) - position < size:
             return None
         body = _BODIES[self._header.unpack_from(self._buffer, position)[1]]

@@ -87,7 +87,7 @@ class ControllerSession:
         self._motion.send(encode(Message(body, Communication.REQUEST), self._order))
 
     def reply(self, patience: float = 0.0, deadline: float = ANSWER) -> MotionReply | None:
-        """The answer, or None while there is none.
+        """Return the answer, or None while there is none.
 
         Raises:
             OSError, Nonsense: as `listen`.

@@ -128,7 +128,7 @@ class PointStream:
             self._commanded(self._began + point.time, self.q_last)
 
     def _next(self) -> TrajectoryPoint | None:
-        """The next point, or None while the set-point rests."""
+        """Return the next point, or None while the set-point rests."""
         rested = self.motion.set_point_rests
         q, qd = self.motion.step()
         if rested and self.motion.set_point_rests:

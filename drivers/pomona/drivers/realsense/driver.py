@@ -33,7 +33,7 @@ class ImageSource(Protocol):
     """A source of images; see `pomona.drivers.realsense.source`."""
 
     def wait(self, timeout: float) -> Pair | None:
-        """The next pair of pictures, waiting at most `timeout` seconds; None when none came."""
+        """Return the next pair of pictures, waiting at most `timeout` seconds; None when none came."""
         ...
 
     def close(self) -> None: ...
@@ -105,7 +105,7 @@ class StreamingCamera(Device):
         return self._newest
 
     def picture(self) -> tuple[UInt8, float] | None:
-        """Newest colour image, shape (h, w, 3), and its timestamp [s]."""
+        """Return the newest colour image, shape (h, w, 3), and its timestamp [s]."""
         frame = self._newest
         return None if frame is None else (frame.colour, frame.stamp)
 

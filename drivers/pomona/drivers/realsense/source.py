@@ -92,7 +92,7 @@ class Aligner:
         self._filters = [known[name]() for name in FILTERS if name in filters]
 
     def pair(self, frames: Any) -> Pair | None:
-        """The images of a frameset, or None when it lacks one of them."""
+        """Return the images of a frameset, or None when it lacks one of them."""
         for step in self._filters:
             frames = step.process(frames).as_frameset()
         frames = self._align.process(frames)
@@ -157,7 +157,7 @@ class PipelineSource:
             raise
 
     def wait(self, timeout: float) -> Pair | None:
-        """The next images, or None when none arrived in time.
+        """Return the next images, or None when none arrived in time.
 
         Raises:
             DeviceLost: the camera is gone, or the bag is at its end.
@@ -199,7 +199,7 @@ def _info(rs: ModuleType, device: Any, name: str) -> str:
 
 
 def cameras_found() -> list[str]:
-    """Names and serial numbers of the RealSense cameras connected to this machine."""
+    """Return names and serial numbers of the RealSense cameras connected to this machine."""
     rs = load_library()
     return [
         f"{_info(rs, device, 'name')} {_info(rs, device, 'serial_number')}".strip()

@@ -33,7 +33,7 @@ class Stamps:
         self._offset = None
 
     def stamp(self, pair: Pair) -> float:
-        """Time of the exposure on the cell's clock [s]; of a recording, that of the look at it."""
+        """Return the time of the exposure on the cell's clock [s]; of a recording, that of the look at it."""
         now = self._clock.now()
         if pair.taken is None:
             return now - LATENCY

@@ -401,7 +401,7 @@ class Ros2Gripper(Device):
             self._begin(self._move)
 
     def settled(self) -> bool:
-        """Whether the fingers were measured at rest. Streamed speeds do not count as motion."""
+        """Return True if the fingers were measured at rest. Streamed speeds do not count as motion."""
         if self._lost:
             return self._clock.now() > self._supervisor.rest_by
         move = self._move

@@ -91,7 +91,7 @@ class JointFeed:
             self._arrived.notify_all()
 
     def newest(self, timeout: float = 0.0) -> JointSample | None:
-        """The newest sample that came since the last call, waiting at most `timeout` [s]; None when none did."""
+        """Return the newest sample that came since the last call, waiting at most `timeout` [s]; None when none did."""
         with self._arrived:
             self._arrived.wait_for(lambda: bool(self._raw), timeout)
             waiting = list(self._raw)

@@ -113,7 +113,7 @@ class ReportPage:
 
 
 def to_markdown(document: ReportPage, name: str = "report") -> str:
-    """The document as Markdown."""
+    """Return the document as Markdown."""
     parts = [f"# {document.title}", document.about]
     for block in document.blocks:
         match block:
@@ -149,7 +149,7 @@ def _markdown_tiles(tiles: Sequence[Tile]) -> str:
 
 
 def to_html(document: ReportPage) -> str:
-    """The document as one HTML page."""
+    """Return the document as one HTML page."""
     body = "\n".join(_html(block) for block in document.blocks)
     return _PAGE.format(title=html.escape(document.title), style=_STYLE, about=_inline(document.about), body=body)
 

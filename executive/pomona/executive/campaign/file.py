@@ -141,6 +141,6 @@ CAMPAIGN = Section(CampaignSection)
 
 
 def keys_of(section: YamlMapping, name: str) -> Mapping[str, YamlScalar]:
-    """The keys of a mapping in a section, with their places."""
+    """Return the keys of a mapping in a section, with their places."""
     node = section.get(name)
     return {k: key for k, (key, _) in node.entries.items()} if isinstance(node, YamlMapping) else {}

@@ -31,7 +31,7 @@ def from_truth(name: str) -> Callable[[Result], Any]:
 
 
 def figures_of(campaign: Campaign) -> Figures:
-    """The figures that a campaign's report shows, by title."""
+    """Return the figures that a campaign's report shows, by title."""
     return {**{title(name): from_truth(name) for name in campaign.score.figures}, **RUN_FIGURES}
 
 
@@ -43,7 +43,7 @@ def title(name: str) -> str:
 
 
 def numbers(results: Sequence[Result], pick: Callable[[Result], Any]) -> list[float]:
-    """A figure's values, where it is there and a finite number."""
+    """Return a figure's values, where it is there and a finite number."""
     found = (pick(result) for result in results)
     return [float(v) for v in found if isinstance(v, (int, float)) and math.isfinite(v)]
 
@@ -80,7 +80,7 @@ def commits(results: Sequence[Result]) -> str:
 
 
 def report(campaign: Campaign, results: Sequence[Result], source: str) -> ReportPage:
-    """The whole report; `source` is the campaign's file as it was named."""
+    """Return the whole report; `source` is the campaign's file as it was named."""
     document = ReportPage(
         f"Campaign {campaign.name}",
         f"{len(results)} of {len(campaign.runs)} runs, made at {commits(results)} with `pomona campaign {source}`."
@@ -123,7 +123,7 @@ def overview(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> Tabl
 
 
 def comparison(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[Paragraph | Bullets]:
-    """Each arm beside the first, on the same seeds of the same combinations."""
+    """Return each arm beside the first, on the same seeds of the same combinations."""
     first, *others = by_arm
     good = {name: {_place(run): succeeded(run, campaign.conditions) for run in runs} for name, runs in by_arm.items()}
     lines = []
@@ -191,7 +191,7 @@ def _rates(campaign: Campaign, name: str, runs: Sequence[Result], keys: Sequence
 
 
 def spreads(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[SvgPlot]:
-    """The first figures, arm beside arm."""
+    """Return the first figures, arm beside arm."""
     good = {name: _good(campaign, runs) for name, runs in by_arm.items()}
     shown = [
         (name, groups)
@@ -227,7 +227,7 @@ def figures(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[
 
 
 def by_skill(campaign: Campaign, arm: str, runs: Sequence[Result]) -> Table:
-    """Time of the robot and of computing, skill by skill."""
+    """Return the time of the robot and of computing, skill by skill."""
     good = _good(campaign, runs)
     names = sorted({name for run in good for kind in ("robot_time_s", "compute_s") for name in run.get(kind, {})})
     rows = []

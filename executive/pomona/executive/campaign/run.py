@@ -81,7 +81,7 @@ def read_results(folder: Path, on_problem: Callable[[str], None] = lambda _probl
 
 
 def line_of(result: Result) -> bytes:
-    """A result as one line, with a checksum at its end."""
+    """Return a result as one line, with a checksum at its end."""
     text = encoded({"format": FORMAT, **result})[:-1]
     return text + b',"crc32":"%08x"}\n' % zlib.crc32(text)
 

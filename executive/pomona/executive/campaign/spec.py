@@ -67,7 +67,7 @@ class Campaign:
         return self.score.success or ()
 
     def only(self, runs: Sequence[CampaignRun]) -> Campaign:
-        """The same campaign with some of its runs."""
+        """Return the same campaign with some of its runs."""
         return Campaign(self.name, self.description, self.vary, self.arms, tuple(runs), self.score)
 
 
@@ -151,7 +151,7 @@ class _Planner:
         return Campaign(said.campaign, said.description, vary, tuple(arm.name for arm in arms), runs, score)
 
     def arms(self, whole: _Arm) -> list[_Arm]:
-        """The arms."""
+        """Return the arms."""
         written = self.placed.node.get("arms")
         arms = []
         for name, said in self.placed.values.arms.items():
@@ -168,7 +168,7 @@ class _Planner:
         return arms
 
     def file(self, written: YamlScalar | None, find: Callable[[str], Path], default: str = "") -> Path:
-        """A tree or cell: beside the campaign file, by path, or by name from those installed."""
+        """Return a tree or cell: beside the campaign file, by path, or by name from those installed."""
         name = default if written is None else written.text
         beside = self.path.parent / name
         if is_file(beside):
@@ -249,7 +249,7 @@ class CampaignKind:
     """Campaign files, for `pomona check` and `pomona schema`."""
 
     def recognises(self, keys: Collection[str]) -> bool:
-        """Whether a file with these keys at its top is one."""
+        """Return True if a file with these keys at its top is one."""
         return "campaign" in keys
 
     def check(self, path: Path, findings: Findings) -> None:
@@ -257,7 +257,7 @@ class CampaignKind:
         judge_campaign(path, findings)
 
     def schema(self) -> Schema:
-        """The JSON Schema of campaign files."""
+        """Return the JSON Schema of campaign files."""
         return {"title": "Pomona campaign file", **with_includes(CAMPAIGN.schema())}
 
 

@@ -36,7 +36,7 @@ def wilson(successes: int, of: int) -> tuple[float, float]:
 
 
 def mean(values: Sequence[float]) -> Estimate:
-    """Mean with Student's interval; of a single value the interval is the value."""
+    """Return the mean with Student's interval; of a single value the interval is the value."""
     data = np.asarray(values, dtype=np.float64)
     if data.size < 2:
         only = float(data.mean()) if data.size else math.nan

@@ -78,14 +78,14 @@ def main(options: argparse.Namespace) -> int:
 
 
 def report_name(seeds: int | None, only: Sequence[str]) -> str:
-    """Name of a report's files: one of some runs stands beside that of all, and does not replace it."""
+    """Return the name of a report's files: one of some runs stands beside that of all, and does not replace it."""
     parts = [f"seeds_{seeds}"] if seeds is not None else []
     words = [f"{'only_' if not parts and not n else ''}{text.replace('=', '_')}" for n, text in enumerate(only)]
     return re.sub(r"[^\w.-]", "_", "_".join(["report", *parts, *words]))
 
 
 def subset(campaign: Campaign, seeds: int | None, only: Sequence[str]) -> list[CampaignRun]:
-    """The runs that `--seeds` and `--only` leave.
+    """Return the runs that `--seeds` and `--only` leave.
 
     Raises:
         UsageError: an option is malformed, or leaves none.

@@ -84,12 +84,12 @@ def _folder(text: str) -> Path:
 
 
 def command_names() -> list[str]:
-    """Every installed subcommand."""
+    """Return every installed subcommand."""
     return [entry.name for entry in _commands()]
 
 
 def _commands() -> list[EntryPoint]:
-    """The installed subcommands, by name.
+    """Return the installed subcommands, by name.
 
     Raises:
         UsageError: both distributions of Pomona are installed here.
@@ -137,7 +137,7 @@ def make_parser(wanted: Iterable[str]) -> argparse.ArgumentParser:
 
 
 def children(parser: argparse.ArgumentParser) -> Iterator[tuple[str, str, argparse.ArgumentParser]]:
-    """Each subcommand's name, help and parser."""
+    """Yield each subcommand's name, help and parser."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             helps = {choice.dest: choice.help or "" for choice in action._choices_actions}

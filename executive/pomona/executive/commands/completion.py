@@ -145,7 +145,7 @@ def _quoted(text: str) -> str:
 
 
 def man(parser: argparse.ArgumentParser) -> str:
-    """The manual page, in roff."""
+    """Return the manual page, in roff."""
     lines = [
         f'.TH POMONA 1 "" "{distribution()} {installed_version()}"',
         ".SH NAME",
@@ -175,7 +175,7 @@ def _man_of(parser: argparse.ArgumentParser, path: str) -> Iterator[str]:
 
 
 def _roff(text: str) -> str:
-    """Text that roff takes for text: a line must not begin with a dot or a quote."""
+    """Return text that roff takes for text: a line must not begin with a dot or a quote."""
     escaped = text.replace("\\", "\\e").replace("-", "\\-")
     escaped = "".join(letter if letter.isascii() else f"\\[u{ord(letter):04X}]" for letter in escaped)
     return "\n".join(f"\\&{line}" if line.startswith((".", "'")) else line for line in escaped.split("\n"))

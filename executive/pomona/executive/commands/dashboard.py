@@ -77,7 +77,7 @@ def open_bridge(
     control: ControlLock,
     start: Callable[[dict[str, Any]], str] | None = None,
 ) -> Ros2Bridge:
-    """The bridge that `--ros2` asks for.
+    """Return the bridge that `--ros2` asks for.
 
     Raises:
         UsageError: the extra is not installed, or the address cannot be used.

@@ -92,7 +92,7 @@ def _records(name: str, root: Path) -> list[Path]:
 
 
 def document(evidence: Evidence) -> ReportPage:
-    """The evidence as a report."""
+    """Return the evidence as a report."""
     runs = evidence.runs
     outcomes = Counter(str(run["outcome"]) for run in runs)
     cells = Counter(f"{run['cell']} ({run['cell_kind']})" for run in runs)

@@ -74,7 +74,7 @@ def _first(
 
 
 def _good(path: Path, settings: Mapping[str, str], registry: Registry) -> Document:
-    """The tree of a file that has no errors.
+    """Return the tree of a file that has no errors.
 
     Raises:
         UsageError: with every finding.

@@ -113,7 +113,7 @@ def _end(busy: Sequence[_Running]) -> None:
 
 
 def _spawn() -> Worker:
-    """A worker in the environment of one thread; this process keeps its own."""
+    """Return a worker in the environment of one thread; this process keeps its own."""
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     os.environ.update(ONE_THREAD)
     try:

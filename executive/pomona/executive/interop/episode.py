@@ -34,7 +34,7 @@ class Channel:
     values: Any
 
     def at(self, times: Float64) -> NDArray[np.int64]:
-        """Indices of the newest samples at `times` (n,) [s], shape (n,); -1 before the first."""
+        """Return indices of the newest samples at `times` (n,) [s], shape (n,); -1 before the first."""
         found: NDArray[np.int64] = np.searchsorted(self.t, times + SAME, side="right") - 1
         return found
 

@@ -163,6 +163,6 @@ def _show(topic: str, view: ImageView, stamp: int, sink: Sink) -> None:
 
 
 def plain_content(content: Mapping[str, Any]) -> Mapping[str, Any]:
-    """A message with lists where it has arrays, however large: a mesh has some thousand corners."""
+    """Return a message with lists where it has arrays, however large: a mesh has some thousand corners."""
     lists: Mapping[str, Any] = plain(content, arrays=sys.maxsize)
     return lists

@@ -107,7 +107,7 @@ def _write(file: Path, title: str, body: str) -> None:
 
 
 def _whole(record: Path) -> str:
-    """The picture that the run left, with its forces over time; an empty text when there is none."""
+    """Return the picture that the run left, with its forces over time; an empty text when there is none."""
     try:
         with open_plain(record / "picture.png") as file:
             image = file.read(MOST_PICTURE_BYTES + 1)
@@ -137,7 +137,7 @@ def _section(record: Path, run: Digest, most: int = LOOKS, body: str | None = No
 
 
 def _looks(record: Path, most: int) -> list[_Look]:
-    """The newest pictures, each with the newest drawing of its topic over it."""
+    """Return the newest pictures, each with the newest drawing of its topic over it."""
     looks: dict[tuple[str, str], _Look] = {}
     waiting: dict[str, str] = {}
     for topic, content, *_ in scan(events_file(record)):

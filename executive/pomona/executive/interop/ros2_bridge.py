@@ -140,7 +140,7 @@ class Ros2Bridge:
         return ""
 
     def _admitted(self, asked: Any) -> tuple[str, str]:
-        """The viewer's id and the operator's name.
+        """Return the viewer's id and the operator's name.
 
         Raises:
             RefusedError: the token is wrong, or the operator's name is missing.
@@ -263,7 +263,7 @@ class Ros2Bridge:
 
 
 def _number(detail: str) -> int:
-    """The number of a pause; 0, which none has, when it is none."""
+    """Return the number of a pause; 0, which none has, when it is none."""
     return int(detail) if len(detail) < 10 and detail.isdecimal() else 0
 
 

@@ -53,7 +53,7 @@ class ToRos2:
         self._traced = -TRACE_PERIOD
 
     def messages(self, topic: str, content: Mapping[str, Any], stamp: int) -> Iterator[RosMessage]:
-        """The ROS 2 messages for one message of a record.
+        """Yield the ROS 2 messages for one message of a record.
 
         Args:
             topic, content: of the record's message.
@@ -126,7 +126,7 @@ def header(stamp: int, frame: str) -> dict[str, Any]:
 
 
 def xyz(values: Any) -> dict[str, float]:
-    """A point or vector."""
+    """Return a point or vector."""
     x, y, z = (float(value) for value in values)
     return {"x": x, "y": y, "z": z}
 
@@ -200,7 +200,7 @@ class _TreeStatus:
         yield from self.messages(at, now=event["event"] != "NodeChanged")
 
     def messages(self, at: int, now: bool = False) -> Iterator[RosMessage]:
-        """Both messages, when something has changed and their period is over, or `now`."""
+        """Yield both messages, when something has changed and their period is over, or `now`."""
         if not self._changed or (at - self._told < STATUS_PERIOD and not now):
             return
         self._changed, self._told = False, at
@@ -404,13 +404,13 @@ _BY_TOPIC: Mapping[str, Callable[[str, Mapping[str, Any], int], Translated]] = {
 
 
 def depth_message(name: str, frame: str, depth: Any, at: int) -> tuple[str, str, int, Mapping[str, Any]]:
-    """Depth: uint16 in millimetres (16UC1) or float32 in metres (32FC1), 0 where there is none (REP 118)."""
+    """Return depth: uint16 in millimetres (16UC1) or float32 in metres (32FC1), 0 where there is none (REP 118)."""
     coding = "16UC1" if depth.dtype == np.uint16 else "32FC1"
     return f"/camera/{ros_name(name)}/depth/image_raw", *raw_image(frame, depth, coding, at)
 
 
 def colour_message(name: str, frame: str, image: Any, at: int) -> tuple[str, str, int, Mapping[str, Any]]:
-    """An image, unchanged: RGB, uint8."""
+    """Return an image, unchanged: RGB, uint8."""
     return f"/camera/{ros_name(name)}/image_raw", *raw_image(frame, image, "rgb8", at)
 
 

@@ -75,7 +75,7 @@ def _shown(value: Any) -> str:
 
 
 def plain(value: Any) -> Any:
-    """A number of numpy's as Python's own; other values as they are."""
+    """Return a number of numpy's as Python's own; other values as they are."""
     if type(value).__module__ == "numpy" and getattr(value, "ndim", None) == 0:
         return value.item()
     return value

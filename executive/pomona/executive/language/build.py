@@ -34,7 +34,7 @@ class Mocks(Protocol):
     """Selects the skills that mocks replace."""
 
     def replace(self, skill: type[Skill], skill_name: str, label: str, path: str) -> Skill | None:
-        """The mock that stands in for a node's skill, or None to keep the skill."""
+        """Return the mock that stands in for a node's skill, or None to keep the skill."""
         ...
 
 
@@ -226,7 +226,7 @@ class LayerBuild:
         return lambda value: write(key, value, path)
 
     def inner(self, names: Mapping[str, Any]) -> InstanceScope:
-        """The scope with further names in it."""
+        """Return the scope with further names in it."""
         return replace(self.scope, **names) if names else self.scope
 
     # ------------------------------------------------------------------------------------------- what is inside
@@ -236,12 +236,12 @@ class LayerBuild:
         return self.builder.layer(self.node, self.index + 1, self.inner(names), self.path, parent)
 
     def child(self, index: int, **names: object) -> Behaviour:
-        """The behaviour of one child, with further names in its scope."""
+        """Return the behaviour of one child, with further names in its scope."""
         child = self.node.children[index]
         return self.builder.node(child, self.inner(names), self.path, path=f"{self.path}/{child.label}")
 
     def children(self, **names: object) -> list[Behaviour]:
-        """The behaviours of all children, in their order."""
+        """Return the behaviours of all children, in their order."""
         return [self.child(index, **names) for index in range(len(self.node.children))]
 
     def part(self, slot: str, **names: object) -> Behaviour | None:
@@ -251,7 +251,7 @@ class LayerBuild:
         return self.builder.node(part, self.inner(names), self.own_path, path=f"{self.path}:{slot}")
 
     def stand_in(self) -> Skill | None:
-        """The mock that replaces the node's skill."""
+        """Return the mock that replaces the node's skill."""
         mocks, skill = self.builder.mocks, self.found.skill
         if mocks is None or skill is None:
             return None

@@ -45,7 +45,7 @@ class InstanceScope:
     failure: LastFailure | None = None
 
     def key(self, name: str) -> str:
-        """The absolute key to which a name is written."""
+        """Return the absolute key to which a name is written."""
         return self.keys.get(name, self.prefix + name)
 
     def getter(self, name: str) -> Getter:

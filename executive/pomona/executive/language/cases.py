@@ -49,7 +49,7 @@ def fact_of(expression: Expression, known: Mapping[str, Any], where: Located, te
 
 
 def always_same(expression: Expression, known: Mapping[str, Any]) -> bool | None:
-    """The condition's value when it is the same in every run."""
+    """Return the condition's value when it is the same in every run."""
     value = _fold(expression, known)
     return value if isinstance(value, bool) else None
 
@@ -152,7 +152,7 @@ class _Known:
 
 
 def _fold(expression: Expression, known: Mapping[str, Any]) -> Any:
-    """Its value, if that is known before the run; else an object that equals nothing."""
+    """Return its value, if that is known before the run; else an object that equals nothing."""
     if isinstance(expression, Constant):
         return expression.value
     if not all(reference.name in known for reference in references(expression)):
@@ -190,5 +190,5 @@ def said(expression: Expression) -> str:
 
 
 def _looks_inside(expression: Expression) -> bool:
-    """Whether it reads a part of a value, which may live on."""
+    """Return True if it reads a part of a value, which may live on."""
     return isinstance(expression, (Index, Member)) or any(map(_looks_inside, expression.parts))

@@ -18,7 +18,7 @@ class ChangeRefusedError(PomonaError):
 
 
 def changed_input(tree: BuiltTree, path: str, port: str, text: str) -> Any:
-    """The value that `text` means for this input of the skill at this path.
+    """Return the value that `text` means for this input of the skill at this path.
 
     Raises:
         ChangeRefusedError: there is no such skill or input, or this is no value for it.

@@ -225,7 +225,7 @@ class _Checker:
         return [(n, self.called[id(n)]) for n in definition.root.walk() if id(n) in self.called]
 
     def callees_first(self, definitions: Sequence[Definition]) -> list[Definition]:
-        """All definitions, each after those that it calls. Reports subtrees that call themselves."""
+        """Return all definitions, each after those that it calls. Reports subtrees that call themselves."""
         order: list[Definition] = []
         done: set[int] = set()
         for start in definitions:

@@ -73,7 +73,7 @@ class NodeChecker:
         self.layer(node, 0, around).check()
 
     def layer(self, node: TreeNode, index: int, around: Around) -> LayerCheck:
-        """A layer of a node, from the outside to the inside."""
+        """Return a layer of a node, from the outside to the inside."""
         layer = node.layers[index]
         found = self.resolved.get(key := (id(node), layer.key))
         if found is None:
@@ -90,12 +90,12 @@ class NodeChecker:
     # --------------------------------------------------------------------------------------- who writes what
 
     def known_types(self) -> Iterator[str]:
-        """Words that can stand for a node here: composites, leaves and the file's subtrees."""
+        """Yield words that can stand for a node here: composites, leaves and the file's subtrees."""
         yield from (word for word, found in self.words.items() if found.role != "modifier")
         yield from self.scope.definition.file.subtrees
 
     def skill(self, node: TreeNode) -> type[Skill] | None:
-        """The skill of that name; reports when there is none, or the cell lacks a device."""
+        """Return the skill of that name; reports when there is none, or the cell lacks a device."""
         name = node.key.text
         skill = self.skills.get(name)
         if skill is None:
@@ -116,7 +116,7 @@ class NodeChecker:
         return skill
 
     def output(self, value: YamlNode, who: str) -> YamlScalar | None:
-        """The name to which an output is wired, as a scalar at its place."""
+        """Return the name to which an output is wired, as a scalar at its place."""
         match = _WIRE.fullmatch(value.text) if isinstance(value, YamlScalar) else None
         if match is None or not isinstance(value, YamlScalar):
             self.findings.error(value, "output", f"{who} is an output", 'wire it to a name: "{name}"')
@@ -145,7 +145,7 @@ class NodeChecker:
             self.findings.error(target, "port-type", f"{message} (written by {known.by}, line {known.where.line})")
 
     def devices(self, node: TreeNode) -> dict[str, str]:
-        """Devices that a node and all below it move, each with the first node that does."""
+        """Return devices that a node and all below it move, each with the first node that does."""
         found: dict[str, str] = {}
         if not self.moved:
             return found

@@ -60,7 +60,7 @@ class _Box:
 
 
 def show_svg(document: Document) -> str:
-    """The tree as an SVG picture without scripts, styles from outside or links."""
+    """Return the tree as an SVG picture without scripts, styles from outside or links."""
     title, root = escape(document.main.name), outline(document)
     box = None if root is None else _boxes(root, MARGIN)
     high = MARGIN + (MARGIN if box is None else _place(box, MARGIN))

@@ -117,7 +117,7 @@ Expression = Constant | Reference | Member | Index | Items | Unary | Binary | Ca
 
 
 def references(expression: Expression) -> list[Reference]:
-    """All references in an expression, in order."""
+    """Return all references in an expression, in order."""
     if isinstance(expression, Reference):
         return [expression]
     return [found for part in expression.parts for found in references(part)]

@@ -188,7 +188,7 @@ class _Parser:
         return found
 
     def nested(self) -> Expression:
-        """A whole expression inside of another."""
+        """Return a whole expression inside of another."""
         self.depth += 1
         if self.depth > MAX_DEPTH:
             raise self.wrong(f"nested more than {MAX_DEPTH} levels deep")

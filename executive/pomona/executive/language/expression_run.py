@@ -50,7 +50,7 @@ _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
 
 
 def compile_expression(expression: Expression, scope: RunScope) -> Getter:
-    """A function that gives the expression's value now.
+    """Return a function that gives the expression's value now.
 
     The function raises NoValue when there is none.
     """

@@ -45,11 +45,11 @@ class TypeScope(Protocol):
         ...
 
     def failure_codes(self) -> Iterable[str] | None:
-        """Codes that `failure.code` can have here; None when any."""
+        """Return codes that `failure.code` can have here; None when any."""
         ...
 
     def failed(self) -> str:
-        """The node that `failure` describes."""
+        """Return the node that `failure` describes."""
         ...
 
     def renamed_failures(self) -> Mapping[str, str]:
@@ -113,7 +113,7 @@ def _field(expression: Member, scope: TypeScope) -> ValueType:
 
 
 def _told(fields: Mapping[str, ValueType]) -> str:
-    """The first fields with their types, those that can be compared before the others."""
+    """Return the first fields with their types, those that can be compared before the others."""
 
     def place(name: str) -> int:
         found = fields[name]
@@ -143,7 +143,7 @@ def _index(expression: Index, scope: TypeScope) -> ValueType:
 
 
 def _whole_number(index: Expression) -> int | None:
-    """A literal index, which may be negative."""
+    """Return a literal index, which may be negative."""
     if isinstance(index, Unary) and index.operator == "-":
         found = _whole_number(index.operand)
         return None if found is None else -found

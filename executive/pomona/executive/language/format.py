@@ -27,7 +27,7 @@ class FormatError(PomonaError):
 
 
 def formatted(text: str) -> str:
-    """The text, formatted; formatting it again changes nothing.
+    """Return the text, formatted; formatting it again changes nothing.
 
     Raises:
         FormatError: it is no YAML, or could not be moved safely.
@@ -87,7 +87,7 @@ class _Layout:
         self.place(value, indent + STEP)
 
     def dash_before(self, line: int, first: int) -> int:
-        """The line of an item's dash."""
+        """Return the line of an item's dash."""
         while line > first and not self.lines[line].lstrip().startswith("-"):
             line -= 1
         return line
@@ -105,7 +105,7 @@ class _Layout:
                     self.verbatim.add(line)
 
     def written(self) -> str:
-        """All lines at their new places."""
+        """Return all lines at their new places."""
         spaced = _spaced(self.lines)
         out: list[str] = []
         for number, line in enumerate(spaced):
@@ -134,7 +134,7 @@ class _Layout:
 
 
 def _spaced(lines: list[str]) -> list[str]:
-    """The lines with the spaces that belong around `{`, `[`, `,`, `:`, `-` and before a comment."""
+    """Return the lines with the spaces that belong around `{`, `[`, `,`, `:`, `-` and before a comment."""
     cuts: dict[int, list[tuple[int, int, str]]] = {}
 
     def between(one: Any, other: Any, fewest: int, most: int | None) -> None:
@@ -176,7 +176,7 @@ def _comment_apart(line: str, before: str, end: int | None) -> str:
 
 
 def _is_empty(token: Any) -> bool:
-    """Whether a token stands for nothing in the text: the start of a block, of a key."""
+    """Return True if a token stands for nothing in the text: the start of a block, of a key."""
     return bool(token.start_mark.index == token.end_mark.index) or isinstance(token, yaml.KeyToken)
 
 

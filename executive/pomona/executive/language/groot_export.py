@@ -69,11 +69,11 @@ class _Exporter:
     # ------------------------------------------------------------------------------------------- nodes
 
     def node(self, node: TreeNode, definition: Definition) -> Element:
-        """The element of a node with its modifiers."""
+        """Return the element of a node with its modifiers."""
         return self.layer(node, 0, definition)
 
     def layer(self, node: TreeNode, index: int, definition: Definition) -> Element:
-        """The element of a node without its outer modifiers."""
+        """Return the element of a node without its outer modifiers."""
         layer = node.layers[index]
         at = LayerXml(self, node, index, layer, definition)
         if not layer.needed(at) and layer.pauses(at) is None:
@@ -238,7 +238,7 @@ def _declaration(declared: Declared) -> object:
 
 
 def _plain(node: YamlNode) -> object:
-    """A YAML node as plain values, every scalar as its text."""
+    """Return a YAML node as plain values, every scalar as its text."""
     if isinstance(node, YamlScalar):
         return None if node.is_null else node.text
     if isinstance(node, YamlList):
@@ -252,7 +252,7 @@ def _attribute(node: YamlNode) -> str:
 
 
 def _is_simple(node: YamlNode) -> bool:
-    """Whether BehaviorTree.CPP reads it as a number or a blackboard key."""
+    """Return True if BehaviorTree.CPP reads it as a number or a blackboard key."""
     text = _attribute(node).strip()
     if text.isdigit():
         return True
@@ -264,7 +264,7 @@ def _is_simple(node: YamlNode) -> bool:
 
 
 def _milliseconds(node: YamlNode) -> str:
-    """A literal duration of whole milliseconds; an empty text for anything else."""
+    """Return a literal duration of whole milliseconds; an empty text for anything else."""
     try:
         milliseconds = TIME.parse(_attribute(node)) * 1e3
     except ValueError:

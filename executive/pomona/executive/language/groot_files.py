@@ -67,7 +67,7 @@ class Forest:
             self.conditions.update(model.get("ID") for model in group.all("Condition"))
 
     def file(self, text: str, path: str | Path) -> XmlElement | None:
-        """The root of one file, when it is BehaviorTree.CPP's; its trees are taken."""
+        """Return the root of one file, when it is BehaviorTree.CPP's; its trees are taken."""
         root = read_xml(Source(str(path), text), self.findings)
         if root is None:
             return None

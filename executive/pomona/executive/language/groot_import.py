@@ -127,7 +127,7 @@ class _Importer:
     # ------------------------------------------------------------------------------------------- nodes
 
     def node(self, element: XmlElement) -> Words:
-        """A node of a tree file; a placeholder when there is no equivalent."""
+        """Return a node of a tree file; a placeholder when there is no equivalent."""
         tag = element.get("ID") if element.tag in ("Action", "Condition", "Control", "Decorator") else element.tag
         self.count += len(self.inside) > 1
         reading = ElementIn(self, element, tag)
@@ -139,7 +139,7 @@ class _Importer:
         return self.conditions(element, found)
 
     def label(self, name: str) -> str:
-        """A node's name, made unique in its tree."""
+        """Return a node's name, made unique in its tree."""
         start = found = node_name(name)
         number = 1
         while found in self.labels:
@@ -180,7 +180,7 @@ class _Importer:
         return self.skill(element, self.forest.nodes.get(tag))
 
     def skill(self, element: ElementIn, model: XmlElement | None) -> Words:
-        """A custom node; its model has the defaults of ports that are not wired."""
+        """Return a custom node; its model has the defaults of ports that are not wired."""
         found = SKILL.from_xml(element)
         if model is None or element.tag not in found:
             return found
@@ -195,7 +195,7 @@ class _Importer:
         return {element.tag: {**{n: _value(self.keys.wired(text)) for n, text in wired.items()}, **found[element.tag]}}
 
     def subtree(self, element: ElementIn) -> Words:
-        """A call; inlined when the subtree uses blackboard keys that it does not declare."""
+        """Return a call; inlined when the subtree uses blackboard keys that it does not declare."""
         called = element.get("ID")
         tree, model = self.forest.trees.get(called), self.forest.models.get(called)
         if tree is None:
@@ -224,7 +224,7 @@ class _Importer:
         return {"sequence": [found]}
 
     def uses_keys(self, tree: XmlElement) -> bool:
-        """Whether anything in a tree reads or writes a blackboard key."""
+        """Return True if anything in a tree reads or writes a blackboard key."""
         for name, text in tree.attributes.items():
             script = name in ("code", "if") or (name.startswith("_") and name not in _ATTRIBUTES)
             if "{" in text or script or name == "output_key":
@@ -324,7 +324,7 @@ class _Importer:
         return _ended(found, steps["_onSuccess"] + steps["_post"], steps["_onFailure"] + steps["_post"])
 
     def untranslated(self, element: XmlElement, name: str, attributes: Words, children: list[Words], why: str) -> Words:
-        """A placeholder that `check` refuses."""
+        """Return a placeholder that `check` refuses."""
         self.findings.error(element, "not-translated", f"<{name}> {why}", "write it with other nodes")
         found: Words = {"untranslated": children, "element": name}
         return {**found, "attributes": attributes} if attributes else found
@@ -354,7 +354,7 @@ class ElementIn:
         return self.found.attributes
 
     def get(self, name: str) -> str:
-        """An attribute's text; empty when it is missing."""
+        """Return an attribute's text; empty when it is missing."""
         return self.found.get(name)
 
     def value(self, name: str) -> object:
@@ -364,7 +364,7 @@ class ElementIn:
         return _duration(self.importer.keys.wired(self.found.get(name)))
 
     def children(self) -> list[Words]:
-        """The element's children, translated."""
+        """Return the element's children, translated."""
         if self.read is None:
             self.read = [self.importer.node(child) for child in self.found.children]
         return self.read
@@ -411,7 +411,7 @@ def _ended(found: Words, after_success: list[Words], after_failure: list[Words])
 
 
 def _own(model: XmlElement) -> XmlElement | None:
-    """The metadata that our own export has written into a model."""
+    """Return the metadata that our own export has written into a model."""
     said = (found for fields in model.all("MetadataFields") for found in fields.all("Metadata"))
     return next((found for found in said if found.get("pomona")), None)
 

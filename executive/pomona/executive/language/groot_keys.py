@@ -39,7 +39,7 @@ class GivenText:
 
 
 def small(name: str) -> str:
-    """A name of small letters."""
+    """Return a name of small letters."""
     return re.sub(r"[^a-z0-9_]", "_", name.lower()).lstrip("_0123456789") or "port"
 
 
@@ -63,7 +63,7 @@ class KeyNames:
     given: dict[str, str] = field(default_factory=dict)
 
     def meaning(self, key: str) -> str | GivenText:
-        """A key's name here, or the constant that stands for it."""
+        """Return a key's name here, or the constant that stands for it."""
         if self.outer is not None and key in self.wires:
             wired = self.wires[key]
             return wired if isinstance(wired, GivenText) else self.outer.meaning(wired)
@@ -85,7 +85,7 @@ class KeyNames:
         return found
 
     def target(self, key: str) -> str:
-        """The name that a key's value is written to.
+        """Return the name that a key's value is written to.
 
         Raises:
             ScriptError: the key is a constant of the caller's.
@@ -96,7 +96,7 @@ class KeyNames:
         return found
 
     def read(self, key: str) -> str:
-        """A key in an expression.
+        """Return a key in an expression.
 
         Raises:
             ScriptError: expressions have no words for it.
@@ -105,7 +105,7 @@ class KeyNames:
         return found.expression if isinstance(found, GivenText) else f"{{{found}}}"
 
     def wired(self, text: str) -> str:
-        """An attribute with the keys in it as they are called here."""
+        """Return an attribute with the keys in it as they are called here."""
         if text.startswith(LITERAL):
             return text
         whole = _WIRE.fullmatch(text)

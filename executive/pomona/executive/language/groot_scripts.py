@@ -52,12 +52,12 @@ def _word(match: re.Match[str], keys: KeyNames) -> str:
 
 
 def statements_of(script: str) -> list[str]:
-    """The parts of a script; the last one is its value."""
+    """Return the parts of a script; the last one is its value."""
     return [part for part in _STATEMENT.findall(script) if part.strip()]
 
 
 def assignments_of(script: str, keys: KeyNames) -> list[tuple[str, str]]:
-    """Names with the values that a script gives them, in order.
+    """Return names with the values that a script gives them, in order.
 
     Raises:
         ScriptError: it does something else as well.
@@ -82,7 +82,7 @@ class _NoPorts:
 
 
 def _literal(value: str) -> str:
-    """A value of `set`: a literal, or an expression with braces."""
+    """Return a value of `set`: a literal, or an expression with braces."""
     if "{" in value:
         return value
     if re.fullmatch(r"-? ?\d+\.?\d*(e[-+]?\d+)?|true|false", value):

@@ -34,7 +34,7 @@ class InterfaceReader:
         self.constants: dict[int, tuple[Any, ValueType]] = {}
 
     def interface(self, definition: Definition) -> PortDeclared:
-        """The ports that a definition declares, with their types and defaults."""
+        """Return the ports that a definition declares, with their types and defaults."""
         found = PortDeclared()
         for what, target, declarations in (
             ("input", found.inputs, definition.inputs),
@@ -48,7 +48,7 @@ class InterfaceReader:
         return found
 
     def port(self, declared: Declared, what: str) -> Port | None:
-        """The port that is declared; None when its type is unknown."""
+        """Return the port that is declared; None when its type is unknown."""
         if id(declared) not in self.ports:
             self.ports[id(declared)] = self._read(declared, what)
         return self.ports[id(declared)]
@@ -84,7 +84,7 @@ class InterfaceReader:
             return None
 
     def type_named(self, name: YamlScalar) -> PortType | None:
-        """The type of this name; an unknown one is reported."""
+        """Return the type of this name; an unknown one is reported."""
         found = self.skills.types.get(name.text)
         if found is None:
             hint = did_you_mean(name.text, self.skills.types) or "types: " + ", ".join(sorted(self.skills.types))
@@ -92,7 +92,7 @@ class InterfaceReader:
         return found
 
     def constant(self, declared: Declared) -> tuple[Any, ValueType]:
-        """A declared constant's value and type."""
+        """Return a declared constant's value and type."""
         if id(declared) not in self.constants:
             node = declared.default
             if isinstance(node, YamlScalar) and "{" in node.text:

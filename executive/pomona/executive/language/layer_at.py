@@ -42,5 +42,5 @@ class LayerAt(Generic[W]):
         return None if entry is None else entry[1]
 
     def literal(self, slot: str) -> Any:
-        """Its value where it is known before the run."""
+        """Return its value where it is known before the run."""
         return self.found.setting(slot, None)

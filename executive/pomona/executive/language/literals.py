@@ -43,7 +43,7 @@ class LiteralError(ValueError):
 
 
 def literal(node: YamlNode, value_type: ValueType, choices: Iterable[str] = ()) -> Any:
-    """The value of a literal, in SI.
+    """Return the value of a literal, in SI.
 
     Raises:
         LiteralError: it is none of the type.

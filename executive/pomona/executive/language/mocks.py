@@ -64,7 +64,7 @@ class MockSkill(Skill):
 def mock_class(
     skill: type[Skill], results: Iterable[MockResult] = (), calls: Iterator[int] | None = None
 ) -> type[MockSkill]:
-    """A class of mocks for a skill; `calls` numbers its calls from 1, those of mocks that share results, too."""
+    """Return a class of mocks for a skill; `calls` numbers its calls from 1, those of mocks that share results, too."""
     body = {
         "inputs": skill.inputs,
         "outputs": Ports(**{name: Port(object) for name in skill.outputs}),

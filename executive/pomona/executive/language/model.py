@@ -76,7 +76,7 @@ class Document:
     types: NodeTypes
 
     def definitions(self) -> Iterator[Definition]:
-        """Every definition once, whether it is called or not."""
+        """Yield every definition once, whether it is called or not."""
         seen: set[int] = set()
         for file in self.files:
             for definition in (file.main, *file.subtrees.values()):
@@ -85,5 +85,5 @@ class Document:
                     yield definition
 
     def called(self, node: TreeNode) -> Definition | None:
-        """The subtree that a node calls."""
+        """Return the subtree that a node calls."""
         return next((f.subtrees.get(node.key.text) for f in self.files if f.source is node.at.source), None)

@@ -17,7 +17,7 @@ class UniquePaths:
         self.taken: set[str] = set()
 
     def take(self, base: str) -> str:
-        """A path that no other node has: the given one, or with a number."""
+        """Return a path that no other node has: the given one, or with a number."""
         path, number = base, 1
         while path in self.taken:
             number += 1

@@ -38,7 +38,7 @@ class DrawnNode:
 
 
 def outline(document: Document) -> DrawnNode | None:
-    """The main tree of a document; None when it has none. Parts that could not be read are left out."""
+    """Return the main tree of a document; None when it has none. Parts that could not be read are left out."""
     main = document.main.main
     if main is None or main.root is None:
         return None

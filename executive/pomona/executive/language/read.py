@@ -179,7 +179,7 @@ class _Reader:
         return found
 
     def names(self, node: YamlNode | None) -> tuple[str, ...]:
-        """A list of ports' names."""
+        """Return a list of ports' names."""
         items = node.items if isinstance(node, YamlList) else []
         if node is not None and not (items and all(isinstance(item, YamlScalar) for item in items)):
             self.findings.error(node, "shape", "the ports of a declared skill are a list of names", "write in: [goal]")
@@ -258,13 +258,13 @@ class _Reader:
         return self.main_of(file, written)
 
     def main_of(self, file: TreeFile, written: YamlScalar) -> Definition | None:
-        """The tree of a file that is called; reports where it is called that there is none."""
+        """Return the tree of a file that is called; reports where it is called that there is none."""
         if file.main is None:
             self.findings.error(written, "file", f"{file.source.path} holds no tree that can be read")
         return file.main
 
     def find(self, written: YamlScalar, folder: Path) -> Path | None:
-        """The called file, if it lies in the tree's folder or among the installed trees."""
+        """Return the called file, if it lies in the tree's folder or among the installed trees."""
         asked = written.text
         outside = False
         try:

@@ -36,7 +36,7 @@ class NodeReader:
         self.words = frozenset({*self.beside, *types.fields})
 
     def node(self, written: YamlNode) -> TreeNode | None:
-        """The node, or None when it has no type that could be guessed."""
+        """Return the node, or None when it has no type that could be guessed."""
         if not isinstance(written, YamlMapping):
             hint = "write 'sequence:' above it, and the list two columns further right"
             if isinstance(written, YamlScalar):
@@ -72,14 +72,14 @@ class NodeReader:
                 self.findings.error(node.key, "missing-key", message, hint)
 
     def type_named(self, word: str) -> NodeType:
-        """The node type that a word stands for: a registered one, a subtree, or a skill."""
+        """Return the node type that a word stands for: a registered one, a subtree, or a skill."""
         found = self.known.get(word)
         if found is not None:
             return found
         return SUBTREE if word in self.file.subtrees or not _SKILL.fullmatch(word) else SKILL
 
     def type_meant(self, key: YamlScalar, value: YamlNode) -> NodeType:
-        """The node type of a key; reports `Sequence:` with a list below, which no skill takes."""
+        """Return the node type of a key; reports `Sequence:` with a list below, which no skill takes."""
         if isinstance(value, YamlList) and self.type_named(key.text) is SKILL:
             meant = did_you_mean(key.text, self.types.composites)
             if isinstance(meant, Instead):
@@ -140,11 +140,11 @@ class NodeReader:
         return chosen[0], YamlMapping(at.source, at.line, at.column, at.end_line, at.end_column, ports)
 
     def is_type(self, word: str) -> bool:
-        """Whether a word can stand for a node."""
+        """Return True if a word can stand for a node."""
         return word in self.known or word in self.file.subtrees or bool(_SKILL.fullmatch(word))
 
     def first_key(self, written: YamlMapping) -> YamlNode:
-        """The first key of a mapping, to point at."""
+        """Return the first key of a mapping, to point at."""
         return next((key for key, _ in written.entries.values()), written)
 
     def modifiers(self, node: TreeNode) -> None:
@@ -161,7 +161,7 @@ class NodeReader:
                 node.modifiers[name] = (key, value)
 
     def belongs(self, node: TreeNode, key: YamlScalar) -> bool:
-        """Whether something beside a field has such a field; reports when nothing has."""
+        """Return True if something beside a field has such a field; reports when nothing has."""
         owners = self.types.owners(key.text)
         if node.type in owners or any(owner.role == "modifier" and owner.key in node.at.entries for owner in owners):
             return True
@@ -200,5 +200,5 @@ class NodeReader:
 
 
 def is_word(types: NodeTypes, name: str) -> bool:
-    """Whether a name is a word of the language, which no subtree can have."""
+    """Return True if a name is a word of the language, which no subtree can have."""
     return name in types or name in types.fields or name in RESERVED

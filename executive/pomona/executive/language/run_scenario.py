@@ -96,7 +96,7 @@ class Coverage:
     seen: dict[str, set[Status]] = field(default_factory=dict)
 
     def unreached(self) -> tuple[NodeInfo, ...]:
-        """Nodes that no case has ticked."""
+        """Return nodes that no case has ticked."""
         return tuple(info for path, info in self.nodes.items() if path not in self.seen)
 
     def ends_never_seen(self) -> tuple[tuple[NodeInfo, str], ...]:
@@ -110,7 +110,7 @@ class Coverage:
         return tuple(found)
 
     def share(self) -> float:
-        """Share of the nodes that were reached."""
+        """Return the share of the nodes that were reached."""
         return 1.0 if not self.nodes else len(self.seen) / len(self.nodes)
 
 

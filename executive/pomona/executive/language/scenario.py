@@ -129,7 +129,7 @@ class Scenario:
 
 
 def is_scenario(text: str) -> bool:
-    """Whether a file's text looks like a scenario and not like a tree."""
+    """Return True if a file's text looks like a scenario and not like a tree."""
     lines = text.splitlines()
     return any(line.startswith("cases:") for line in lines) and not any(line.startswith("root:") for line in lines)
 
@@ -203,7 +203,7 @@ class ScenarioKind:
     """Scenario files, for `pomona check` and `pomona schema`."""
 
     def recognises(self, keys: Collection[str]) -> bool:
-        """Whether a file with these keys at its top is one."""
+        """Return True if a file with these keys at its top is one."""
         return "cases" in keys and "root" not in keys
 
     def check(self, path: Path, findings: Findings) -> None:
@@ -215,7 +215,7 @@ class ScenarioKind:
         findings.extend(with_declarations(read).findings)
 
     def schema(self) -> Schema:
-        """The JSON Schema of scenario files."""
+        """Return the JSON Schema of scenario files."""
         return {"title": "Pomona scenario file", **SCENARIO.schema()}
 
 

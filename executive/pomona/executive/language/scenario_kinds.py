@@ -53,7 +53,7 @@ class Tested:
 
     @classmethod
     def of(cls, document: Document, registry: Registry) -> Tested:
-        """All that is in a document."""
+        """Return all that is in a document."""
         skills = skills_by_node(document)
         nodes = [node for definition in document.definitions() if definition.root for node in definition.root.walk()]
         questions: dict[str, tuple[str, ...]] = {}
@@ -75,7 +75,7 @@ class ScenarioReader(Reader):
 
 
 def tree_of(reader: Reader) -> Tested | None:
-    """The tree that a scenario's reader knows."""
+    """Return the tree that a scenario's reader knows."""
     return reader.tree if isinstance(reader, ScenarioReader) else None
 
 
@@ -97,7 +97,7 @@ class NodeName(Kind[str]):
 
 
 def last_name(path: str) -> str:
-    """The name in the end of a path, without its number and without a modifier."""
+    """Return the name in the end of a path, without its number and without a modifier."""
     return path.rsplit("/", 1)[-1].partition("#")[0].partition(":")[0]
 
 
@@ -249,7 +249,7 @@ class MockedSkills(Kind[Mapping[str, tuple[MockResult, ...]]]):
         return found
 
     def replaced(self, key: YamlScalar, reader: Reader, tree: Tested) -> type[Skill]:
-        """The skill that a mock stands in for."""
+        """Return the skill that a mock stands in for."""
         skill = tree.registry.get(tree.skills.get(key.text, ""))
         if skill is None:
             hint = did_you_mean(key.text, tree.skills) or "name a skill or a node of the tree"
@@ -320,7 +320,7 @@ class _Call(Kind[tuple[MockResult, ...]]):
 
 
 def stand_in(node: YamlNode, value_type: ValueType, findings: Findings) -> Any:
-    """A literal; a mapping for a class becomes a placeholder with some of the class's fields.
+    """Return a literal; a mapping for a class becomes a placeholder with some of the class's fields.
 
     Raises:
         LiteralError: it is no value of the type.

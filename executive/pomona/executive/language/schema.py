@@ -21,7 +21,7 @@ Schema = dict[str, Any]
 
 
 def schema(skills: Registry, types: NodeTypes | None = None) -> Schema:
-    """The schema (draft 2020-12)."""
+    """Return the schema (draft 2020-12)."""
     definitions: Schema = {
         "node": _node(skills, types or NodeTypes.installed()),
         "nodes": {"type": "array", "minItems": 1, "items": {"$ref": "#/$defs/node"}},

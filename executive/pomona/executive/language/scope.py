@@ -81,7 +81,7 @@ class Resolved:
     reads: list[Read] = field(default_factory=list)
 
     def setting(self, name: str, default: Any) -> Any:
-        """A setting that is known before the run."""
+        """Return a setting that is known before the run."""
         value = self.settings.get(name)
         return value.value if isinstance(value, Given) else default
 

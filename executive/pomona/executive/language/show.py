@@ -9,7 +9,7 @@ from pomona.executive.language.outline import DrawnNode, outline
 
 
 def show_text(document: Document, *, width: int = 120) -> str:
-    """The tree as text, one node a line."""
+    """Return the tree as text, one node a line."""
     lines = [f"{document.main.name}  {document.main.description}".rstrip()]
     root = outline(document)
     if root is not None:

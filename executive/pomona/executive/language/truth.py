@@ -53,7 +53,7 @@ class Truth:
         return self.layer(node, 0, known)
 
     def layer(self, node: TreeNode, index: int, known: Facts) -> Facts:
-        """The same of a node without its outer modifiers."""
+        """Return the same of a node without its outer modifiers."""
         layer = node.layers[index]
         if not known.known and not node.children and type(layer).truth is NodeType.truth:
             return known  # nearly every leaf: it neither adds nor removes facts
@@ -64,7 +64,7 @@ class Truth:
         return layer.truth(at, known) if layer.needed(at) else at.inside(known)
 
     def writes(self, node: TreeNode) -> frozenset[str]:
-        """All names that a node and everything below it writes."""
+        """Return all names that a node and everything below it writes."""
         if id(node) not in self.written:
             own = [self.resolved.get((id(node), layer.key)) for layer in node.layers]
             names = frozenset(name for found in own if found is not None for name in found.outputs.values())
@@ -112,7 +112,7 @@ class LayerTruth(LayerAt[Truth]):
         return self.must(slot, known)
 
     def stands_still(self, name: str, known: Facts) -> bool:
-        """Whether a name keeps its value while only this node runs."""
+        """Return True if a name keeps its value while only this node runs."""
         named: Named | None = self.whole.scope.names.get(name)
         if named is None or name in known.shared or named.origin == "input":
             return False

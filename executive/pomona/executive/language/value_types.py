@@ -63,7 +63,7 @@ def describe(value_type: ValueType) -> str:
 
 
 def _counted(value_type: ListType) -> str:
-    """The elements of an array: `3 lengths`, `4 × 4 numbers`."""
+    """Return the elements of an array: `3 lengths`, `4 × 4 numbers`."""
     sizes, element = [value_type.length], value_type.element
     while isinstance(element, ListType):
         sizes.append(element.length)
@@ -83,12 +83,12 @@ def is_array(value_type: ValueType) -> bool:
 
 
 def is_numeric(value_type: ValueType) -> bool:
-    """Whether a type can be calculated with."""
+    """Return True if a type can be calculated with."""
     return value_type in (int, float, SI_NUMBER, ANY) or isinstance(value_type, Quantity)
 
 
 def can_flow(source: ValueType, target: ValueType) -> bool:
-    """Whether a value of type `source` may enter a port of type `target`."""
+    """Return True if a value of type `source` may enter a port of type `target`."""
     if source is ANY or target is ANY or target is object or source == target:
         return True
     if isinstance(target, Quantity):
@@ -111,7 +111,7 @@ def can_flow(source: ValueType, target: ValueType) -> bool:
 
 
 def comparable(left: ValueType, right: ValueType) -> bool:
-    """Whether `left == right` or `left < right` makes sense."""
+    """Return True if `left == right` or `left < right` makes sense."""
     if can_flow(left, right) or can_flow(right, left) or NONE in (left, right):
         return True
     if SI_NUMBER in (left, right):
@@ -124,7 +124,7 @@ def comparable(left: ValueType, right: ValueType) -> bool:
 
 
 def element_type(container: ValueType) -> ValueType | None:
-    """Type of an element; None when the type holds no elements."""
+    """Return the type of an element; None when the type holds no elements."""
     if container is ANY:
         return ANY
     if isinstance(container, ListType):

@@ -116,7 +116,7 @@ class ValueReader:
     resolved: Resolved
 
     def parsed(self, scalar: YamlScalar) -> Expression | None:
-        """A text as an expression; a syntax error is reported at its character, and gives None."""
+        """Return a text as an expression; a syntax error is reported at its character, and gives None."""
         try:
             return parse_expression(scalar.text)
         except ExpressionSyntaxError as error:
@@ -130,7 +130,7 @@ class ValueReader:
             return None
 
     def condition(self, slot: str, node: YamlNode, around: Around) -> Value | None:
-        """An expression that must be true or false."""
+        """Return an expression that must be true or false."""
         if not isinstance(node, YamlScalar):
             hint = 'write it in quotes: "{port} > 1"'
             self.findings.error(node, "shape", f"'{slot}' takes an expression", hint)
@@ -214,7 +214,7 @@ def _number(value: float, quantity: Quantity | None) -> str:
 
 
 def static_type(port: Port) -> ValueType:
-    """The port's type; a port of `object` takes anything."""
+    """Return the port's type; a port of `object` takes anything."""
     return ANY if port.type is object else port.type
 
 

@@ -30,11 +30,11 @@ class XmlElement:
         return len(self.tag)
 
     def get(self, name: str) -> str:
-        """An attribute's text; empty when it is missing."""
+        """Return an attribute's text; empty when it is missing."""
         return self.attributes.get(name, "")
 
     def all(self, tag: str) -> list[XmlElement]:
-        """The children with this tag."""
+        """Return the children with this tag."""
         return [child for child in self.children if child.tag == tag]
 
 
@@ -43,7 +43,7 @@ class _Refused(Exception):
 
 
 def read_xml(source: Source, findings: Findings) -> XmlElement | None:
-    """The root element, or None when it cannot be read; the reason is a finding."""
+    """Return the root element, or None when it cannot be read; the reason is a finding."""
     start = Spot(source, 1, 1)
     if len(source.text) > MAX_CHARACTERS:
         findings.error(start, "too-large", f"the file is larger than {MAX_CHARACTERS // 1024 // 1024} MiB")

@@ -40,7 +40,7 @@ class Place:
 
 
 def place_at(lines: Sequence[str], row: int, column: int) -> Place:
-    """The place of a position, both from 0."""
+    """Return the place of a position, both from 0."""
     line = lines[row] if row < len(lines) else ""
     before = line[:column]
     quoted = _quote_before(before)
@@ -66,7 +66,7 @@ def place_at(lines: Sequence[str], row: int, column: int) -> Place:
 
 
 def word_at(line: str, column: int) -> tuple[str, int]:
-    """The word under the cursor and its column; empty when there is none."""
+    """Return the word under the cursor and its column; empty when there is none."""
     for found in _WORD.finditer(line):
         if found.start() <= column <= found.end():
             return found[0], found.start()
@@ -86,7 +86,7 @@ def _quote_before(text: str) -> int | None:
 
 
 def _open_flow(text: str) -> tuple[tuple[str, ...], frozenset[str], str] | None:
-    """Keys around the end of a text in braces, keys beside it, and the key before it; None outside braces."""
+    """Return keys around the end of a text in braces, keys beside it, and the key before it; None outside braces."""
     stack: list[tuple[str, set[str]]] = []
     key, start, quote = "", 0, ""
     for index, character in enumerate(text):
@@ -113,7 +113,7 @@ def _open_flow(text: str) -> tuple[tuple[str, ...], frozenset[str], str] | None:
 
 
 def _around(lines: Sequence[str], row: int, at: int, dashed: bool) -> tuple[tuple[str, ...], frozenset[str]]:
-    """Keys around a column of a line, from the inside to the outside, and keys beside it."""
+    """Return keys around a column of a line, from the inside to the outside, and keys beside it."""
     parents: list[str] = []
     siblings: set[str] = set()
     limit, item, beside = _first_dash(lines[row] if row < len(lines) else "", at), dashed, not dashed
@@ -133,13 +133,13 @@ def _around(lines: Sequence[str], row: int, at: int, dashed: bool) -> tuple[tupl
 
 
 def _first_dash(line: str, at: int) -> int:
-    """The column of the item's dash on a line; the column itself without one."""
+    """Return the column of the item's dash on a line; the column itself without one."""
     found = _DASHES.match(line)
     return len(found[1]) if found and len(found[0]) <= max(at, 1) + 1 and found[2] else at
 
 
 def _below(lines: Sequence[str], row: int, at: int) -> set[str]:
-    """Keys of the same mapping that stand below."""
+    """Return keys of the same mapping that stand below."""
     found: set[str] = set()
     for line in lines[row + 1 :]:
         if not line.strip() or line.lstrip().startswith("#"):

@@ -17,7 +17,7 @@ class RenameRefused(ValueError):
 
 
 def spots_of_name(analysis: Analysis, definition: Definition, name: str) -> Iterator[Spot]:
-    """Every place of a name: in braces, where it is declared, and where callers wire it."""
+    """Yield every place of a name: in braces, where it is declared, and where callers wire it."""
     document, file = analysis.document, definition.file
     shared = name in file.parameters and name not in definition.inputs
     inside = [d for d in document.definitions() if d.file is file] if shared else [definition]
@@ -42,7 +42,7 @@ def spots_in_calls(document: Document, path: str, name: str) -> Iterator[Spot]:
 
 
 def spots_of_subtree(document: Document, name: str) -> Iterator[Spot]:
-    """Every place of the name by which the main file calls a subtree."""
+    """Yield every place of the name by which the main file calls a subtree."""
     for key, _ in _entries(document.main, name):
         yield _spot(key)
     for one in document.definitions():

@@ -198,7 +198,7 @@ def serve(cell: Path | None = None, *, load: bool = True) -> TreeServer:
 
 
 def _column(service: TreeService, at: lsp.Position) -> int:
-    """The character of a position, whose unit is UTF-16."""
+    """Return the character of a position, whose unit is UTF-16."""
     lines = service.lines
     line = lines[at.line] if at.line < len(lines) else ""
     return len(line.encode("utf-16-le")[: 2 * at.character].decode("utf-16-le", errors="ignore"))
@@ -231,7 +231,7 @@ def _diagnostic(finding: Finding, text: str) -> lsp.Diagnostic:
 
 
 def _mending(finding: Finding, uri: str, text: str) -> lsp.CodeAction:
-    """The quick fix that applies a finding's edits."""
+    """Return the quick fix that applies a finding's edits."""
     lines, edits = text.split("\n"), []
     for line, column, length, new in finding.edits:
         start, end = (_units(lines[line - 1], at) for at in (column - 1, column - 1 + length))
@@ -242,7 +242,7 @@ def _mending(finding: Finding, uri: str, text: str) -> lsp.CodeAction:
 
 
 def _symbol(node: TreeNode, name: str) -> lsp.DocumentSymbol:
-    """A node with all below, for an editor's outline."""
+    """Return a node with all below, for an editor's outline."""
     at, key = node.at, node.key
     whole = lsp.Range(lsp.Position(at.line - 1, 0), lsp.Position(at.end_line - 1, at.end_column))
     children = [_symbol(below, below.label) for below in node.below()]

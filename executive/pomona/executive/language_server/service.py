@@ -125,13 +125,13 @@ class TreeService:
         return [f for f in self.findings if f.edits and first <= f.line - 1 <= last]
 
     def outline(self) -> Iterator[Definition]:
-        """The file's trees, whose nodes an editor lists."""
+        """Yield the file's trees, whose nodes an editor lists."""
         if self.analysis is not None:
             document = self.analysis.document
             yield from (d for d in document.definitions() if d.file is document.main and d.root is not None)
 
     def calls(self, path: Path) -> bool:
-        """Whether the tree was read together with another file."""
+        """Return True if the tree was read together with another file."""
         document = None if self.analysis is None else self.analysis.document
         return document is not None and any(file.source.path == str(path) for file in document.files)
 
@@ -168,7 +168,7 @@ class TreeService:
         return [offer for offer in self.keys(place) if offer.word not in place.siblings]
 
     def keys(self, place: Place) -> Iterator[Offer]:
-        """Keys that are allowed here."""
+        """Yield keys that are allowed here."""
         parent, above = place.parent, place.parents[1] if len(place.parents) > 1 else ""
         if not parent:
             yield from (Offer(word, "word", about, f"{word}: ") for word, about in TOP.items())
@@ -190,7 +190,7 @@ class TreeService:
             yield from self.kinds() if kind is None else self.beside(kind)
 
     def is_node(self, parents: tuple[str, ...]) -> bool:
-        """Whether a node is expected below these keys."""
+        """Return True if a node is expected below these keys."""
         if not parents:
             return False
         if parents[0] == "root":
@@ -203,7 +203,7 @@ class TreeService:
         )
 
     def is_kind(self, word: str) -> bool:
-        """Whether a word names a node type, a skill or a subtree."""
+        """Return True if a word names a node type, a skill or a subtree."""
         found = self.types.get(word)
         return word in self.skills or self.called(word) is not None or (found is not None and found.role != "modifier")
 
@@ -231,7 +231,7 @@ class TreeService:
         yield Offer("description", "word", "a sentence for the operator", "description: ")
 
     def values(self, place: Place) -> Iterator[Offer]:
-        """Words that are allowed as a key's value."""
+        """Yield words that are allowed as a key's value."""
         parent = place.parent
         if place.key == "type" and any(word in ("parameters", "in", "out") for word in place.parents[:2]):
             yield from (Offer(name, "type", "a type") for name in sorted(self.skills.types))
@@ -250,7 +250,7 @@ class TreeService:
             yield from (Offer(word, "value") for word in ("all", "one"))
 
     def in_braces(self, written: str, definition: Definition | None) -> Iterator[Offer]:
-        """Names in scope, or the fields of the value before a dot."""
+        """Yield names in scope, or the fields of the value before a dot."""
         scope = self.scope(definition)
         path = _PATH.match(written)
         if path is not None:
@@ -263,7 +263,7 @@ class TreeService:
         yield from (Offer(name, "word", "") for name in (*SPECIAL, *FUNCTIONS))
 
     def type_of(self, name: str, path: str, scope: Mapping[str, Named]) -> ValueType | None:
-        """The type of a name with fields and elements behind it."""
+        """Return the type of a name with fields and elements behind it."""
         kind: ValueType | None = COUNTERS.get(name, LastFailure if name == "failure" else None)
         if name in scope:
             kind = scope[name].type
@@ -342,7 +342,7 @@ class TreeService:
     # ------------------------------------------------------------------------------------------- renaming
 
     def rename(self, row: int, column: int, new: str) -> list[Spot]:
-        """Every place that a new name changes.
+        """Return every place that a new name changes.
 
         Raises:
             RenameRefused: there is nothing to rename, or the new name cannot be given.
@@ -363,7 +363,7 @@ class TreeService:
         return spots
 
     def spots(self, row: int, column: int) -> tuple[Definition | None, list[Spot]]:
-        """Every place of the wiring or port at a position, also in the files that are called or that call.
+        """Return every place of the wiring or port at a position, also in the files that are called or that call.
 
         Returns:
             the definition whose name it is, or None for a subtree's own name; and the places.
@@ -401,15 +401,15 @@ class TreeService:
     # ------------------------------------------------------------------------------------------- what is known
 
     def subtrees(self) -> Mapping[str, Definition]:
-        """The file's subtrees by name."""
+        """Return the file's subtrees by name."""
         return self.analysis.document.main.subtrees if self.analysis is not None else {}
 
     def called(self, name: str) -> Definition | None:
-        """The subtree of a name."""
+        """Return the subtree of a name."""
         return self.subtrees().get(name)
 
     def definition_around(self, place: Place) -> Definition | None:
-        """The definition in which a place stands."""
+        """Return the definition in which a place stands."""
         if self.analysis is None:
             return None
         if len(place.parents) >= 2 and place.parents[-1] == "subtrees":
@@ -433,7 +433,7 @@ class TreeService:
 
 
 def is_tree(text: str) -> bool:
-    """Whether a YAML file is a tree, and not a cell, a scenario or another program's file."""
+    """Return True if a YAML file is a tree, and not a cell, a scenario or another program's file."""
     keys = re.findall(r"^(\w+)\s*:", text, re.MULTILINE)
     if "root" in keys:
         return True

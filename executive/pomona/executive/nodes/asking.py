@@ -79,7 +79,7 @@ class Asking(Protocol):
         ...
 
     def literal(self, slot: str) -> Any:
-        """A value that is known before the run; None when there is none or it is not known yet."""
+        """Return a value that is known before the run; None when there is none or it is not known yet."""
         ...
 
 
@@ -99,7 +99,7 @@ class Ending(Asking, Protocol):
         ...
 
     def part(self, slot: str) -> Outcome | None:
-        """The node in a modifier's field, if it is written."""
+        """Return the node in a modifier's field, if it is written."""
         ...
 
     def skill(self) -> Outcome:
@@ -154,7 +154,7 @@ class Checking(Asking, Protocol):
         ...
 
     def item(self) -> str:
-        """The name that this layer writes; empty when there is none."""
+        """Return the name that this layer writes; empty when there is none."""
         ...
 
     def inside(self, around: Around) -> None:
@@ -184,7 +184,7 @@ class Checking(Asking, Protocol):
         ...
 
     def devices(self, index: int) -> Mapping[str, str]:
-        """Devices that a child and all below it move, each with the first node that does."""
+        """Return devices that a child and all below it move, each with the first node that does."""
         ...
 
 
@@ -232,7 +232,7 @@ class Knowing(Asking, Protocol):
         ...
 
     def awaits(self, slot: str, known: Facts) -> Facts:
-        """The same of a condition for which the node waits."""
+        """Return the same of a condition for which the node waits."""
         ...
 
     def assign(self, known: Facts) -> Facts:
@@ -274,7 +274,7 @@ class Building(Asking, Protocol):
         ...
 
     def given(self, slot: str) -> bool:
-        """Whether a value is written for a slot."""
+        """Return True if a value is written for a slot."""
         ...
 
     def value(self, slot: str, default: Any = None, **names: object) -> Callable[[], Any]:
@@ -300,11 +300,11 @@ class Building(Asking, Protocol):
     def inside(self, **names: object) -> Behaviour: ...
 
     def child(self, index: int, **names: object) -> Behaviour:
-        """The behaviour of one child, with further names in its scope."""
+        """Return the behaviour of one child, with further names in its scope."""
         ...
 
     def children(self, **names: object) -> list[Behaviour]:
-        """The behaviours of all children, in their order."""
+        """Return the behaviours of all children, in their order."""
         ...
 
     def part(self, slot: str, **names: object) -> Behaviour | None: ...
@@ -318,17 +318,17 @@ class XmlOut(Asking, Protocol):
         ...
 
     def plain(self, slot: str) -> bool:
-        """Whether BehaviorTree.CPP can read it: a number or a wire."""
+        """Return True if BehaviorTree.CPP can read it: a number or a wire."""
         ...
 
     def milliseconds(self, slot: str) -> str:
-        """A literal duration in whole milliseconds, else an empty text."""
+        """Return a literal duration in whole milliseconds, else an empty text."""
         ...
 
     def ports(self) -> dict[str, str]: ...
 
     def element(self, tag: str, attributes: Mapping[str, str] | None = None) -> Any:
-        """An element of BehaviorTree.CPP's own with everything that is inside the layer."""
+        """Return an element of BehaviorTree.CPP's own with everything that is inside the layer."""
         ...
 
     def own(self, attributes: Mapping[str, str]) -> Any:
@@ -336,7 +336,7 @@ class XmlOut(Asking, Protocol):
         ...
 
     def skill(self) -> Any:
-        """The element of the skill that the node calls."""
+        """Return the element of the skill that the node calls."""
         ...
 
     def subtree(self) -> Any: ...
@@ -356,23 +356,23 @@ class XmlIn(Protocol):
         ...
 
     def get(self, name: str) -> str:
-        """An attribute's text; empty when it is missing."""
+        """Return an attribute's text; empty when it is missing."""
         ...
 
     def value(self, name: str) -> object:
-        """An attribute as it is written in tree files."""
+        """Return an attribute as it is written in tree files."""
         ...
 
     def duration(self, name: str) -> str:
-        """An attribute in milliseconds as a duration."""
+        """Return an attribute in milliseconds as a duration."""
         ...
 
     def children(self) -> list[Words]:
-        """The element's children, translated."""
+        """Return the element's children, translated."""
         ...
 
     def ports(self) -> Words:
-        """All attributes that are ports."""
+        """Return all attributes that are ports."""
         ...
 
     def refuse(self, message: str) -> Words:
@@ -380,5 +380,5 @@ class XmlIn(Protocol):
         ...
 
     def wrap(self, child: Words, word: str, value: object, more: Words | None = None) -> Words:
-        """A node with one more modifier around it."""
+        """Return a node with one more modifier around it."""
         ...

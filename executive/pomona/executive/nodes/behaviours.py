@@ -109,11 +109,11 @@ class Wrapper(Decorator):
         return None
 
     def after(self, status: Status) -> Status:
-        """The node's own status, given its child's: RUNNING, SUCCESS or FAILURE."""
+        """Return the node's own status, given its child's: RUNNING, SUCCESS or FAILURE."""
         return status
 
     def after_skipped(self) -> Status:
-        """The node's own status when its child was skipped."""
+        """Return the node's own status when its child was skipped."""
         return Status.INVALID
 
     def fails(self, code: str, message: str, *causes: Reason, **data: object) -> Status:
@@ -154,7 +154,7 @@ class Wrapper(Decorator):
         self.status = new_status
 
     def update(self) -> Status:
-        """The status after its child was ticked, for py_trees' own drivers."""
+        """Return the status after its child was ticked, for py_trees' own drivers."""
         return self.after(self.decorated.status)
 
 
@@ -166,7 +166,7 @@ class WholeTree(Wrapper):
     """Around a root that may be skipped: when there was nothing to do, the run has succeeded."""
 
     def explain(self) -> Reason:
-        """The root's own reason."""
+        """Return the root's own reason."""
         return reason_of(self.decorated)
 
     def after_skipped(self) -> Status:

@@ -73,7 +73,7 @@ class NodeTypes(Mapping[str, NodeType]):
     @classmethod
     @cache
     def installed(cls) -> NodeTypes:
-        """The language's own and those that installed packages offer; a broken one is reported, not raised."""
+        """Return the language's own and those that installed packages offer; a broken one is reported, not raised."""
         types = cls()
         for point in sorted(entry_points(group=GROUP), key=lambda point: point.name):
             try:
@@ -147,7 +147,7 @@ class NodeTypes(Mapping[str, NodeType]):
         return (*(modifier.key for modifier in self.modifiers), *fields)
 
     def owners(self, word: str) -> list[NodeType]:
-        """The types to which a field belongs."""
+        """Return the types to which a field belongs."""
         return self._owners.get(word, [])
 
     @property
@@ -156,7 +156,7 @@ class NodeTypes(Mapping[str, NodeType]):
         return tuple(self._owners)
 
     def of_tag(self, tag: str) -> NodeType | None:
-        """The type that reads an element of XML."""
+        """Return the type that reads an element of XML."""
         return self._tags.get(tag)
 
 

@@ -242,12 +242,12 @@ class SwitchType(Composite):
         return Ends(success, failure, skipped)
 
     def words(self, at: Building | XmlOut) -> list[str]:
-        """The cases in order."""
+        """Return the cases in order."""
         return [lead.removesuffix(": ") for lead in at.node.leads[: len(at.node.children) - self.has_default(at)]]
 
     @staticmethod
     def has_default(at: Building | XmlOut) -> bool:
-        """Whether something runs when no word fits."""
+        """Return True if something runs when no word fits."""
         return "default" in at.node.modifiers
 
     def build(self, at: Building) -> Behaviour:
@@ -275,7 +275,7 @@ class SwitchType(Composite):
 
 
 def takes_time(words: object) -> bool:
-    """Whether a node as plain values surely runs for more than a tick."""
+    """Return True if a node as plain values surely runs for more than a tick."""
     if isinstance(words, dict):
         slow = words.keys() & {"wait", "wait_until", "delay", "rate", "ask", "retry", "repeat", "for_each"}
         return bool(slow) or any(map(takes_time, words.values()))

@@ -29,12 +29,12 @@ class Outcome:
     least: float = 0.0
 
     def plus(self, *codes: str) -> Outcome:
-        """The same with more codes."""
+        """Return the same with more codes."""
         return Outcome(self.codes.union(codes), self.succeeds, self.skips, self.least)
 
 
 def codes_of(outcomes: Iterable[Outcome]) -> Codes:
-    """All codes together."""
+    """Return all codes together."""
     return NO_CODES.union(*(outcome.codes for outcome in outcomes))
 
 
@@ -80,7 +80,7 @@ class Names:
         return self if before.bits != _EVERY_BIT else ALL
 
     def plus(self, *names: str) -> Names:
-        """The same with more names."""
+        """Return the same with more names."""
         if not names or self.bits == _EVERY_BIT:
             return self
         bits = self.bits
@@ -94,7 +94,7 @@ class Names:
         return made
 
     def _numbered(self, other: Names) -> int:
-        """The bits of another set as this one numbers names."""
+        """Return the bits of another set as this one numbers names."""
         return other.bits if other.numbers is self.numbers else self._with(0).plus(*other).bits
 
 
@@ -111,5 +111,5 @@ class Ends(NamedTuple):
     skipped: Names = ALL
 
     def any(self) -> Names:
-        """Names that are certainly written at any end."""
+        """Return names that are certainly written at any end."""
         return self.success & self.failure & self.skipped

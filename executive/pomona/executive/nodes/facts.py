@@ -48,7 +48,7 @@ class Possible:
         return self.low > self.high
 
     def allows(self, value: Plain) -> bool:
-        """Whether a value is in the range, and not one of those that are left out."""
+        """Return True if a value is in the range, and not one of those that are left out."""
         if value in self.without:
             return False
         if isinstance(value, str):
@@ -105,7 +105,7 @@ class Facts:
         return Facts(self.without(names, passing=True).known, self.shared.union(names))
 
     def against(self, fact: Fact) -> Fact | None:
-        """A fact beside which the new one cannot hold; the new one itself when it never can."""
+        """Return a fact beside which the new one cannot hold; the new one itself when it never can."""
         cases = [case for case in fact.cases if not any(possible.none for possible in case.values())]
         if not cases:
             return fact
@@ -119,7 +119,7 @@ class Facts:
 
 
 def _joined(one: Case, other: Case) -> Case | None:
-    """Both together, or None when they exclude each other."""
+    """Return both together, or None when they exclude each other."""
     both = dict(one)
     for about, possible in other.items():
         both[about] = both[about].and_also(possible) if about in both else possible

@@ -34,7 +34,7 @@ class Fallback(Branch):
         self._last_failure = last_failure or LastFailure()
 
     def explain(self) -> Reason:
-        """All children's reasons; the code is that of the last one."""
+        """Return all children's reasons; the code is that of the last one."""
         causes = tuple(self._causes)
         if len(causes) < 2:
             return from_causes(self, causes)

@@ -127,7 +127,7 @@ class TreeNode:
         return self.modifiers.get(slot)
 
     def below(self) -> list[TreeNode]:
-        """Nodes directly below, its modifiers' after its own."""
+        """Return nodes directly below, its modifiers' after its own."""
         return [*self.children, *self.parts.values()]
 
     def walk(self) -> Iterator[TreeNode]:
@@ -153,7 +153,7 @@ class Reading(Protocol):
         ...
 
     def comment(self, line: int) -> str:
-        """The comment on a line and the lines of comment above it, each given once."""
+        """Return the comment on a line and the lines of comment above it, each given once."""
         ...
 
 
@@ -190,7 +190,7 @@ class Field(ABC):
         """JSON Schema; `literal` gives that of a port's value or wire."""
 
     def described(self, literal: Callable[[Port], Schema]) -> Schema:
-        """The schema with its help."""
+        """Return the schema with its help."""
         found = self.schema(literal)
         return {**found, "description": self.help} if self.help else found
 
@@ -288,7 +288,7 @@ class NodeType(ABC):
         return at.forget(known)
 
     def needed(self, at: Asking) -> bool:
-        """Whether it does anything as it is written (`invert: false` does not)."""
+        """Return True if it does anything as it is written (`invert: false` does not)."""
         return True
 
     # ---------------------------------------------------------------------------------------- at the run
@@ -308,7 +308,7 @@ class NodeType(ABC):
         return at.own(self.xml_attributes(at))
 
     def xml_attributes(self, at: XmlOut) -> dict[str, str]:
-        """Its words by the attributes that carry them."""
+        """Return its words by the attributes that carry them."""
         found: dict[str, str] = {}
         for slot, taken in self.slots.items():
             if taken.nodes:
@@ -320,7 +320,7 @@ class NodeType(ABC):
         return found
 
     def xml_name(self, slot: str) -> str:
-        """The attribute that carries a word."""
+        """Return the attribute that carries a word."""
         return self.xml_value if slot == self.key else self.xml_fields.get(slot, slot)
 
     def choices(self, node: TreeNode) -> tuple[str, ...]:

@@ -79,7 +79,7 @@ class ParallelType(Composite):
 
     @staticmethod
     def chosen(node: Written) -> frozenset[int] | int:
-        """Indices of the children that must succeed, or how many of any."""
+        """Return indices of the children that must succeed, or how many of any."""
         written = node.modifiers["success_on"][1] if "success_on" in node.modifiers else None
         if isinstance(written, YamlScalar) and (written.text == "one" or written.text.isdecimal()):
             return 1 if written.text == "one" else int(written.text)

@@ -54,7 +54,7 @@ class RepeatType(Modifier):
 
     @staticmethod
     def forever(at: Asking) -> bool:
-        """Whether only a failure ends it."""
+        """Return True if only a failure ends it."""
         written = at.written("repeat")
         return isinstance(written, YamlScalar) and written.text == "forever"
 
@@ -90,7 +90,7 @@ class RepeatType(Modifier):
 
 
 def may_skip(words: object) -> bool:
-    """Whether a node as plain values could be skipped; a subtree is not looked into."""
+    """Return True if a node as plain values could be skipped; a subtree is not looked into."""
     if isinstance(words, dict):
         chooses = words.keys() & {"when", "run_once", "if", "reactive_if", "switch", "disabled"}
         return bool(chooses) or any(map(may_skip, words.values())) or any(str(w)[:1].islower() for w in called(words))
@@ -98,7 +98,7 @@ def may_skip(words: object) -> bool:
 
 
 def called(words: Words) -> list[str]:
-    """Words that may call a subtree, which may be skipped."""
+    """Return words that may call a subtree, which may be skipped."""
     return [word for word, value in words.items() if isinstance(value, dict) and word not in _NEVER_SKIPPED]
 
 

@@ -70,7 +70,7 @@ class Retry(Branch):
         return self._count.of
 
     def explain(self) -> Reason:
-        """Every try's reason, and that of `on_failure` if it failed."""
+        """Return every try's reason, and that of `on_failure` if it failed."""
         if self._why is not None:
             return self._why
         causes = tuple(attempt.reason for attempt in self.attempts if attempt.reason is not None)

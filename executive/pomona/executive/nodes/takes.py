@@ -45,12 +45,12 @@ class Value(Field):
 
 
 def duration(help: str = "", *, required: bool = False) -> Value:
-    """A duration."""
+    """Return a duration."""
     return Value(Port(TIME, min="0 s"), help, required=required)
 
 
 def count(help: str = "", *, words: tuple[str, ...] = ()) -> Value:
-    """A number of times, at least once."""
+    """Return a number of times, at least once."""
     return Value(Port(int, min=1), help, words=words)
 
 
@@ -342,7 +342,7 @@ class ChildNames(Field):
 
 
 def read_ports(reading: Reading, node: TreeNode, written: YamlNode) -> dict[str, Entry]:
-    """The mapping behind a node that has ports."""
+    """Return the mapping behind a node that has ports."""
     if isinstance(written, YamlScalar) and written.is_null:
         return {}
     if not isinstance(written, YamlMapping):

@@ -47,7 +47,7 @@ class UntranslatedType(Composite):
 
     @staticmethod
     def element(node: Written) -> str:
-        """The element's name."""
+        """Return the element's name."""
         entry = node.modifiers.get("element")
         return entry[1].text if entry is not None and isinstance(entry[1], YamlScalar) else ""
 

@@ -214,7 +214,7 @@ class Ros2Peer:
 
 
 def type_hash(kind: str) -> str:
-    """The hash by which both sides know that they mean the same type (REP 2011)."""
+    """Return the hash by which both sides know that they mean the same type (REP 2011)."""
     found: str = typestore().hash_rihs01(kind)
     return found
 

@@ -26,7 +26,7 @@ _ARRAYS = {
 
 @cache
 def typestore() -> Any:
-    """All types: ROS 2 Jazzy's, ours, and those of packages that are not part of it.
+    """Return all types: ROS 2 Jazzy's, ours, and those of packages that are not part of it.
 
     Raises:
         UsageError: the extra is not installed.
@@ -50,7 +50,7 @@ _INFO = "service_msgs/msg/ServiceEventInfo"
 
 
 def service_types(name: str, request: str, response: str) -> Any:
-    """The types of a service from its two halves. The whole is never sent: its hash is the service's."""
+    """Return the types of a service from its two halves. The whole is never sent: its hash is the service's."""
     typesys = need("rosbags.typesys", EXTRA, "ROS 2")
     event = f"service_msgs/ServiceEventInfo info\n{name}_Request[<=1] request\n{name}_Response[<=1] response\n"
     whole = f"{name}_Request request_message\n{name}_Response response_message\n{name}_Event event_message\n"
@@ -84,7 +84,7 @@ class Coder:
         self._make = _maker(name)
 
     def message(self, fields: Mapping[str, Any]) -> Any:
-        """The message.
+        """Return the message.
 
         Raises:
             KeyError: a field that the type does not have.
@@ -92,14 +92,14 @@ class Coder:
         return self._make(fields)
 
     def coded(self, fields: Mapping[str, Any]) -> bytes | memoryview:
-        """The message as CDR, little endian, with its encapsulation header."""
+        """Return the message as CDR, little endian, with its encapsulation header."""
         coded: bytes | memoryview = typestore().serialize_cdr(self._make(fields), self.name)
         return coded
 
 
 @cache
 def coder(name: str) -> Coder:
-    """The coder of a type."""
+    """Return the coder of a type."""
     return Coder(name)
 
 

@@ -52,11 +52,11 @@ class Cell(Protocol):
         ...
 
     def interfaces(self) -> tuple[type, ...]:
-        """The device interfaces that this cell has."""
+        """Return the device interfaces that this cell has."""
         ...
 
     def device(self, interface: type[T]) -> T:
-        """The device with this interface.
+        """Return the device with this interface.
 
         Raises:
             KeyError: the cell has none.
@@ -153,7 +153,7 @@ class Cell(Protocol):
         ...
 
     def truth(self, reported: Mapping[str, object] | None = None) -> Mapping[str, object] | None:
-        """The simulated world's own score of the run, for the report only; None on any other cell.
+        """Return the simulated world's own score of the run, for the report only; None on any other cell.
 
         `reported` are facts that the run found out and that the world can judge.
         """

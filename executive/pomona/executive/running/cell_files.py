@@ -42,7 +42,7 @@ class CellFile(Protocol):
         ...
 
     def interfaces(self) -> tuple[type, ...]:
-        """The device interfaces that the cell will have."""
+        """Return the device interfaces that the cell will have."""
         ...
 
     def wires(self) -> tuple[str, ...]:
@@ -82,6 +82,6 @@ class CellFiles(Protocol):
 
 @cache
 def cell_files() -> CellFiles:
-    """The installed reader of cell files."""
+    """Return the installed reader of cell files."""
     reader: CellFiles = next(iter(entry_points(group="pomona.cells", name="file"))).load()
     return reader

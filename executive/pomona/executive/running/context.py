@@ -149,7 +149,7 @@ class RunContext:
         self._halting = still
 
     def take_refusal(self) -> NotOwnerError | None:
-        """A refused command, once for each owner, device and command; None when there is nothing more."""
+        """Return a refused command, once for each owner, device and command; None when there is nothing more."""
         return self._refusals.pop(0) if self._refusals else None
 
     def forget_refusal(self, error: BaseException) -> None:

@@ -95,7 +95,7 @@ class EmptyCellFiles:
         return EmptyCell(file.name)
 
     def recognises(self, keys: Collection[str]) -> bool:
-        """Whether a file with these keys at its top is one."""
+        """Return True if a file with these keys at its top is one."""
         return set(keys) == {"name"}
 
     def check(self, path: Path, findings: Findings) -> None:
@@ -103,7 +103,7 @@ class EmptyCellFiles:
         self.judge(path, findings, {}, {})
 
     def schema(self) -> Schema:
-        """The JSON Schema of such files."""
+        """Return the JSON Schema of such files."""
         return {"title": "Pomona cell file without devices", **with_includes(EMPTY_CELL.schema())}
 
 

@@ -83,12 +83,12 @@ class Terminated(KeyboardInterrupt):
 
 
 def status_of(error: KeyboardInterrupt) -> int:
-    """The exit status of a process that a signal ended: 130 for Ctrl-C, 143 for SIGTERM, 129 for SIGHUP."""
+    """Return the exit status of a process that a signal ended: 130 for Ctrl-C, 143 for SIGTERM, 129 for SIGHUP."""
     return 128 + (error.number if isinstance(error, Terminated) else signal.SIGINT)
 
 
 def signalled(error: BaseException) -> KeyboardInterrupt | None:
-    """The signal behind an error, if there is one.
+    """Return the signal behind an error, if there is one.
 
     A signal that comes while a compiled module is being loaded leaves it as ImportError("initialization failed"),
     raised from the KeyboardInterrupt.

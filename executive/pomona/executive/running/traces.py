@@ -50,7 +50,7 @@ def keep_place(error: BaseException, place: str) -> None:
 
 
 def traceback_of(error: BaseException) -> str:
-    """The traceback with causes and notes, of limited length."""
+    """Return the traceback with causes and notes, of limited length."""
     try:
         text = "".join(traceback.format_exception(error))
     except BaseException as second:  # its own __str__ may be what fails

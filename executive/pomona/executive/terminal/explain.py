@@ -36,7 +36,7 @@ BLOCKED = 0.5
 
 
 def did_not_work(overrun: TickOverran) -> bool:
-    """Whether the tick was late though it had little to compute."""
+    """Return True if the tick was late though it had little to compute."""
     return overrun.worked is not None and overrun.worked < 0.5 * overrun.duration
 
 
@@ -139,7 +139,7 @@ class _Story:
         yield f"Remedy: {_sentence(known.remedy)}" if known is not None else ""
 
     def rest(self) -> Iterator[str]:
-        """All that was recorded beyond that."""
+        """Yield all that was recorded beyond that."""
         ended = self.summary.ended
         if ended is not None and ended.reason is not None:
             yield self._figures(ended.reason)
@@ -241,7 +241,7 @@ class _Story:
         return f"On the way failed: {', '.join(parts)}."
 
     def _late(self) -> Iterator[tuple[float, str]]:
-        """The tick that waited longest, and how many more did."""
+        """Yield the tick that waited longest, and how many more did."""
         late = [overrun for overrun in self.overruns if overrun.duration >= BLOCKED]
         if late:
             longest = max(late, key=lambda overrun: overrun.duration)
@@ -259,7 +259,7 @@ class _Story:
         return f"{held}: {untold}. Such work belongs into `self.compute`."
 
     def _limits(self, path: str) -> Iterator[str]:
-        """The timeouts around a node."""
+        """Yield the timeouts around a node."""
         node = self.nodes.get(path)
         while node is not None and (node := self.nodes.get(str(node["parent"]))) is not None:
             if node.get("type") == "timeout":

@@ -25,7 +25,7 @@ HARMFUL = re.compile(
 
 
 def visible(text: str) -> str:
-    """The text with every character that would act instead of being shown replaced by a sign for it."""
+    """Return the text with every character that would act instead of being shown replaced by a sign for it."""
     return HARMFUL.sub(_sign, text)
 
 

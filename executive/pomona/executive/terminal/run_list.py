@@ -27,7 +27,7 @@ UNCHECKED = "This record was written without checksums: later changes cannot be 
 
 
 def wide_console() -> Screen:
-    """A console that cuts nothing off when its output goes into a file or a pipe."""
+    """Return a console that cuts nothing off when its output goes into a file or a pipe."""
     console = Screen()
     return console if console.is_terminal else Screen(width=2000)
 
@@ -73,7 +73,7 @@ def _shortened(text: str, width: int) -> str:
 
 
 def how(run: Digest) -> str:
-    """A run's outcome, or its state when it has none; `empty` for a record of zero length."""
+    """Return a run's outcome, or its state when it has none; `empty` for a record of zero length."""
     if run.state == "cut off" and run.bytes == 0:
         return "empty"
     return run.outcome if run.state == "ended" and run.outcome in MARKS else run.state
@@ -109,7 +109,7 @@ def size(value: float) -> str:
 
 
 def when(wall_time: float) -> str:
-    """A moment on this machine's clock."""
+    """Return a moment on this machine's clock."""
     return f"{datetime.fromtimestamp(wall_time):%d %B %Y, %H:%M:%S}"
 
 

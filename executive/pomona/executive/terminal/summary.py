@@ -86,7 +86,7 @@ class Summary:
     # ------------------------------------------------------------------------------------------- as JSON
 
     def as_json(self, record: Path | None) -> dict[str, Any]:
-        """The last line of `pomona run --json`."""
+        """Return the last line of `pomona run --json`."""
         assert self.started is not None
         assert self.ended is not None
         return {
@@ -180,7 +180,7 @@ class Summary:
         return f"{word}: {say(self.ended.reason)}"
 
     def last_attempt(self) -> AttemptEnded | None:
-        """The newest attempt that succeeded of a retry that no other retry surrounds."""
+        """Return the newest attempt that succeeded of a retry that no other retry surrounds."""
         outermost = (a for a, within in zip(self.attempts, self.within(), strict=True) if a.succeeded and not within)
         return next(reversed(list(outermost)), None)
 

@@ -64,7 +64,7 @@ MOST_FIGURES = 5
 
 
 def headline(truth: Mapping[str, Any], most: int = MOST_FIGURES) -> list[str]:
-    """The first figures of a world's score that are not 0; verdicts and numbers only.
+    """Return the first figures of a world's score that are not 0; verdicts and numbers only.
 
     The world puts first what counts most.
     """

@@ -112,7 +112,7 @@ def with_includes(schema: Mapping[str, Any]) -> Schema:
 
 
 def set_scalar(name: str, text: str) -> YamlScalar:
-    """A value from the command line, as if it stood in a file."""
+    """Return a value from the command line, as if it stood in a file."""
     return YamlScalar(Source(f"--set {name}={text}", text), 0, 0, 0, 0, text, True)
 
 
@@ -170,7 +170,7 @@ class _Opener:
     def _included(
         self, node: YamlNode, path: Path, chain: tuple[Path, ...]
     ) -> dict[str, tuple[YamlScalar, YamlNode]] | None:
-        """Its entries; None when it cannot be read, which is a finding."""
+        """Return its entries; None when it cannot be read, which is a finding."""
         if not isinstance(node, YamlScalar) or node.is_null:
             self.findings.error(node, "shape", "'include' names a file", "write include: shared/workspace.yaml")
             return None

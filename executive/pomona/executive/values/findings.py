@@ -142,7 +142,7 @@ class Source:
         self.comment_lines: set[int] = set()
 
     def excerpt(self, line: int) -> str:
-        """The text of a line, from 1; empty beyond the file."""
+        """Return the text of a line, from 1; empty beyond the file."""
         return self.lines[line - 1] if 0 < line <= len(self.lines) else ""
 
 
@@ -271,7 +271,7 @@ def said(finding: Finding) -> str:
 
 
 def format_finding(finding: Finding) -> str:
-    """The finding with its hint as a compiler would print it, with its line and a marker under the place."""
+    """Return the finding with its hint as a compiler would print it, with its line and a marker under the place."""
     lines = [f"{place_of(finding)}: {finding.severity}[{finding.code}]: {said(finding)}"]
     if finding.excerpt.strip() and len(finding.excerpt) <= MAX_EXCERPT:
         shown = "".join(c if c.isprintable() else "·" for c in finding.excerpt.replace("\t", " "))
@@ -282,7 +282,7 @@ def format_finding(finding: Finding) -> str:
 
 
 def format_findings(findings: Sequence[Finding]) -> str:
-    """All findings and their count."""
+    """Return all findings and their count."""
     errors = sum(f.severity == "error" for f in findings)
     warnings = len(findings) - errors
     counts = [f"{n} {word}{'s' if n > 1 else ''}" for n, word in ((errors, "error"), (warnings, "warning")) if n]

@@ -23,7 +23,7 @@ WHOLE, ALONE = "pomona", "pomona-executive"
 
 @cache
 def distribution() -> str:
-    """Name of the installed distribution: `pomona`, or `pomona-executive` without it."""
+    """Return the name of the installed distribution: `pomona`, or `pomona-executive` without it."""
     try:
         version(WHOLE)
     except PackageNotFoundError:
@@ -44,18 +44,18 @@ def pip() -> str:
 
 
 def install_extra(extra: str) -> str:
-    """The command that adds an extra to the installed distribution."""
+    """Return the command that adds an extra to the installed distribution."""
     return f"{pip()} install {_source(distribution(), extra)}"
 
 
 def reinstall(name: str, *, requirements: bool = False) -> str:
-    """The command that installs a distribution again, with or without its requirements."""
+    """Return the command that installs a distribution again, with or without its requirements."""
     alone = "" if requirements else "--no-deps "
     return f"{pip()} install --force-reinstall {alone}{_source(name)}"
 
 
 def elsewhere(what: str) -> str:
-    """The remedy for a thing of the distribution `pomona` where `pomona-executive` is installed."""
+    """Return the remedy for a thing of the distribution `pomona` where `pomona-executive` is installed."""
     return f"the distribution {WHOLE} has {what}: install it in an environment of its own, without {ALONE}"
 
 
@@ -75,7 +75,7 @@ def _source(name: str, extra: str = "") -> str:
 
 
 def _origin(name: str) -> dict[str, Any]:
-    """The record that pip keeps of a distribution that came from no index; empty for one from an index."""
+    """Return the record that pip keeps of a distribution that came from no index; empty for one from an index."""
     try:
         found: dict[str, Any] = json.loads(metadata_of(name).read_text("direct_url.json") or "{}")
     except (PackageNotFoundError, ValueError):

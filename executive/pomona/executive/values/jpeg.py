@@ -8,7 +8,7 @@ _ALONE = (0x01, *range(0xD0, 0xD8))
 
 
 def is_cut_off(content: bytes) -> bool:
-    """Whether this begins as a JPEG does and stops before the picture's end; False for all other files."""
+    """Return True if this begins as a JPEG does and stops before the picture's end; False for all other files."""
     if content[:3] != b"\xff\xd8\xff":
         return False
     at, data = 2, False

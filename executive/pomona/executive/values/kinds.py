@@ -33,7 +33,7 @@ class Kind(ABC, Generic[T]):
 
     @abstractmethod
     def read(self, node: YamlNode, reader: Reader) -> T:
-        """The value.
+        """Return the value.
 
         Raises:
             Refused: it is not of this kind; every reason is a finding.
@@ -41,7 +41,7 @@ class Kind(ABC, Generic[T]):
 
     @abstractmethod
     def schema(self, options: bool = False) -> Schema:
-        """Its JSON Schema; with `options`, a scalar may be a placeholder for one."""
+        """Return its JSON Schema; with `options`, a scalar may be a placeholder for one."""
 
 
 class ScalarKind(Kind[T]):
@@ -49,7 +49,7 @@ class ScalarKind(Kind[T]):
 
     @abstractmethod
     def parse(self, text: str) -> T:
-        """The value of a text.
+        """Return the value of a text.
 
         Raises:
             Unfit: the text is not of this kind.
@@ -57,7 +57,7 @@ class ScalarKind(Kind[T]):
 
     @abstractmethod
     def plain_schema(self) -> Schema:
-        """The schema of the text itself."""
+        """Return the schema of the text itself."""
 
     def read(self, node: YamlNode, reader: Reader) -> T:
         found = reader.filled(node)
@@ -409,7 +409,7 @@ class MappingOf(Kind[Mapping[str, T]]):
 
 
 def read_each(kind: Kind[T], items: Iterable[tuple[YamlNode, Reader]]) -> list[T]:
-    """Every item's value; all are read, so that each mistake is a finding, before one is raised.
+    """Return every item's value; all are read, so that each mistake is a finding, before one is raised.
 
     Raises:
         Refused: one of them cannot be read.
@@ -426,13 +426,13 @@ def read_each(kind: Kind[T], items: Iterable[tuple[YamlNode, Reader]]) -> list[T
 
 
 def choose(word: str, known: Iterable[str]) -> str:
-    """A hint: the known word that is probably meant, or all of them."""
+    """Return a hint: the known word that is probably meant, or all of them."""
     names = list(known)
     return did_you_mean(word, names) or f"known: {', '.join(names) or 'none'}"
 
 
 def between(low: float, high: float) -> str:
-    """A closed range in words."""
+    """Return a closed range in words."""
     if math.isinf(high):
         return f"at least {low:g}"
     return f"at most {high:g}" if math.isinf(low) else f"between {low:g} and {high:g}"

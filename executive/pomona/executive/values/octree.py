@@ -48,7 +48,7 @@ def _parents(keys: Int64, codes: UInt8) -> tuple[Int64, UInt8]:
 
 
 def _depth_first(levels: list[tuple[Int64, UInt8]]) -> bytes:
-    """The inner nodes in the file's order; levels from the root down."""
+    """Return the inner nodes in the file's order; levels from the root down."""
     if not levels:
         return b""
     rows = [{tuple(key): row for row, key in enumerate(keys.tolist())} for keys, _ in levels]

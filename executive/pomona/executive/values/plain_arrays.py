@@ -17,7 +17,7 @@ class UnreadableArraysError(ValueError):
 
 
 def read_plain_arrays(path: Path) -> dict[str, np.ndarray[Any, Any]]:
-    """The arrays of a .npz file by their names.
+    """Return the arrays of a .npz file by their names.
 
     Raises:
         UnreadableArraysError: it is no such file, is damaged, too large, or holds objects.

@@ -35,7 +35,7 @@ def is_file(path: Path) -> bool:
 
 
 def exists(path: Path) -> bool:
-    """Whether anything has this path, as above."""
+    """Return True if anything has this path, as above."""
     try:
         return path.exists()
     except (OSError, ValueError, RuntimeError):

@@ -39,7 +39,7 @@ class Reader:
     options: Mapping[str, YamlScalar] | None = None
 
     def inside(self, key: str) -> Reader:
-        """The reader of a value in this one."""
+        """Return the reader of a value in this one."""
         return replace(self, title=f"{self.title}.{key}" if self.title else key)
 
     def refuse(self, where: Located, message: str, hint: str = "", code: str = "value") -> Refused:

@@ -52,7 +52,7 @@ def from_quaternion(q_xyzw: ArrayLike) -> Float64:
 
 
 def to_quaternion(R: ArrayLike) -> Float64:
-    """The unit quaternion x, y, z, w, shape (4,), with w ≥ 0, of a rotation matrix, shape (3, 3).
+    """Return the unit quaternion x, y, z, w, shape (4,), with w ≥ 0, of a rotation matrix, shape (3, 3).
 
     Raises:
         ValueError: the matrix mirrors or flattens: it is no rotation.
@@ -76,7 +76,7 @@ def to_quaternion(R: ArrayLike) -> Float64:
 
 
 def is_rigid(T: Float64) -> bool:
-    """Whether a matrix, shape (4, 4), is a rotation and a translation: finite, and no mirror."""
+    """Return True if a matrix, shape (4, 4), is a rotation and a translation: finite, and no mirror."""
     import numpy as np
 
     R = T[:3, :3]

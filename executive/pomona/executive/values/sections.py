@@ -130,7 +130,7 @@ class Section(Kind[S]):
         return self.read_placed(node, reader).values
 
     def read_placed(self, node: YamlNode, reader: Reader) -> Placed[S]:
-        """The section with its places.
+        """Return the section with its places.
 
         Raises:
             Refused: something in it is wrong; all of it is in the findings.
@@ -195,7 +195,7 @@ def _is_null(node: YamlNode) -> bool:
 
 
 def _plain(default: Any) -> Any:
-    """A default as JSON has it."""
+    """Return a default as JSON has it."""
     if dataclasses.is_dataclass(default):
         return {f.name: _plain(v) for f in dataclasses.fields(default) if (v := getattr(default, f.name)) is not None}
     if isinstance(default, tuple):

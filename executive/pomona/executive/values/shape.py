@@ -15,7 +15,7 @@ class ShapeCheck:
         self.findings = findings
 
     def mapping(self, node: YamlNode, what: str) -> YamlMapping | None:
-        """The node as a mapping; anything else is reported, and gives None."""
+        """Return the node as a mapping; anything else is reported, and gives None."""
         if isinstance(node, YamlMapping):
             return node
         self.findings.error(node, "shape", f"{what} is a mapping ('key: value'), this is {shape_of(node)}")
@@ -31,7 +31,7 @@ class ShapeCheck:
         return []
 
     def text(self, node: YamlNode | None) -> YamlScalar | None:
-        """A scalar; None when it is left out."""
+        """Return a scalar; None when it is left out."""
         if node is None or (isinstance(node, YamlScalar) and not node.is_null):
             return node
         self.findings.error(node, "shape", f"a word is expected here, this is {shape_of(node)}")

@@ -71,7 +71,7 @@ _Found = tuple[Spot, str, list[Edit]]
 
 
 def _unclosed_quote(source: Source, first: int, last: int) -> _Found | None:
-    """A quote that is open at the end of one of these lines."""
+    """Return a quote that is open at the end of one of these lines."""
     for line in range(first, last + 1):
         text = source.excerpt(line)
         for match in _FLOW.finditer(text):
@@ -109,7 +109,7 @@ def _unclosed_bracket(source: Source, opened: Any, line: int) -> _Found | None:
 
 
 def _missing_mark(source: Source, first: int, line: int, column: int) -> _Found | None:
-    """A colon that is missing behind a word, a space behind a colon, or quotes around a value with a colon."""
+    """Return a colon that is missing behind a word, a space behind a colon, or quotes around a value with a colon."""
     for number in (first, _line_before(source, line)):
         text = source.excerpt(number)
         match = re.match(r"(\s*(?:- +)*)(\w+)(:(?=[^\s:])|\s+(?=\S)|\s*$)", text)
@@ -134,7 +134,7 @@ def _missing_mark(source: Source, first: int, line: int, column: int) -> _Found 
 
 
 def _item_among_keys(source: Source, line: int) -> _Found | None:
-    """An item of a list at the column of a mapping's keys."""
+    """Return an item of a list at the column of a mapping's keys."""
     text = source.excerpt(line)
     stands = len(text) - len(text.lstrip()) + 1
     blocks = _open_blocks(source, line)
@@ -148,7 +148,7 @@ def _item_among_keys(source: Source, line: int) -> _Found | None:
 
 
 def _misplaced(source: Source, line: int, modifiers: Collection[str]) -> _Found | None:
-    """A line that stands at a column at which nothing can stand, with the column at which it belongs."""
+    """Return a line that stands at a column at which nothing can stand, with the column at which it belongs."""
     text = source.excerpt(line)
     stands = len(text) - len(text.lstrip()) + 1
     is_item = text[stands - 1 :].startswith("- ")
@@ -177,7 +177,7 @@ def _misplaced(source: Source, line: int, modifiers: Collection[str]) -> _Found 
 
 
 def moved(source: Source, line: int, by: int) -> Iterator[Edit]:
-    """The edits that move a line and all that stands in it sideways."""
+    """Yield the edits that move a line and all that stands in it sideways."""
     first = len(source.excerpt(line)) - len(source.excerpt(line).lstrip())
     for number in range(line, len(source.lines) + 1):
         text = source.excerpt(number)
@@ -189,7 +189,7 @@ def moved(source: Source, line: int, by: int) -> Iterator[Edit]:
 
 
 def _open_blocks(source: Source, line: int) -> list[_Block]:
-    """The lists and mappings of the lines before that may go on in a line, from the outside to the inside."""
+    """Return the lists and mappings of the lines before that may go on in a line, from the outside to the inside."""
     blocks: list[_Block] = []
     brackets, verbatim = 0, 0
     for text in source.lines[: line - 1]:

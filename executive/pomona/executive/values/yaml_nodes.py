@@ -75,7 +75,7 @@ class YamlMapping(YamlNode):
     lacking: bool = False
 
     def get(self, key: str) -> YamlNode | None:
-        """The value of a key, or None."""
+        """Return the value of a key, or None."""
         entry = self.entries.get(key)
         return None if entry is None else entry[1]
 
@@ -87,7 +87,7 @@ class Unreadable(Exception):
 def read_yaml(
     source: Source, findings: Findings, what: str = "a tree file", modifiers: Collection[str] = ()
 ) -> YamlNode | None:
-    """The file's only document, or None when it cannot be read; every reason is a finding.
+    """Return the file's only document, or None when it cannot be read; every reason is a finding.
 
     Args:
         source: of the file.
@@ -126,7 +126,7 @@ class Composer:
         self.count = 0
 
     def document(self) -> YamlNode | None:
-        """The only document; None when there is none."""
+        """Return the only document; None when there is none."""
         get = self.loader.get_event
         get()  # stream start
         event = get()
@@ -150,7 +150,7 @@ class Composer:
         return Unreadable()
 
     def node(self, event: Any, depth: int) -> YamlNode:
-        """The node that an event begins."""
+        """Return the node that an event begins."""
         kind = type(event)
         if kind is _SCALAR and event.tag is None and self.count < MAX_NODES and depth <= MAX_DEPTH:
             return self._scalar(event)  # nearly every node is one
@@ -183,14 +183,14 @@ class Composer:
         return scalar
 
     def _items(self, depth: int) -> tuple[list[YamlNode], Any]:
-        """The items of a list, and the mark behind its end."""
+        """Return the items of a list, and the mark behind its end."""
         get, items = self.loader.get_event, []
         while type(event := get()) is not yaml.SequenceEndEvent:
             items.append(self.node(event, depth))
         return items, event.end_mark
 
     def _entries(self, depth: int) -> tuple[dict[str, tuple[YamlScalar, YamlNode]], Any]:
-        """The entries of a mapping, and the mark behind its end."""
+        """Return the entries of a mapping, and the mark behind its end."""
         get, node = self.loader.get_event, self.node
         entries: dict[str, tuple[YamlScalar, YamlNode]] = {}
         while type(event := get()) is not _MAPPING_END:

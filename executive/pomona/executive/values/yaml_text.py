@@ -30,7 +30,7 @@ def scalar(value: object) -> str:
 
 
 def flow(value: object) -> str:
-    """A value on one line."""
+    """Return a value on one line."""
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{scalar(k)}: {flow(v)}" for k, v in value.items()) + "}"
     if isinstance(value, Sequence) and not isinstance(value, str):
@@ -39,7 +39,7 @@ def flow(value: object) -> str:
 
 
 def block(value: Mapping[str, Any], indent: int = 0) -> Iterator[str]:
-    """Lines of a mapping; short mappings and all that holds no list of mappings stay on one line."""
+    """Yield lines of a mapping; short mappings and all that holds no list of mappings stay on one line."""
     pad = " " * indent
     for key, inner in value.items():
         if isinstance(inner, Mapping) and (_holds_nodes(inner) or len(flow(inner)) + indent > _WIDTH) and inner:

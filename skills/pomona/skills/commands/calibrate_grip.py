@@ -85,7 +85,7 @@ def _made_now(options: argparse.Namespace) -> tuple[list[Push], Push | None]:
 
 
 def _cell(name: str) -> Any:
-    """A cell by its file or the name of an installed one, through the entry point that runs use too."""
+    """Return a cell by its file or the name of an installed one, through the entry point that runs use too."""
     path = Path(name)
     if not path.is_file():
         path = installed_trees() / "cells" / f"{name}.yaml"

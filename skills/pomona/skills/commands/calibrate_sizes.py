@@ -102,7 +102,7 @@ class SizeTable:
 
 
 def read_measured(tables: Sequence[Path], by_shape: bool) -> SizeTable:
-    """The fruit of tables of finds; several finds of one fruit are one row.
+    """Return the fruit of tables of finds; several finds of one fruit are one row.
 
     Args:
         tables: as `pomona measure` writes them, with `TRUE` added where a fruit was measured by hand.

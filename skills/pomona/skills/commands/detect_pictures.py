@@ -121,7 +121,7 @@ def _is_picture(name: str) -> bool:
 
 
 def _all(files: Sequence[Path], detector: CompactDetector, score: float, out: Path, stream: TextIO) -> int:
-    """Each picture with its line on the screen and its rows in the table; how many could not be used."""
+    """Return each picture with its line on the screen and its rows in the table; how many could not be used."""
     table = csv.writer(stream)
     table.writerow(COLUMNS)
     unusable = total = 0
@@ -152,7 +152,7 @@ def _all(files: Sequence[Path], detector: CompactDetector, score: float, out: Pa
 
 
 def _read(file: Path) -> Any:
-    """The picture (h, w, 3), BGR, or None; OpenCV's own reading of files complains beside us."""
+    """Return the picture (h, w, 3), BGR, or None; OpenCV's own reading of files complains beside us."""
     content = file.read_bytes()
     data = np.frombuffer(content, np.uint8)
     try:

@@ -200,7 +200,7 @@ def train_main(options: argparse.Namespace) -> int:
 
 
 def _start(options: argparse.Namespace) -> Path | None:
-    """The weights to go on from; None starts from nothing."""
+    """Return the weights to go on from; None starts from nothing."""
     from pomona.skills.perception.detection.errors import BadTraining
     from pomona.skills.perception.detection.finder_network import FinderNetwork
     from pomona.skills.perception.detection.weights import load_compact
@@ -252,7 +252,7 @@ def _chance(text: str) -> float:
 
 
 def _train_dope(options: argparse.Namespace, work: Path, console: Console) -> int:
-    """The full network with the paper's losses and schedule."""
+    """Return the full network with the paper's losses and schedule."""
     import torch
 
     from pomona.skills.perception.detection.errors import BadTraining

@@ -72,7 +72,7 @@ def frame_problem(
 
 
 def pose_problem(view: SeenTable) -> FrameProblem | None:
-    """The problem of a table that is not where the cell file has it, or None."""
+    """Return the problem of a table that is not where the cell file has it, or None."""
     if view.sound:
         return None
     ratio = view.height_ratio
@@ -93,7 +93,7 @@ def _other_depth(
     deviation: float,
     earlier: Sequence[tuple[float, Float64]],
 ) -> str:
-    """Words for depth of another moment or mirrored depth, where it explains the table's place; else empty."""
+    """Return words for depth of another moment or mirrored depth, where it explains the table's place; else empty."""
     assert frame.depth is not None
     assert workspace.table_z is not None
     table_z = workspace.table_z

@@ -140,7 +140,7 @@ Plane = tuple[Float64, float]
 
 
 def _refined(points: Float64, band: Float64, chosen: NDArray[np.bool_]) -> Plane | None:
-    """The least-squares plane of the chosen points, and then of those in its band."""
+    """Return the least-squares plane of the chosen points, and then of those in its band."""
     plane = None
     for _ in range(4):
         if np.count_nonzero(chosen) < LEAST_POINTS // 3:
@@ -156,7 +156,7 @@ def _refined(points: Float64, band: Float64, chosen: NDArray[np.bool_]) -> Plane
 
 
 def _drawn(points: Float64, band: Float64, expected: Float64) -> NDArray[np.bool_]:
-    """Points on the best of `DRAWS` planes through three points, of those about parallel to the expected one."""
+    """Return points on the best of `DRAWS` planes through three points, of those about parallel to the expected one."""
     triples = points[np.random.default_rng(0).integers(len(points), size=(DRAWS, 3))]
     normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
     length = np.linalg.norm(normals, axis=1)
@@ -196,7 +196,7 @@ def frame_points(frame: Frame, T_base_camera: Float64, workspace: Workspace) -> 
 
 
 def frame_view(frame: Frame, T_base_camera: Float64, workspace: Workspace) -> SeenTable | None:
-    """The table in a frame; None without depth or a table, or where it is not in view."""
+    """Return the table in a frame; None without depth or a table, or where it is not in view."""
     if frame.depth is None or workspace.table_z is None or not frame.placed:
         return None
     points = frame_points(frame, T_base_camera, workspace)

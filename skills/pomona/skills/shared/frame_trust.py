@@ -68,6 +68,6 @@ def require_sound_pose(skill: Skill, frame: Frame, T_base_camera: Float64, works
 
 
 def mismatch(skill: Skill, frame: Frame, problem: FrameProblem) -> SkillFailure:
-    """The failure of a skill whose frame has a problem."""
+    """Return the failure of a skill whose frame has a problem."""
     name = frame.label or "camera"
     return skill.failure(problem.code, f"{name}: {problem.message}", camera=frame.label, **problem.data)

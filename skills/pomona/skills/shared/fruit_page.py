@@ -148,7 +148,7 @@ def make_page(report: FruitReport, of: int = 0) -> ReportPage:
 
 
 def draw(view: ImageView) -> UInt8:
-    """A view's image with its lines and their labels, RGB, shape (h, w, 3)."""
+    """Return a view's image with its lines and their labels, RGB, shape (h, w, 3)."""
     assert view.image is not None
     drawn = np.ascontiguousarray(view.image).copy()
     thick = max(1, round(drawn.shape[1] / 960))

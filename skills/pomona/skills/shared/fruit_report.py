@@ -204,7 +204,7 @@ class FruitReport:
         return TableView(("frame", "found", "measured", *names), rows, "widths in mm")
 
     def picture(self, colour: UInt8) -> ImageView:
-        """The newest frame with the outline and the row's number of each find."""
+        """Return the newest frame with the outline and the row's number of each find."""
         entry = self.frames[-1]
         lines = tuple(
             Line2(s.outline, str(s.number), "found" if s.dimensions is None else "refined", closed=True)
@@ -246,7 +246,7 @@ def _said(fruit: FruitModel, dimensions: Float64 | None, covariance: Float64 | N
 
 
 def _sizes(fruit: FruitModel, dimensions: Float64 | None, covariance: Float64 | None) -> tuple[str, ...]:
-    """Width, height, depth and mass, each with half its 90 % interval, and the mass's model."""
+    """Return width, height, depth and mass, each with half its 90 % interval, and the mass's model."""
     if dimensions is None or covariance is None:
         return ("",) * len(_SIZE)
     spreads = Z_90 * np.sqrt(np.clip(np.diag(covariance), 0.0, None))
@@ -281,7 +281,7 @@ def _fruit_row(fruit: KnownFruit) -> tuple[str, ...]:
 
 
 def width_mm(dimensions: Float64) -> float:
-    """Mean of the two level dimensions [mm]."""
+    """Return the mean of the two level dimensions [mm]."""
     return 1e3 * float(dimensions[[0, 2]].mean())
 
 

@@ -16,7 +16,7 @@ CORNERS = 160
 
 
 def fruit_mesh(fruit: MeasuredFruit) -> Mesh3:
-    """The measured fruit in the base frame."""
+    """Return the measured fruit in the base frame."""
     points = fruit_points(fruit)
     vertices, faces = hull(points[:: max(1, len(points) // CORNERS)])
     return Mesh3(np.round(vertices, 4), faces, "measured fruit", "object")

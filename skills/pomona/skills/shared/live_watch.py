@@ -156,7 +156,7 @@ class LiveWatch:
         return said
 
     def _posture(self, stamp: float) -> Float64:
-        """Joints when a fixed camera looked, (dof,) [rad], from the states around that time."""
+        """Return joints when a fixed camera looked, (dof,) [rad], from the states around that time."""
         times = [state.stamp for state in self._states]
         i = int(np.searchsorted(times, stamp))
         if i == 0 or i == len(times):

@@ -105,14 +105,14 @@ class LookingSkill(Skill):
 
     @classmethod
     def offers(cls, port: str, cell: CellFacts | None) -> tuple[str, ...]:
-        """The fruit on the cell's table, or all in the catalogue."""
+        """Return the fruit on the cell's table, or all in the catalogue."""
         if port != "fruit":
             return ()
         kinds = None if cell is None else cell.known(FruitKinds)
         return known_fruits() if kinds is None else tuple(kinds.names)
 
     def fruit_model(self, fruit: str, weights: str = "", needs_weights: bool = True) -> FruitModel:
-        """The fruit of a name or path, with its own or other weights; fails with NO_WEIGHTS.
+        """Return the fruit of a name or path, with its own or other weights; fails with NO_WEIGHTS.
 
         Args:
             fruit: name or path.
@@ -134,7 +134,7 @@ class LookingSkill(Skill):
         return model
 
     def newest_frame(self, max_age: float) -> Frame:
-        """The camera's newest frame, not older than `max_age` [s]; fails with NO_FRAME or STALE_FRAME."""
+        """Return the camera's newest frame, not older than `max_age` [s]; fails with NO_FRAME or STALE_FRAME."""
         try:
             frame = self.device(Camera).latest()
         except FrameUnreadable as error:
@@ -228,7 +228,7 @@ def _sides(fruit: FruitModel) -> tuple[float, float, float]:
 
 
 def find_in_frame(frame: Frame, fruit: FruitModel, options: Search) -> list[Instance]:
-    """Every fruit of a frame; its detector is loaded once in a process.
+    """Return every fruit of a frame; its detector is loaded once in a process.
 
     Raises:
         BadFrame: the frame's picture has another shape or type.
@@ -248,7 +248,7 @@ def find_in_frame(frame: Frame, fruit: FruitModel, options: Search) -> list[Inst
 def picture(
     frame: Frame, T_base_camera: Float64, instances: list[Instance], chosen: int | str, score: float
 ) -> ImageView:
-    """The frame with the cuboids that were found; `chosen` is the target's index, or why there is none."""
+    """Return the frame with the cuboids that were found; `chosen` is the target's index, or why there is none."""
     lines = []
     for k, instance in enumerate(instances):
         if instance.score < score:

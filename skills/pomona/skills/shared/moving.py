@@ -92,7 +92,7 @@ def move_to_pose(
 def _upright(
     skill: MovingSkill, space: ArmSpace, most: float, q: Float64, q_goal: Float64, carrying: Grasp | None
 ) -> UprightSpace:
-    """The space in which the fruit stays upright."""
+    """Return the space in which the fruit stays upright."""
     now = RobotModel.load(skill.device(Arm).description).tcp(q) if carrying is None else carrying.T_base_grasp
     keeps = UprightSpace(space, now[2, :3].copy(), most)
     for where, there in (("where the arm stands", q), ("at the pose", q_goal)):
@@ -104,7 +104,7 @@ def _upright(
 
 
 def gently(robot: RobotModel, path: Trajectory) -> Trajectory:
-    """A path slowed down until the TCP is nowhere accelerated by more than `CARRIED_ACCELERATION`."""
+    """Return a path slowed down until the TCP is nowhere accelerated by more than `CARRIED_ACCELERATION`."""
     p = np.array([robot.tcp(q)[:3, 3] for q in path.q])
     rate = np.gradient(p, path.t, axis=0)
     largest = float(np.linalg.norm(np.gradient(rate, path.t, axis=0), axis=1).max())

@@ -20,7 +20,7 @@ def judge_pose(port: str, known: Mapping[str, Any], cell: CellFacts | None) -> I
 
 
 def offered_poses(cell: CellFacts | None) -> tuple[str, ...]:
-    """The cell's named poses, for editors."""
+    """Return the cell's named poses, for editors."""
     workspace = None if cell is None else cell.known(Workspace)
     return () if workspace is None else tuple(sorted(workspace.poses))
 

@@ -78,7 +78,7 @@ def write_policy(path: Path, network: PolicyNetwork) -> None:
 
 
 def read_policy(path: Path) -> PolicyNetwork:
-    """The policy in a file.
+    """Return the policy in a file.
 
     Raises:
         UnusablePolicy: it cannot be read, is something else, or its numbers do not fit together.

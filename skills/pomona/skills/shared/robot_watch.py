@@ -36,7 +36,7 @@ class RobotWatch:
         self._poses(np.zeros(self._robot.dof), 0.0)
 
     def look(self) -> Iterator[tuple[str, object]]:
-        """The shape at the first look; poses whenever something has moved."""
+        """Yield the shape at the first look; poses whenever something has moved."""
         if self._shown is None:
             yield TOPIC, self._shape
         now = np.append(self._arm.state().q, self._gripper.state().width)

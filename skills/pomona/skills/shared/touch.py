@@ -87,11 +87,11 @@ class Touch:
         return float(np.min(self._recent, axis=0).max()) if len(self._recent) == SPIKE else 0.0
 
     def at_first(self) -> float:
-        """The force at the beginning [N]; 0 before the first sample."""
+        """Return the force at the beginning [N]; 0 before the first sample."""
         return 0.0 if self._reference is None else float(np.linalg.norm(self._reference, axis=1).max())
 
     def average(self) -> Float64:
-        """Mean of the recent forces, shape (n, k) [N]."""
+        """Return the mean of the recent forces, shape (n, k) [N]."""
         mean: Float64 = np.mean(self._felt, axis=0)
         return mean
 

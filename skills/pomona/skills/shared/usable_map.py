@@ -12,7 +12,7 @@ MAP_AGE = 120.0
 
 
 def usable_field(skill: Skill, map: OccupancyMap | None, max_age: float = MAP_AGE) -> DistanceField | None:
-    """The distance field of a map that may be relied on; None where no map is wired.
+    """Return the distance field of a map that may be relied on; None where no map is wired.
 
     `skill` must declare MAP_STALE: it fails with it when the map is empty or too old.
     """

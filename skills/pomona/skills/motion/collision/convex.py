@@ -47,14 +47,14 @@ class Convex:
 
     @staticmethod
     def of_box(box: Box) -> Convex:
-        """A box of the cell: its faces, and planes along its edges and corners."""
+        """Return a box of the cell: its faces, and planes along its edges and corners."""
         corners = _CUBE[np.abs(_CUBE).sum(axis=1) == 3.0] * box.half_extents
         R, p = box.T_base_box[:3, :3], box.T_base_box[:3, 3]
         return Convex.of_points(box.name, corners @ R.T + p, _CUBE_DIRECTIONS @ R.T)
 
     @staticmethod
     def of_cylinder(name: str, T_base_cylinder: Float64, radius: float, length: float) -> Convex:
-        """A cylinder about its z axis, centred in its frame [m]."""
+        """Return a cylinder about its z axis, centred in its frame [m]."""
         angles = np.arange(_RIM_DIRECTIONS) * 2.0 * np.pi / _RIM_DIRECTIONS
         ring = np.stack((np.cos(angles), np.sin(angles), np.zeros(_RIM_DIRECTIONS)), axis=1)
         rim = ring * radius / np.cos(np.pi / _RIM_DIRECTIONS)
@@ -66,12 +66,12 @@ class Convex:
 
     @staticmethod
     def of_fruit(measured: MeasuredFruit, name: str = "target") -> Convex:
-        """A measured fruit: the hull of its refined shape."""
+        """Return a measured fruit: the hull of its refined shape."""
         return Convex.of_points(name, fruit_points(measured))
 
     @staticmethod
     def of_hull(hull: Hull) -> Convex:
-        """A part of a mesh: its own faces, and planes all around."""
+        """Return a part of a mesh: its own faces, and planes all around."""
         return Convex.of_points(hull.name, hull.points, np.vstack((hull.normals, _CUBE_DIRECTIONS, _ROUND)))
 
     def distance(self, points: ArrayLike) -> Float64:

@@ -117,7 +117,7 @@ def _cover_box(half: Float64) -> Cover:
 
 
 def _cover_cylinder(radius: float, half: float) -> Cover:
-    """Spheres on the axis where they stay between the flat ends, smaller ones towards the ends."""
+    """Return spheres on the axis where they stay between the flat ends, smaller ones towards the ends."""
 
     def depth(p: Float64) -> Float64:
         deep: Float64 = np.minimum(radius - np.hypot(p[:, 0], p[:, 1]), half - np.abs(p[:, 2]))

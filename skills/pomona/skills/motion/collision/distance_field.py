@@ -37,14 +37,14 @@ class DistanceField:
 
     @staticmethod
     def of_blocked(blocked: NDArray[np.bool_], origin: Float64, resolution: float, limit: float) -> DistanceField:
-        """The field of a grid of cells, shape (nx, ny, nz)."""
+        """Return the field of a grid of cells, shape (nx, ny, nz)."""
         values = np.empty(tuple(n + 1 for n in blocked.shape), dtype=np.float32)
         _squared_distances(blocked, (limit / resolution) ** 2, values)
         return DistanceField(np.sqrt(values, out=values) * np.float32(resolution), origin, resolution, limit)
 
     @staticmethod
     def nothing_blocked() -> DistanceField:
-        """A field without any blocked cell, for scenes that are given by shapes alone."""
+        """Return a field without any blocked cell, for scenes that are given by shapes alone."""
         return DistanceField(np.full((2, 2, 2), 1e3, dtype=np.float32), np.zeros(3), 1e-3, 1e3)
 
     def distance(self, points: Float64) -> Float64:
@@ -56,7 +56,7 @@ class DistanceField:
 
 @njit(cache=True, nogil=True)
 def lookup(values: Float32, origin: Float64, resolution: float, x: float, y: float, z: float) -> float:
-    """Distance at a point of the base frame [m], by trilinear interpolation minus its greatest error."""
+    """Return the distance at a point of the base frame [m], by trilinear interpolation minus its greatest error."""
     u, v, w = (x - origin[0]) / resolution, (y - origin[1]) / resolution, (z - origin[2]) / resolution
     u = min(max(u, 0.0), values.shape[0] - 1.000001)
     v = min(max(v, 0.0), values.shape[1] - 1.000001)

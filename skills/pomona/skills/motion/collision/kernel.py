@@ -63,7 +63,7 @@ def place_spheres(
 def _map_distance(
     field: Float32, origin: Float64, resolution: float, spheres: Float64, begin: int, end: int, placed: Float64
 ) -> float:
-    """Distance of a placed geom from blocked cells of the map."""
+    """Return the distance of a placed geom from blocked cells of the map."""
     distance: float = 1e9
     for s in range(begin, end):
         away = lookup(field, origin, resolution, placed[s, 0], placed[s, 1], placed[s, 2]) - spheres[s, 3]
@@ -75,7 +75,7 @@ def _map_distance(
 def _convex_distance(
     planes: Float64, first: int, last: int, bound: Float64, spheres: Float64, begin: int, end: int, placed: Float64
 ) -> float:
-    """Distance of a placed geom from one convex obstacle."""
+    """Return the distance of a placed geom from one convex obstacle."""
     distance: float = 1e9
     for s in range(begin, end):
         x, y, z, radius = placed[s, 0], placed[s, 1], placed[s, 2], spheres[s, 3]
@@ -111,7 +111,7 @@ def _pair_distance(
     spheres: Float64, begin: int, end: int, other_begin: int, other_end: int, other: Float64, around: float,
     placed: Float64,
 ) -> float:  # fmt: skip
-    """Distance between two placed geoms; `other` and `around` are the sphere around the second one."""
+    """Return the distance between two placed geoms; `other` and `around` are the sphere around the second one."""
     distance: float = 1e9
     for s in range(begin, end):
         x, y, z, radius = placed[s, 0], placed[s, 1], placed[s, 2], spheres[s, 3]

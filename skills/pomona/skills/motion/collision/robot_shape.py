@@ -70,7 +70,7 @@ class RobotShape:
 
     @staticmethod
     def of(model: RobotModel) -> RobotShape:
-        """The shape of a robot; computed once for a model."""
+        """Return the shape of a robot; computed once for a model."""
         return _shape_of(model)
 
     def spheres_of(self, geom: int, q: ArrayLike, width: float) -> Float64:
@@ -96,7 +96,7 @@ class RobotShape:
         return np.column_stack(((own[:, :3] + shift) @ T[:3, :3].T + T[:3, 3], own[:, 3]))
 
     def holding(self, points_tcp: Float64) -> RobotShape:
-        """The same robot with an object between its fingers.
+        """Return the same robot with an object between its fingers.
 
         The object collides with the arm's links and with the world, not with the gripper that holds it.
 
@@ -178,7 +178,7 @@ class _Part(NamedTuple):
 
 
 def _parts(model: RobotModel) -> list[_Part]:
-    """The model's geoms; a body that is described by many spheres is one part with all of them.
+    """Return the model's geoms; a body that is described by many spheres is one part with all of them.
 
     Each part, and each pair of parts, costs the proof of a segment a step of its own: one for every single sphere
     would be a hundred times as many.
@@ -202,14 +202,14 @@ def _parts(model: RobotModel) -> list[_Part]:
 
 
 def _in_link(shape: Cover, T_link_geom: Float64) -> Cover:
-    """The cover in the link's frame."""
+    """Return the cover in the link's frame."""
     R, p = T_link_geom[:3, :3], T_link_geom[:3, 3]
     spheres = np.column_stack((shape.spheres[:, :3] @ R.T + p, shape.spheres[:, 3]))
     return Cover(spheres, shape.inner, shape.support @ R.T + p, shape.rounding)
 
 
 def _bounding_sphere(spheres: Float64) -> Float64:
-    """A sphere around spheres, shape (4,)."""
+    """Return a sphere around spheres, shape (4,)."""
     lower = (spheres[:, :3] - spheres[:, 3:]).min(axis=0)
     upper = (spheres[:, :3] + spheres[:, 3:]).max(axis=0)
     centre = (lower + upper) / 2.0

@@ -147,7 +147,7 @@ def write_twists(sliding: NDArray[np.bool_], links: Float64, step: Float64, turn
 
 @njit(cache=True, nogil=True)
 def speed_of_ball(turns: Float64, shifts: Float64, inner: int, outer: int, centre: Float64, radius: float) -> float:
-    """Largest speed of a ball carried by link `outer`, in the frame of link `inner`."""
+    """Return the largest speed of a ball carried by link `outer`, in the frame of link `inner`."""
     wx, wy, wz = turns[outer, 0] - turns[inner, 0], turns[outer, 1] - turns[inner, 1], turns[outer, 2] - turns[inner, 2]
     x, y, z = centre[0], centre[1], centre[2]
     vx = wy * z - wz * y + shifts[outer, 0] - shifts[inner, 0]

@@ -82,11 +82,11 @@ class CollisionWorld:
     # ------------------------------------------------------------------------------------------- variations
 
     def with_obstacles(self, *obstacles: Convex) -> CollisionWorld:
-        """The same world with more obstacles."""
+        """Return the same world with more obstacles."""
         return self._changed(obstacles=(*self.obstacles, *obstacles))
 
     def without(self, name: str) -> CollisionWorld:
-        """The same world without the obstacles of a name.
+        """Return the same world without the obstacles of a name.
 
         Raises:
             UnknownObstacle: there is none.
@@ -97,7 +97,7 @@ class CollisionWorld:
         return self._changed(obstacles=kept)
 
     def allowing(self, name: str, *groups: str) -> CollisionWorld:
-        """The same world, in which some groups of the robot's geoms may touch an obstacle.
+        """Return the same world, in which some groups of the robot's geoms may touch an obstacle.
 
         Args:
             name: an obstacle's name, "map" or "table".
@@ -112,7 +112,7 @@ class CollisionWorld:
         return self._changed(ignored=self.ignored | allowed)
 
     def with_margins(self, margins: Margins) -> CollisionWorld:
-        """The same world with other margins."""
+        """Return the same world with other margins."""
         return self._changed(margins=margins)
 
     @property
@@ -124,7 +124,7 @@ class CollisionWorld:
     # -------------------------------------------------------------------------------------------- questions
 
     def check(self, q: ArrayLike, width: float) -> Collision | None:
-        """The worst collision of a posture, or None.
+        """Return the worst collision of a posture, or None.
 
         Args:
             q: joints, shape (dof,) [rad].
@@ -157,12 +157,12 @@ class CollisionWorld:
         return free
 
     def segment_free(self, start: ArrayLike, end: ArrayLike, width: float) -> bool:
-        """Whether a straight joint-space segment keeps all margins to within `SLACK`, at every point of it."""
+        """Return True if a straight joint-space segment keeps all margins to within `SLACK`, at every point of it."""
         first, last = self.shape.model.checked(start), self.shape.model.checked(end)
         return bool(check_segment(self.shape.arrays, self.arrays, first, last, width, 0.0)[0] > 1.0)
 
     def check_path(self, waypoints: ArrayLike, width: float) -> Collision | None:
-        """The first collision along straight joint-space segments between waypoints, shape (n, dof), or None.
+        """Return the first collision along straight joint-space segments between waypoints, shape (n, dof), or None.
 
         No sampling step: how far each part of the robot can move is bounded by joint steps times reach, and the next
         look is where a found clearance ends, so no cell is jumped. A segment that was proven free is free here, too: a
@@ -183,7 +183,7 @@ class CollisionWorld:
         return self._collision(start + at * (end - start), width, away, geom, other, number + at)
 
     def first_blocked(self, waypoints: ArrayLike, width: float) -> int | None:
-        """Number of the first segment of `check_path` that is not free, or None.
+        """Return the number of the first segment of `check_path` that is not free, or None.
 
         Raises:
             BadJoints: a waypoint is no posture of this robot.
@@ -193,7 +193,7 @@ class CollisionWorld:
         return None if number < 0 else number
 
     def check_trajectory(self, trajectory: Trajectory, width: float) -> Collision | None:
-        """The first collision along a timed trajectory, or None.
+        """Return the first collision along a timed trajectory, or None.
 
         Between samples the arm may leave the straight segment by up to max|qdd|·dt²/8 in each joint; the resulting
         motion is added to the margin of every part.

@@ -36,7 +36,7 @@ class GripperShape:
     palm_depth: float
 
     def lowest(self, T_base_tcp: Float64, width: float) -> tuple[float, str]:
-        """Height of the fingers' lowest point in the base frame [m], and the body that it belongs to."""
+        """Return the height of the fingers' lowest point in the base frame [m], and the body that it belongs to."""
         corners = self.points + (width - self.closed) * self.slides
         heights = apply(T_base_tcp, corners)[:, 2] - self.radii
         lowest = int(heights.argmin())

@@ -198,7 +198,7 @@ def _clear_palm(setting: _Setting, section: CrossSection) -> None:
 
 
 def _above_table(setting: _Setting, section: CrossSection, T_base_grasp: Float64, width: float) -> Float64:
-    """The grasp, drawn back along the approach until the finger tips clear the table."""
+    """Return the grasp, drawn back along the approach until the finger tips clear the table."""
     if setting.table_z is None:
         return T_base_grasp
     lowest, body = setting.shape.lowest(T_base_grasp, width)
@@ -267,7 +267,7 @@ def warm_up(robot: RobotModel) -> None:
 
 
 def _why_not(space: ArmSpace, verdicts: Int64, witnesses: Float64) -> CandidateRejected:
-    """The reason of the solution that came furthest."""
+    """Return the reason of the solution that came furthest."""
     furthest = int(verdicts.argmax())
     if verdicts[furthest] == LINE_BROKEN:
         return CandidateRejected("UNREACHABLE", "the arm cannot go straight from the pre-grasp to the grasp")

@@ -62,7 +62,7 @@ class Sphere:
     turns: int = 12
 
     def finer(self) -> Sphere:
-        """The same part at half the spacing; it contains the attempts of this one."""
+        """Return the same part at half the spacing; it contains the attempts of this one."""
         full = np.isclose(self.alpha[1] - self.alpha[0], 2.0 * np.pi)
         turns = 2 * self.turns if full else 2 * self.turns - 1
         return replace(self, tilts=2 * self.tilts - 1, turns=turns)

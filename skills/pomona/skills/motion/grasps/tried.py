@@ -16,7 +16,7 @@ Direction = tuple[float, float]
 
 
 def direction(grasp: Grasp) -> Direction:
-    """The direction from which a candidate approaches."""
+    """Return the direction from which a candidate approaches."""
     return round(grasp.theta, 6), round(grasp.alpha, 6)
 
 
@@ -48,6 +48,6 @@ class Tried:
 
 
 def same_fruit(one: MeasuredFruit, other: MeasuredFruit) -> bool:
-    """Whether two measurements are of one fruit: the same kind at the same place."""
+    """Return True if two measurements are of one fruit: the same kind at the same place."""
     apart = np.linalg.norm(one.T_base_fruit[:3, 3] - other.T_base_fruit[:3, 3])
     return one.fruit.name == other.fruit.name and bool(apart < SAME_PLACE)

@@ -39,7 +39,7 @@ class OccupancyMap:
 
     @staticmethod
     def empty(lower: Float64, upper: Float64, resolution: float) -> OccupancyMap:
-        """A map of the box from `lower` to `upper`, each (3,) [m], that has seen nothing."""
+        """Return a map of the box from `lower` to `upper`, each (3,) [m], that has seen nothing."""
         counts = np.ceil((np.asarray(upper) - np.asarray(lower)) / resolution - 1e-9).astype(int)
         shape = (int(counts[0]), int(counts[1]), int(counts[2]))
         return OccupancyMap(
@@ -52,7 +52,7 @@ class OccupancyMap:
         return self.stamps[-1] if self.stamps else None
 
     def age(self, now: float) -> Float64:
-        """Seconds since each cell was last seen, shape (nx, ny, nz); infinite where never."""
+        """Return seconds since each cell was last seen, shape (nx, ny, nz); infinite where never."""
         since = np.append(now - np.array(self.stamps), np.inf)  # last_look -1 reads the last entry
         ages: Float64 = since[self.last_look]
         return ages
@@ -68,7 +68,7 @@ class OccupancyMap:
         return DistanceField.of_blocked(self.blocked, self.origin, self.resolution, FIELD_LIMIT)
 
     def usable_field(self, now: float, max_age: float) -> DistanceField:
-        """The distance field, if the map may be relied on.
+        """Return the distance field, if the map may be relied on.
 
         Args:
             now: time on the cell's clock [s].

@@ -26,7 +26,7 @@ def write_bt(map: OccupancyMap, path: Path) -> None:
 
 
 def to_bt(map: OccupancyMap) -> bytes:
-    """The contents of a `.bt` file; see `write_bt`."""
+    """Return the contents of a `.bt` file; see `write_bt`."""
     known = np.argwhere(map.states != UNKNOWN)
     codes = np.where(map.states[tuple(known.T)] >= OCCUPIED, octree.OCCUPIED, octree.FREE).astype(np.uint8)
     data, nodes = octree.octree(known + np.round(map.origin / map.resolution).astype(np.int64), codes)

@@ -44,7 +44,7 @@ class ArmSpace:
         return self.world.shape.model.upper
 
     def at_width(self, width: float) -> ArmSpace:
-        """The same with the fingers open to a width [m]."""
+        """Return the same with the fingers open to a width [m]."""
         return replace(self, width=width)
 
     def leaving_table(self) -> ArmSpace:
@@ -54,11 +54,11 @@ class ArmSpace:
         return replace(self, world=self.world.allowing(TABLE, "held", "fingers"))
 
     def free(self, q: Float64) -> bool:
-        """Whether a configuration keeps all margins."""
+        """Return True if a configuration keeps all margins."""
         return bool(self.world.free(q[None], self.width)[0])
 
     def free_between(self, q_a: Float64, q_b: Float64) -> bool:
-        """Whether the straight joint segment keeps all margins, at every point of it."""
+        """Return True if the straight joint segment keeps all margins, at every point of it."""
         return bool(rrt_connect.free_between(self.world.shape.arrays, self.world.arrays, self.width, q_a, q_b))
 
     def connect(self, q_start: Float64, q_goals: Float64, iterations: int, seed: int) -> tuple[Float64 | None, int]:

@@ -47,7 +47,7 @@ class PlanningProblem:
 
 
 def problem_sets(folder: Path) -> tuple[Path, ...]:
-    """The folders with requests in them: this one, or those inside.
+    """Return the folders with requests in them: this one, or those inside.
 
     Raises:
         BadProblem: there is none.
@@ -106,7 +106,7 @@ def _problem(
 
 
 def _joints(robot: RobotModel, values: Mapping[str, Any]) -> Float64:
-    """Joints by name as an array; rounding beyond a limit is taken back, which planners would refuse."""
+    """Return joints by name as an array; rounding beyond a limit is taken back, which planners would refuse."""
     q = np.array([float(values[joint]) for joint in robot.joint_names])
     within = np.clip(q, robot.lower, robot.upper)
     return np.where(np.abs(within - q) < ROUNDING, within, q)
@@ -140,7 +140,7 @@ def _pose(pose: Mapping[str, Any]) -> Float64:
 
 
 def _allowed(scene: Mapping[str, Any]) -> frozenset[frozenset[str]]:
-    """Pairs of links that may touch each other."""
+    """Return pairs of links that may touch each other."""
     matrix = scene.get("allowed_collision_matrix")
     if matrix is None:
         return frozenset()

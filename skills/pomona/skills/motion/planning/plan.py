@@ -121,7 +121,7 @@ def plan(request: PlanRequest) -> PlanResult:
 
 
 def _free_goals(request: PlanRequest) -> Float64:
-    """The goals that are free of collision, nearest first, shape (n, dof)."""
+    """Return the goals that are free of collision, nearest first, shape (n, dof)."""
     space, q_goals = request.space, np.atleast_2d(request.q_goals)
     for name in (request.planner, request.improve):
         if name and name not in PLANNERS:

@@ -34,7 +34,7 @@ _PROBES = (1.0, 0.5, 0.25, 0.75)
 
 @njit(cache=True, nogil=True)
 def free_between(robot: RobotArrays, world: WorldArrays, width: float, q_a: Float64, q_b: Float64) -> bool:
-    """Whether a straight joint segment keeps all margins, at every point of it."""
+    """Return True if a straight joint segment keeps all margins, at every point of it."""
     dof = q_a.shape[0]
     longest = 0.0
     for j in range(dof):
@@ -73,7 +73,7 @@ class Trees(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def _nearest(nodes: Float64, count: int, q: Float64) -> tuple[int, float]:
-    """The node that is closest to a posture, and how far it is."""
+    """Return the node that is closest to a posture, and how far it is."""
     best, closest = 0, 1e300
     for n in range(count):
         squared = 0.0
@@ -165,7 +165,7 @@ def grow(
 
 
 def path_between(trees: Trees, from_start: int, from_goal: int) -> Float64:
-    """The waypoints from the start over the place where two trees met to a goal, shape (n, dof) [rad]."""
+    """Return the waypoints from the start over the place where two trees met to a goal, shape (n, dof) [rad]."""
     before, after = [], []
     while from_start >= 0:
         before.append(trees.q[0, from_start])

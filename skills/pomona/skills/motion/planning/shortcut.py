@@ -17,7 +17,7 @@ def path_length(waypoints: Float64) -> float:
 
 
 def shortcut(space: Space, waypoints: Float64, rng: np.random.Generator) -> Float64:
-    """A path with the same ends that is never longer; its new segments are checked.
+    """Return a path with the same ends that is never longer; its new segments are checked.
 
     Args:
         space: collision checks.

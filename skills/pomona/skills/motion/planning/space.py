@@ -21,15 +21,15 @@ class Space(Protocol):
         ...
 
     def free(self, q: Float64) -> bool:
-        """Whether a configuration is free of collision."""
+        """Return True if a configuration is free of collision."""
         ...
 
     def free_between(self, q_a: Float64, q_b: Float64) -> bool:
-        """Whether the straight joint segment is free of collision."""
+        """Return True if the straight joint segment is free of collision."""
         ...
 
     def first_blocked(self, path: Float64) -> int | None:
-        """Number of the first segment of a joint polyline, shape (n, dof), that is not free, or None."""
+        """Return the number of the first segment of a joint polyline, shape (n, dof), that is not free, or None."""
         ...
 
     def connect(self, q_start: Float64, q_goals: Float64, iterations: int, seed: int) -> tuple[Float64 | None, int]:

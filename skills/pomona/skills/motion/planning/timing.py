@@ -62,7 +62,7 @@ class _Filtered:
         return difference
 
     def peaks(self) -> tuple[Float64, Float64, Float64]:
-        """Largest |velocity|, |acceleration| and |jerk| of each joint, shape (dof,).
+        """Return the largest |velocity|, |acceleration| and |jerk| of each joint, shape (dof,).
 
         Jerk is constant between knots and acceleration is linear, so both peak at knots; velocity peaks at a knot or
         where acceleration crosses zero.
@@ -109,7 +109,7 @@ def time_polyline(
 
 
 def _sampled(motion: _Filtered, start: Float64, end: Float64, period: float) -> Trajectory:
-    """A filtered motion from start to end, shape (dof,), as samples."""
+    """Return a filtered motion from start to end, shape (dof,), as samples."""
     t = _sample_times(motion.duration, period)
     p, v, a = motion.at(t)
     v[[0, -1]] = 0.0
@@ -119,7 +119,7 @@ def _sampled(motion: _Filtered, start: Float64, end: Float64, period: float) -> 
 
 
 def _fit(p: Float64, limits: ArmLimits, stay: Float64, share: float) -> _Filtered:
-    """The filtered motion at a share of the velocity limits, scaled in time until all limits hold exactly."""
+    """Return the filtered motion at a share of the velocity limits, scaled in time until all limits hold exactly."""
     steps = np.diff(p, axis=0)
     h = (np.abs(steps) / (share * limits.velocity)).max(axis=1)
     v = steps / h[:, None]
@@ -157,7 +157,7 @@ def time_curve(
     period: float = PERIOD,
     slow_end: tuple[float, float] = (0.0, np.inf),
 ) -> Trajectory:
-    """A jerk-limited motion from rest to rest along a smooth joint curve, such as a straight line of the tool.
+    """Return a jerk-limited motion from rest to rest along a smooth joint curve, such as a straight line of the tool.
 
     Args:
         points: joints at equal steps along the curve, shape (n, dof) [rad], n >= 4.
@@ -197,7 +197,7 @@ def time_curve(
 
 
 def _slowing_profile(length: float, limits: ArmLimits, slow_end: tuple[float, float], period: float) -> Trajectory:
-    """Distance over time [m] along a curve of one dimension that is slower at its end.
+    """Return the distance over time [m] along a curve of one dimension that is slower at its end.
 
     Ramps of constant acceleration are averaged over a window, as in the module's text: the speed follows half a window
     later. So the slow speed is reached half a window's distance before the end's length.
@@ -229,7 +229,7 @@ def _slowing_profile(length: float, limits: ArmLimits, slow_end: tuple[float, fl
 
 
 def stretched(trajectory: Trajectory, factor: float) -> Trajectory:
-    """The same path, slower by a factor >= 1: rates fall with it, accelerations with its square."""
+    """Return the same path, slower by a factor >= 1: rates fall with it, accelerations with its square."""
     return Trajectory(trajectory.t * factor, trajectory.q, trajectory.qd / factor, trajectory.qdd / factor**2)
 
 

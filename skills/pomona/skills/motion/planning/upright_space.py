@@ -79,11 +79,11 @@ class UprightSpace:
         return float(np.arccos(np.clip((self.space.world.shape.model.tcp(q)[:3, :3] @ self.up)[2], -1.0, 1.0)))
 
     def free(self, q: Float64) -> bool:
-        """Whether a configuration keeps all margins and the bound."""
+        """Return True if a configuration keeps all margins and the bound."""
         return self.space.free(q) and self.tilt(q) <= self.most
 
     def free_between(self, q_a: Float64, q_b: Float64) -> bool:
-        """Whether the straight joint segment keeps all margins and the bound, at every point of it."""
+        """Return True if the straight joint segment keeps all margins and the bound, at every point of it."""
         return self.space.free_between(q_a, q_b) and not self._tilted_between(q_a, q_b, 0.0)
 
     def first_blocked(self, path: Float64) -> int | None:
@@ -133,7 +133,7 @@ class UprightSpace:
             node = tree.add(new, node)
 
     def _pulled_back(self, q: Float64) -> Float64 | None:
-        """The posture itself where it keeps the bound, else one near it that does, or None."""
+        """Return the posture itself where it keeps the bound, else one near it that does, or None."""
         model = self.space.world.shape.model
         if self.tilt(q) <= self.most:
             return q

@@ -171,7 +171,7 @@ class _Reader:
         raise BadRobotFile(self.path, f"has no site or body named '{name}'")
 
     def _ancestors(self, body: int) -> list[int]:
-        """The body, its parent, … without the world."""
+        """Return the body, its parent, … without the world."""
         path = []
         while body != 0:
             path.append(body)
@@ -211,7 +211,7 @@ class _Reader:
         return frames
 
     def _link_of_body(self, body: int) -> int:
-        """Number of chain joints that move a body."""
+        """Return the number of chain joints that move a body."""
         while body != 0:
             if body in self.chain_bodies:
                 above = self.chain_bodies[self.chain_bodies.index(body) :]

@@ -18,7 +18,7 @@ _STARTS_PER_ARM_ANGLE = 2
 def inverse_kinematics(
     model: RobotModel, T_base_tcp: ArrayLike, *, arm_angles: int = 36, near: ArrayLike | None = None
 ) -> Float64:
-    """Joints within the limits that put the TCP at a pose, shape (n, dof) [rad]; n = 0 when it is out of reach.
+    """Return joints within the limits that put the TCP at a pose, shape (n, dof) [rad]; n = 0 when it is out of reach.
 
     Args:
         model: any serial arm.

@@ -98,7 +98,7 @@ class RobotModel:
         return T
 
     def checked(self, q: ArrayLike) -> Float64:
-        """Joints as a contiguous float64 array of shape (dof,).
+        """Return joints as a contiguous float64 array of shape (dof,).
 
         Raises:
             BadJoints: a wrong number of values, or values that are not finite.
@@ -146,7 +146,7 @@ class RobotModel:
         return float(np.sqrt(max(np.linalg.det(J @ J.T), 0.0)))
 
     def with_limits(self, lower: ArrayLike, upper: ArrayLike) -> RobotModel:
-        """The same robot with other position limits, for instance those of the driver.
+        """Return the same robot with other position limits, for instance those of the driver.
 
         Raises:
             BadJoints: a wrong number of values, or a lower limit above the upper one.
@@ -158,7 +158,7 @@ class RobotModel:
 
 
 def checked_pose(T: ArrayLike) -> Float64:
-    """A pose as a contiguous float64 array (4, 4).
+    """Return a pose as a contiguous float64 array (4, 4).
 
     Raises:
         NotAPose: it is no finite rigid transform.

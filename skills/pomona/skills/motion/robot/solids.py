@@ -19,7 +19,7 @@ def solid(geom: Geom) -> tuple[Float64, Int32]:
 
 
 def hull(points: Float64) -> tuple[Float64, Int32]:
-    """The convex hull of points, shape (n, 3): its corners and its triangles, counter-clockwise from outside."""
+    """Return the convex hull of points, shape (n, 3): its corners and its triangles, counter-clockwise from outside."""
     from scipy.spatial import ConvexHull
 
     found = ConvexHull(points)

@@ -44,7 +44,7 @@ class SphericalArm:
     T_tcp_base_zero: Float64
 
     def solve(self, T_base_tcp: Float64, arm_angles: Float64, lower: Float64, upper: Float64) -> Float64:
-        """All solutions for the given arm angles within limits, shape (n, 7) [rad].
+        """Return all solutions for the given arm angles within limits, shape (n, 7) [rad].
 
         Args:
             T_base_tcp: target pose of the TCP.
@@ -61,13 +61,13 @@ class SphericalArm:
         return solutions[:count]
 
     def arm_angle(self, q: Float64, T_base_tcp: Float64) -> float:
-        """The arm angle that keeps the elbow where it is at q, while the TCP goes to `T_base_tcp` [rad]."""
+        """Return the arm angle that keeps the elbow where it is at q, while the TCP goes to `T_base_tcp` [rad]."""
         return float(_arm_angle(self.axes, self.shoulder, self.wrist, T_base_tcp @ self.T_tcp_base_zero, q))
 
 
 @lru_cache(maxsize=16)
 def as_spherical_arm(model: RobotModel) -> SphericalArm | None:
-    """The model as a member of this family, or None when its geometry does not fit."""
+    """Return the model as a member of this family, or None when its geometry does not fit."""
     if model.dof != 7 or model.sliding.any():
         return None
     links = model.link_poses(np.zeros(7))[1:]
@@ -80,7 +80,7 @@ def as_spherical_arm(model: RobotModel) -> SphericalArm | None:
 
 
 def _meeting_point(axes: Float64, points: Float64) -> Float64 | None:
-    """The point where lines meet, in the least-squares sense, or None when they do not."""
+    """Return the point where lines meet, in the least-squares sense, or None when they do not."""
     across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
     if np.linalg.matrix_rank(across.sum(axis=0), tol=1e-6) < 3:
         return None
@@ -101,7 +101,7 @@ def _cross(a: Vector, b: Vector) -> Vector:
 
 @njit(cache=True, nogil=True)
 def _rotate(axis: Vector, c: float, s: float, v: Vector) -> Vector:
-    """A vector turned about a unit axis by the angle with cosine c and sine s (Rodrigues)."""
+    """Return a vector turned about a unit axis by the angle with cosine c and sine s (Rodrigues)."""
     along = _dot(axis, v) * (1.0 - c)
     across = _cross(axis, v)
     return (
@@ -119,7 +119,7 @@ def _unit(v: Vector) -> Vector:
 
 @njit(cache=True, nogil=True)
 def _unit_across(v: Vector, along: Vector) -> Vector:
-    """A unit vector perpendicular to the unit vector `along`, towards v, or any when v is parallel to it."""
+    """Return a unit vector perpendicular to the unit vector `along`, towards v, or any when v is parallel to it."""
     part = _dot(v, along)
     across = (v[0] - part * along[0], v[1] - part * along[1], v[2] - part * along[2])
     if _dot(across, across) < 1e-18:
@@ -176,7 +176,7 @@ def _vector(values: Float64) -> Vector:
 
 @njit(cache=True, nogil=True)
 def _to_wrist(shoulder: Float64, wrist: Float64, motion: Float64) -> Vector:
-    """The line from the shoulder to where a motion takes the wrist."""
+    """Return the line from the shoulder to where a motion takes the wrist."""
     w = _vector(wrist)
     return (
         _dot(_vector(motion[0]), w) + motion[0, 3] - shoulder[0],
@@ -187,7 +187,7 @@ def _to_wrist(shoulder: Float64, wrist: Float64, motion: Float64) -> Vector:
 
 @njit(cache=True, nogil=True)
 def _arm_angle(axes: Float64, shoulder: Float64, wrist: Float64, motion: Float64, q: Float64) -> float:
-    """The angle of the elbow's axis at q about the line to where a motion takes the wrist."""
+    """Return the angle of the elbow's axis at q about the line to where a motion takes the wrist."""
     elbow_axis = _vector(axes[3])
     for i in range(2, -1, -1):
         elbow_axis = _rotate(_vector(axes[i]), cos(q[i]), sin(q[i]), elbow_axis)

@@ -18,7 +18,7 @@ class Braking:
         self._follower = PathFollower(trajectory, limits, PERIOD)
 
     def time(self, t: float) -> float:
-        """Seconds from the order to stop at time `t` [s] of the trajectory until the arm rests on its path."""
+        """Return seconds from the order to stop at time `t` [s] of the trajectory until the arm rests on its path."""
         follower = copy.copy(self._follower)  # the path itself is only read
         follower.path_time = t
         follower.slow_down()

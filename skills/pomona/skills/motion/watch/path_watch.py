@@ -180,7 +180,7 @@ class PathWatch:
     def _nearest(
         self, points: Float64, first: int, last: int, allowed: float, path_time: float
     ) -> tuple[float, float, tuple[float, float, float], str] | None:
-        """Distance, seconds until then, place and part of the robot's nearest posture among first … last - 1."""
+        """Return distance, seconds until then, place and part of the robot's nearest posture among first … last - 1."""
         Q = np.ascontiguousarray(self._Q[first:last])
         if not len(points) or not len(Q):
             return None
@@ -200,7 +200,7 @@ class PathWatch:
     def _mark_known(
         self, shape: tuple[int, int, int], map: OccupancyMap | None, known: Sequence[Convex]
     ) -> NDArray[np.bool_]:
-        """Cells that something known takes, or is near to."""
+        """Return cells that something known takes, or is near to."""
         marked = np.zeros(shape, np.bool_)
         reach = AROUND + CELL * np.sqrt(3.0) / 2.0
         for convex in known:

@@ -135,7 +135,7 @@ def revolved_body(
 
 
 def _outline(shape: AppleShape, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points (radius, height) at equal arc lengths along the outline, from the stem's pole to the calyx's."""
+    """Return points (radius, height) at equal arc lengths along the outline, from the stem's pole to the calyx's."""
     radius, height = _OUTLINE[:, 0], _OUTLINE[:, 1].copy()
     inner = np.clip(1.0 - radius / 0.43, 0.0, 1.0)
     smooth = inner * inner * (3.0 - 2.0 * inner)

@@ -77,7 +77,7 @@ class FruitModel:
 
 
 def known_fruits(catalogue: Path = CATALOGUE) -> tuple[str, ...]:
-    """Names of the fruit in a catalogue folder, sorted."""
+    """Return names of the fruit in a catalogue folder, sorted."""
     return tuple(sorted(file.parent.name for file in catalogue.glob("*/fruit.yaml")))
 
 
@@ -210,7 +210,7 @@ class FruitKind:
     """Fruit files, for `pomona check` and `pomona schema`."""
 
     def recognises(self, keys: Collection[str]) -> bool:
-        """Whether a file with these keys at its top is one."""
+        """Return True if a file with these keys at its top is one."""
         return "mesh" in keys and "symmetry_axis" in keys
 
     def check(self, path: Path, findings: Findings) -> None:
@@ -221,7 +221,7 @@ class FruitKind:
             findings.add(Finding(str(weights), 0, 0, "error", "weights", f"cannot be read: {problem}"))
 
     def schema(self) -> Schema:
-        """The JSON Schema of fruit files."""
+        """Return the JSON Schema of fruit files."""
         return {"title": "Pomona fruit file", **with_includes(FRUIT.schema())}
 
 
@@ -254,7 +254,7 @@ def _load_mesh(path: Path, _changed: int) -> Mesh:
 
 @lru_cache(maxsize=8)
 def _surface(mesh: Mesh) -> tuple[bool, bool]:
-    """Whether a mesh is closed, and whether all its normals point outwards."""
+    """Return True if a mesh is closed, and whether all its normals point outwards."""
     import trimesh
 
     body = trimesh.Trimesh(mesh.vertices, mesh.faces, process=True)
@@ -262,7 +262,7 @@ def _surface(mesh: Mesh) -> tuple[bool, bool]:
 
 
 def find_weights(folder: Path, name: str | None) -> Path | None:
-    """A weights file in this folder, else among the shipped ones."""
+    """Return a weights file in this folder, else among the shipped ones."""
     if name is None:
         return None
     return next((path for path in (folder / name, SHIPPED_WEIGHTS / name) if is_file(path)), None)

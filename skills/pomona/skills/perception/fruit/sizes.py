@@ -56,7 +56,7 @@ class KindSizes:
     def given(
         self, shown: float, deviation: float, sine: float, model_height_over_width: float
     ) -> tuple[Float64, Float64]:
-        """Width and height of a fruit of which the scaled model is `shown` wide.
+        """Return the width and height of a fruit of which the scaled model is `shown` wide.
 
         Args:
             shown: width of the scaled model [m].

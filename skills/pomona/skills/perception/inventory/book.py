@@ -60,7 +60,7 @@ class KnownFruit:
 
     @classmethod
     def first(cls, number: int, scene: int, sighting: Sighting) -> KnownFruit:
-        """A fruit that was not seen before."""
+        """Return a fruit that was not seen before."""
         fruit = cls(number, scene, [], sighting.p_base, sighting.place_covariance)
         fruit._count(sighting)
         return fruit

@@ -84,7 +84,7 @@ def _unknown(why: str) -> CameraMotion:
 
 
 def _matches(earlier: Frame, later: Frame) -> tuple[Float64, Float64, Float64]:
-    """Points of both frames: pixels of the earlier (n, 2), and in both cameras' frames, (n, 3) each [m]."""
+    """Return points of both frames: pixels of the earlier (n, 2), and in both cameras' frames, (n, 3) each [m]."""
     sift: Any = cv2.SIFT.create(FEATURES)
     found = [sift.detectAndCompute(cv2.cvtColor(f.colour, cv2.COLOR_RGB2GRAY), None) for f in (earlier, later)]
     nothing = np.empty((0, 2)), np.empty((0, 3)), np.empty((0, 3))
@@ -104,7 +104,7 @@ def _matches(earlier: Frame, later: Frame) -> tuple[Float64, Float64, Float64]:
 
 
 def _in_space(frame: Frame, pixels: Float64) -> Float64:
-    """Points in the camera's frame, (n, 3) [m]; NaN where there is no depth."""
+    """Return points in the camera's frame, (n, 3) [m]; NaN where there is no depth."""
     assert frame.depth is not None
     columns, rows = np.round(pixels).astype(int).T
     z = frame.depth[rows.clip(0, frame.depth.shape[0] - 1), columns.clip(0, frame.depth.shape[1] - 1)].astype(
@@ -125,7 +125,7 @@ def _allowed(frame: Frame, points: Float64) -> Float64:
 def _robust(
     first: Float64, second: Float64, allowed: Float64, rng: np.random.Generator
 ) -> tuple[Float64, NDArray[np.bool_]]:
-    """The motion on which most points agree, and which do."""
+    """Return the motion on which most points agree, and which do."""
     best = np.zeros(len(first), bool)
     for _ in range(ROUNDS):
         T = _rigid(
@@ -144,7 +144,7 @@ def _robust(
 
 
 def _rigid(first: Float64, second: Float64) -> Float64:
-    """The motion that brings the second points onto the first, with the least squares (Kabsch), (4, 4)."""
+    """Return the motion that brings the second points onto the first, with the least squares (Kabsch), (4, 4)."""
     a, b = first.mean(axis=0), second.mean(axis=0)
     U, _, Vt = np.linalg.svd((first - a).T @ (second - b))
     turn = np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])

@@ -70,7 +70,7 @@ class SizeOfLooks:
         self._squares += float(dimensions @ information @ dimensions)
 
     def fused(self) -> FusedSize:
-        """The size by all looks, of which there must be one at least."""
+        """Return the size by all looks, of which there must be one at least."""
         spread: Float64 = np.asarray(np.linalg.inv(self._information), np.float64)
         mean: Float64 = spread @ self._weighted
         if self.looks == 1:

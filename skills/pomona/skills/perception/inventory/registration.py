@@ -79,7 +79,7 @@ def depth_elsewhere(frame: Frame, or_nowhere: bool = False) -> str:
 
 
 def _lies(shift: tuple[int, int], scale: float) -> str:
-    """Words for depth that a shift (right, down) [px of `WIDTH`] would bring onto colour."""
+    """Return words for depth that a shift (right, down) [px of `WIDTH`] would bring onto colour."""
     names = ("left" if shift[0] > 0 else "right"), ("up" if shift[1] > 0 else "down")
     ways = (f"{abs(pixels) * scale:.0f} px {name}" for pixels, name in zip(shift, names, strict=True) if pixels)
     return f"lies {' and '.join(ways)}"

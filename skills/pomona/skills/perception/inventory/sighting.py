@@ -66,7 +66,7 @@ class Sighting:
     method: str = ""
 
     def moved(self, T: Float64) -> Sighting:
-        """The same, with its place in the frame into which T (4, 4) leads from the base frame."""
+        """Return the same, with its place in the frame into which T (4, 4) leads from the base frame."""
         R = T[:3, :3]
         return replace(
             self,
@@ -132,7 +132,7 @@ def label_of(frame: Frame) -> str:
 
 
 def _box(points: Float64) -> Float64:
-    """The box around points in the image, those that were found, shape (4, 2) [px]; empty without any."""
+    """Return the box around points in the image, those that were found, shape (4, 2) [px]; empty without any."""
     if not np.isfinite(points).all(axis=1).any():
         return np.empty((0, 2))
     (left, top), (right, bottom) = np.nanmin(points, axis=0), np.nanmax(points, axis=0)

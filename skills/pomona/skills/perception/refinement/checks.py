@@ -36,7 +36,7 @@ def check_pose(T_camera_object: Float64) -> None:
 
 @lru_cache(maxsize=32)
 def extents(mesh: Triangles) -> Float64:
-    """The size of a mesh's cuboid (d_x, d_y, d_z) [m], shape (3,); remembered per mesh object.
+    """Return the size of a mesh's cuboid (d_x, d_y, d_z) [m], shape (3,); remembered per mesh object.
 
     Raises:
         BadMesh: empty, not finite, or of zero size in some direction. A mesh with holes is valid: only its visible part

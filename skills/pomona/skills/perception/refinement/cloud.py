@@ -33,7 +33,7 @@ class Cloud:
     alike: float
 
     def chosen(self, mask: NDArray[np.bool_]) -> Cloud:
-        """The part of the points that a mask picks."""
+        """Return the part of the points that a mask picks."""
         return replace(
             self,
             points=self.points[mask],
@@ -43,7 +43,7 @@ class Cloud:
         )
 
     def moved(self, T_a_b: Float64) -> Cloud:
-        """The same points in another frame."""
+        """Return the same points in another frame."""
         return replace(self, points=apply(T_a_b, self.points), rays=self.rays @ T_a_b[:3, :3].T)
 
     def thinned(self, at_most: int) -> Cloud:
@@ -83,7 +83,7 @@ def cloud(look: DepthLook, box: ImageBox, mask: NDArray[np.bool_] | None = None)
 
 
 def together(clouds: list[Cloud]) -> Cloud:
-    """All points of several clouds that are in one frame."""
+    """Return all points of several clouds that are in one frame."""
     return Cloud(
         np.concatenate([c.points for c in clouds]),
         np.concatenate([c.rays for c in clouds]),

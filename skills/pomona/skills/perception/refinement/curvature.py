@@ -96,7 +96,7 @@ def least_curvature(
 
 
 def _smaller(covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """A silhouette, shape (h, w), smaller about its middle."""
+    """Return a silhouette, shape (h, w), smaller about its middle."""
     rows, columns = np.nonzero(covered.any(axis=1))[0], np.nonzero(covered.any(axis=0))[0]
     places = []
     for size, seen in zip(covered.shape, (rows, columns), strict=True):

@@ -54,7 +54,7 @@ class ImageBox:
         return slice(self.top, self.bottom), slice(self.left, self.right)
 
     def grown(self, margin: int, intrinsics: Intrinsics) -> ImageBox:
-        """The box with a margin [px], cut to the image."""
+        """Return the box with a margin [px], cut to the image."""
         return ImageBox(
             max(self.left - margin, 0),
             max(self.top - margin, 0),
@@ -67,5 +67,5 @@ class DepthRenderer(Protocol):
     """Renders z-depth through the pixel centres of a box."""
 
     def __call__(self, mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, box: ImageBox) -> DepthImage:
-        """Depth of shape `box.shape`, float32 [m]; 0 where the mesh is not seen."""
+        """Return the depth of shape `box.shape`, float32 [m]; 0 where the mesh is not seen."""
         ...

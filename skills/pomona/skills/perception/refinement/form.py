@@ -28,7 +28,7 @@ class Form:
 
     @classmethod
     def scaled(cls, mesh: Triangles, mu: float) -> Form:
-        """The model's own form at another size."""
+        """Return the model's own form at another size."""
         return cls(np.full(3, mu), np.zeros(2), 0.5 * np.ptp(mesh.vertices, axis=0)[[0, 2]])
 
     @property
@@ -37,7 +37,7 @@ class Form:
         return bool(abs(np.log(self.radius[0] / self.radius[1])) < _NEARLY_ROUND)
 
     def changed(self, ln_stretch: Float64, lean: Float64) -> Form:
-        """The form after a step in ln stretch, shape (3,), and in lean, shape (2,)."""
+        """Return the form after a step in ln stretch, shape (3,), and in lean, shape (2,)."""
         return Form(self.stretch * np.exp(ln_stretch), self.lean + lean, self.radius)
 
     def height_factor(self, model: Float64) -> Float64:

@@ -97,7 +97,7 @@ def _connected(look: DepthLook, box: ImageBox, virtual_depth: DepthImage, inlier
 
 
 def near_model(clouds: list[Cloud], mesh: Triangles, T_camera_mesh: Float64) -> Cloud:
-    """All points that are not farther from the scaled model's centre than it could reach."""
+    """Return all points that are not farther from the scaled model's centre than it could reach."""
     radius = float(np.linalg.norm(mesh.vertices @ T_camera_mesh[:3, :3].T, axis=1).max())
     points = together(clouds)
     distance = np.linalg.norm(points.points - T_camera_mesh[:3, 3], axis=1)

@@ -132,7 +132,7 @@ class _GlRenderer:
         return depth
 
     def _primitive(self, mesh: Triangles) -> Any:
-        """The mesh as pyrender uploads it; kept, since uploading costs more than rendering."""
+        """Return the mesh as pyrender uploads it; kept, since uploading costs more than rendering."""
         key = (id(mesh.vertices), id(mesh.faces))
         if key not in self._meshes:
             while len(self._meshes) >= _MESHES_KEPT:

@@ -21,7 +21,7 @@ from pomona.skills.perception.refinement.errors import RenderFailed
 
 
 def renderer(name: RendererName) -> DepthRenderer:
-    """The renderer of a name: pyrender (OpenGL through EGL, the default) or zbuffer (compiled loops, no OpenGL).
+    """Return the renderer of a name: pyrender (OpenGL through EGL, the default) or zbuffer (compiled loops, no OpenGL).
 
     Raises:
         RenderFailed: no such renderer, or its libraries do not work on this machine.
@@ -56,7 +56,7 @@ def usable_renderer(name: RendererName) -> tuple[RendererName, str]:
 
 
 def image_box(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, margin: int = 2) -> ImageBox:
-    """The part of the image that a posed mesh can cover, with a margin [px].
+    """Return the part of the image that a posed mesh can cover, with a margin [px].
 
     Raises:
         RenderFailed: the mesh is behind the camera, or outside the image.

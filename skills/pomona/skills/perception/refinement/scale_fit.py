@@ -138,7 +138,7 @@ def _least_squares(
 
 
 def _largest_consensus(ratio: NDArray[np.float64], half_width: float) -> float:
-    """The mean of the best supported interval of width 2 `half_width`, over evenly chosen ratios.
+    """Return the mean of the best supported interval of width 2 `half_width`, over evenly chosen ratios.
 
     Nearer objects may hide the fruit, but none farther can be seen through it: measurements beyond an interval count
     against it. Of equally good intervals the one nearest to the median wins.

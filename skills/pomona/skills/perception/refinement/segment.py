@@ -19,7 +19,7 @@ _LEAST_PIXELS = 20
 def connected_to(
     agreeing: NDArray[np.bool_], depth: DepthImage, covered: NDArray[np.bool_], stride: int = 1
 ) -> NDArray[np.bool_]:
-    """The surfaces that mostly agree with a model where the model is.
+    """Return the surfaces that mostly agree with a model where the model is.
 
     A leaf or a finger in front of a fruit is cut off by the step in depth around it, even where it touches the band in
     which depth counts as agreeing.

@@ -254,7 +254,7 @@ def _expect_likeness(equations: _Normal, state: _State, start: _State, priors: P
 
 
 def _contact(mesh: Triangles, state: _State, support: Plane) -> tuple[float, Float64]:
-    """Height of the lowest point over the support [m], and how it changes with the parameters."""
+    """Return the height of the lowest point over the support [m], and how it changes with the parameters."""
     R, t = state.T[:3, :3], state.T[:3, 3]
     up = R.T @ support.normal
     on_fruit = state.form.points(mesh.vertices)

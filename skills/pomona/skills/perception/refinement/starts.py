@@ -44,7 +44,7 @@ def other_starts(T_camera_object: Float64, support: Plane | None) -> list[Float6
 
 
 def _with_stem(T_camera_object: Float64, stem: Float64) -> Float64:
-    """The pose turned by the shortest way until the stem (the object's -y) points along a unit vector."""
+    """Return the pose turned by the shortest way until the stem (the object's -y) points along a unit vector."""
     now = -T_camera_object[:3, 1]
     axis = np.cross(now, stem)
     sine = float(np.linalg.norm(axis))

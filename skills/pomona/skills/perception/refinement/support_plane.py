@@ -33,7 +33,7 @@ class Plane:
 
 
 def horizontal_plane(T_base_camera: Float64, z: float) -> Plane:
-    """The plane at height z of the base frame [m], in the camera frame."""
+    """Return the plane at height z of the base frame [m], in the camera frame."""
     return Plane(T_base_camera[2, :3].copy(), float(T_base_camera[2, 3] - z))
 
 
@@ -77,7 +77,7 @@ def seen_elsewhere(known: Plane, points: Float64) -> tuple[float, float] | None:
 
 
 def _least_squares(points: Float64, chosen: NDArray[np.bool_]) -> Plane | None:
-    """The plane through the chosen points, and then through those near it."""
+    """Return the plane through the chosen points, and then through those near it."""
     plane = None
     for _ in range(4):
         if np.count_nonzero(chosen) < _LEAST_POINTS:
