@@ -107,7 +107,7 @@ def spoilt(rows: list[dict[str, str]], **values: str) -> list[dict[str, str]]:
         (
             lambda rows: spoilt(rows, fruit="1", true_width_mm=str(1.1 * float(rows[0]["true_width_mm"]))),
             (),
-            "another row of fruit 1 says",
+            "another row of fruit 1 has",
         ),
         (lambda rows: without(rows, "true_width_mm"), (), "no column true_width_mm"),
         (lambda rows: without(rows, "shown_mm"), (), "no column shown_mm"),

@@ -116,7 +116,7 @@ def test_what_cannot_be_measured_is_refused_in_a_line_and_nothing_is_written(
     assert not Path("measured").exists()
 
 
-@pytest.mark.parametrize(("there", "words"), [(True, "out holds what was measured"), (False, "nothing was measured")])
+@pytest.mark.parametrize(("there", "words"), [(True, "out holds the results so far"), (False, "nothing was measured")])
 def test_after_ctrl_c_it_says_what_there_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], there: bool, words: str
 ) -> None:
