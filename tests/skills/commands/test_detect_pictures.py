@@ -101,9 +101,20 @@ def test_other_weights_are_a_file_or_the_name_of_shipped_ones(
     monkeypatch.setattr(CompactDetector, "load", classmethod(lambda cls, path, *_: loaded.append(path)))
     own = tmp_path / "own.weights"
     own.touch()
-    for number, name in enumerate((own, "apple_photographs.weights")):
+    for number, name in enumerate((own, "apple.weights")):
         assert run(pictures, "--weights", name, "--out", tmp_path / str(number)) == 0
-    assert loaded == [own, SHIPPED_WEIGHTS / "apple_photographs.weights"]
+    assert loaded == [own, SHIPPED_WEIGHTS / "apple.weights"]
+
+
+def test_weights_for_photographs_are_taken_where_the_fruit_has_them(
+    pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loaded: list[str] = []
+    monkeypatch.setattr(CompactDetector, "load", classmethod(lambda cls, path, *_: loaded.append(path.name)))
+    for fruit in ("apple", "lemon"):
+        assert run(pictures, "--fruit", fruit, "--out", tmp_path / fruit) == 0
+    assert loaded == ["apple_photographs.weights", "lemon.weights"]
+    assert (load_fruit("apple").weights or Path()).name == "apple.weights"  # a run keeps these
 
 
 def test_the_shipped_weights_for_photographs_find_an_apple_and_none_where_there_is_none() -> None:

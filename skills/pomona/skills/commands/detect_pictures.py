@@ -43,8 +43,8 @@ def add(subparsers: Any) -> None:
     parser.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
     parser.add_argument(
         "--weights",
-        help="another weights file than the fruit's own, or the name of a shipped one: apple_photographs.weights "
-        "finds more in photographs of orchards",
+        help="another weights file, or the name of a shipped one: apple.weights is that of the simulated cell (the "
+        "fruit's photo_weights, else its weights)",
     )
     parser.add_argument("--score", type=_share, default=0.5, help="least belief that it is fruit, 0 to 1 (0.5)")
     parser.add_argument("--width", type=int, default=1280, help="width at which a picture is searched [px] (1280)")
@@ -74,7 +74,8 @@ def main(options: argparse.Namespace) -> int:
         if table.exists():
             raise UnusableInput(f"{table} is there already: name another folder with --out")
         files = list(_files(options.pictures))
-        weights = load_fruit(options.fruit).weights
+        fruit = load_fruit(options.fruit)
+        weights = fruit.photo_weights or fruit.weights
         if options.weights is not None:
             weights = find_weights(Path(), options.weights)
             if weights is None:

@@ -51,6 +51,7 @@ class FruitModel:
         dimensions: cuboid (d_x, d_y, d_z), d_y is the height [m].
         symmetry_axis: unit vector of the axis about which the fruit is nearly a body of revolution, towards the stem.
         weights: the detector's weights for this fruit, None when there are none yet.
+        photo_weights: weights that suit photographs better than `weights`, for `pomona detect`; None without any.
         stem: the stem in the object frame, for pictures only; None when the fruit has none.
         colour: typical colour of the flesh, RGB in 0..1.
         sizes: distribution of size and height over width of this kind, if it was learnt.
@@ -69,6 +70,7 @@ class FruitModel:
     sizes: KindSizes | None = None
     mass: Annotated[float | None, MASS] = None
     mass_spread: Annotated[float, RATIO] = 0.1
+    photo_weights: Path | None = None
 
     @property
     def mesh(self) -> Mesh:
@@ -110,6 +112,9 @@ class FruitFileSection:
     mass: float | None = value(Measure(MASS, "1 g", "10 kg"), None, "of a fruit of these dimensions, weighed")
     mass_spread: float = value(Number(0.0, 1.0), 0.1, "standard deviation of the mass among fruit of one size, a share")
     weights: str | None = value(Text(), None, "of its detector: beside this file, or among those that are shipped")
+    photo_weights: str | None = value(
+        Text(), None, "of its detector for photographs, for pomona detect; found likewise"
+    )
 
     sizes: SizesSection | None = value(Section(SizesSection), None, "of this kind, where they were learnt")
 
@@ -178,6 +183,7 @@ def load_fruit(name_or_path: str | Path, catalogue: Path = CATALOGUE) -> FruitMo
         sizes=None if said.sizes is None else said.sizes.sizes(),
         mass=said.mass,
         mass_spread=said.mass_spread,
+        photo_weights=find_weights(folder, said.photo_weights),
     )
 
 
@@ -216,9 +222,10 @@ class FruitKind:
     def check(self, path: Path, findings: Findings) -> None:
         """Everything that is wrong with a file, its meshes and its weights."""
         said = judge_fruit(path, findings)
-        weights = None if said is None else find_weights(path.parent, said.weights)
-        if weights is not None and (problem := damage(weights)):
-            findings.add(Finding(str(weights), 0, 0, "error", "weights", f"cannot be read: {problem}"))
+        for name in ("weights", "photo_weights"):
+            weights = None if said is None else find_weights(path.parent, getattr(said, name))
+            if weights is not None and (problem := damage(weights)):
+                findings.add(Finding(str(weights), 0, 0, "error", name, f"cannot be read: {problem}"))
 
     def schema(self) -> Schema:
         """Return the JSON Schema of fruit files."""
