@@ -78,7 +78,7 @@ from collections.abc import Callable
 from pomona.executive.nodes import Modifier, takes
 from pomona.executive.nodes.behaviours import Wrapper
 from pomona.executive.nodes.ends import Ends, Names
-from pomona.executive.nodes.asking import Building, Flowing
+from pomona.executive.nodes.context import BuildContext, FlowContext
 from pomona.executive.ports import Port
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -105,11 +105,11 @@ class ${Name}Type(Modifier):
     key, symbol = "$name", "~"
     value = takes.Value(Port(int, min=1), "how many failures count as successes", known=True)
 
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         ends = at.inside(before)
         return Ends(ends.success & ends.failure, ends.failure, ends.skipped)
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return $Name(at.name, at.inside(), at.value(self.key))
 ''',
         "tests/test_$name.py": '''"""`$name` in a tree."""

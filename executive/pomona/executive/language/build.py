@@ -134,7 +134,7 @@ class _Builder:
 
 @dataclass(slots=True, eq=False)
 class LayerBuild:
-    """One layer of a node being built by its type (a `Building`).
+    """One layer of a node being built by its type (a `BuildContext`).
 
     Attributes:
         path: of the node itself.

@@ -126,6 +126,7 @@ class NodeChecker:
         )
 
     def writes(self, target: YamlScalar, value_type: ValueType, by: str, who: str) -> None:
+        """Add a name that a node writes to the scope; report one that it cannot write."""
         name = target.text
         known = self.scope.names.get(name)
         if known is None:
@@ -166,7 +167,7 @@ class NodeChecker:
 
 @dataclass(slots=True, eq=False)
 class LayerCheck:
-    """One layer of a node being checked by its type (a `Checking`)."""
+    """One layer of a node being checked by its type (a `CheckContext`)."""
 
     whole: NodeChecker
     node: TreeNode
@@ -192,7 +193,7 @@ class LayerCheck:
 
     def check(self) -> None:
         """Let the layer's type check it."""
-        self.layer.check(self)
+        self.layer.check_layer(self)
 
     def written(self, slot: str) -> YamlNode | None:
         entry = self.node.entry(self.layer, slot)
@@ -229,7 +230,7 @@ class LayerCheck:
     def keep(self, slot: str, value: object, written: YamlNode) -> None:
         self.found.settings[slot] = Given(value, written)
 
-    def wires(self, inputs: Mapping[str, Port], outputs: Mapping[str, Port]) -> None:
+    def check_ports(self, inputs: Mapping[str, Port], outputs: Mapping[str, Port]) -> None:
         node, who, reader, ports = self.node, self.node.key.text, self.reader, dict(inputs.items())
         meant: set[str] = set()
         for name, (key, value) in node.ports.items():
@@ -271,7 +272,7 @@ class LayerCheck:
 
     # --------------------------------------------------------------------------------------- names
 
-    def writes(self, slot: str, target: YamlScalar, written: YamlNode, element: bool) -> None:
+    def declare_output(self, slot: str, target: YamlScalar, written: YamlNode, element: bool) -> None:
         quiet = ValueReader(Findings(), self.whole.scope, Resolved(self.node))
         value = quiet.value(slot, written, Port(object), self.around, slot)
         value_type: ValueType = value.type if isinstance(value, ComputedValue) else ANY
@@ -318,7 +319,7 @@ class LayerCheck:
                     self.found.outputs[name] = target.text
                     self.whole.writes(target, static_type(port), self.node.label, who)
 
-    def perhaps_writes(self) -> None:
+    def mark_outputs_unknown(self) -> None:
         found = self.found
         called = self.whole.interfaces[id(found.subtree)] if found.subtree is not None else found.skill
         known = {*called.inputs, *called.outputs} if called is not None else ()
@@ -331,13 +332,13 @@ class LayerCheck:
                 named = self.whole.scope.names.setdefault(match[1], Named(ANY, "written", value, self.node.label))
                 named.read = True
 
-    def call(self) -> None:
+    def check_call(self) -> None:
         if self.found.skill is not None:
-            self.wires(self.found.skill.inputs, self.found.skill.outputs)
+            self.check_ports(self.found.skill.inputs, self.found.skill.outputs)
             return
         if self.found.subtree is not None:
             interface = self.whole.interfaces[id(self.found.subtree)]
-            self.wires(interface.inputs, interface.outputs)
+            self.check_ports(interface.inputs, interface.outputs)
 
     # --------------------------------------------------------------------------------------- what is inside
 

@@ -40,7 +40,7 @@ class Flow:
         for read in found.reads:
             if read.slot not in layer.late:
                 self.check(node, read, before)
-        return layer.flow(at, before)
+        return layer.written_ports(at, before)
 
     def check(self, node: TreeNode, read: Read, written: Names) -> None:
         if read.required and read.name not in written:
@@ -49,7 +49,7 @@ class Flow:
 
 @dataclass(slots=True, eq=False)
 class LayerFlow(LayerAt[Flow]):
-    """One layer of a node whose data flow is followed (a `Flowing`)."""
+    """One layer of a node whose data flow is followed (a `FlowContext`)."""
 
     @property
     def outputs(self) -> tuple[str, ...]:

@@ -159,7 +159,7 @@ class _Exporter:
 
 @dataclass(frozen=True, slots=True)
 class LayerXml:
-    """One layer of a node being written (an `XmlOut`)."""
+    """One layer of a node being written (an `XmlExport`)."""
 
     exporter: _Exporter
     node: TreeNode

@@ -15,9 +15,9 @@ from pomona.executive.language.groot_keys import NAME, GivenText, KeyNames, Scri
 from pomona.executive.language.groot_names import BUILTIN, LITERAL, NEEDED, node_name, tree_names
 from pomona.executive.language.groot_scripts import assignments_of, condition_of, statements_of
 from pomona.executive.language.xml_nodes import XmlElement
-from pomona.executive.nodes.asking import Words
 from pomona.executive.nodes.calls import SKILL
 from pomona.executive.nodes.catalogue import NodeTypes
+from pomona.executive.nodes.context import Words
 from pomona.executive.ports import TIME
 from pomona.executive.values.findings import Finding, Findings
 from pomona.executive.values.yaml_text import YamlText, block, flow
@@ -153,15 +153,15 @@ class _Importer:
         found = self.types.of_tag(tag)
         needed = NEEDED.get(tag)
         if needed is not None and not element.get(needed):
-            return element.refuse(f"has no '{needed}'")
+            return element.untranslated(f"has no '{needed}'")
         why = self.asked.why_not(tag, element.found)
         if why:
-            return element.refuse(why)
+            return element.untranslated(why)
         if found is not None:
             if found.role == "modifier":
                 parts = 0 if tag in found.xml_tags else sum(taken.nodes for taken in found.fields.values())
                 if not 1 <= len(element.found.children) <= 1 + parts:
-                    return element.refuse(f"has {len(element.found.children)} children")
+                    return element.untranslated(f"has {len(element.found.children)} children")
             return found.from_xml(element)
         if tag == "SubTree":
             return self.subtree(element)
@@ -176,7 +176,7 @@ class _Importer:
         if tag in _LOOPS:
             return self.loop(element)
         if tag in BUILTIN or not re.fullmatch(r"[A-Z][A-Za-z0-9_]*", tag):
-            return element.refuse("has no counterpart in tree files")
+            return element.untranslated("has no counterpart in tree files")
         return self.skill(element, self.forest.nodes.get(tag))
 
     def skill(self, element: ElementIn, model: XmlElement | None) -> Words:
@@ -185,11 +185,11 @@ class _Importer:
         if model is None or element.tag not in found:
             return found
         if model.tag not in ("Action", "Condition"):
-            return element.refuse(f"is a custom {model.tag} node")
+            return element.untranslated(f"is a custom {model.tag} node")
         ports = {port.get("name"): port for port in model.children if port.tag.endswith("_port")}
         unknown = [name for name in found[element.tag] if name not in ports]
         if unknown:
-            return element.refuse(f"has no port '{unknown[0]}', its model has {', '.join(ports) or 'none'}")
+            return element.untranslated(f"has no port '{unknown[0]}', its model has {', '.join(ports) or 'none'}")
         defaults = {name: port.get("default") for name, port in ports.items() if port.get("default")}
         wired = {name: f"{{{name}}}" if text == "{=}" else text for name, text in defaults.items()}
         return {element.tag: {**{n: _value(self.keys.wired(text)) for n, text in wired.items()}, **found[element.tag]}}
@@ -199,9 +199,9 @@ class _Importer:
         called = element.get("ID")
         tree, model = self.forest.trees.get(called), self.forest.models.get(called)
         if tree is None:
-            return element.refuse(f"calls '{called}', which none of the files defines")
+            return element.untranslated(f"calls '{called}', which none of the files defines")
         if called in self.inside or self.count > MAX_INLINED:
-            return element.refuse("calls itself" if called in self.inside else "is too large to be inlined")
+            return element.untranslated("calls itself" if called in self.inside else "is too large to be inlined")
         wires = {n: t for n, t in element.attributes.items() if n not in _ATTRIBUTES and not n.startswith("_")}
         declared = model is not None and _own(model) is not None
         if declared or not (wires or model or self.uses_keys(tree)) or len(tree.children) != 1:
@@ -210,7 +210,7 @@ class _Importer:
         shares = element.get("_autoremap") in ("1", "true")
         for port in () if model is None or shares else (p for p in model.children if p.tag.endswith("_port")):
             if port.get("name") not in wires and not port.get("default"):
-                return element.refuse(f"does not wire the port '{port.get('name')}'")
+                return element.untranslated(f"does not wire the port '{port.get('name')}'")
             wires.setdefault(port.get("name"), port.get("default"))
         outer, known = self.keys, {n: n if t == "{=}" else t[1:-1] for n, t in wires.items() if _KEY.fullmatch(t)}
         known |= {name: name for name, text in wires.items() if text == "{=}"}
@@ -242,7 +242,7 @@ class _Importer:
             else:
                 steps = self.assigned(code)
         except ScriptError as error:
-            return element.refuse(str(error))
+            return element.untranslated(str(error))
         return steps[0] if len(steps) == 1 else {"sequence": steps}
 
     def assigned(self, script: str) -> list[Words]:
@@ -253,16 +253,16 @@ class _Importer:
         try:
             key = self.keys.target(element.get("output_key").strip("{}"))
         except ScriptError as error:
-            return element.refuse(str(error))
+            return element.untranslated(str(error))
         if not element.get("output_key") or "value" not in element.attributes:
-            return element.refuse("names no key, or no value")
+            return element.untranslated("names no key, or no value")
         return {"set": YamlText(flow({key: element.value("value")}))}
 
     def attempt(self, element: ElementIn) -> Words:
         """`TryCatch`: a sequence; when it fails, the last child runs, and the node still fails."""
         *tried, caught = element.children() or [{}]
         if not tried or element.get("catch_on_halt") in ("true", "1"):
-            return element.refuse("also catches an interruption" if tried else "has too few children")
+            return element.untranslated("also catches an interruption" if tried else "has too few children")
         caught = self.modified(caught, "force", "success", {})
         return _ended({"sequence": tried}, [], [caught])
 
@@ -272,15 +272,15 @@ class _Importer:
         try:
             key = self.keys.target(element.get("value").strip("{}"))
         except ScriptError as error:
-            return element.refuse(str(error))
+            return element.untranslated(str(error))
         if len(children) != 1 or not NAME.fullmatch(key):
-            return element.refuse("has no single child, or no key for its value")
+            return element.untranslated("has no single child, or no key for its value")
         if "{" in queue or not re.fullmatch(r"[\w.;+ -]*", queue):
-            return element.refuse("empties a queue that other nodes can see")
+            return element.untranslated("empties a queue that other nodes can see")
         items = [item.strip() for item in queue.split(";") if item.strip()]
         if at_the_end not in ("", "SUCCESS"):
             if items or at_the_end not in ("FAILURE", "SKIPPED"):
-                return element.refuse(f"ends as {at_the_end} when it is empty")
+                return element.untranslated(f"ends as {at_the_end} when it is empty")
             return {"fail": {}} if at_the_end == "FAILURE" else {"succeed": {}, "disabled": True}
         return element.wrap(children[0], "for_each", YamlText(f"[{', '.join(items)}]"), {"as": key})
 
@@ -289,11 +289,11 @@ class _Importer:
         otherwise: dict[str, Words] = {"FAILURE": {"fail": {}}, "SUCCESS": {"succeed": {}}, "SKIPPED": {}}
         children, status = element.children(), element.get("else") or "FAILURE"
         if len(children) != 1 or status not in otherwise:
-            return element.refuse(f"has {len(children)} children and ends as {status}")
+            return element.untranslated(f"has {len(children)} children and ends as {status}")
         try:
             condition = condition_of(element.get("if"), self.keys)
         except ScriptError as error:
-            return element.refuse(str(error))
+            return element.untranslated(str(error))
         found: Words = {"if": condition, "then": children[0]}
         return {**found, "else": otherwise[status]} if otherwise[status] else found
 
@@ -340,7 +340,7 @@ class _Importer:
 
 @dataclass(slots=True)
 class ElementIn:
-    """An element being read by a node type (an `XmlIn`). Its children are read when they are first asked for."""
+    """An element being read by a node type (an `XmlImport`). Its children are read when they are first asked for."""
 
     importer: _Importer
     found: XmlElement
@@ -377,7 +377,7 @@ class ElementIn:
             if name not in _ATTRIBUTES and not name.startswith("_")
         }
 
-    def refuse(self, message: str) -> Words:
+    def untranslated(self, message: str) -> Words:
         kept = {n: v for n, v in self.found.attributes.items() if n != "name" and not n.startswith("_")}
         if kept.get("ID") == self.tag:
             del kept["ID"]

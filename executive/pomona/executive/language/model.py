@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from pomona.executive.nodes.asking import Entry
 from pomona.executive.nodes.catalogue import NodeTypes
+from pomona.executive.nodes.context import Entry
 from pomona.executive.nodes.node_type import TreeNode
 from pomona.executive.values.findings import Finding, Source
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar

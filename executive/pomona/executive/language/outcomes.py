@@ -37,7 +37,7 @@ class Outcomes:
         known = self._known.get(key)
         if known is None:
             at, layer = LayerOutcome(self, node, index), node.layers[index]
-            known = self._known[key] = layer.outcome(at) if layer.needed(at) else at.inside()
+            known = self._known[key] = layer.possible_outcome(at) if layer.needed(at) else at.inside()
         return known
 
     def of_skill(self, name: str) -> Outcome:
@@ -56,7 +56,7 @@ class Outcomes:
 
 @dataclass(slots=True, eq=False)
 class LayerOutcome:
-    """One layer of a node, asked how it can end (an `Ending`)."""
+    """One layer of a node, asked how it can end (an `OutcomeContext`)."""
 
     outcomes: Outcomes
     node: TreeNode

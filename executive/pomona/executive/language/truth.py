@@ -1,7 +1,7 @@
 """Constant-condition analysis: conditions that never hold, and conditions that contradict earlier ones.
 
-A node type returns the facts that hold after the node (`NodeType.truth`). This module turns conditions into facts and
-reports contradictions.
+A node type returns the facts that hold after the node (`NodeType.known_facts`). This module turns conditions into
+facts and reports contradictions.
 """
 
 from __future__ import annotations
@@ -55,13 +55,13 @@ class Truth:
     def layer(self, node: TreeNode, index: int, known: Facts) -> Facts:
         """Return the same of a node without its outer modifiers."""
         layer = node.layers[index]
-        if not known.known and not node.children and type(layer).truth is NodeType.truth:
+        if not known.known and not node.children and type(layer).known_facts is NodeType.known_facts:
             return known  # nearly every leaf: it neither adds nor removes facts
         found = self.resolved.get((id(node), layer.key))
         if found is None:
             return NOTHING
         at = LayerTruth(self, node, index, layer, found)
-        return layer.truth(at, known) if layer.needed(at) else at.inside(known)
+        return layer.known_facts(at, known) if layer.needed(at) else at.inside(known)
 
     def writes(self, node: TreeNode) -> frozenset[str]:
         """Return all names that a node and everything below it writes."""
@@ -74,7 +74,7 @@ class Truth:
 
 @dataclass(slots=True, eq=False)
 class LayerTruth(LayerAt[Truth]):
-    """One layer of a node (a `Knowing`)."""
+    """One layer of a node (a `FactContext`)."""
 
     def must(self, slot: str, known: Facts) -> Facts:
         condition = self.found.settings.get(slot)

@@ -8,8 +8,8 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.asking import Asking, Building, Ending, Flowing, Knowing
 from pomona.executive.nodes.behaviours import Wrapper
+from pomona.executive.nodes.context import BuildContext, FactContext, FlowContext, NodeContext, OutcomeContext
 from pomona.executive.nodes.ends import Ends, Names, Outcome
 from pomona.executive.nodes.facts import Facts
 from pomona.executive.nodes.node_type import Modifier, TreeNode
@@ -48,21 +48,21 @@ class ApproveType(Modifier):
     value = takes.Value(Port(bool), known=True)
     outside_of = "timeout"
 
-    def needed(self, at: Asking) -> bool:
+    def needed(self, at: NodeContext) -> bool:
         return at.literal(self.key) is True
 
     def choices(self, node: TreeNode) -> tuple[str, ...]:
         return Approve.choices
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return at.inside().plus("NOT_APPROVED", "NOBODY_TO_ASK")
 
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         ends = at.inside(before)
         return Ends(ends.success, ends.failure & before, ends.skipped)
 
-    def truth(self, at: Knowing, known: Facts) -> Facts:
+    def known_facts(self, at: FactContext, known: Facts) -> Facts:
         return at.inside(known)
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return Approve(at.name, at.inside())

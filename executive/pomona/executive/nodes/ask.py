@@ -9,8 +9,8 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.asking import Building, Checking, Ending
 from pomona.executive.nodes.behaviours import LeafBehaviour
+from pomona.executive.nodes.context import BuildContext, CheckContext, OutcomeContext
 from pomona.executive.nodes.ends import Outcome
 from pomona.executive.nodes.node_type import Leaf, TreeNode
 from pomona.executive.nodes.question import Question
@@ -81,8 +81,8 @@ class AskType(Leaf):
     ends = ("success", "failure")
     xml_value = "question"
 
-    def check(self, at: Checking) -> None:
-        super().check(at)
+    def check_layer(self, at: CheckContext) -> None:
+        super().check_layer(at)
         default, written = at.literal("default"), at.written("default")
         choices = at.literal("choices") or CHOICES
         if len(set(choices)) != len(choices):
@@ -96,11 +96,11 @@ class AskType(Leaf):
         items = entry[1].items if entry is not None and isinstance(entry[1], YamlList) else ()
         return tuple(item.text for item in items if isinstance(item, YamlScalar)) or CHOICES
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         certain = at.written("default") is not None
         return Outcome() if certain else Outcome(frozenset({"NO_ANSWER", "NOBODY_TO_ASK"}))
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         default = at.value("default")() if at.given("default") else None
         within = at.value("within") if at.given("within") else None
         write = at.writer("answer") if at.written("answer") is not None else _nowhere

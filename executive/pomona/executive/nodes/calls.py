@@ -5,7 +5,7 @@ from __future__ import annotations
 from py_trees.behaviour import Behaviour
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.asking import Building, Checking, Ending, Words, XmlIn, XmlOut
+from pomona.executive.nodes.context import BuildContext, CheckContext, OutcomeContext, Words, XmlExport, XmlImport
 from pomona.executive.nodes.ends import Outcome
 from pomona.executive.nodes.node_type import Leaf, Stage
 
@@ -17,27 +17,27 @@ class SkillCall(Leaf):
     value = takes.Ports()
     calls = True
 
-    def declare(self, at: Checking, stage: Stage) -> None:
+    def declare(self, at: CheckContext, stage: Stage) -> None:
         if stage is Stage.DECLARED:
             at.look_up_skill()
         elif stage is Stage.UNKNOWN:
-            at.perhaps_writes()
+            at.mark_outputs_unknown()
 
-    def check(self, at: Checking) -> None:
-        at.call()
+    def check_layer(self, at: CheckContext) -> None:
+        at.check_call()
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return at.skill()
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return at.skill()
 
-    def to_xml(self, at: XmlOut) -> object:
+    def to_xml(self, at: XmlExport) -> object:
         return at.skill()
 
-    def from_xml(self, element: XmlIn) -> Words:
+    def from_xml(self, element: XmlImport) -> Words:
         if element.children():
-            return element.refuse("has children, which a skill cannot have")
+            return element.untranslated("has children, which a skill cannot have")
         return {element.tag: element.ports()}
 
 
@@ -48,22 +48,22 @@ class SubtreeCall(Leaf):
     value = takes.Ports()
     calls = True
 
-    def declare(self, at: Checking, stage: Stage) -> None:
+    def declare(self, at: CheckContext, stage: Stage) -> None:
         if stage is Stage.DECLARED:
             at.look_up_subtree()
         elif stage is Stage.UNKNOWN:
-            at.perhaps_writes()
+            at.mark_outputs_unknown()
 
-    def check(self, at: Checking) -> None:
-        at.call()
+    def check_layer(self, at: CheckContext) -> None:
+        at.check_call()
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return at.subtree()
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return at.subtree()
 
-    def to_xml(self, at: XmlOut) -> object:
+    def to_xml(self, at: XmlExport) -> object:
         return at.subtree()
 
 

@@ -6,9 +6,9 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.asking import Building, Ending, Knowing
 from pomona.executive.nodes.behaviours import LeafBehaviour
 from pomona.executive.nodes.conditions import Condition
+from pomona.executive.nodes.context import BuildContext, FactContext, OutcomeContext
 from pomona.executive.nodes.ends import Outcome
 from pomona.executive.nodes.facts import Facts
 from pomona.executive.nodes.node_type import Leaf
@@ -50,13 +50,13 @@ class CheckType(Leaf):
     instant = True
     xml_value = "condition"
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return Outcome(frozenset({"CONDITION_FALSE"}))
 
-    def truth(self, at: Knowing, known: Facts) -> Facts:
+    def known_facts(self, at: FactContext, known: Facts) -> Facts:
         return at.must(self.key, known)
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return Check(at.name, at.condition(self.key))
 
 
@@ -67,11 +67,11 @@ class WaitUntilType(Leaf):
     value = takes.Condition("runs until it holds")
     xml_value = "condition"
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return Outcome()
 
-    def truth(self, at: Knowing, known: Facts) -> Facts:
+    def known_facts(self, at: FactContext, known: Facts) -> Facts:
         return at.awaits(self.key, known)
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return WaitUntil(at.name, at.condition(self.key))

@@ -11,9 +11,18 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.asking import Building, Checking, Ending, Flowing, Knowing, Words, XmlIn, XmlOut
 from pomona.executive.nodes.behaviours import Branch
 from pomona.executive.nodes.check import CheckType
+from pomona.executive.nodes.context import (
+    BuildContext,
+    CheckContext,
+    FactContext,
+    FlowContext,
+    OutcomeContext,
+    Words,
+    XmlExport,
+    XmlImport,
+)
 from pomona.executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
 from pomona.executive.nodes.facts import Facts
 from pomona.executive.nodes.node_type import Composite
@@ -148,10 +157,10 @@ class IfType(Composite):
     xml_tags = ("IfThenElse",)
     reactive: ClassVar[bool] = False
 
-    def around(self, at: Checking, index: int) -> Around:
+    def around(self, at: CheckContext, index: int) -> Around:
         return replace(at.around, failure=at.outcomes.child(0).codes) if index == 2 else at.around
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         asked, *chosen = at.children()
         if not chosen:
             return asked
@@ -160,7 +169,7 @@ class IfType(Composite):
         codes = codes_of(chosen)
         return Outcome(codes, any(outcome.succeeds for outcome in chosen), skips, asked.least + least)
 
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         asked = at.child(0, before)
         if len(at.node.children) < 2:
             return asked
@@ -172,31 +181,31 @@ class IfType(Composite):
             chosen.skipped & other.skipped & asked.skipped,
         )
 
-    def truth(self, at: Knowing, known: Facts) -> Facts:
+    def known_facts(self, at: FactContext, known: Facts) -> Facts:
         if self.reactive or len(at.node.children) < 2:
-            return super().truth(at, known)
+            return super().known_facts(at, known)
         at.child(1, at.child(0, known))
         if len(at.node.children) > 2:
             at.child(2, at.after(0, known))
         return at.forget(known)
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         last_failure = LastFailure()
         children = [at.child(i, failure=last_failure) if i == 2 else at.child(i) for i in range(len(at.node.children))]
         return If(at.name, children, self.reactive, last_failure)
 
-    def to_xml(self, at: XmlOut) -> object:
+    def to_xml(self, at: XmlExport) -> object:
         asked = at.node.children[0]
         at_once = not self.reactive or (asked.kind == CheckType.key and not asked.modifiers)  # see `from_xml`
         return at.element(self.xml_tags[0]) if at_once and len(at.node.children) == 3 else at.own({})
 
-    def from_xml(self, element: XmlIn) -> Words:
+    def from_xml(self, element: XmlImport) -> Words:
         children = element.children()
         own = element.tag == self.xml_tag
         if not 2 <= len(children) <= 3:
-            return element.refuse(f"has {len(children)} children")
+            return element.untranslated(f"has {len(children)} children")
         if self.reactive and not own and takes_time(children[0]):
-            return element.refuse(
+            return element.untranslated(
                 "has a condition that takes time: the running branch would continue unattended meanwhile"
             )
         asked: object = children[0]
@@ -227,13 +236,13 @@ class SwitchType(Composite):
     }
     xml_tags = ("Switch2", "Switch3", "Switch4", "Switch5", "Switch6")
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         chosen = at.children()
         skips = "default" not in at.node.modifiers or any(outcome.skips for outcome in chosen)
         least = min((outcome.least for outcome in chosen), default=0.0)
         return Outcome(codes_of(chosen), any(outcome.succeeds for outcome in chosen), skips, least)
 
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         success, failure = ALL, before if at.computes else ALL
         skipped = ALL if "default" in at.node.modifiers else before
         for index in range(len(at.node.children)):
@@ -241,19 +250,19 @@ class SwitchType(Composite):
             success, failure, skipped = success & ends.success, failure & ends.failure, skipped & ends.skipped
         return Ends(success, failure, skipped)
 
-    def words(self, at: Building | XmlOut) -> list[str]:
+    def words(self, at: BuildContext | XmlExport) -> list[str]:
         """Return the cases in order."""
         return [lead.removesuffix(": ") for lead in at.node.leads[: len(at.node.children) - self.has_default(at)]]
 
     @staticmethod
-    def has_default(at: Building | XmlOut) -> bool:
+    def has_default(at: BuildContext | XmlExport) -> bool:
         """Return True if something runs when no word fits."""
         return "default" in at.node.modifiers
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return Switch(at.name, at.children(), self.words(at), at.value(self.key))
 
-    def to_xml(self, at: XmlOut) -> object:
+    def to_xml(self, at: XmlExport) -> object:
         words = self.words(at)
         cases = {f"case_{number}": word for number, word in enumerate(words, start=1)}
         known = 2 <= len(words) <= 6 and self.has_default(at) and at.plain(self.key)
@@ -261,7 +270,7 @@ class SwitchType(Composite):
             return at.element(f"Switch{len(words)}", {"variable": at.text(self.key), **cases})
         return at.own({"variable": at.text(self.key), **cases})
 
-    def from_xml(self, element: XmlIn) -> Words:
+    def from_xml(self, element: XmlImport) -> Words:
         children, number = element.children(), 1
         cases: Words = {}
         while f"case_{number}" in element.attributes and number <= len(children):
@@ -269,7 +278,7 @@ class SwitchType(Composite):
             number += 1
         rest = children[number - 1 :]
         if not cases or len(rest) > 1 or len(cases) != number - 1 or any("{" in word for word in cases):
-            return element.refuse("has cases that are no words, or that stand twice")
+            return element.untranslated("has cases that are no words, or that stand twice")
         found: Words = {self.key: element.value("variable"), "cases": cases}
         return {**found, "default": rest[0]} if rest else found
 

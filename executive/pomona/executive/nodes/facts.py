@@ -1,6 +1,6 @@
 """Facts at a place in a tree: conditions that have held on every path to it.
 
-The language turns expressions into `Fact`s; node types return those that hold after them (`NodeType.truth`).
+The language turns expressions into `Fact`s; node types return those that hold after them (`NodeType.known_facts`).
 """
 
 from __future__ import annotations

@@ -9,8 +9,15 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.asking import Building, Checking, Ending, Flowing, Knowing, XmlOut
 from pomona.executive.nodes.behaviours import Branch
+from pomona.executive.nodes.context import (
+    BuildContext,
+    CheckContext,
+    FactContext,
+    FlowContext,
+    OutcomeContext,
+    XmlExport,
+)
 from pomona.executive.nodes.ends import ALL, NO_CODES, Ends, Names, Outcome, codes_of
 from pomona.executive.nodes.facts import Facts
 from pomona.executive.nodes.node_type import Composite
@@ -86,7 +93,7 @@ class FallbackType(Composite):
     xml_tags: ClassVar[tuple[str, ...]] = ("Fallback", "FallbackStar", "AsyncFallback")
     memory: ClassVar[bool] = True
 
-    def around(self, at: Checking, index: int) -> Around:
+    def around(self, at: CheckContext, index: int) -> Around:
         if index == 0:
             return at.around
         before, codes, failed = at.outcomes.child(index - 1), NO_CODES, at.node.children[index - 1].label
@@ -100,7 +107,7 @@ class FallbackType(Composite):
             before = at.outcomes.child(index - 1) if index else Outcome(at.around.failure or NO_CODES)
         return Around(at.around.counters, codes | before.codes, at.around.items, failed)
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         outcomes = at.children()
         skips = all(outcome.skips for outcome in outcomes)
         succeeds = any(outcome.succeeds for outcome in outcomes)
@@ -109,7 +116,7 @@ class FallbackType(Composite):
             return Outcome(succeeds=succeeds, least=least)
         return Outcome(codes_of(outcomes), succeeds, skips, least)
 
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         success, failure, skipped = ALL, ALL, before
         for index in range(len(at.node.children)):
             ends = at.child(index, failure & skipped)
@@ -118,20 +125,20 @@ class FallbackType(Composite):
             skipped = ends.skipped.when(skipped)
         return Ends(success, failure, skipped)
 
-    def truth(self, at: Knowing, known: Facts) -> Facts:
+    def known_facts(self, at: FactContext, known: Facts) -> Facts:
         if not self.memory:
-            return super().truth(at, known)
+            return super().known_facts(at, known)
         for index in range(len(at.node.children)):
             at.child(index, known)
             known = at.after(index, known)
         return known
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         last_failure = LastFailure()
         children = [at.child(i, failure=last_failure) if i else at.child(i) for i in range(len(at.node.children))]
         return Fallback(at.name, self.memory, children, last_failure)
 
-    def to_xml(self, at: XmlOut) -> object:
+    def to_xml(self, at: XmlExport) -> object:
         return at.element(self.xml_tags[0])
 
 

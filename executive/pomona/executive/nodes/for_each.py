@@ -10,8 +10,16 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.asking import Building, Checking, Ending, Flowing, Words, XmlIn, XmlOut
 from pomona.executive.nodes.behaviours import Wrapper
+from pomona.executive.nodes.context import (
+    BuildContext,
+    CheckContext,
+    FlowContext,
+    OutcomeContext,
+    Words,
+    XmlExport,
+    XmlImport,
+)
 from pomona.executive.nodes.ends import Ends, Names, Outcome
 from pomona.executive.nodes.node_type import Modifier
 from pomona.executive.nodes.surroundings import Around, ForEachCount
@@ -65,31 +73,31 @@ class ForEachType(Modifier):
     xml_value = "items"
     xml_fields: ClassVar[Mapping[str, str]] = {"as": "item"}
 
-    def check(self, at: Checking) -> None:
+    def check_layer(self, at: CheckContext) -> None:
         if at.item() in at.around.items:
             message = f"the for_each around this one has an '{at.item()}' as well"
             key = at.node.modifiers.get("as", at.node.modifiers[self.key])[0]
             at.findings.error(key, "duplicate-name", message, "name this one: 'as: other'")
-        super().check(at)
+        super().check_layer(at)
 
-    def around(self, at: Checking, index: int) -> Around:
+    def around(self, at: CheckContext, index: int) -> Around:
         around = at.around
         return replace(around, counters=around.counters | {"for_each"}, items=around.items | {at.item()})
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return Outcome(at.inside().codes)
 
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         return Ends(before, at.inside(before.plus(*at.outputs)).failure)
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         count = ForEachCount()
         items, give = at.value(self.key), at.writer(self.key)
         return ForEach(at.name, at.inside(for_each=count), items, give, count)
 
-    def xml_attributes(self, at: XmlOut) -> dict[str, str]:
+    def xml_attributes(self, at: XmlExport) -> dict[str, str]:
         return {"items": at.text(self.key), "item": f"{{{at.text('as') or 'item'}}}"}
 
-    def from_xml(self, element: XmlIn) -> Words:
+    def from_xml(self, element: XmlImport) -> Words:
         (child,) = element.children()
         return element.wrap(child, self.key, element.value("items"), {"as": element.get("item").strip("{}")})

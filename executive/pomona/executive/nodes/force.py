@@ -8,8 +8,8 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.asking import Building, Ending, Flowing, Words, XmlIn, XmlOut
 from pomona.executive.nodes.behaviours import Wrapper
+from pomona.executive.nodes.context import BuildContext, FlowContext, OutcomeContext, Words, XmlExport, XmlImport
 from pomona.executive.nodes.ends import ALL, NO_CODES, Ends, Names, Outcome
 from pomona.executive.nodes.node_type import Modifier
 from pomona.executive.ports import Port
@@ -39,24 +39,24 @@ class ForceType(Modifier):
     value = takes.Value(Port(str, choices=("success", "failure")), known=True)
     xml_tags = ("ForceSuccess", "ForceFailure")
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         inside, end = at.inside(), at.literal(self.key)
         succeeds = end != "failure" and (inside.succeeds or bool(inside.codes))
         return Outcome(NO_CODES if end == "success" else inside.codes | {"FORCED"}, succeeds, inside.skips)
 
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         ends = at.inside(before)
         both = ends.success & ends.failure
         if at.literal(self.key) == "failure":
             return Ends(ALL, both, ends.skipped)
         return Ends(both, ALL, ends.skipped)
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return Force(at.name, at.inside(), at.literal(self.key))
 
-    def to_xml(self, at: XmlOut) -> object:
+    def to_xml(self, at: XmlExport) -> object:
         return at.element("ForceFailure" if at.text(self.key) == "failure" else "ForceSuccess")
 
-    def from_xml(self, element: XmlIn) -> Words:
+    def from_xml(self, element: XmlImport) -> Words:
         (child,) = element.children()
         return element.wrap(child, self.key, "failure" if element.tag == "ForceFailure" else "success")

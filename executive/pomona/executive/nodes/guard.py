@@ -9,9 +9,9 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.asking import Building, Ending, Flowing, Knowing
 from pomona.executive.nodes.behaviours import Wrapper
 from pomona.executive.nodes.conditions import Condition
+from pomona.executive.nodes.context import BuildContext, FactContext, FlowContext, OutcomeContext
 from pomona.executive.nodes.ends import Ends, Names, Outcome
 from pomona.executive.nodes.facts import Facts
 from pomona.executive.nodes.node_type import Modifier
@@ -61,17 +61,17 @@ class GuardType(Modifier):
     ends = ("success", "failure")
     xml_value = "condition"
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return at.inside().plus("CONDITION_FALSE")
 
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         ends = at.inside(before)
         return Ends(ends.success, ends.failure & before, ends.skipped)
 
-    def truth(self, at: Knowing, known: Facts) -> Facts:
+    def known_facts(self, at: FactContext, known: Facts) -> Facts:
         return at.inside(at.must(self.key, known))
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         condition = at.condition(self.key)
         return Guard(at.name, at.inside(), condition)
 
@@ -84,17 +84,17 @@ class WhenType(Modifier):
     ends = ("skipped", "not skipped")
     xml_value = "condition"
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return replace(at.inside(), skips=True)
 
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         ends = at.inside(before)
         return ends._replace(skipped=ends.skipped & before)
 
-    def truth(self, at: Knowing, known: Facts) -> Facts:
+    def known_facts(self, at: FactContext, known: Facts) -> Facts:
         at.inside(at.must(self.key, known))
         return at.forget(known)
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         condition = at.condition(self.key)
         return When(at.name, at.inside(), condition)

@@ -6,8 +6,16 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.asking import Asking, Building, Ending, Flowing, Words, XmlIn, XmlOut
 from pomona.executive.nodes.behaviours import Wrapper
+from pomona.executive.nodes.context import (
+    BuildContext,
+    FlowContext,
+    NodeContext,
+    OutcomeContext,
+    Words,
+    XmlExport,
+    XmlImport,
+)
 from pomona.executive.nodes.ends import Ends, Names, Outcome
 from pomona.executive.nodes.node_type import Modifier
 from pomona.executive.ports import Port
@@ -29,22 +37,22 @@ class InvertType(Modifier):
     value = takes.Value(Port(bool), known=True)
     xml_tags = ("Inverter",)
 
-    def needed(self, at: Asking) -> bool:
+    def needed(self, at: NodeContext) -> bool:
         return at.literal(self.key) is not False
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return Outcome(frozenset({"INVERTED"}), skips=at.inside().skips)
 
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         ends = at.inside(before)
         return Ends(ends.failure, ends.success, ends.skipped)
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return Invert(at.name, at.inside())
 
-    def to_xml(self, at: XmlOut) -> object:
+    def to_xml(self, at: XmlExport) -> object:
         return at.element("Inverter")
 
-    def from_xml(self, element: XmlIn) -> Words:
+    def from_xml(self, element: XmlImport) -> Words:
         (child,) = element.children()
         return element.wrap(child, self.key, True)

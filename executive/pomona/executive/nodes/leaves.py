@@ -9,8 +9,8 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.asking import Building, Ending, Knowing, Words, XmlIn, XmlOut
 from pomona.executive.nodes.behaviours import LeafBehaviour
+from pomona.executive.nodes.context import BuildContext, FactContext, OutcomeContext, Words, XmlExport, XmlImport
 from pomona.executive.nodes.ends import UNKNOWN, Outcome
 from pomona.executive.nodes.facts import Facts
 from pomona.executive.nodes.node_type import Leaf
@@ -71,18 +71,18 @@ class WaitType(Leaf):
     xml_value = "duration"
     xml_tags = ("Sleep",)
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         duration = at.literal(self.key)
         return Outcome(least=duration if isinstance(duration, float) else 0.0)
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return Wait(at.name, at.value(self.key), at.now)
 
-    def to_xml(self, at: XmlOut) -> object:
+    def to_xml(self, at: XmlExport) -> object:
         milliseconds = at.milliseconds(self.key)
         return at.element("Sleep", {"msec": milliseconds}) if milliseconds else super().to_xml(at)
 
-    def from_xml(self, element: XmlIn) -> Words:
+    def from_xml(self, element: XmlImport) -> Words:
         return {self.key: element.duration("msec")} if element.tag == "Sleep" else super().from_xml(element)
 
 
@@ -94,19 +94,19 @@ class SetType(Leaf):
     xml_value = "values"
     instant = True
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return Outcome()
 
-    def truth(self, at: Knowing, known: Facts) -> Facts:
+    def known_facts(self, at: FactContext, known: Facts) -> Facts:
         return at.assign(known)
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return SetValues(at.name, {at.writer(name): get for name, get in at.inputs().items()})
 
-    def xml_attributes(self, at: XmlOut) -> dict[str, str]:
+    def xml_attributes(self, at: XmlExport) -> dict[str, str]:
         return {"values": at.text(self.key)}
 
-    def from_xml(self, element: XmlIn) -> Words:
+    def from_xml(self, element: XmlImport) -> Words:
         return {self.key: element.value("values") or {}}
 
 
@@ -118,16 +118,16 @@ class SucceedType(Leaf):
     xml_tags = ("AlwaysSuccess",)
     instant = True
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return Outcome()
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return Succeed(at.name)
 
-    def to_xml(self, at: XmlOut) -> object:
+    def to_xml(self, at: XmlExport) -> object:
         return at.element("AlwaysSuccess")
 
-    def from_xml(self, element: XmlIn) -> Words:
+    def from_xml(self, element: XmlImport) -> Words:
         return {self.key: {}}
 
 
@@ -139,17 +139,17 @@ class FailType(Leaf):
     xml_tags = ("AlwaysFailure",)
     instant = True
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         code = at.node.ports.get("code")
         text = code[1].text if code is not None and isinstance(code[1], YamlScalar) else "FAILED"
         return Outcome(frozenset({UNKNOWN if "{" in text else text}), succeeds=False)
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         inputs = at.inputs()
         return Fail(at.name, inputs.get("code", lambda: "FAILED"), inputs.get("message", lambda: ""))
 
-    def to_xml(self, at: XmlOut) -> object:
+    def to_xml(self, at: XmlExport) -> object:
         return super().to_xml(at) if at.node.ports else at.element("AlwaysFailure")
 
-    def from_xml(self, element: XmlIn) -> Words:
+    def from_xml(self, element: XmlImport) -> Words:
         return {self.key: element.ports() if element.tag == self.xml_tag else {}}

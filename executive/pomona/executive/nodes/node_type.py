@@ -9,11 +9,11 @@ knows a word by its name. A package adds words of its own by entry point (group 
         key, symbol = "paced", "♩"
         value = takes.Value(Port(RATE, min="0.001 Hz"))
 
-        def build(self, at: Building) -> Behaviour:
+        def build(self, at: BuildContext) -> Behaviour:
             return Pace(at.name, at.inside(), at.value("paced"), at.now)
 
-A `Modifier` has the ends and outputs of the node inside, unless it overrides `outcome` and `flow`. Composites and
-leaves must define both.
+A `Modifier` has the ends and outputs of the node inside, unless it overrides `possible_outcome` and `written_ports`.
+Composites and leaves must define both.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from typing import Any, ClassVar, Literal, Protocol
 
 from py_trees.behaviour import Behaviour
 
-from pomona.executive.nodes.asking import (
-    Asking,
-    Building,
-    Checking,
-    Ending,
+from pomona.executive.nodes.context import (
+    BuildContext,
+    CheckContext,
     Entry,
-    Flowing,
-    Knowing,
+    FactContext,
+    FlowContext,
+    NodeContext,
+    OutcomeContext,
     Words,
-    XmlIn,
-    XmlOut,
+    XmlExport,
+    XmlImport,
 )
 from pomona.executive.nodes.ends import ALL, Ends, Names, Outcome
 from pomona.executive.nodes.facts import Facts
@@ -177,11 +177,11 @@ class Field(ABC):
         """Read nodes and ports that stand in it, and report a wrong shape; called without any skills."""
         return
 
-    def declare(self, at: Checking, slot: str, stage: Stage) -> None:
+    def declare(self, at: CheckContext, slot: str, stage: Stage) -> None:
         """Declare the names that it writes; called for every field of a type, also for absent ones."""
         return
 
-    def check(self, at: Checking, slot: str, written: YamlNode) -> None:
+    def check_value(self, at: CheckContext, slot: str, written: YamlNode) -> None:
         """Check its values and keep them under the slot."""
         return
 
@@ -204,7 +204,7 @@ class NodeType(ABC):
         role: where it may stand.
         value: the kind of its value.
         fields: words that may stand beside it.
-        late: slots whose reads the type itself follows in `flow`, since they happen after its child has ended.
+        late: slots whose reads the type itself follows in `written_ports`, since they happen after its child has ended.
         calls: whether the node is called by the name of a skill or a subtree.
         instant: whether it ends in the tick in which it starts, without other nodes acting.
         named: whether the behaviour of a modifier shows its word.
@@ -253,33 +253,33 @@ class NodeType(ABC):
 
     # ---------------------------------------------------------------------------------------- before the run
 
-    def declare(self, at: Checking, stage: Stage) -> None:
+    def declare(self, at: CheckContext, stage: Stage) -> None:
         """Declare the names that it writes."""
         for slot, taken in self.slots.items():
             taken.declare(at, slot, stage)
 
-    def check(self, at: Checking) -> None:
+    def check_layer(self, at: CheckContext) -> None:
         """Check the values, then everything inside."""
         for slot, taken in self.slots.items():
             written = at.written(slot)
             if written is not None and slot not in self.late:
-                taken.check(at, slot, written)
+                taken.check_value(at, slot, written)
         for index in range(len(at.node.children)):
             at.child(index, self.around(at, index))
 
-    def around(self, at: Checking, index: int) -> Around:
+    def around(self, at: CheckContext, index: int) -> Around:
         """Return the names that a child finds around it."""
         return at.around
 
     @abstractmethod
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         """How it can end."""
 
     @abstractmethod
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         """Return the names written at each of its ends, given those written before it."""
 
-    def truth(self, at: Knowing, known: Facts) -> Facts:
+    def known_facts(self, at: FactContext, known: Facts) -> Facts:
         """Return the facts after its success. By default its children may run in any order and repeatedly."""
         if at.node.children:
             inside = at.share(known)
@@ -287,27 +287,27 @@ class NodeType(ABC):
                 at.child(index, inside)
         return at.forget(known)
 
-    def needed(self, at: Asking) -> bool:
+    def needed(self, at: NodeContext) -> bool:
         """Return True if it does anything as it is written (`invert: false` does not)."""
         return True
 
     # ---------------------------------------------------------------------------------------- at the run
 
-    def pauses(self, at: Asking) -> Literal["before", "after"] | None:
+    def pauses(self, at: NodeContext) -> Literal["before", "after"] | None:
         """On which side of the node the run pauses, if it does."""
         return None
 
     @abstractmethod
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         """Return its behaviour, with everything inside. A behaviour should explain its failure (`explain`)."""
 
     # ---------------------------------------------------------------------------------------- Groot
 
-    def to_xml(self, at: XmlOut) -> Any:
+    def to_xml(self, at: XmlExport) -> Any:
         """Return its element, by default one of Pomona with every word as an attribute."""
         return at.own(self.xml_attributes(at))
 
-    def xml_attributes(self, at: XmlOut) -> dict[str, str]:
+    def xml_attributes(self, at: XmlExport) -> dict[str, str]:
         """Return its words by the attributes that carry them."""
         found: dict[str, str] = {}
         for slot, taken in self.slots.items():
@@ -327,7 +327,7 @@ class NodeType(ABC):
         """Return the answers of a type that asks the operator; none for any other."""
         return ()
 
-    def from_xml(self, element: XmlIn) -> Words:
+    def from_xml(self, element: XmlImport) -> Words:
         """Return its words from an element of Pomona, or from one of `xml_tags`."""
         words: Words = {}
         for slot, taken in self.fields.items():
@@ -354,9 +354,9 @@ class Leaf(NodeType):
     role = "leaf"
     symbol = "●"
 
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         """Its outputs are written when it succeeds; nothing when it fails."""
-        outcome = self.outcome(at.outcomes)
+        outcome = self.possible_outcome(at.outcomes)
         fails = bool(outcome.codes) or at.computes
         success = before.plus(*at.outputs) if outcome.succeeds else ALL
         return Ends(success, before if fails else ALL, before if outcome.skips else ALL)
@@ -372,24 +372,24 @@ class Modifier(NodeType):
     role = "modifier"
     outside_of: ClassVar[str] = ""
 
-    def check(self, at: Checking) -> None:
+    def check_layer(self, at: CheckContext) -> None:
         super_around = self.around(at, 0)
         for slot, taken in self.slots.items():
             written = at.written(slot)
             if written is not None and slot not in self.late and not taken.nodes:
-                taken.check(at, slot, written)
+                taken.check_value(at, slot, written)
         for slot in at.node.parts:
             if slot in self.fields:
                 at.part(slot, self.around(at, 1))
         at.inside(super_around)
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return at.inside()
 
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         return at.inside(before)
 
-    def truth(self, at: Knowing, known: Facts) -> Facts:
+    def known_facts(self, at: FactContext, known: Facts) -> Facts:
         """Return the facts after its success; by default it may restart its child, and succeed without it."""
         for slot in at.node.parts:
             if slot in self.fields:

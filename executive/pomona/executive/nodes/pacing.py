@@ -10,8 +10,8 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.asking import Building, Ending, Flowing, Words, XmlIn, XmlOut
 from pomona.executive.nodes.behaviours import Wrapper
+from pomona.executive.nodes.context import BuildContext, FlowContext, OutcomeContext, Words, XmlExport, XmlImport
 from pomona.executive.nodes.ends import Ends, Names, Outcome
 from pomona.executive.nodes.node_type import Modifier
 from pomona.executive.ports import RATE, Port
@@ -118,18 +118,18 @@ class DelayType(Modifier):
     xml_value = "duration"
     xml_tags = ("Delay",)
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         inside, delay = at.inside(), at.literal(self.key)
         return replace(inside, least=inside.least + delay) if isinstance(delay, float) else inside
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return Delay(at.name, at.inside(), at.value(self.key), at.now)
 
-    def to_xml(self, at: XmlOut) -> object:
+    def to_xml(self, at: XmlExport) -> object:
         milliseconds = at.milliseconds(self.key)
         return at.element("Delay", {"delay_msec": milliseconds}) if milliseconds else super().to_xml(at)
 
-    def from_xml(self, element: XmlIn) -> Words:
+    def from_xml(self, element: XmlImport) -> Words:
         if element.tag == self.xml_tag:
             return super().from_xml(element)
         (child,) = element.children()
@@ -145,10 +145,10 @@ class RateType(Modifier):
     xml_value = "rate"
     xml_tags = ("RateController",)
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return Rate(at.name, at.inside(), at.value(self.key), at.now)
 
-    def from_xml(self, element: XmlIn) -> Words:
+    def from_xml(self, element: XmlImport) -> Words:
         if element.tag == self.xml_tag:
             return super().from_xml(element)
         (child,) = element.children()
@@ -164,21 +164,21 @@ class RunOnceType(Modifier):
     outside_of = "for_each"
     xml_tags = ("RunOnce",)
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return replace(at.inside(), skips=True)
 
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         ends = at.inside(before)
         return ends._replace(skipped=ends.skipped & before)
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return RunOnce(at.name, at.inside())
 
-    def from_xml(self, element: XmlIn) -> Words:
+    def from_xml(self, element: XmlImport) -> Words:
         if element.tag == "RunOnce" and (element.get("then_skip") or "true") not in ("true", "1"):
-            return element.refuse("repeats its first result instead of being skipped")
+            return element.untranslated("repeats its first result instead of being skipped")
         (child,) = element.children()
         return element.wrap(child, self.key, True)
 
-    def to_xml(self, at: XmlOut) -> object:
+    def to_xml(self, at: XmlExport) -> object:
         return at.element("RunOnce")

@@ -10,8 +10,17 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.asking import Building, Checking, Ending, Flowing, Words, Written, XmlIn, XmlOut
 from pomona.executive.nodes.behaviours import Branch
+from pomona.executive.nodes.context import (
+    BuildContext,
+    CheckContext,
+    FlowContext,
+    NodeText,
+    OutcomeContext,
+    Words,
+    XmlExport,
+    XmlImport,
+)
 from pomona.executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
 from pomona.executive.nodes.node_type import Composite
 from pomona.executive.values.yaml_nodes import YamlList, YamlScalar
@@ -78,7 +87,7 @@ class ParallelType(Composite):
     xml_tags = ("Parallel", "ParallelAll")
 
     @staticmethod
-    def chosen(node: Written) -> frozenset[int] | int:
+    def chosen(node: NodeText) -> frozenset[int] | int:
         """Return indices of the children that must succeed, or how many of any."""
         written = node.modifiers["success_on"][1] if "success_on" in node.modifiers else None
         if isinstance(written, YamlScalar) and (written.text == "one" or written.text.isdecimal()):
@@ -86,8 +95,8 @@ class ParallelType(Composite):
         names = [i.text for i in written.items if isinstance(i, YamlScalar)] if isinstance(written, YamlList) else None
         return frozenset(i for i, child in enumerate(node.children) if names is None or child.label in names)
 
-    def check(self, at: Checking) -> None:
-        super().check(at)
+    def check_layer(self, at: CheckContext) -> None:
+        super().check_layer(at)
         chosen = self.chosen(at.node)
         if not isinstance(chosen, int) and len(chosen) < len(at.node.children):
             for index in chosen:
@@ -99,7 +108,7 @@ class ParallelType(Composite):
         self.one_device_each(at)
 
     @staticmethod
-    def one_device_each(at: Checking) -> None:
+    def one_device_each(at: CheckContext) -> None:
         """Warn of devices that two children move: the second waits until the first releases it."""
         users: dict[str, tuple[int, str]] = {}
         for index, child in enumerate(at.node.children):
@@ -109,7 +118,7 @@ class ParallelType(Composite):
                     message = f"{label} moves the {device}, and so does {other}, in parallel: one of them waits"
                     at.findings.warning(child.key, "one-device", message, "put both into a sequence")
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         outcomes = at.children()
         chosen = self.chosen(at.node)
         codes = codes_of(outcomes)
@@ -122,7 +131,7 @@ class ParallelType(Composite):
         succeeds = all(outcome.succeeds or outcome.skips for outcome in needed)
         return Outcome(codes, succeeds, False, least)
 
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         """Children of a parallel start together: no child may read the outputs of another one."""
         ends = [at.child(index, before) for index in range(len(at.node.children))]
         failure = before if any(end.failure.reachable for end in ends) else ALL
@@ -140,26 +149,26 @@ class ParallelType(Composite):
             success |= ends[index].success & ends[index].skipped
         return Ends(success, failure)
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return Parallel(at.name, at.children(), self.chosen(at.node))
 
-    def to_xml(self, at: XmlOut) -> object:
+    def to_xml(self, at: XmlExport) -> object:
         success_on = at.text("success_on") or "all"
         count = {"all": "-1", "one": "1"}.get(success_on, success_on)
         if not count.removeprefix("-").isdecimal():
             return at.own({"success_on": success_on})
         return at.element("Parallel", {"success_count": count, "failure_count": "1"})
 
-    def from_xml(self, element: XmlIn) -> Words:
+    def from_xml(self, element: XmlImport) -> Words:
         if element.tag == self.xml_tag:
             return {"parallel": element.children(), "success_on": element.value("success_on") or "all"}
         success, failure = element.get("success_count") or "-1", element.get("failure_count") or "1"
         children = element.children()
         if element.tag == "ParallelAll" and len(children) > 1:
-            return element.refuse("lets all children end before it fails")
+            return element.untranslated("lets all children end before it fails")
         everything = success == "-1" or (success != "1" and success == str(len(children)))
         if failure != "1" or not (everything or (success.isdecimal() and 0 < int(success) <= len(children))):
-            return element.refuse(f"succeeds on {success} and fails on {failure}")
+            return element.untranslated(f"succeeds on {success} and fails on {failure}")
         if everything:
             return {"parallel": children}
         return {"parallel": children, "success_on": "one" if success == "1" else int(success)}

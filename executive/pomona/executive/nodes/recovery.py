@@ -8,7 +8,7 @@ from typing import ClassVar
 from py_trees.behaviour import Behaviour
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.asking import Building, Checking, Ending, Flowing, Words, XmlIn
+from pomona.executive.nodes.context import BuildContext, CheckContext, FlowContext, OutcomeContext, Words, XmlImport
 from pomona.executive.nodes.ends import NO_CODES, Ends, Names, Outcome
 from pomona.executive.nodes.node_type import Composite
 from pomona.executive.nodes.retry import Retry
@@ -27,25 +27,25 @@ class RecoveryType(Composite):
     fields: ClassVar[takes.Fields] = {"attempts": takes.count("tries of the first child, by default 2")}
     xml_tags = ("RecoveryNode",)
 
-    def around(self, at: Checking, index: int) -> Around:
+    def around(self, at: CheckContext, index: int) -> Around:
         around = replace(at.around, counters=at.around.counters | {"retry"})
         return replace(around, failure=at.outcomes.child(0).codes) if index else around
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         outcomes = at.children()
         if len(outcomes) != 2:
             return Outcome()
         first, second = outcomes
         return replace(first, codes=first.codes | second.codes if first.codes else NO_CODES)
 
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         if len(at.node.children) != 2:
             return Ends(before, before)
         first = at.child(0, before)
         second = at.child(1, first.failure)
         return Ends(first.success, first.failure & second.failure & second.skipped, first.skipped)
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         count, last_failure = RetryCount(), LastFailure()
         child = at.child(0, retry=count)
         recover = at.child(1, retry=count, failure=last_failure)
@@ -54,10 +54,10 @@ class RecoveryType(Composite):
             at.name, child, at.now, total, count=count, on_failure=recover, between_only=True, last_failure=last_failure
         )
 
-    def from_xml(self, element: XmlIn) -> Words:
+    def from_xml(self, element: XmlImport) -> Words:
         if element.tag == self.xml_tag:
             return super().from_xml(element)
         retries, children = element.get("number_of_retries") or "1", element.children()
         if not retries.isdigit() or len(children) != 2:
-            return element.refuse(f"has {len(children)} children and {retries} retries")
+            return element.untranslated(f"has {len(children)} children and {retries} retries")
         return {self.key: children, "attempts": str(int(retries) + 1)}

@@ -9,8 +9,17 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.asking import Asking, Building, Checking, Ending, Flowing, Words, XmlIn, XmlOut
 from pomona.executive.nodes.behaviours import Wrapper
+from pomona.executive.nodes.context import (
+    BuildContext,
+    CheckContext,
+    FlowContext,
+    NodeContext,
+    OutcomeContext,
+    Words,
+    XmlExport,
+    XmlImport,
+)
 from pomona.executive.nodes.ends import ALL, Ends, Names, Outcome
 from pomona.executive.nodes.node_type import Modifier
 from pomona.executive.nodes.surroundings import Around, RepeatCount
@@ -53,33 +62,33 @@ class RepeatType(Modifier):
     xml_tags = ("Repeat", "KeepRunningUntilFailure")
 
     @staticmethod
-    def forever(at: Asking) -> bool:
+    def forever(at: NodeContext) -> bool:
         """Return True if only a failure ends it."""
         written = at.written("repeat")
         return isinstance(written, YamlScalar) and written.text == "forever"
 
-    def around(self, at: Checking, index: int) -> Around:
+    def around(self, at: CheckContext, index: int) -> Around:
         return replace(at.around, counters=at.around.counters | {"repeat"})
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         inside = at.inside()
         return replace(inside, succeeds=False) if self.forever(at) else inside
 
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         ends = at.inside(before)
         return ends._replace(success=ALL) if self.forever(at) else ends
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         count = RepeatCount()
         child = at.inside(repeat=count)
         return Repeat(at.name, child, at.value(self.key), count)
 
-    def to_xml(self, at: XmlOut) -> object:
+    def to_xml(self, at: XmlExport) -> object:
         if self.forever(at):
             return at.element("Repeat", {"num_cycles": "-1"})
         return at.element("Repeat", {"num_cycles": at.text(self.key)}) if at.plain(self.key) else super().to_xml(at)
 
-    def from_xml(self, element: XmlIn) -> Words:
+    def from_xml(self, element: XmlImport) -> Words:
         if element.tag == self.xml_tag:
             return super().from_xml(element)
         (child,) = element.children()

@@ -10,8 +10,16 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.asking import Building, Checking, Ending, Flowing, Words, XmlIn, XmlOut
 from pomona.executive.nodes.behaviours import Branch
+from pomona.executive.nodes.context import (
+    BuildContext,
+    CheckContext,
+    FlowContext,
+    OutcomeContext,
+    Words,
+    XmlExport,
+    XmlImport,
+)
 from pomona.executive.nodes.ends import Ends, Names, Outcome
 from pomona.executive.nodes.node_type import Modifier
 from pomona.executive.nodes.surroundings import Around, LastFailure, RetryCount
@@ -161,7 +169,7 @@ class RetryType(Modifier):
     xml_value = "attempts"
     xml_tags = ("RetryUntilSuccessful", "RetryUntilSuccesful")
 
-    def check(self, at: Checking) -> None:
+    def check_layer(self, at: CheckContext) -> None:
         codes = at.outcomes.inside().codes
         if not codes:
             key = at.node.modifiers[self.key][0]
@@ -170,28 +178,28 @@ class RetryType(Modifier):
         written = at.written("retry_if")
         if written is not None:
             at.condition("retry_if", written, self.after(at))
-        super().check(at)
+        super().check_layer(at)
 
-    def after(self, at: Checking) -> Around:
+    def after(self, at: CheckContext) -> Around:
         """Return the names that `retry_if` and `on_failure` find around them."""
         return replace(self.around(at, 0), failure=at.outcomes.inside().codes, failed=at.node.label)
 
-    def around(self, at: Checking, index: int) -> Around:
+    def around(self, at: CheckContext, index: int) -> Around:
         if index > 0:
             return self.after(at)
         return replace(at.around, counters=at.around.counters | {"retry"})
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         inside, after = at.inside(), at.part("on_failure")
         return inside.plus(*after.codes) if inside.codes and after is not None else inside
 
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         ends = at.inside(before)
         at.require("retry_if", ends.failure)
         recovered = at.part("on_failure", ends.failure)
         return ends if recovered is None else Ends(ends.success, recovered.any(), ends.skipped)
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         count, last_failure = RetryCount(), LastFailure()
         retry_if = at.condition("retry_if", retry=count, failure=last_failure).holds if at.given("retry_if") else None
         child = at.inside(retry=count)
@@ -208,12 +216,12 @@ class RetryType(Modifier):
             last_failure=last_failure,
         )
 
-    def to_xml(self, at: XmlOut) -> object:
+    def to_xml(self, at: XmlExport) -> object:
         if self.fields.keys() & at.node.modifiers.keys() or not at.plain(self.key):
             return super().to_xml(at)
         return at.element("RetryUntilSuccessful", {"num_attempts": at.text(self.key)})
 
-    def from_xml(self, element: XmlIn) -> Words:
+    def from_xml(self, element: XmlImport) -> Words:
         if element.tag == self.xml_tag:
             return super().from_xml(element)
         (child,) = element.children()

@@ -9,8 +9,15 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.asking import Building, Checking, Ending, Flowing, Knowing, XmlOut
 from pomona.executive.nodes.behaviours import Branch
+from pomona.executive.nodes.context import (
+    BuildContext,
+    CheckContext,
+    FactContext,
+    FlowContext,
+    OutcomeContext,
+    XmlExport,
+)
 from pomona.executive.nodes.ends import ALL, NO_CODES, Ends, Names, Outcome
 from pomona.executive.nodes.facts import Facts
 from pomona.executive.nodes.node_type import Composite
@@ -71,8 +78,8 @@ class SequenceType(Composite):
     memory: ClassVar[bool] = True
     keeps: ClassVar[bool] = False
 
-    def check(self, at: Checking) -> None:
-        super().check(at)
+    def check_layer(self, at: CheckContext) -> None:
+        super().check_layer(at)
         outcomes = at.outcomes.children()
         for before, outcome, child in zip(at.node.children, outcomes, at.node.children[1:], strict=False):
             if not (outcome.succeeds or outcome.skips):
@@ -80,7 +87,7 @@ class SequenceType(Composite):
                 at.findings.warning(child.key, "unreachable", message)
                 break
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         codes, least, succeeds, skips = NO_CODES, 0.0, False, True
         for outcome in at.children():
             codes |= outcome.codes
@@ -90,7 +97,7 @@ class SequenceType(Composite):
             succeeds, skips = succeeds or outcome.succeeds, skips and outcome.skips
         return Outcome(codes, succeeds, skips, least)
 
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         success, skipped, failure = ALL, before, ALL
         for index in range(len(at.node.children)):
             ends = at.child(index, success & skipped)
@@ -99,18 +106,18 @@ class SequenceType(Composite):
             skipped = ends.skipped.when(skipped)
         return Ends(success, failure, skipped)
 
-    def truth(self, at: Knowing, known: Facts) -> Facts:
+    def known_facts(self, at: FactContext, known: Facts) -> Facts:
         if not self.memory or self.keeps:
-            return super().truth(at, known)
+            return super().known_facts(at, known)
         for index, outcome in enumerate(at.outcomes.children()):
             succeeded = at.child(index, known)
             known = at.after(index, known) if outcome.skips else succeeded
         return known
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return Sequence(at.name, self.memory, at.children(), self.keeps)
 
-    def to_xml(self, at: XmlOut) -> object:
+    def to_xml(self, at: XmlExport) -> object:
         return at.element(self.xml_tags[0])
 
 

@@ -8,8 +8,8 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.asking import Building
 from pomona.executive.nodes.behaviours import Wrapper
+from pomona.executive.nodes.context import BuildContext
 from pomona.executive.nodes.node_type import Modifier
 from pomona.executive.reasons import NoValue
 from pomona.executive.skill import Skill
@@ -40,5 +40,5 @@ class SpeedType(Modifier):
     key, symbol = "speed", "»"
     value = takes.Value(SHARE, "share of the speed that the skills command")
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return Slower(at.name, at.inside(), at.value(self.key))

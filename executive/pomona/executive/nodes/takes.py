@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 
-from pomona.executive.nodes.asking import Checking, Entry
+from pomona.executive.nodes.context import CheckContext, Entry
 from pomona.executive.nodes.node_type import Field, NodeType, Reading, Schema, Stage, TreeNode
 from pomona.executive.ports import TIME, Port
 from pomona.executive.values.shape import ShapeCheck, shape_of
@@ -33,7 +33,7 @@ class Value(Field):
         super().__init__(help, required=required)
         self.port, self.words, self.known = port, words, known
 
-    def check(self, at: Checking, slot: str, written: YamlNode) -> None:
+    def check_value(self, at: CheckContext, slot: str, written: YamlNode) -> None:
         if isinstance(written, YamlScalar) and written.text in self.words:
             at.keep(slot, None, written)
         else:
@@ -57,9 +57,9 @@ def count(help: str = "", *, words: tuple[str, ...] = ()) -> Value:
 class Single(Value):
     """A single value or a wire to one, no list and no mapping."""
 
-    def check(self, at: Checking, slot: str, written: YamlNode) -> None:
+    def check_value(self, at: CheckContext, slot: str, written: YamlNode) -> None:
         if isinstance(written, YamlScalar) and not written.is_null:
-            super().check(at, slot, written)
+            super().check_value(at, slot, written)
         else:
             message = f"'{slot}' takes a single value, this is {shape_of(written)}"
             at.findings.error(written, "shape", message, f'wire it: {slot}: "{{name}}"')
@@ -68,7 +68,7 @@ class Single(Value):
 class Condition(Field):
     """An expression that is true or false."""
 
-    def check(self, at: Checking, slot: str, written: YamlNode) -> None:
+    def check_value(self, at: CheckContext, slot: str, written: YamlNode) -> None:
         at.condition(slot, written)
 
     def schema(self, literal: Callable[[Port], Schema]) -> Schema:
@@ -78,7 +78,7 @@ class Condition(Field):
 class Elements(Field):
     """A list to go through."""
 
-    def check(self, at: Checking, slot: str, written: YamlNode) -> None:
+    def check_value(self, at: CheckContext, slot: str, written: YamlNode) -> None:
         at.elements(slot, written)
 
     def schema(self, literal: Callable[[Port], Schema]) -> Schema:
@@ -92,7 +92,7 @@ class NewName(Field):
         super().__init__(help)
         self.of, self.default = of, default
 
-    def declare(self, at: Checking, slot: str, stage: Stage) -> None:
+    def declare(self, at: CheckContext, slot: str, stage: Stage) -> None:
         written = at.written(self.of)
         if stage is not Stage.COMPUTED or written is None:
             return
@@ -105,7 +105,7 @@ class NewName(Field):
         else:
             at.findings.error(name, "bad-name", f"'{slot}' takes a name without braces", f"{slot}: grasp")
             return
-        at.writes(self.of, target, written, True)
+        at.declare_output(self.of, target, written, True)
 
     def schema(self, literal: Callable[[Port], Schema]) -> Schema:
         return {"type": "string", "pattern": NAME_SCHEMA}
@@ -114,13 +114,13 @@ class NewName(Field):
 class Target(Field):
     """A name that the node writes with a text."""
 
-    def declare(self, at: Checking, slot: str, stage: Stage) -> None:
+    def declare(self, at: CheckContext, slot: str, stage: Stage) -> None:
         name = at.written(slot)
         if stage is not Stage.COMPUTED or name is None:
             return
         if isinstance(name, YamlScalar) and NAME.fullmatch(name.text):
             text = YamlScalar(name.source, name.line, name.column, name.end_line, name.end_column, "text", False)
-            at.writes(slot, name, text, False)
+            at.declare_output(slot, name, text, False)
         else:
             at.findings.error(name, "bad-name", f"'{slot}' takes a name without braces", f"{slot}: answer")
 
@@ -136,7 +136,7 @@ class Words(Field):
         if not items or not all(isinstance(item, YamlScalar) for item in items):
             reading.findings.error(written, "shape", f"'{slot}' is a list of texts", f"{slot}: [yes, no]")
 
-    def check(self, at: Checking, slot: str, written: YamlNode) -> None:
+    def check_value(self, at: CheckContext, slot: str, written: YamlNode) -> None:
         if isinstance(written, YamlList):
             at.keep(slot, tuple(item.text for item in written.items if isinstance(item, YamlScalar)), written)
 
@@ -260,8 +260,8 @@ class Wires(Field):
     def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:
         node.ports = read_ports(reading, node, written)
 
-    def check(self, at: Checking, slot: str, written: YamlNode) -> None:
-        at.wires(self.inputs, {})
+    def check_value(self, at: CheckContext, slot: str, written: YamlNode) -> None:
+        at.check_ports(self.inputs, {})
 
     def schema(self, literal: Callable[[Port], Schema]) -> Schema:
         ports = {name: literal(port) for name, port in self.inputs.items()}
@@ -288,15 +288,15 @@ class Assignments(Field):
     def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:
         node.ports = read_ports(reading, node, written)
 
-    def declare(self, at: Checking, slot: str, stage: Stage) -> None:
+    def declare(self, at: CheckContext, slot: str, stage: Stage) -> None:
         if stage is Stage.COMPUTED:
             for key, value in at.node.ports.values():
-                at.writes(key.text, key, value, False)
+                at.declare_output(key.text, key, value, False)
 
-    def check(self, at: Checking, slot: str, written: YamlNode) -> None:
+    def check_value(self, at: CheckContext, slot: str, written: YamlNode) -> None:
         if not at.node.ports:
             at.findings.error(at.node.key, "shape", f"'{slot}' sets nothing", f"write '{slot}: {{name: value}}'")
-        at.wires({name: Port(object) for name in at.node.ports}, {})
+        at.check_ports({name: Port(object) for name in at.node.ports}, {})
 
     def schema(self, literal: Callable[[Port], Schema]) -> Schema:
         return {"type": "object", "minProperties": 1, "propertyNames": {"pattern": NAME_SCHEMA}}
@@ -317,7 +317,7 @@ class Nothing(Field):
 class ChildNames(Field):
     """`all`, `one`, a number of children, or a list of them by their labels."""
 
-    def check(self, at: Checking, slot: str, written: YamlNode) -> None:
+    def check_value(self, at: CheckContext, slot: str, written: YamlNode) -> None:
         labels = [child.label for child in at.node.children]
         if isinstance(written, YamlScalar) and written.text in ("all", "one"):
             at.keep(slot, written.text, written)

@@ -8,8 +8,17 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.asking import Building, Checking, Ending, Flowing, Knowing, Words, XmlIn, XmlOut
 from pomona.executive.nodes.behaviours import Wrapper
+from pomona.executive.nodes.context import (
+    BuildContext,
+    CheckContext,
+    FactContext,
+    FlowContext,
+    OutcomeContext,
+    Words,
+    XmlExport,
+    XmlImport,
+)
 from pomona.executive.nodes.ends import Ends, Names, Outcome
 from pomona.executive.nodes.facts import Facts
 from pomona.executive.nodes.node_type import Modifier
@@ -46,8 +55,8 @@ class TimeoutType(Modifier):
     xml_value = "duration"
     xml_tags = ("Timeout",)
 
-    def check(self, at: Checking) -> None:
-        super().check(at)
+    def check_layer(self, at: CheckContext) -> None:
+        super().check_layer(at)
         limit, key = at.literal(self.key), at.node.modifiers[self.key][0]
         if not isinstance(limit, float):
             return
@@ -59,24 +68,24 @@ class TimeoutType(Modifier):
             message = f"{at.node.label} takes {least:g} s at least and is always interrupted after {limit:g} s"
             at.findings.warning(key, "too-short", message)
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return at.inside().plus("TIMEOUT")
 
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         ends = at.inside(before)
         return Ends(ends.success, ends.failure & before, ends.skipped)
 
-    def truth(self, at: Knowing, known: Facts) -> Facts:
+    def known_facts(self, at: FactContext, known: Facts) -> Facts:
         return at.inside(known)
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return Timeout(at.name, at.inside(), at.value(self.key), at.now)
 
-    def to_xml(self, at: XmlOut) -> object:
+    def to_xml(self, at: XmlExport) -> object:
         milliseconds = at.milliseconds(self.key)
         return at.element("Timeout", {"msec": milliseconds}) if milliseconds else super().to_xml(at)
 
-    def from_xml(self, element: XmlIn) -> Words:
+    def from_xml(self, element: XmlImport) -> Words:
         if element.tag == self.xml_tag:
             return super().from_xml(element)
         (child,) = element.children()

@@ -8,8 +8,8 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.asking import Building, Ending, Flowing, Words, XmlIn, XmlOut
 from pomona.executive.nodes.behaviours import Branch
+from pomona.executive.nodes.context import BuildContext, FlowContext, OutcomeContext, Words, XmlExport, XmlImport
 from pomona.executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
 from pomona.executive.nodes.node_type import Composite
 from pomona.executive.nodes.sequence import SequenceType
@@ -104,25 +104,25 @@ class RoundRobinType(Composite):
     value = takes.Children("they take turns")
     xml_tags = ("RoundRobin",)
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         outcomes = at.children()
         never = not all(outcome.codes or outcome.skips for outcome in outcomes)
         succeeds = any(outcome.succeeds for outcome in outcomes)
         return Outcome(frozenset() if never else codes_of(outcomes), succeeds, all(o.skips for o in outcomes))
 
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         ends = [at.child(index, before) for index in range(len(at.node.children))]
-        success, fails = ALL, bool(self.outcome(at.outcomes).codes)
+        success, fails = ALL, bool(self.possible_outcome(at.outcomes).codes)
         for end in ends:
             success &= end.success
         return Ends(success, before if fails else ALL, before if all(end.skipped.reachable for end in ends) else ALL)
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return RoundRobin(at.name, at.children())
 
-    def from_xml(self, element: XmlIn) -> Words:
+    def from_xml(self, element: XmlImport) -> Words:
         if element.get("wrap_around") in ("false", "0"):
-            return element.refuse("does not begin again after its last child")
+            return element.untranslated("does not begin again after its last child")
         return {self.key: element.children()}
 
 
@@ -134,8 +134,8 @@ class PipelineSequenceType(SequenceType):
     xml_tags = ("PipelineSequence",)
     memory = False
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return Pipeline(at.name, at.children())
 
-    def to_xml(self, at: XmlOut) -> object:
+    def to_xml(self, at: XmlExport) -> object:
         return at.own({})

@@ -8,7 +8,7 @@ from typing import ClassVar
 from py_trees.behaviour import Behaviour
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.asking import Building, Checking, Ending, Flowing, Written, XmlOut
+from pomona.executive.nodes.context import BuildContext, CheckContext, FlowContext, NodeText, OutcomeContext, XmlExport
 from pomona.executive.nodes.ends import UNKNOWN, Ends, Names, Outcome
 from pomona.executive.nodes.node_type import Composite, Field, NodeType, Reading, Schema, TreeNode
 from pomona.executive.ports import Port
@@ -46,29 +46,29 @@ class UntranslatedType(Composite):
     }
 
     @staticmethod
-    def element(node: Written) -> str:
+    def element(node: NodeText) -> str:
         """Return the element's name."""
         entry = node.modifiers.get("element")
         return entry[1].text if entry is not None and isinstance(entry[1], YamlScalar) else ""
 
-    def check(self, at: Checking) -> None:
+    def check_layer(self, at: CheckContext) -> None:
         message = f"<{self.element(at.node)}> was imported without a translation"
         at.findings.error(at.node.key, "untranslated", message, "write its function with other nodes")
         for index in range(len(at.node.children)):
             at.child(index, at.around)
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return Outcome(frozenset({UNKNOWN}), skips=True)
 
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         for index in range(len(at.node.children)):
             at.child(index, before)
         return Ends(before, before, before)
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         raise AssertionError("the check refuses it")
 
-    def to_xml(self, at: XmlOut) -> object:
+    def to_xml(self, at: XmlExport) -> object:
         entry = at.node.modifiers.get("attributes")
         written = entry[1].entries.values() if entry is not None and isinstance(entry[1], YamlMapping) else ()
         given = {key.text: value.text for key, value in written if isinstance(value, YamlScalar)}

@@ -8,8 +8,15 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.asking import Asking, Building, Ending, Flowing, Knowing, XmlOut
 from pomona.executive.nodes.behaviours import Wrapper
+from pomona.executive.nodes.context import (
+    BuildContext,
+    FactContext,
+    FlowContext,
+    NodeContext,
+    OutcomeContext,
+    XmlExport,
+)
 from pomona.executive.nodes.ends import ALL, Ends, Names, Outcome
 from pomona.executive.nodes.facts import Facts
 from pomona.executive.nodes.node_type import Modifier
@@ -30,21 +37,21 @@ class DisabledType(Modifier):
     key, symbol = "disabled", "⊘"
     value = takes.Value(Port(bool), known=True)
 
-    def needed(self, at: Asking) -> bool:
+    def needed(self, at: NodeContext) -> bool:
         return at.literal(self.key) is True
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return Outcome(succeeds=False, skips=True)
 
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         at.inside(before)
         return Ends(ALL, ALL, before)
 
-    def truth(self, at: Knowing, known: Facts) -> Facts:
+    def known_facts(self, at: FactContext, known: Facts) -> Facts:
         at.inside(known)
         return known
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return Disabled(at.name, at.inside())
 
 
@@ -55,14 +62,14 @@ class BreakpointType(Modifier):
     value = takes.Value(Port(str, choices=("before", "after")), known=True)
     outside_of = "timeout"
 
-    def needed(self, at: Asking) -> bool:
+    def needed(self, at: NodeContext) -> bool:
         return False
 
-    def pauses(self, at: Asking) -> Literal["before", "after"] | None:
+    def pauses(self, at: NodeContext) -> Literal["before", "after"] | None:
         return "after" if at.literal(self.key) == "after" else "before"
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return at.inside()
 
-    def to_xml(self, at: XmlOut) -> object:
+    def to_xml(self, at: XmlExport) -> object:
         return at.own({"value": at.text(self.key)})

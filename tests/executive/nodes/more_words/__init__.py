@@ -9,8 +9,8 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import Composite, Modifier, TreeNode, takes
-from pomona.executive.nodes.asking import Building, Ending, Flowing
 from pomona.executive.nodes.behaviours import Branch, Wrapper
+from pomona.executive.nodes.context import BuildContext, FlowContext, OutcomeContext
 from pomona.executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
 from pomona.executive.nodes.question import Question
 from pomona.executive.ports import RATE, Port
@@ -40,18 +40,18 @@ class TakeTurnsType(Composite):
     key, symbol = "take_turns", "⟲"
     value = takes.Children("they take turns")
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         outcomes = at.children()
         return Outcome(codes_of(outcomes), any(end.succeeds for end in outcomes), any(end.skips for end in outcomes))
 
-    def flow(self, at: Flowing, before: Names) -> Ends:
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
         success = failure = skipped = ALL
         for index in range(len(at.node.children)):
             ends = at.child(index, before)
             success, failure, skipped = success & ends.success, failure & ends.failure, skipped & ends.skipped
         return Ends(success, failure, skipped)
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return TakeTurns(at.name, at.children())
 
 
@@ -79,7 +79,7 @@ class PacedType(Modifier):
     fields: ClassVar[takes.Fields] = {"because": takes.Value(Port(str), "for people", known=True)}
     outside_of = "timeout"
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return Paced(at.name, at.inside(), at.value("paced"), at.now)
 
 
@@ -89,10 +89,10 @@ class NoFlow(Composite):
     key, symbol = "no_flow", "x"
     value = takes.Children()
 
-    def outcome(self, at: Ending) -> Outcome:
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return Outcome()
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return TakeTurns(at.name, at.children())
 
 
@@ -130,5 +130,5 @@ class SignedType(Modifier):
     def choices(self, node: TreeNode) -> tuple[str, ...]:
         return Signed.choices
 
-    def build(self, at: Building) -> Behaviour:
+    def build(self, at: BuildContext) -> Behaviour:
         return Signed(at.name, at.inside())
