@@ -35,6 +35,26 @@ def test_a_missing_cell_is_named_with_what_there_is(capsys: pytest.CaptureFixtur
 
 
 @pytest.mark.parametrize(
+    "words",
+    [
+        ("new", "package", "my_kit", "--into", "file"),
+        ("new", "fruit", "plum", "--into", "file"),
+        ("show", "pick_apple", "--svg", "file/tree.svg"),
+    ],
+    ids=["package", "fruit", "picture"],
+)
+def test_a_place_that_cannot_be_written_is_named_in_one_line(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("file").touch()
+    assert main(words) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("file/")
+    assert line.endswith(": Not a directory")
+
+
+@pytest.mark.parametrize(
     ("text", "expected"),
     [
         ("", "error["),

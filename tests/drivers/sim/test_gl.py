@@ -62,3 +62,14 @@ def test_both_renderers_work_in_one_process(order, backend):
     )
     assert done.returncode == 0, done.stderr
     assert "both work" in done.stdout
+
+
+def test_without_a_driver_of_egl_one_line_names_the_packages():
+    script = MUJOCO + "try:\n    look()\nexcept Exception as error:\n    print(error)\n"
+    environment = {**os.environ, "__EGL_VENDOR_LIBRARY_DIRS": "/nowhere"}
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120
+    )
+    (line,) = done.stdout.splitlines()
+    assert line.startswith("camera: the simulated camera cannot render (")
+    assert line.endswith("install EGL: apt install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0")
