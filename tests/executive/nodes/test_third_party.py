@@ -152,12 +152,12 @@ def test_a_question_of_theirs_is_asked_and_shown_with_its_answers(installed):
 
 def test_a_half_declared_type_is_refused_and_named(installed):
     types = installed(no_flow="NoFlow", paced="PacedType")
-    assert types.problems == {"no_flow": "node type NoFlow lacks flow"}
+    assert types.problems == {"no_flow": "node type NoFlow lacks written_ports"}
     assert "paced" in types
     text = "pomona: 1\ntree: t\nroot: {no_flow: [{Beep: {}}]}"
     (finding,) = check(read(text, "t.yaml"), SKILLS)
     assert (finding.code, finding.line) == ("broken-node", 3)
-    assert "lacks flow" in finding.message
+    assert "lacks written_ports" in finding.message
 
 
 def test_a_package_that_raises_is_a_problem_and_no_traceback(installed):
