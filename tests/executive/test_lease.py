@@ -8,7 +8,7 @@ from typing import Any, Protocol, runtime_checkable
 import pytest
 
 from pomona.executive.errors import NotOwnerError
-from pomona.executive.lease import Lease, Leases, command, commands_of, give_up, identity, keep, leased
+from pomona.executive.lease import Lease, Leases, command, commands_of, give_up, identity, keep, leased, lend
 
 
 @runtime_checkable
@@ -272,3 +272,41 @@ def test_a_skill_that_only_looks_commands_nothing(refused: list[NotOwnerError]) 
     assert lathe.state() == "at rest"
     with pytest.raises(NotOwnerError, match="may only look at the Lathe; name it in `moves`"):
         lathe.turn(0.1)
+
+
+class Governor:
+    """Control that goes on over a lathe, and that later skills command."""
+
+    def __init__(self) -> None:
+        self.turns = 1.0
+
+    @command
+    def set_turns(self, turns: float) -> None:
+        self.turns = turns
+
+
+def test_control_is_commanded_with_the_right_to_its_device_and_no_longer() -> None:
+    refused: list[NotOwnerError] = []
+    lease, governor = Lease("Turn", refused.append), Governor()
+    lent = lend(governor, Governor, leased(Machine(), Lathe, lease))
+    assert isinstance(lent, Governor)  # as a port's value
+    lent.set_turns(2.0)
+    assert governor.turns == lent.turns == 2.0
+    lease.end("the skill has ended")
+    with pytest.raises(NotOwnerError, match="set_turns"):
+        lent.set_turns(3.0)
+    assert governor.turns == 2.0
+    assert [error.command for error in refused] == ["set_turns"]
+
+
+def test_a_later_skill_gets_its_own_right_from_a_handle_whose_right_has_ended() -> None:
+    ended, governor = Lease("Turn", lambda _error: None, "the skill has ended"), Governor()
+    handed_on = lend(governor, Governor, leased(Machine(), Lathe, ended))
+    again = lend(handed_on, Governor, leased(Machine(), Lathe, Lease("Weigh", lambda _error: None)))
+    again.set_turns(4.0)
+    assert governor.turns == 4.0
+
+
+def test_a_device_without_a_handle_gives_every_right_to_its_control() -> None:
+    governor = Governor()
+    assert lend(governor, Governor, Machine()) is governor

@@ -16,6 +16,8 @@ from pomona.drivers.interfaces import ForceSensor, Gripper, WrenchSample
 from pomona.drivers.mock.clock import MockClock
 from pomona.drivers.mock.fingers import MockForceSensor, spring_fruit
 from pomona.drivers.mock.gripper import MockGripper
+from pomona.executive.errors import NotOwnerError
+from pomona.executive.skill import Skill, Work
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.executive.views import SeriesView
 from pomona.skills.grip.errors import UnusableRate
@@ -337,7 +339,7 @@ def test_a_new_grasp_takes_over_from_the_one_before() -> None:
     rig.gripper.width = 0.092
     second = rig.grasp()
     assert first.ended
-    assert current_hold(rig.gripper) is second
+    assert current_hold(rig.gripper) is second.under(rig.gripper)
 
 
 def test_a_fruit_that_is_gone_is_lost_and_nothing_closes_on() -> None:
@@ -461,3 +463,40 @@ def test_pivot_passes_on_what_goes_wrong() -> None:
             rig.fingers.feel = lambda _now: np.zeros((2, 6))
 
     assert code(rig.drive(Pivot(), inputs={"hold": hold}, each_tick=each_tick)) == "LOST"
+
+
+def test_a_skill_that_has_ended_commands_its_grip_no_more() -> None:
+    rig = Rig()
+    hold = rig.grasp()
+    f_ref = hold.reading.f_ref
+    for name, arguments in (
+        ("slide", (0.5,)),
+        ("pivot", (True,)),
+        ("stand", (True,)),
+        ("set_friction", (hold.controller.settings.contact, 0.0, 0.6)),
+        ("take_over", ()),
+    ):
+        with pytest.raises(NotOwnerError, match=f"'{name}'.*the skill has ended"):
+            getattr(hold, name)(*arguments)
+    rig.clock.advance(0.5)
+    assert hold.holds
+    assert hold.reading.f_ref == pytest.approx(f_ref, rel=0.02)
+
+
+def test_a_skill_that_only_looks_at_the_gripper_takes_no_fingers_over() -> None:
+    class Look(Skill):
+        """Look at the gripper, and try to end its grip."""
+
+        devices = (Gripper,)
+        moves = ()
+
+        def run(self) -> Work[None]:
+            yield None
+            take_over(self.device(Gripper))
+            return None
+
+    rig = Rig()
+    hold = rig.grasp()
+    with pytest.raises(NotOwnerError, match="may only look at the Gripper"):
+        drive(Look(), {}, rig.devices, clock=rig.clock)  # type: ignore[arg-type]
+    assert hold.holds

@@ -10,7 +10,8 @@ An interface marks what moves its device:
 any other member is passed on. So a thread that outlives its skill can read a device, but move nothing. A device without
 commands needs no handle: a skill gets the device itself, and a sensor's stream costs nothing more.
 
-Control that continues after its skill, such as a grip, requests a lease of its own while the skill runs: `keep`.
+Control that continues after its skill, such as a grip, requests a lease of its own while the skill runs: `keep`. A
+later skill commands that control through the right to its device: `lend`.
 """
 
 from __future__ import annotations
@@ -153,6 +154,18 @@ def keep(device: T, control: str) -> T:
     return typing.cast(T, type(device)(device._device, device._lease.handed_on(control)))
 
 
+def lend(control: T, interface: type, by: object) -> T:
+    """A handle of control that a device is under: its commands need the lease of the device's handle.
+
+    Args:
+        control: or a handle of it.
+        interface: whose members the handle has.
+        by: the device's handle; a device itself gives every right, and the control is returned.
+    """
+    control = control._device if isinstance(control, Handle) else control
+    return leased(control, interface, by._lease) if isinstance(by, Handle) else control
+
+
 def give_up(device: object, why: str) -> None:
     """End the lease of a handle; harmless for anything else."""
     if isinstance(device, Handle):
@@ -175,7 +188,7 @@ def commands_of(interface: type) -> frozenset[str]:
 def _handle_class(interface: type, offered: tuple[type, ...]) -> type[Handle] | None:
     """Handles with an interface's members, or None where a device that offers these has no commands.
 
-    Of a concrete class any other attribute is passed on as well.
+    Of a concrete class any other attribute is passed on as well, and `isinstance` takes the handle for one of it.
     """
     if not any(commands_of(one) for one in (interface, *offered)):
         return None
@@ -185,6 +198,7 @@ def _handle_class(interface: type, offered: tuple[type, ...]) -> type[Handle] | 
     space |= {name: _command(interface, name) for name in commands}
     if not getattr(interface, "_is_protocol", False):
         space["__getattr__"] = lambda self, name: getattr(self._device, name)
+        space["__class__"] = property(lambda _self: interface)
     return type(f"Leased{interface.__name__}", (Handle,), space)
 
 

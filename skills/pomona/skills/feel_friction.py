@@ -91,6 +91,7 @@ class FeelFriction(MovingSkill):
     ) -> Work[Felt]:
         if not hold.holds:
             raise self.failure("NOT_HELD", "no fruit is held whose friction could be felt")
+        hold = hold.under(self.device(Gripper))
         told = hold.settings
         slide = Slide(told.contact.mu, told.mu_uncertainty, (np.nan, np.nan))
         try:

@@ -48,6 +48,7 @@ class Pivot(Skill):
     ) -> Work[None]:
         if not hold.holds:
             raise self.failure("NOT_HELD", "no fruit is held that could pivot")
+        hold = hold.under(self.device(Gripper))
         hold.pivot(True)
         try:
             lever = yield from self._turn(hold, patience)

@@ -128,7 +128,7 @@ class SlipAvoidGrasp(Skill):
                 rate=sensor.rate,
             )
         )
-        hold = Hold(gripper, sensor, controller, self.clock.now)
+        hold = Hold(gripper, sensor, controller, self.clock.now).under(gripper)
         try:
             yield from self._watch(hold)
         except Interrupted:

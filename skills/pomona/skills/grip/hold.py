@@ -8,6 +8,9 @@ stepping it while later nodes run, through pause, failure and safe stop. For nod
                has the numbers: grasp force `f_n`, reference `f_ref`, least force `f_least`, `slip`, `width`.
     Release,   before `Gripper.move` or `set_speed`: `take_over(gripper)`, with or without a hold at hand. Control ends,
     Retreat    zero speed is commanded, nothing opens. Only then move the fingers.
+    Pivot      `hold.under(gripper)` is the same hold with the right to command it, which ends with the skill.
+
+A hold that comes from a port can be read, and commands nothing: that right belongs to the skill that has the gripper.
 
 Nobody needs to keep the object alive: the sensor's subscription does.
 """
@@ -23,7 +26,7 @@ import numpy as np
 
 from pomona.drivers.errors import DeviceError
 from pomona.drivers.interfaces import ForceSensor, Gripper, Subscription, WrenchSample
-from pomona.executive.lease import give_up, identity, keep
+from pomona.executive.lease import command, give_up, identity, keep, lend
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.controller import GripController
 from pomona.skills.grip.estimate_kernel import GripEstimate
@@ -152,16 +155,27 @@ class Hold:
         """Whether the grip is controlled no longer."""
         return self._ended
 
+    def under(self, gripper: Gripper) -> Hold:
+        """The hold as its gripper's owner commands it.
+
+        Args:
+            gripper: as the skill has it; the right ends with the skill.
+        """
+        return lend(self, Hold, gripper)
+
+    @command
     def pivot(self, on: bool) -> None:
         """Let the fruit turn in the fingers until it hangs plumb, or hold it again as it hangs; see `Pivot`."""
         with self._lock:
             self._controller.pivot(on)
 
+    @command
     def slide(self, force: float | None) -> None:
         """Press with this grasp force [N] and let the pads slide; None: hold again; see `FeelFriction`."""
         with self._lock:
             self._controller.slide(force)
 
+    @command
     def stand(self, on: bool) -> None:
         """Let the fingers stand although the load changes, or control the force again; see `Release`.
 
@@ -173,11 +187,13 @@ class Hold:
                 self._standing = on
                 self._command(0.0)
 
+    @command
     def set_friction(self, contact: SoftContact, mu_uncertainty: float, initial_force: float) -> None:
         """Hold for another friction from now on, and press with `initial_force` [N] until the fruit is carried."""
         with self._lock:
             self._controller.set_friction(contact, mu_uncertainty, initial_force)
 
+    @command
     def take_over(self) -> None:
         """End control: the caller moves the fingers from now on. Zero speed is commanded, nothing opens."""
         with self._lock:
@@ -252,8 +268,9 @@ class Hold:
 
 
 def current_hold(gripper: Gripper) -> Hold | None:
-    """The hold that has the gripper's fingers now, or None."""
-    return _HOLDS.get(identity(gripper))
+    """The hold that has the gripper's fingers now, or None; it is commanded by who may command the gripper."""
+    hold = _HOLDS.get(identity(gripper))
+    return None if hold is None else hold.under(gripper)
 
 
 def take_over(gripper: Gripper) -> None:
