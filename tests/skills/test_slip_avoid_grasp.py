@@ -472,8 +472,8 @@ def test_a_skill_that_has_ended_commands_its_grip_no_more() -> None:
     for name, arguments in (
         ("slide", (0.5,)),
         ("pivot", (True,)),
-        ("stand", (True,)),
-        ("set_friction", (hold.controller.settings.contact, 0.0, 0.6)),
+        ("rest_on_contact", (0.35,)),
+        ("set_friction", (hold.settings.contact, 0.0, 0.6)),
         ("take_over", ()),
     ):
         with pytest.raises(NotOwnerError, match=f"'{name}'.*the skill has ended"):

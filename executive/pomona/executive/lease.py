@@ -162,8 +162,8 @@ def lend(control: T, interface: type, by: object) -> T:
         interface: whose members the handle has.
         by: the device's handle; a device itself gives every right, and the control is returned.
     """
-    control = control._device if isinstance(control, Handle) else control
-    return leased(control, interface, by._lease) if isinstance(by, Handle) else control
+    own = typing.cast(T, control._device) if isinstance(control, Handle) else control
+    return leased(own, interface, by._lease) if isinstance(by, Handle) else own
 
 
 def give_up(device: object, why: str) -> None:

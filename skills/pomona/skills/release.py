@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -18,8 +18,8 @@ from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import ArmSpace, arm_space
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.shared.carrying import TouchedDown, is_held
-from pomona.skills.shared.contact_check import LOST, contact_doubt
+from pomona.skills.shared.carrying import TouchedDown, is_held, rest_on_contact
+from pomona.skills.shared.contact_check import LOST, Jolted, contact_doubt
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.grip_view import show_grip
 from pomona.skills.shared.live_watch import prepare_watch
@@ -41,6 +41,10 @@ SLOW_WITHIN = 0.015
 the slip in the fingers together."""
 BESIDE = 0.005
 """Distance to the fruit's path below which an obstacle counts as the first contact [m]; farther walls are passed."""
+JOLTS = 3
+"""Jolts after which lowering goes on; with more the load is too restless to show a contact."""
+RESUMED = 2e-3
+"""Distance that is left below which lowering does not go on after a jolt [m]."""
 RELEASED_WIDTH = 0.02
 """Width by which the fingers open beyond the fruit before they rise [m]."""
 
@@ -105,9 +109,11 @@ class Release(MovingSkill):
         if into is not None:
             yield from move_to_pose(self, into, variation, map, grasp, clearance, upright=upright)
         gripper, before = self.device(Gripper), tool_pose(self)[2, 3]
-        way = vertical_way(self, -depth, "LOWERING_BLOCKED", self._space(map, clearance))
+        space = self._space(map, clearance)
+        way = vertical_way(self, -depth, "LOWERING_BLOCKED", space)
         slow_from = self._near(way, grasp, map, clearance)
-        yield from self._lower((way[: slow_from + 1], fast), (way[slow_from:], speed), hold, grasp, contact)
+        legs = ((way[: slow_from + 1], fast), (way[slow_from:], speed))
+        yield from self._lower(legs, depth, space, hold, grasp, contact)
         width = self._opening(map, clearance)
         take_over(gripper)
         yield from self.move_fingers(width, min(OPENING_SPEED, gripper.limits.speed_max))
@@ -125,14 +131,40 @@ class Release(MovingSkill):
 
     def _lower(
         self,
-        quickly: tuple[Float64, float],
-        gently: tuple[Float64, float],
+        legs: Sequence[tuple[Float64, float]],
+        depth: float,
+        space: ArmSpace,
         hold: Hold | None,
         grasp: Grasp | None,
         contact: float,
     ) -> Watching:
-        """Go down along two ways with their speeds until the load on the pads changes: a support carries the fruit."""
-        before, words = float(tool_pose(self)[2, 3]), ""
+        """Go down along ways with their speeds until a support carries the fruit; after a jolt it goes on."""
+        before = float(tool_pose(self)[2, 3])
+        for jolts in range(1, JOLTS + 2):
+            try:
+                words = yield from self._lower_to_contact(legs, hold, grasp, contact)
+            except Jolted:
+                words = f"the change of load on the way down has gone again {jolts} times, as after jolts"
+                left = depth - before + float(tool_pose(self)[2, 3])
+                if left < RESUMED:
+                    break
+                legs = [(vertical_way(self, -left, "LOWERING_BLOCKED", space), legs[-1][1])]
+            else:
+                if not words:
+                    return
+                break
+        held = current_hold(self.device(Gripper))
+        if held is not None:
+            held.rest_on_contact(None)
+        lowered = before - float(tool_pose(self)[2, 3])
+        message = f"{words} ({1e3 * lowered:.0f} mm down); the fruit is still held"
+        raise self.failure("NO_CONTACT", message, lowered_m=lowered)
+
+    def _lower_to_contact(
+        self, legs: Sequence[tuple[Float64, float]], hold: Hold | None, grasp: Grasp | None, contact: float
+    ) -> Work[str]:
+        """Return an empty text once a support carries the fruit, or why none does; raises Jolted."""
+        rest_on_contact(self, contact)
         with Touch(self.device(ForceSensor), load) as touch:
 
             def watch() -> None:
@@ -144,16 +176,11 @@ class Release(MovingSkill):
                     raise self.failure("LOST", LOST)
 
             try:
-                for way, speed in (quickly, gently):
+                for way, speed in legs:
                     yield from follow_way(self, way, speed, LOWERING, watch, grasp)
             except TouchedDown:
-                words = yield from contact_doubt(self, touch, contact, "LOWERING_BLOCKED")
-                if not words:
-                    return
-        lowered = before - float(tool_pose(self)[2, 3])
-        met_nothing = f"the fruit met nothing within {1e3 * lowered:.0f} mm and is still held"
-        message = f"{words}: the fruit is still held" if words else met_nothing
-        raise self.failure("NO_CONTACT", message, lowered_m=lowered)
+                return (yield from contact_doubt(self, touch, contact, "LOWERING_BLOCKED"))
+        return "the fruit met nothing"
 
     def _near(self, way: Float64, grasp: Grasp | None, map: OccupancyMap | None, clearance: float) -> int:
         """Return the first posture at which the fruit is near its first contact; 0 if that is unknown."""

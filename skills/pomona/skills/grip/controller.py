@@ -56,6 +56,7 @@ class GripController:
             both whenever `wants_width`.
         speed: rate of the opening that was commanded last [m/s].
         friction_share: estimated over configured friction coefficient.
+        rests: something else carries the fruit, as the caller sees: the fingers stand, the reference stays as it is.
     """
 
     def __init__(self, settings: GripSettings) -> None:
@@ -65,6 +66,7 @@ class GripController:
         self.width, self.speed = math.nan, 0.0
         self.motor_force: float | None = None
         self.friction_share = 1.0
+        self.rests = False
         self._guard = StreamGuard(settings.period)
         self._bias = BiasRecorder(settings.bias, settings.rate)
         self._estimator = Estimator(settings)
@@ -279,7 +281,7 @@ class GripController:
         elif self.phase is not GripPhase.FAILED and self._sensors.reason:
             self._fail("SENSOR_FAULT", self._sensors.reason, width=self.width)
         self._found = None if in_hand else first_problem(self._before_hold, now)
-        if self.phase is GripPhase.HOLDING and not self._sensors.reason:
+        if self.phase is GripPhase.HOLDING and not self._sensors.reason and not self.rests:
             slides = self._slips.check(estimate, sample.periods, is_carried)
             # A fruit that was hit bears more than friction for a moment, and moves in soft pads without sliding.
             if slides and estimate.push == 0.0 and self.mode is not ReferenceMode.CATCHING:
@@ -297,6 +299,8 @@ class GripController:
             self._reference.distrust(self._sensors.reason)
         elif self.problem is not None and self.problem.code in FREEZING:
             self._reference.freeze(self.problem.message)
+        if self.rests:
+            return
         # Both fingers together show the lack of force: a fruit presses on both alike, a drifting sensor does not.
         estimate, loop = now.estimate, self.settings.loop
         is_dead = has_dead_finger(estimate, now.mode, self.settings.watch)
@@ -337,7 +341,7 @@ class GripController:
             return self._close(self._now(sample))
         if self.phase in IN_HAND:
             is_gone = estimate.stronger < self.settings.watch.gone
-            if any(sample.saturated) or self._sensors.no_signal or is_gone:
+            if self.rests or any(sample.saturated) or self._sensors.no_signal or is_gone:
                 return 0.0
             return self._track(may_open=not self.is_frozen and not estimate.one_presses_more)
         return 0.0

@@ -30,6 +30,7 @@ from pomona.executive.lease import command, give_up, identity, keep, lend
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.controller import GripController
 from pomona.skills.grip.estimate_kernel import GripEstimate
+from pomona.skills.grip.floor_watch import FloorWatch
 from pomona.skills.grip.grip import IN_HAND, LIES, GripPhase, GripProblem, GripReading, GripSamples
 from pomona.skills.grip.limit_surface import SoftContact
 from pomona.skills.grip.reference_modes import ReferenceMode
@@ -67,7 +68,7 @@ class Hold:
         self._ended = False
         self._device_problem: GripProblem | None = None
         self._sensor_fault_reported = self._stands = False
-        self._standing = False  # while a skill wants it; `_stands` is for good
+        self._floor: FloorWatch | None = None
         self._record_every = max(round(controller.settings.rate / RECORDED_RATE), 1)
         self._samples = np.zeros((KEPT, 7))
         self._written = self._drained = self._seen = 0
@@ -128,6 +129,11 @@ class Hold:
         return self._controller.is_at_rest
 
     @property
+    def is_resting(self) -> bool:
+        """True while the fingers rest, since something else carries the fruit."""
+        return self._controller.rests
+
+    @property
     def holds(self) -> bool:
         """Whether a fruit is held now: the grip was made, is under control, and the fruit has not gone."""
         problem = self._controller.problem
@@ -176,16 +182,19 @@ class Hold:
             self._controller.slide(force)
 
     @command
-    def stand(self, on: bool) -> None:
-        """Let the fingers stand although the load changes, or control the force again; see `Release`.
+    def rest_on_contact(self, contact: float | None) -> None:
+        """Let the fingers rest once something else carries the fruit; None: control the force whatever comes.
 
-        The samples are followed meanwhile, so that control goes on with the loads of the moment; no finger is accused,
-        since what the fruit meets may press on one of them alone.
+        Force control would answer what carries the fruit by pressing harder. No finger is accused meanwhile, since a
+        contact may press on one alone. This outlives its skill: one that is interrupted leaves the fruit on its floor.
+
+        Args:
+            contact: change of the load along the pads, from now on, that is a contact [N]; see `FloorWatch`.
         """
         with self._lock:
             if not self._ended:
-                self._standing = on
-                self._command(0.0)
+                self._floor = None if contact is None else FloorWatch(contact)
+                self._controller.rests = False
 
     @command
     def set_friction(self, contact: SoftContact, mu_uncertainty: float, initial_force: float) -> None:
@@ -236,10 +245,10 @@ class Hold:
             if sample.stamp > self._now() + EARLIEST:  # it would make everything after it look old
                 self._tell_lies()
                 return
+            if self._floor is not None and np.isfinite(sample.wrenches).all():
+                self._rest(self._floor.look(sample.wrenches))
             speed = controller.step(sample.stamp, sample.sequence, sample.wrenches, sample.saturated)
             if speed is not None:
-                if self._standing:
-                    speed = controller.speed = 0.0  # the loads are then not expected to change by own motion
                 self._command(0.0 if self._stands else speed)
             self._tell_lies()
             self._seen += 1
@@ -247,9 +256,17 @@ class Hold:
                 self._samples[self._written % KEPT] = controller.row()
                 self._written += 1
 
+    def _rest(self, rests: bool) -> None:
+        """Stop the fingers at once where they begin to rest."""
+        controller = self._controller
+        if rests and not controller.rests and not self._stands:
+            controller.speed = 0.0
+            self._command(0.0)
+        controller.rests = rests
+
     def _tell_lies(self) -> None:
         """Fingers that are not to be believed end the run; the grip is kept. It is told once: until acknowledged."""
-        problem = None if self._standing else self.problem
+        problem = None if self._controller.rests else self.problem
         lies = problem is not None and (
             problem.code == "SENSOR_FAULT" or (problem.code in LIES and self._controller.phase in IN_HAND)
         )

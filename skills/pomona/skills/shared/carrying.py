@@ -133,6 +133,13 @@ def grip_failure(
     return skill.failure(code, f"{message}: {problem.message}", **{**now, **problem.data, "grip": problem.code})
 
 
+def rest_on_contact(skill: MovingSkill, contact: float) -> None:
+    """Let the fingers rest from a change of the load [N] on: see `Hold.rest_on_contact`; harmless without a grip."""
+    hold = current_hold(skill.device(Gripper))
+    if hold is not None:
+        hold.rest_on_contact(contact)
+
+
 def lower_until_contact(
     skill: MovingSkill, line: StraightLine, speed: float, acceleration: float, watch: Callable[[], None]
 ) -> Watching:
@@ -163,10 +170,11 @@ def lower_until_contact(
 
         def feel() -> None:
             if touch.change > contact:  # first: the support's push may unload a finger
-                take_over(skill.device(Gripper))  # force control would answer the push by pressing harder
+                take_over(skill.device(Gripper))
                 raise TouchedDown
             watch()
 
+        rest_on_contact(skill, contact)
         yield from skill.travel(gently, feel)
         feel()
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from pomona.drivers.interfaces import ForceSensor, Gripper
+from pomona.drivers.interfaces import ForceSensor
 from pomona.executive.skill import Work
-from pomona.skills.grip.hold import current_hold
 from pomona.skills.shared.carrying import RESTING
 from pomona.skills.shared.following import MovingSkill
 from pomona.skills.shared.straight_travel import follow_way, vertical_way
@@ -20,11 +19,14 @@ DYNAMICS = (0.5, 5.0)
 LOST = "the fruit was lost on the way down: it presses on neither finger"
 
 
+class Jolted(Exception):
+    """A change of load has gone again: it was no contact."""
+
+
 def contact_doubt(skill: MovingSkill, touch: Touch, contact: float, code: str) -> Work[str]:
     """Return why a change of load is no contact with a support, or an empty text if something carries the fruit.
 
-    The fingers stand meanwhile, since force control would answer the push of a support by pressing harder. It goes on
-    unless the fruit is carried.
+    The caller has let the fingers rest (`rest_on_contact`).
 
     Args:
         skill: moves the arm, and has the fingers; it must declare LOST and the code.
@@ -33,24 +35,17 @@ def contact_doubt(skill: MovingSkill, touch: Touch, contact: float, code: str) -
         code: failure code if the tool cannot move vertically.
 
     Raises:
+        Jolted: the change of load has gone again, and the arm is where it was.
         SkillFailure: LOST, or the code.
     """
-    hold, carried = current_hold(skill.device(Gripper)), False
-    if hold is not None:
-        hold.stand(True)
-    try:
-        yield from skill.wait(RESTING)
-        _require_fruit(skill)
-        if touch.present <= 0.5 * contact or touch.stale_for(skill.clock.now()):
-            return "the change of load on the way down has gone again, as after a jolt"
-        if (yield from _hangs_when_raised(skill, touch, contact, code)):
-            carried = True
-            return ""
-        _require_fruit(skill)
-        return "the change of load stays when the fruit is raised again: the fingers drift"
-    finally:
-        if hold is not None and not carried:
-            hold.stand(False)
+    yield from skill.wait(RESTING)
+    _require_fruit(skill)
+    if touch.present <= 0.5 * contact or touch.stale_for(skill.clock.now()):
+        raise Jolted
+    if (yield from _hangs_when_raised(skill, touch, contact, code)):
+        return ""
+    _require_fruit(skill)
+    return "the change of load stays when the fruit is raised again: the fingers drift"
 
 
 def _require_fruit(skill: MovingSkill) -> None:
