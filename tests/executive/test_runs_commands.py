@@ -179,7 +179,7 @@ def test_frames_and_export_say_what_they_wrote(capsys: pytest.CaptureFixture[str
     write(Path("runs/one"), SUCCEEDED)
     assert "one.zip" in say(capsys, "runs", "export", "one")
     assert "one.jsonl" in say(capsys, "runs", "export", "one", "one.jsonl")
-    assert "is there already" in say(capsys, "runs", "export", "one", status=2)
+    assert "exists, and nothing" in say(capsys, "runs", "export", "one", status=2)
     assert "one_frames" in say(capsys, "runs", "frames", "one")
 
 

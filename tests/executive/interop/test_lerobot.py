@@ -97,7 +97,7 @@ def test_a_folder_that_is_there_is_left_alone_and_what_does_not_fit_is_named(
     before = (dataset / "meta/info.json").read_bytes()
     export = ["runs", "export", str(records[0])]
     assert main([*export, str(dataset), "--to", "lerobot"]) == 2
-    assert "is there already" in capsys.readouterr().err
+    assert "exists, and nothing" in capsys.readouterr().err
     assert (dataset / "meta/info.json").read_bytes() == before
     blind = record_motion(tmp_path / "blind", looks=(), end=0.5)
     assert main([*export, str(tmp_path / "mixed"), "--to", "lerobot", "--with", str(blind)]) == 2

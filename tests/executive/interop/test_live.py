@@ -229,7 +229,7 @@ def test_rerun_s_file_holds_the_run_and_is_never_overwritten(tmp_path: Path) -> 
                    "/points/path/left_to_try", "/series/grip/slip_speed_m_per_s", "/devices/arm/q_1_rad"):  # fmt: skip
         assert entity in found, entity
     before = path.read_bytes()
-    with pytest.raises(UsageError, match="is there already"):
+    with pytest.raises(UsageError, match="exists, and nothing"):
         RerunView(str(path))
     assert path.read_bytes() == before
     with pytest.raises(UsageError, match="on this machine only"):

@@ -61,7 +61,7 @@ def test_only_the_last_pictures_are_taken_and_a_file_that_is_there_is_left_alone
     assert re.findall(r'alt="([^"]+)"', page.read_text()) == ["look 3", "look 4"]
     before = page.read_bytes()
     assert main(command) == 2
-    assert "is there already" in capsys.readouterr().err
+    assert "exists, and nothing" in capsys.readouterr().err
     assert page.read_bytes() == before
     monkeypatch.chdir(tmp_path)
     page.unlink()

@@ -226,7 +226,7 @@ def test_a_folder_that_is_there_is_left_alone_and_half_a_bag_is_left_nowhere(
     there.mkdir()
     (there / "mine").write_text("mine")
     assert main(["runs", "export", str(made[0].parent), str(there), "--to", "rosbag2"]) == 2
-    assert "is there already" in capsys.readouterr().err
+    assert "exists, and nothing" in capsys.readouterr().err
     assert [path.name for path in there.iterdir()] == ["mine"]
 
     damaged = write(tmp_path / "damaged", tuple(everything()))

@@ -135,7 +135,7 @@ def test_a_run_that_is_going_on_is_seen_and_not_repaired(tmp_path: Path) -> None
     recorder = Recorder(folder)
     try:
         assert RunIndex(tmp_path).read()[0].state == "running"
-        with pytest.raises(UsageError, match="still going on"):
+        with pytest.raises(UsageError, match="in progress"):
             repair(folder)
     finally:
         recorder.close()

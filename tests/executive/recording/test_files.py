@@ -66,7 +66,7 @@ def test_an_mcap_is_indexed_and_compressed_and_says_the_same(folder: Path, tmp_p
 
 def test_an_export_replaces_nothing_and_says_what_it_can_write(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "out.zip").write_text("mine")
-    with pytest.raises(UsageError, match="is there already"):
+    with pytest.raises(UsageError, match="exists, and nothing"):
         export(folder, tmp_path / "out.zip")
     assert (tmp_path / "out.zip").read_text() == "mine"
     with pytest.raises(UsageError, match=r"\.zip .*\.mcap .*\.jsonl"):
@@ -116,7 +116,7 @@ def test_measurements_and_paths_are_tables_and_lines(folder: Path, tmp_path: Pat
 def test_nothing_is_extracted_over_what_is_there(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "mine").write_text("")
-    with pytest.raises(UsageError, match="is there already"):
+    with pytest.raises(UsageError, match="exists and is not empty"):
         extract(folder, tmp_path / "out")
 
 

@@ -49,7 +49,7 @@ def test_what_is_there_stays_before_and_meanwhile(tmp_path: Path, what: str) -> 
             put()
 
     for _when in ("meanwhile", "before"):
-        with pytest.raises(UsageError, match="is there already, and nothing is overwritten"):
+        with pytest.raises(UsageError, match="exists, and nothing is overwritten"):
             make()
     assert list(tmp_path.iterdir()) == [place]
     assert place.is_symlink() or place.is_dir() or place.read_text() == "mine"

@@ -196,7 +196,7 @@ def change_a_byte(path: Path) -> None:
     [
         (change_a_byte, "cannot be read"),
         (lambda path: os.truncate(path, path.stat().st_size - 9), "the finished record is cut off"),
-        (lambda path: path.write_bytes(b""), "the finished record is cut off and tells of no end, not of success"),
+        (lambda path: path.write_bytes(b""), "the finished record is cut off and contains no end instead of success"),
         (lambda path: path.unlink(), "cannot be read"),
     ],
 )

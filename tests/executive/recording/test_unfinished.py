@@ -98,7 +98,7 @@ def test_what_the_supervisor_did_is_told_with_a_cut_run_and_by_explain(
     (record,) = order.record.iterdir()
     report = {"reason": "the run's process did not answer for 1 s", "devices": {"arm": "stopped", "gripper": "stopped"}}
     (record / REPORT).write_text(json.dumps(report))
-    told = "its supervisor found that the run's process did not answer for 1 s: arm stopped, gripper stopped"
+    told = "its supervisor reported that the run's process did not answer for 1 s: arm stopped, gripper stopped"
     cut = unfinished(order.record, order.cell)
     assert cut is not None
     assert told in cut.sentence

@@ -1,6 +1,6 @@
-"""Plain JSON back to events, reasons and views: the inverse of `pomona.executive.encode` for what a record holds.
+"""Decode events, reasons and views from plain JSON: the inverse of `pomona.executive.encode` for records.
 
-A record may come from anywhere: every field must have its type, so that nobody who reads events has to ask again.
+A record may come from any source. Every field is checked for its type, so readers of events need no check of their own.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ _EVENTS = {c.__name__: c for c in vars(events).values() if isinstance(c, type) a
 _VIEWS = {c.__name__: c for c in vars(views).values() if isinstance(c, type) and dataclasses.is_dataclass(c)}
 
 MOST_NODES = 20_000
-"""Of a tree."""
+"""Largest tree that is read [nodes]."""
 
 
 class ForeignRecordError(PomonaError):
-    """The file holds something that is not a run of Pomona."""
+    """The file is not the record of a run of Pomona."""
 
 
 def event_from(message: Any) -> Event:
-    """One event from its message in a record. Values of ports stay plain; views are views again.
+    """Return the event of a message in a record. Values of ports stay plain; views become views again.
 
     Raises:
-        ForeignRecordError: no event has this name, or its fields do not fit.
+        ForeignRecordError: no event has this name, or a field has a wrong type.
     """
     name = message.get("event") if isinstance(message, Mapping) else None
     cls: Any = _EVENTS.get(name) if isinstance(name, str) else None
@@ -62,7 +62,7 @@ def _value(cls: type, key: str, hint: Any, value: Any) -> Any:
 
 @cache
 def _typed(hint: Any) -> Callable[[Any], Any]:
-    """What makes a field's value of a JSON value, or raises TypeError."""
+    """Return the decoder of a field with this type; it raises TypeError for a wrong value."""
     if hint is Any:
         return lambda value: value
     if hint is float:
@@ -86,7 +86,7 @@ def _is(value: Any, kind: Any) -> Any:
 
 
 def _number(value: Any) -> float:
-    """A float; what was not finite was written as null, and zero is as good as any other time of it."""
+    """Return a float; a value that was not finite is null in a record and becomes zero."""
     if value is None:
         return 0.0
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= LONGEST:
@@ -107,11 +107,11 @@ def _nodes(value: Any) -> tuple[Mapping[str, Any], ...]:
 
 
 def reason_from(value: Any) -> Reason:
-    """A reason with all its causes.
+    """Return a reason with all its causes.
 
     Raises:
-        TypeError, KeyError: it is none.
-        ValueError: it has more causes than anybody reads.
+        TypeError, KeyError: the value is no reason.
+        ValueError: it has too many causes, or they are nested too deeply.
     """
     left = [MOST_CAUSES]
     return _reason(value, 0, left)
@@ -145,7 +145,7 @@ def _field(hint: Any, value: Any) -> Any:
     origin = typing.get_origin(hint)
     if origin in (types.UnionType, typing.Union):
         return _field(next(h for h in typing.get_args(hint) if h is not type(None)), value)
-    if isinstance(value, np.ndarray):  # asked before it is written
+    if isinstance(value, np.ndarray):  # the recorder checks a view before it is encoded
         return value
     if origin is np.ndarray:
         dtype = typing.get_args(typing.get_args(hint)[1])[0]

@@ -1,4 +1,4 @@
-"""The first difference between two runs' events, without what belongs to the machine and the moment."""
+"""First difference between the events of two runs, ignoring fields that depend on the machine or the moment."""
 
 from __future__ import annotations
 
@@ -19,19 +19,20 @@ OF_THE_MOMENT: Mapping[str, tuple[str, ...]] = {
     "RunEnded": ("wall",),
     "ErrorRaised": ("traceback",),
 }
-"""Fields of events that differ although nothing does."""
+"""Fields that differ between two equal runs, by event."""
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """Where two runs part.
+    """The first event that differs between two runs.
 
     Attributes:
-        number: of the event, from 1.
-        t: seconds of the run's clock.
-        what: the event, for people.
-        where: path of the first field that differs; empty when the events are of different kinds.
-        before, now: what the first and the second run say.
+        number: number of the event, from 1.
+        t: time on the run's clock [s].
+        what: name and subject of the event.
+        where: path of the first field that differs; empty for events of different kinds.
+        before: the field in the first run, as text.
+        now: the field in the second run, as text.
     """
 
     number: int
@@ -43,31 +44,31 @@ class Difference:
 
 
 def comparable(record: Path) -> Iterator[dict[str, Any]]:
-    """The events of a record, and a fingerprint of each image, without what belongs to the moment."""
+    """Yield the events and images of a record without the fields in `OF_THE_MOMENT`."""
     for topic, content, *_ in scan(events_file(record)):
         if topic == EVENTS:
             event = parse_object(content)
             event.setdefault("event", "")
             if event["event"] == "TickOverran":
-                continue  # how long something really took belongs to the machine
+                continue  # its duration depends on the machine
             for name in OF_THE_MOMENT.get(str(event["event"]), ()):
                 event.pop(name, None)
             if event["event"] == "RunStarted":
-                event.setdefault("speed", 1.0)  # a record from before there was one
+                event.setdefault("speed", 1.0)  # absent in records of earlier versions
             yield event
         elif topic.startswith(("/images/", "/depth/")):
             yield {"event": "Image", "t": 0.0, "topic": topic, "data": parse_object(content).get("data")}
 
 
 def first_difference(before: Path, now: Path) -> tuple[int, Difference | None]:
-    """The number of events that are the same from the start, and where the two part, if they do."""
+    """Return the number of equal events from the start, and the first difference, if any."""
     return next(differences(comparable(before), comparable(now)))
 
 
 def differences(
     before: Iterable[dict[str, Any]], now: Iterable[dict[str, Any]]
 ) -> Iterator[tuple[int, Difference | None]]:
-    """Where two rows of events part, each with the number of events that are the same before it; at last None."""
+    """Yield the differences of two series of events, each with the number of equal events before it; at last None."""
     count = 0
     for number, (one, other) in enumerate(itertools.zip_longest(before, now), start=1):
         if one != other:
@@ -93,7 +94,7 @@ def _difference(number: int, one: dict[str, Any] | None, other: dict[str, Any] |
 
 
 def _parts(one: Any, other: Any, where: str) -> Iterator[tuple[str, Any, Any]]:
-    """Every innermost place at which two JSON values differ."""
+    """Yield the innermost parts in which two JSON values differ: path, first and second value."""
     if isinstance(one, dict) and isinstance(other, dict):
         for key in dict.fromkeys((*one, *other)):
             if one.get(key) != other.get(key):

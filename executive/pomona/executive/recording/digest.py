@@ -1,4 +1,4 @@
-"""What is worth knowing of a run without reading all of it: one entry of the index."""
+"""Summary of one recorded run: one entry of the index."""
 
 from __future__ import annotations
 
@@ -27,8 +27,7 @@ _NODE, _FAILURE = b'{"event":"NodeChanged"', b'"status":"FAILURE"'
 
 STATES = ("ended", "running", "cut off", "damaged", "unreadable")
 MOST_TEXT, MOST_CODE, MOST_CODES, MOST_ENTRIES, MOST_QUANTITIES = 2000, 100, 200, 1000, 50
-"""Of what an index keeps of one run: characters of a text, of a code or name; codes; settings and other names with
-values; measured quantities."""
+"""Limits of an entry: characters of a text, of a code or name; number of codes, settings, measured quantities."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,20 +36,23 @@ class Digest:
 
     Attributes:
         run: its id, the name of its folder.
-        state: ended, running, cut off, damaged (it fails its checks, so nothing in it is believed), or unreadable.
+        state: ended, running, cut off, damaged (its checks fail, so nothing in it is trusted), or unreadable.
         outcome: success, failure, stopped or error, of a run that has ended.
-        code, message: why it did not succeed; of a run without an end, why it has none.
-        codes: how often leaves of the tree failed, by code.
-        attempts: how many attempts of retries there were.
-        time, wall: seconds on the run's clock and really.
-        wall_time: when it began, as seconds since 1970.
-        tree_hash, cell_hash: of their texts.
-        git: commit of the Pomona that ran, with a + for a changed one.
-        peaks: the greatest sample of each measured quantity, by its name with its unit, as they came.
+        code: failure code of a run that did not succeed.
+        message: reason for the failure, or for the missing end.
+        codes: number of failures of leaves, by code.
+        attempts: number of attempts of all retries.
+        time: duration on the run's clock [s].
+        wall: duration on the wall clock [s].
+        wall_time: start, in seconds since 1970.
+        tree_hash: hash of the tree's text.
+        cell_hash: hash of the cell's texts.
+        git: commit of Pomona, with a + for a changed checkout.
+        peaks: largest sample of each measured quantity, by its name with its unit.
         bytes: size of its MCAP file.
-        picture: whether there is one.
-        checked: whether everything in it has a checksum.
-        lost: what a repair could not save; empty when it was not needed or lost nothing.
+        picture: True if the record has a picture.
+        checked: True if everything in it has a checksum.
+        lost: the parts that a repair could not save; empty without loss.
     """
 
     run: str
@@ -81,17 +83,17 @@ class Digest:
     lost: str = ""
 
     def as_json(self) -> dict[str, Any]:
-        """For the page and for scripts."""
+        """Return the entry as JSON, for the page and for scripts."""
         return asdict(self)
 
 
 def digest(record: Path) -> Digest:
-    """Read a record's digest, whatever its file holds: nothing but a missing file is an error.
+    """Return a record's digest; only a missing file is an error.
 
-    A run without an end is `cut off`: whether it is still going on is asked elsewhere.
+    The state of a run without an end is `cut off`, also while it is in progress (`folder.is_being_written`).
 
     Raises:
-        OSError: the file is not there.
+        OSError: the file does not exist.
     """
     path = events_file(record)
     about: dict[str, Any] = {"run": record.name, "state": "cut off", "bytes": path.lstat().st_size}
@@ -103,7 +105,7 @@ def digest(record: Path) -> Digest:
             about["message"] = why_cut(record, about["bytes"])
     except DamagedRecordError as error:
         about |= {"state": "damaged", "message": str(error).removeprefix(f"{path}: ")}
-    except Exception as error:  # one record that nobody foresaw must not take the list of all down
+    except Exception as error:  # one malformed record must not prevent the list of all
         about |= {"state": "unreadable", "message": _text(str(error) or type(error).__name__)}
     return Digest(**about)
 
@@ -141,7 +143,7 @@ def _read(path: Path, verdict: Verdict) -> dict[str, Any]:
 
 
 def _raise_peaks(peaks: dict[str, float], content: bytes) -> None:
-    """Take a message's samples. What is not as expected adds nothing: it is left to whoever reads it whole."""
+    """Take the samples of a message. A malformed one adds nothing."""
     with contextlib.suppress(ValueError, TypeError, KeyError, AttributeError):
         for name, series in orjson.loads(content)["value"]["values"].items():
             measured = [sample for sample in series if sample is not None]
@@ -183,7 +185,7 @@ def _end(event: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _last_cause(reason: Mapping[str, Any]) -> Mapping[str, Any]:
-    """What a reason comes down to: one sentence, without what each parent says around it."""
+    """Return the innermost last cause of a reason."""
     while reason["causes"]:
         reason = _mapping(reason["causes"][-1])
     return reason
@@ -196,7 +198,7 @@ def _text(value: Any, most: int | None = MOST_TEXT) -> str:
 
 
 def _number(value: Any) -> float | None:
-    """A finite number; None for what was not finite when it was written."""
+    """Return a finite number; null, written for a value that was not finite, becomes None."""
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= LONGEST:
@@ -211,7 +213,7 @@ def _mapping(value: Any) -> Mapping[str, Any]:
 
 
 def trusted(record: Path) -> Digest:
-    """A run's digest, for a command that shows or repeats it.
+    """Return a run's digest, for a command that shows or repeats it.
 
     Raises:
         UsageError: its record is damaged, is no record, or cannot be read.

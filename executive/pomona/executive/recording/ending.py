@@ -1,7 +1,7 @@
-"""How the writing of a record ended, in a small file beside it: what tells a killed process from a full disk.
+"""The file `ending.json` beside a record: how its writing ended, so a killed process differs from a full disk.
 
-The file has its full length from the start, so that what is written last needs no room that a full disk does not have.
-Nothing is believed because of it: it gives a reason for what the record itself shows.
+The file has its full length from the start, so its last write needs no space on a full disk. It only explains the state
+that the record itself shows; no command trusts a record because of it.
 """
 
 from __future__ import annotations
@@ -17,27 +17,28 @@ from pomona.executive.running.supervise import REPORT
 
 ENDING_FILE = "ending.json"
 LENGTH = 1024
-"""Bytes of the file, filled with spaces."""
+"""Size of the file, filled with spaces [bytes]."""
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
 
 
 class EndingFile:
-    """Keeps the file of one record while it is written."""
+    """The file of one record while that is written."""
 
     def __init__(self, folder: Path, number: int) -> None:
         """
         Args:
-            number: of the record (`pomona.executive.recording.order`).
+            folder: folder of the record.
+            number: number of the record (`pomona.executive.recording.order`).
 
         Raises:
             OSError: it cannot be written.
         """
         self._number = number
-        self._stream = (folder / ENDING_FILE).open("w+b", buffering=0)  # open to the end: handles may run out
+        self._stream = (folder / ENDING_FILE).open("w+b", buffering=0)  # kept open, since file handles may run out
         self._stream.write(_filled(state="writing", number=number, boot=_boot()))
 
     def write(self, state: str, **facts: Any) -> None:
-        """Write how it ended: `closed` with `bytes`, `failed` with `why`. A file that cannot be written stays."""
+        """Write the end: `closed` with `bytes`, or `failed` with `why`. An error leaves the file as it is."""
         with contextlib.suppress(OSError):
             self._stream.seek(0)
             self._stream.write(_filled(state=state, number=self._number, **facts))
@@ -49,29 +50,29 @@ class EndingFile:
 
 
 def why_cut(record: Path, size: int | None = None) -> str:
-    """Why a record ends too early, and what the supervisor did then, as the second half of a sentence.
+    """Return why a record ends too early, and the reaction of the supervisor, as a phrase.
 
     Args:
-        record: its folder.
-        size: of its MCAP file [bytes], where known.
+        record: folder of the record.
+        size: size of its MCAP file [bytes], if known.
     """
     why, stopped = _why(record, size), _stopped(record)
     return f"{why}; {stopped}" if stopped else why
 
 
 def read_ending(record: Path) -> dict[str, Any]:
-    """What the file of a record says; nothing when it is missing or damaged."""
+    """Return the content of the file; empty if it is missing or damaged."""
     return _read(record / ENDING_FILE)
 
 
 def _stopped(record: Path) -> str:
-    """What the supervisor process says that it did; empty when there was none, or nothing to do."""
+    """Return the report of the supervisor process as a phrase; empty without one."""
     report = _read(record / REPORT)
     devices = report.get("devices")
     if not isinstance(devices, dict):
         return ""
     done = ", ".join(f"{device} {what}"[:200] for device, what in list(devices.items())[:10])
-    return f"its supervisor found that {str(report.get('reason', ''))[:200]}: {done}"
+    return f"its supervisor reported that {str(report.get('reason', ''))[:200]}: {done}"
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -99,14 +100,14 @@ def _why(record: Path, size: int | None) -> str:
 
 
 def _filled(**facts: Any) -> bytes:
-    from pomona.executive.encode import encoded  # only who writes needs numpy
+    from pomona.executive.encode import encoded  # only writing needs numpy
 
     facts = {key: value[:300] if isinstance(value, str) else value for key, value in facts.items()}
     return encoded(facts).ljust(LENGTH - 1)[: LENGTH - 1] + b"\n"
 
 
 def _boot() -> str:
-    """What names this start of the machine; empty where the system does not say."""
+    """Return the id of this start of the machine, or of this process if the system has none."""
     with contextlib.suppress(OSError):
         return _BOOT.read_text(encoding="ascii").strip()
     return f"process {os.getpid()}"

@@ -1,7 +1,7 @@
-"""Hazards, the nodes that guard against them, their limits, and the largest values that were measured over many runs.
+"""Hazards, the nodes that guard against them, their limits, and the largest measured values over many runs.
 
-The hazards are data (trees/hazards): the executive knows no fruit and no robot. What is measured comes from records
-alone, and only from those that pass their checks; the others are counted and named.
+The hazards are data (trees/hazards), since the executive knows no fruit and no robot. Measurements come only from
+records that pass their checks; the others are counted and named.
 """
 
 from __future__ import annotations
@@ -35,15 +35,18 @@ _KEYS = ("hazard", "node", "limit", "unit", "saturates", "measure", "meaning")
 
 @dataclass(frozen=True, slots=True)
 class Hazard:
-    """What can go wrong.
+    """A hazard.
 
     Attributes:
-        name, node, unit, meaning: for people.
-        limits: one number, or one for each quantity; empty when each run's cell says it.
-        limit_in_cell: where a run's cell says it, as dotted keys of which the first that is there counts.
-        limit_in_series: the threshold that is recorded with a series.
-        saturates: a value at the limit is beyond it: the sensor measures no more.
-        measure: what in a record measures it; the simulated world's truth counts where it is larger.
+        name: its name in reports.
+        node: the node that guards against it.
+        unit: unit of its values.
+        meaning: description of the measurement.
+        limits: one number, or one for each quantity; empty if each run's cell has the limit.
+        limit_in_cell: dotted keys of the limit in a cell file; the first existing one counts.
+        limit_in_series: name of the threshold that is recorded with a series.
+        saturates: True if a value at the limit counts as beyond it, since the sensor saturates.
+        measure: the measurement in a record; the simulated world's truth counts if it is larger.
     """
 
     name: str
@@ -59,14 +62,16 @@ class Hazard:
 
 @dataclass(slots=True)
 class Measured:
-    """The largest value of one hazard, and where it was.
+    """The largest value of one hazard.
 
     Attributes:
-        runs: how many runs say something of it.
-        value, limit: of the sample nearest its limit; None while nothing was measured.
-        run, t: in which run, and when there [s].
-        quantity: which of several.
-        beyond: runs in which the limit was passed.
+        runs: number of runs with a measurement.
+        value: value of the sample nearest to its limit; None without a measurement.
+        limit: limit of that sample.
+        run: run of that sample.
+        t: time of that sample in its run [s].
+        quantity: quantity of that sample.
+        beyond: number of runs beyond the limit.
     """
 
     runs: int = 0
@@ -78,7 +83,7 @@ class Measured:
     beyond: int = 0
 
     def take(self, run: str, t: float, value: float, limit: float | None, quantity: str, saturates: bool) -> None:
-        """One run's largest."""
+        """Take the largest value of one run."""
         self.runs += 1
         self.beyond += limit is not None and (value > limit or (saturates and value == limit))
         if self.value is None or _share(value, limit) > _share(self.value, self.limit):
@@ -87,12 +92,13 @@ class Measured:
 
 @dataclass(slots=True)
 class Evidence:
-    """What records say.
+    """Measurements of many records.
 
     Attributes:
-        hazards, measured: side by side.
-        runs: of every record that was read: its digest (SHA-256 of its file), outcome, cell, interventions.
-        left_out: of every record that was not, why.
+        hazards: the hazards.
+        measured: the largest value of each hazard, in the same order.
+        runs: of every record that was read: the SHA-256 of its file, outcome, cell, number of interventions.
+        left_out: reason for every record that was not read.
     """
 
     hazards: tuple[Hazard, ...]
@@ -101,16 +107,16 @@ class Evidence:
     left_out: dict[str, str] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
-        """For programs."""
+        """Return the measurements as JSON."""
         rows = [{**asdict(h), **asdict(m)} for h, m in zip(self.hazards, self.measured, strict=True)]
         return {"hazards": rows, "runs": self.runs, "left_out": self.left_out}
 
 
 def read_hazards(path: Path) -> tuple[Hazard, ...]:
-    """A file of hazards.
+    """Read a file of hazards.
 
     Raises:
-        UsageError: it cannot be read, with what is wrong.
+        UsageError: it cannot be read, or is malformed.
     """
     try:
         content = yaml.safe_load(read_plain_text(path))
@@ -139,10 +145,10 @@ def _hazard(entry: Mapping[str, Any]) -> Hazard:
 
 
 def _cell(text: str) -> Any:
-    """What a cell's text says.
+    """Parse a cell's text.
 
     Raises:
-        ValueError: nothing that could be read.
+        ValueError: it cannot be parsed.
     """
     try:
         return yaml.safe_load(text) or {}
@@ -151,7 +157,7 @@ def _cell(text: str) -> Any:
 
 
 def gather(records: Sequence[Path], hazards: tuple[Hazard, ...]) -> Evidence:
-    """Measure every hazard in every record that can be believed."""
+    """Measure every hazard in every valid record."""
     evidence = Evidence(hazards, tuple(Measured() for _ in hazards))
     for record in records:
         try:
@@ -192,7 +198,7 @@ def _measure(record: Path, found: Digest, evidence: Evidence) -> None:
 
 
 class _Run:
-    """What one record measured, by device, and the series of these topics."""
+    """Measurements of one record by device, and its series of some topics."""
 
     def __init__(self, path: Path, topics: Collection[str]) -> None:
         self.cell: Any = {}
@@ -223,7 +229,7 @@ class _Run:
         }
 
     def largest(self, hazard: Hazard, found: Digest) -> tuple[float, float, float | None, str] | None:
-        """(t, value, limit, quantity) of the sample nearest its limit; None: this run says nothing of it."""
+        """Return (t, value, limit, quantity) of the sample nearest to its limit; None without a measurement."""
         measure, limits = hazard.measure, hazard.limits or self._limits(hazard.limit_in_cell)
         limit = limits[0] if limits else None
         sensed = None
@@ -298,7 +304,7 @@ def _peak(
 
 
 def _rate(t: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Change per second between samples, shape as `values`; equal stamps say nothing."""
+    """Return the change per second between samples, shape as `values`; NaN for equal stamps."""
     dt, rate = np.diff(t), np.full(t.shape, np.nan)
     moved = dt > 0.0
     rate[1:][moved] = np.diff(values)[moved] / dt[moved]

@@ -1,4 +1,4 @@
-"""A record as one portable file, by the file's ending."""
+"""Write a record as one portable file; its suffix selects the format."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from pomona.executive.recording.scan import require_valid, scan
 
 
 def _zip(record: Path, target: Path) -> None:
-    """The whole folder and its events as text; unpacked among other records it is a record again."""
+    """Write the whole folder and its events as text; unpacked among other records it is a record again."""
     name = record.stem if record.is_file() else record.resolve().name
     with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
         for path in sorted(record.iterdir()) if record.is_dir() else [record]:
-            if is_plain(path):  # a link would take along what is not the record's
+            if is_plain(path):  # a link could lead outside the record
                 archive.write(path, f"{name}/{path.name}")
         archive.writestr(f"{name}/events.jsonl", b"".join(content + b"\n" for content in _events(record)))
 
 
 def _json_lines(record: Path, target: Path) -> None:
-    """Every event, one a line, without the pixels."""
+    """Write every event on one line, without the pixels."""
     with target.open("wb") as stream:
         for content in _events(record):
             stream.write(content + b"\n")
 
 
 def _mcap(record: Path, target: Path) -> None:
-    """One indexed and compressed file, for Foxglove and other readers."""
+    """Write one indexed and compressed file, for Foxglove and other readers."""
     from pomona.executive.recording.repair import copy  # it loads the picture's library
 
     require_valid(events_file(record))
@@ -44,18 +44,18 @@ FORMATS: Mapping[str, tuple[Callable[[Path, Path], None], str]] = {
     ".mcap": (_mcap, "one compressed file for Foxglove"),
     ".jsonl": (_json_lines, "the events as text"),
 }
-"""By ending: how to write it, and what it is."""
+"""By suffix: the writer and the name of the format."""
 
 
 def export(record: Path, target: Path) -> None:
-    """Write a record into one file; `.zip`, `.jsonl` or `.mcap` says what it becomes.
+    """Write a record into one file with the suffix `.zip`, `.jsonl` or `.mcap`.
 
     Raises:
-        UsageError: another ending, the file is there already, or cannot be written, or the record cannot be read.
+        UsageError: another suffix, the file exists, it cannot be written, or the record cannot be read.
     """
     if target.suffix not in FORMATS:
         known = ", ".join(f"{ending} ({what})" for ending, (_write, what) in FORMATS.items())
-        raise UsageError(f"{target}: the ending says what to write: {known}")
+        raise UsageError(f"{target}: the suffix selects the format: {known}")
     write, _what = FORMATS[target.suffix]
     with made_whole(target) as place:
         write(record, place)

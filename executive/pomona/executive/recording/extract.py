@@ -1,14 +1,14 @@
-"""What a record holds for other tools: images as PNG, measurements as CSV, paths as JSON.
+"""Content of a record for other tools: images as PNG, measurements as CSV, paths as JSON.
 
-The folder of images is one that a cell of recorded frames reads (trees/cells/frames.yaml):
+A cell of recorded frames (trees/cells/frames.yaml) reads the folder of images:
 
     frames/0001_detection_color.png, frames/0001_detection_depth_mm.png, frames/intrinsics.yaml
     frames/frames.json                  time, intrinsics and camera pose of each
     images/0002_refine.png              images without depth
-    fingers.csv, arm.csv, gripper.csv   one row a sample, one file a device
-    series_grip.csv                     one row a sample of what was plotted
+    fingers.csv, arm.csv, gripper.csv   one row per sample, one file per device
+    series_grip.csv                     one row per sample of a plot
     paths.json                          lines in the base frame [m]: planned, approach, executed
-    table_measured.csv                  a table that was shown, as it was at the end
+    table_measured.csv                  the last state of a table
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ from pomona.executive.views import ImageView, PosesView, SceneView, TableView
 
 
 def extract(record: Path, folder: Path) -> dict[str, str]:
-    """Write everything into a folder.
+    """Write all content into a folder.
 
     Returns:
-        for each file or folder that was written, what it holds.
+        the content of each written file or folder, by its name.
 
     Raises:
-        UsageError: the folder is there already and not empty, cannot be written, or the record cannot be read.
+        UsageError: the folder exists and is not empty, cannot be written, or the record cannot be read.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise UsageError(f"{folder} is there already, and nothing is overwritten: name another folder")
+        raise UsageError(f"{folder} exists and is not empty, and nothing is overwritten: name another folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         taken = _Taken(folder)
@@ -53,11 +53,11 @@ def extract(record: Path, folder: Path) -> dict[str, str]:
     except OSError as error:
         raise UsageError(f"{error.filename or folder}: {error.strerror or error}") from error
     except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
-        raise UsageError(f"{record}: what it holds cannot be taken apart: {error}") from error
+        raise UsageError(f"{record}: its content cannot be extracted: {error}") from error
 
 
 class _Taken:
-    """Images and paths, written as they come."""
+    """Writes images and paths in their order."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -128,7 +128,7 @@ class _Taken:
 
 
 def _measurements(record: Path, folder: Path) -> dict[str, str]:
-    """One CSV file for each device and each plot."""
+    """Write one CSV file for each device and each plot."""
     rows: dict[str, list[Mapping[str, Any]]] = defaultdict(list)
     for topic, content, *_ in scan(events_file(record)):
         if topic.startswith(DEVICES):

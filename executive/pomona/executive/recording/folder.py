@@ -1,4 +1,4 @@
-"""A record as a folder: its name, its file and the topics in it, how it is found, whether it is still being written."""
+"""A record as a folder: its name, its file and topics, how a command finds it, whether it is being written."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ EVENTS = "/events"
 DEVICES = "/devices/"
 
 NAME_BYTES = 120
-"""Of a tree's name in its record's folder: a file's name has at most 255 bytes, and the record holds the whole name."""
+"""Part of the tree's name in the folder's name [bytes]; file systems allow 255."""
 
 
 PROBE = 4096
@@ -51,7 +51,7 @@ def refuse_unwritable(root: Path) -> None:
 
 
 def new_record_folder(root: Path, tree: str, now: datetime | None = None) -> Path:
-    """Make `root/2026-11-21_08-41-07_tree`, with a number appended when there is one already.
+    """Make the folder `root/2026-11-21_08-41-07_tree`, with a number if it exists.
 
     Raises:
         RecordError: the folder cannot be made.
@@ -70,8 +70,8 @@ def new_record_folder(root: Path, tree: str, now: datetime | None = None) -> Pat
 
 
 def is_being_written(path: Path) -> bool:
-    """Whether some process, this one or another, writes this MCAP file now."""
-    with contextlib.suppress(OSError), open_plain(path) as stream:  # nobody writes a record into a pipe
+    """Return True while a process, this one or another, writes this MCAP file."""
+    with contextlib.suppress(OSError), open_plain(path) as stream:  # a pipe is never a record
         try:
             lock(stream, shared=True)
         except BlockingIOError:
@@ -80,10 +80,10 @@ def is_being_written(path: Path) -> bool:
 
 
 def find_record(name: str, root: Path) -> Path:
-    """The folder of a record: a path (of a folder or of an MCAP file), a name below `root`, or `last`.
+    """Return the folder of a record: from a path (folder or MCAP file), a name below `root`, or `last`.
 
     Raises:
-        UsageError: there is none; says what there is.
+        UsageError: there is none; the text lists similar names.
     """
     records = sorted(path.parent for path in root.glob(f"*/{EVENTS_FILE}"))
     if name == "last":
@@ -104,10 +104,10 @@ def find_record(name: str, root: Path) -> Path:
 
 
 def events_file(record: Path) -> Path:
-    """The MCAP file of a record: of a folder, or the file itself."""
+    """Return the MCAP file of a record, given its folder or the file itself."""
     return record / EVENTS_FILE if record.is_dir() else record
 
 
 def hash_of(*texts: str) -> str:
-    """What names a tree's or a cell's texts."""
+    """Return the hash that identifies the texts of a tree or a cell."""
     return hashlib.sha256("".join(texts).encode(errors="replace")).hexdigest()[:16]

@@ -1,7 +1,7 @@
-"""The index of runs: one SQLite file beside the records, made from them and remade from them at any time.
+"""The index of runs: one SQLite file beside the records, made from them and replaceable at any time.
 
-Nothing is only in the index. When it cannot be used (locked, read-only, damaged, made by a newer Pomona), the same list
-is made in memory, and `problem` says why.
+The index holds no data of its own. If it cannot be used (locked, read-only, damaged, made by a newer Pomona), the same
+list is made in memory, and `problem` has the reason.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pomona.executive.recording.order import in_order
 
 INDEX_FILE = "index.sqlite"
 PATIENCE = 2.0
-"""Seconds to wait for another process that writes the index."""
+"""Longest wait for another process that writes the index [s]."""
 
 MIGRATIONS: tuple[str, ...] = (
     """
@@ -42,8 +42,8 @@ MIGRATIONS: tuple[str, ...] = (
     "UPDATE runs SET stamp = 0",  # the message is that of the last cause
     "ALTER TABLE runs ADD COLUMN peaks TEXT; UPDATE runs SET stamp = 0",
 )
-"""Each brings the index from one version of its schema to the next. One that adds a column ends with
-`UPDATE runs SET stamp = 0`: every record is then read again."""
+"""Steps from one version of the schema to the next. A step that adds a column ends with `UPDATE runs SET stamp = 0`, so
+every record is read again."""
 
 _COLUMNS = tuple(field.name for field in fields(Digest))
 _AS_JSON = ("parameters", "settings", "codes", "truth", "peaks")
@@ -64,11 +64,11 @@ class RunIndex:
     def __init__(self, root: Path, migrations: Sequence[str] = MIGRATIONS) -> None:
         self.root = root
         self.problem = ""
-        """Why the file of the index could not be used the last time, or empty."""
+        """Reason why the file of the index could not be used the last time; empty without one."""
         self._migrations = migrations
 
     def read(self) -> list[Digest]:
-        """Every run, newest first, after looking for records that are new, have changed or are gone."""
+        """Return every run, newest first, after an update for new, changed and removed records."""
         self.problem = ""
         if not self.root.is_dir():
             return []
@@ -81,7 +81,7 @@ class RunIndex:
             return self._refreshed(index)
 
     def rebuild(self) -> list[Digest]:
-        """Forget the file of the index and make it afresh."""
+        """Delete the file of the index and make it again."""
         with contextlib.suppress(OSError):
             (self.root / INDEX_FILE).unlink(missing_ok=True)
         return self.read()
@@ -94,7 +94,7 @@ class RunIndex:
                 raise NewerIndexError(f"its schema is version {version}, this Pomona knows {len(self._migrations)}")
             if version < len(self._migrations):
                 index.execute("BEGIN IMMEDIATE")
-                (version,) = index.execute("PRAGMA user_version").fetchone()  # another process may have been quicker
+                (version,) = index.execute("PRAGMA user_version").fetchone()  # another process may have done it
                 for script in self._migrations[version:]:
                     for statement in filter(str.strip, script.split(";")):
                         index.execute(statement)
@@ -106,7 +106,7 @@ class RunIndex:
         known: dict[str, int] = dict(index.execute("SELECT run, stamp FROM runs"))
         found: dict[str, int] = {}
         for path in records_in(self.root):
-            with contextlib.suppress(OSError):  # removed while we look
+            with contextlib.suppress(OSError):  # removed meanwhile
                 found[path.parent.name] = path.lstat().st_mtime_ns
         gone = [(run,) for run in known.keys() - found.keys()]
         changed = [run for run, stamp in found.items() if known.get(run) != stamp]
@@ -128,7 +128,7 @@ class RunIndex:
             yield (*(_packed(name, value) for name, value in zip(_COLUMNS, values, strict=True)), stamp)
 
     def _entry(self, row: Sequence[Any]) -> Digest | None:
-        """A run as its row says, or as its record says where the row makes no sense."""
+        """Return a run from its row, or from its record if the row is invalid."""
         try:
             entry = Digest(**{name: _unpacked(name, value) for name, value in zip(_COLUMNS, row, strict=True)})
         except (ValueError, TypeError):
@@ -143,7 +143,7 @@ class RunIndex:
 
 
 def records_in(root: Path) -> list[Path]:
-    """The MCAP files of a folder's records; one whose folder's name is no text is left out."""
+    """Return the MCAP files of a folder's records, except those in folders with unprintable names."""
     return [path for path in root.glob(f"*/{EVENTS_FILE}") if path.parent.name.isprintable()]
 
 
@@ -152,10 +152,10 @@ def _packed(name: str, value: Any) -> Any:
 
 
 def _unpacked(name: str, value: Any) -> Any:
-    """A column's value.
+    """Return a column's value.
 
     Raises:
-        ValueError, TypeError: it is of another kind than this column's.
+        ValueError, TypeError: it does not have the type of this column.
     """
     if name in _AS_JSON:
         value = _mapping(name, parse(value))

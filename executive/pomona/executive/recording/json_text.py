@@ -1,4 +1,4 @@
-"""JSON that somebody else may have written: no depth, no number and no name in it stops a reader."""
+"""Parse JSON from any source: depth, numbers and names in it are bounded."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from typing import Any
 import orjson
 
 MOST_DEPTH = 200
-"""Objects and lists within one another. A chain of reasons takes two for each node on its way up a tree."""
+"""Deepest nesting of objects and lists. A chain of reasons needs two levels per node up the tree."""
 
 LONGEST = 1e12
-"""Largest time, of a run or since 1970, that is believed [s]: 30 000 years."""
+"""Largest valid time, of a run or since 1970 [s]: 30 000 years."""
 
 _STRINGS = re.compile(rb'"(?:[^"\\]|\\.)*"', re.DOTALL)
 _HUGE = re.compile(rb"[eE]\+?\d{3}")
@@ -22,10 +22,10 @@ _HALF = re.compile(rb"\\u[dD][89a-fA-F]")
 
 
 def parse(content: bytes | str) -> Any:
-    """The value; NaN and infinities, which JSON does not have, are None; halves of characters become "?".
+    """Return the value; NaN and infinity, which JSON lacks, become None, unpaired surrogates "?".
 
     Raises:
-        ValueError: it is no JSON, or deeper than `MOST_DEPTH`.
+        ValueError: the text is no JSON, or deeper than `MOST_DEPTH`.
     """
     if not isinstance(content, (bytes, str)):
         raise ValueError("a text is expected here")
@@ -37,7 +37,7 @@ def parse(content: bytes | str) -> Any:
     hooks: dict[str, Any] = {"parse_float": _finite} if _HUGE.search(coded) else {}
     try:
         value = json.loads(coded.decode(errors="replace"), parse_constant=lambda _name: None, parse_int=_whole, **hooks)
-    except RecursionError as error:  # what is_deep took for a string
+    except RecursionError as error:  # `is_deep` took a part for a string
         raise ValueError("objects within objects, too deep") from error
     if _HALF.search(coded) is None:
         return value
@@ -45,10 +45,10 @@ def parse(content: bytes | str) -> Any:
 
 
 def parse_object(content: bytes | str) -> dict[str, Any]:
-    """The object.
+    """Return the object.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the text is no object.
     """
     value = parse(content)
     if not isinstance(value, dict):
@@ -57,10 +57,10 @@ def parse_object(content: bytes | str) -> dict[str, Any]:
 
 
 def is_deep(content: bytes) -> bool:
-    """Whether a text goes deeper than `MOST_DEPTH`."""
+    """Return True for a text deeper than `MOST_DEPTH`."""
     if content.count(b"{") + content.count(b"[") <= MOST_DEPTH:
         return False
-    import numpy as np  # few texts come as far as here, and who lists runs need not load it
+    import numpy as np  # rarely needed; a list of runs does without
 
     step = np.zeros(256, np.int8)
     step[[ord("["), ord("{")]], step[[ord("]"), ord("}")]] = 1, -1
@@ -69,7 +69,7 @@ def is_deep(content: bytes) -> bool:
 
 
 def _whole(digits: str) -> int | float | None:
-    """A whole number; one of more digits than any counter has is read as a float, in linear time."""
+    """Return a whole number; one of more than 20 digits becomes a float, in linear time."""
     return int(digits) if len(digits) <= 20 else _finite(digits)
 
 

@@ -1,4 +1,4 @@
-"""A file or folder that is there whole or not at all, and takes the place of nothing."""
+"""Write a file or folder completely or not at all, without overwriting."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from pomona.executive.errors import UsageError
 
 @contextmanager
 def made_whole(place: Path) -> Iterator[Path]:
-    """Where to write what shall stand at `place`: beside it, with its name, until the block has ended well.
+    """Yield a temporary path beside `place` for its content; it is moved to `place` when the block succeeds.
 
-    Half a file looks like a whole one to whoever finds it, and would be in the way of the next try.
+    An incomplete file would look complete and block the next attempt.
 
     Raises:
-        UsageError: something is there already, or it cannot be written.
+        UsageError: `place` exists, or cannot be written.
     """
     refuse_taken(place)
     beside = None
     try:
         beside = Path(tempfile.mkdtemp(prefix=f".{place.name}.", dir=place.parent))
         yield beside / place.name
-        refuse_taken(place)  # by somebody else, meanwhile
+        refuse_taken(place)  # another process may have made it
         (beside / place.name).rename(place)
     except OSError as error:
         raise UsageError(f"{place}: {error.strerror or error}") from error
@@ -38,7 +38,7 @@ def made_whole(place: Path) -> Iterator[Path]:
 def refuse_taken(place: Path) -> None:
     """
     Raises:
-        UsageError: something is there already, be it a link that leads nowhere.
+        UsageError: the path exists, also as a broken link.
     """
     if os.path.lexists(place):
-        raise UsageError(f"{place} is there already, and nothing is overwritten: name another place, or move it away")
+        raise UsageError(f"{place} exists, and nothing is overwritten: name another place, or move it away")

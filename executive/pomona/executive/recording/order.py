@@ -1,6 +1,6 @@
-"""Which record came after which, whatever the wall's clock said: clocks are set back, and repairs touch old files.
+"""The order of records, independent of the wall clock: clocks are set back, and repairs change old files.
 
-Every record has a number of its own, one above the greatest in its folder when it began, kept in its `ending.json`.
+Every record has a number in its `ending.json`, one above the largest in its folder when it began.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from pomona.executive.recording.ending import read_ending
 T = TypeVar("T", str, int)
 
 MOST = 2**53
-"""Greater numbers were not written by a recorder."""
+"""Limit of valid numbers."""
 
 
 def next_number(root: Path) -> int:
-    """The number of the record that begins now in a folder of records."""
+    """Return the number of the record that begins now in a folder of records."""
     return 1 + max((_number(record) for record in root.iterdir()), default=0)
 
 
 def in_order(records: Iterable[Path], moment: Callable[[Path], T]) -> list[Path]:
-    """Folders of records, those that began first first.
+    """Return folders of records, the oldest first.
 
     Args:
         records: in any order.
-        moment: when a record was made, as far as that can be told without its number: a record without one (an older
-            Pomona's, one whose file is damaged) comes after the numbered ones that seem older.
+        moment: estimates the time of a record without a number (of an earlier version, or with a damaged file). Such a
+            record comes after the numbered ones with an earlier estimate.
     """
     places: dict[Path, tuple[int, bool, T]] = {}
     greatest = 0
@@ -40,6 +40,6 @@ def in_order(records: Iterable[Path], moment: Callable[[Path], T]) -> list[Path]
 
 
 def _number(record: Path) -> int:
-    """A record's number; 0 when it has none that can be believed."""
+    """Return a record's number; 0 without a valid one."""
     number = read_ending(record).get("number")
     return number if isinstance(number, int) and not isinstance(number, bool) and 0 < number < MOST else 0

@@ -1,4 +1,4 @@
-"""The picture that every run leaves: what the camera saw, the path in the scene, forces over time, attempts."""
+"""The picture of a run: the camera's image, the path in the scene, forces over time, attempts."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from pomona.executive.running.events import Event, Published
 from pomona.executive.views import ImageView, SceneView, SeriesView
 
 MILLI = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
-"""Openings and slips are small: what they are shown in, and how many of it a unit has."""
+"""Units of small quantities in plots, and their number per SI unit."""
 
 KINDS = {"N": "force", "N·m": "torque", "m": "length", "m/s": "speed", "rad": "angle", "s": "time"}
-"""What several quantities of a unit have in common; one alone has its own name."""
+"""Axis labels for several quantities of one unit."""
 
 GAP = 0.5
-"""Samples further apart do not belong to one curve [s]."""
+"""Longest time between two samples of one curve [s]."""
 
 MOST_LABELS = 8
-"""Entries of a legend; with more it would hide the picture."""
+"""Largest number of entries of a legend."""
 
 
 class Picture:
@@ -48,7 +48,7 @@ class Picture:
             self._series[event.topic].append(event.value)
 
     def _look(self, topic: str, view: ImageView) -> None:
-        """One look is shown, with all that was drawn on it: the last that had something to draw."""
+        """Keep the last image with drawings, and all drawings on it."""
         if view.image is not None:
             shown = list(self._images.values())
             if not any(one.image is not None and np.array_equal(one.image, view.image) for one in shown):
@@ -59,11 +59,11 @@ class Picture:
 
     @property
     def empty(self) -> bool:
-        """Whether nothing was shown that could be drawn."""
+        """True if no view was published that can be drawn."""
         return not (self._images or self._scenes or self._series)
 
     def save(self, target: Path | BinaryIO, title: str) -> None:
-        """Draw everything into one PNG."""
+        """Draw all views into one PNG."""
         need("matplotlib", EXTRA, "the picture of a run")
         from matplotlib.backends.backend_agg import FigureCanvasAgg  # takes half a second
         from matplotlib.figure import Figure
@@ -82,7 +82,7 @@ class Picture:
             scene, beside = figure.add_subplot(above[2], projection="3d"), figure.add_subplot(above[1])
             self._draw_scene(scene)
             beside.set_axis_off()
-            _legend(scene, beside, "upper left")  # on the scene it would hide the path
+            _legend(scene, beside, "upper left")  # in the scene it would hide the path
         else:
             self._draw_images(figure.add_subplot(rows[0]))
         if self._series:
@@ -141,7 +141,7 @@ class Picture:
         axes.set_title("\n".join(captions), fontsize=8, loc="left")
 
     def _by_unit(self) -> dict[str, list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]]:
-        """Every quantity's samples, (name, t, values), under its unit: quantities of different units share no axis."""
+        """Return the samples of every quantity as (name, t, values), by unit: one axis for each unit."""
         units: dict[str, list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]] = defaultdict(list)
         for views in self._series.values():
             for name in views[-1].values:
@@ -165,7 +165,7 @@ class Picture:
         for number, (name, value) in enumerate(thresholds.items()):
             if f"[{unit}]" in name:
                 words = f"{name.replace(f' [{unit}]', '')} {scale * value:.3g} {shown}"
-                if 2.0 * low - high < scale * value < 2.0 * high - low:  # what is far off would flatten the curves
+                if 2.0 * low - high < scale * value < 2.0 * high - low:  # a distant line would flatten the curves
                     axes.axhline(scale * value, lw=0.9, ls=("--", ":", "-.")[number % 3], color=MUTED, label=words)
                 else:
                     axes.plot([], [], ls="none", label=words)
@@ -173,7 +173,7 @@ class Picture:
         axes.set_xlabel("time [s]")
         axes.set_ylabel(f"{kind} [{shown}]" if unit else kind)
         axes.grid(alpha=0.25)
-        if len(axes.get_legend_handles_labels()[1]) > 1:  # one curve alone has its name at its axis
+        if len(axes.get_legend_handles_labels()[1]) > 1:  # the axis names a single curve
             _legend(axes, place="best")  # where it hides the least
 
 
@@ -182,13 +182,13 @@ def _has_drawings(view: ImageView) -> bool:
 
 
 def _with_gaps(t: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Nothing was measured between two grips: no line goes from one to the next."""
+    """Insert NaN where samples are missing, so no line connects two grips."""
     apart = np.flatnonzero(np.diff(t) > GAP) + 1
     return np.insert(t, apart, np.nan), np.insert(values, apart, np.nan)
 
 
 def _legend(axes: Any, where: Any = None, place: str = "upper right") -> None:
-    """Say what was drawn in `axes`, there or in other axes."""
+    """Draw the legend of `axes`, there or in other axes."""
     handles, labels = axes.get_legend_handles_labels()
     named = {label: handle for handle, label in zip(handles, labels, strict=True) if label and label[0] != "_"}
     named = dict(list(named.items())[-MOST_LABELS:])

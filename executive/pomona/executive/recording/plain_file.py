@@ -1,4 +1,4 @@
-"""Files of a record are plain files: a link, a pipe or a device among them is never followed or waited for."""
+"""Open only plain files of a record: links are not followed, pipes and devices not opened."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ _LINK = "is a link, and links in a record are not followed"
 
 
 class NotPlainError(OSError):
-    """What stands there is a link, a folder, a pipe or a device."""
+    """The path is a link, a folder, a pipe or a device."""
 
 
 def open_plain(path: Path) -> BinaryIO:
-    """Open a file for reading, if it is one itself.
+    """Open a plain file for reading.
 
     Raises:
-        NotPlainError: it is a link, a pipe, a device, a folder.
+        NotPlainError: the path is a link, a pipe, a device or a folder.
         OSError: it cannot be opened.
     """
     if not hasattr(os, "O_NOFOLLOW") and path.is_symlink():
@@ -40,7 +40,7 @@ def open_plain(path: Path) -> BinaryIO:
 
 
 def is_plain(path: Path) -> bool:
-    """Whether a plain file stands there, not a link to one."""
+    """Return True for a plain file; a link to one is none."""
     try:
         return stat.S_ISREG(path.lstat().st_mode)
     except OSError:

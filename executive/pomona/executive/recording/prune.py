@@ -49,7 +49,7 @@ def choose(
 
 
 def remove(root: Path, run: str) -> bool:
-    """Remove one record; False when it is being written after all.
+    """Remove one record; return False for one that is being written.
 
     Raises:
         UsageError: it cannot be removed.

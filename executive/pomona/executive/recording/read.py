@@ -1,4 +1,4 @@
-"""A record back to the events of its run."""
+"""Read the events of a run from its record."""
 
 from __future__ import annotations
 
@@ -22,18 +22,16 @@ from pomona.executive.running.events import Event, Published
 from pomona.executive.views import ImageView
 
 MOST_PIXELS = 50_000_000
-"""Of an image that is decoded: a few kilobytes may claim gigabytes."""
+"""Largest image that is decoded [pixels]: a few kilobytes may decode to gigabytes."""
 MOST_WAITING = 64
-"""Images whose events have not come yet."""
+"""Largest number of images without their events."""
 
 
 def read_events(record: Path) -> Iterator[Event]:
-    """The events in the order in which they happened, with their images.
-
-    A record that was cut off gives the events up to there.
+    """Yield the events in their order, with their images; of a record that was cut off, those up to there.
 
     Raises:
-        DamagedRecordError: something in the file is not as it was written; nothing is given then.
+        DamagedRecordError: a part of the file is damaged; then no event is yielded.
         UsageError: the file is not a record.
     """
     path = events_file(record)
@@ -56,10 +54,10 @@ def read_events(record: Path) -> Iterator[Event]:
 
 
 def decode_image(text: str) -> np.ndarray[Any, Any]:
-    """A JPEG as RGB (h, w, 3) uint8, a PNG of depth as (h, w) uint16 [mm].
+    """Return a JPEG as RGB (h, w, 3) uint8, a PNG of depth as (h, w) uint16 [mm].
 
     Raises:
-        ValueError: it is neither, or larger than `MOST_PIXELS`.
+        ValueError: the text is neither, or the image is larger than `MOST_PIXELS`.
     """
     try:
         coded = base64.b64decode(text)

@@ -1,11 +1,11 @@
 """A run's record: a folder with the events as an MCAP file, the tree and the cell as they were, and a picture.
 
-Written as it happens, in a thread of its own: the tick only puts events into a queue, and what is in it is handed to
-the operating system every `BATCH` seconds, as one chunk with its checksum. A process that is killed loses no more.
-While a record is written its file is locked, which is how others see that the run is going on.
+A thread of its own writes the record during the run. The tick only puts events into a queue; every `BATCH` seconds the
+queue is passed to the operating system as one chunk with its checksum. A killed process loses no more than that. The
+file is locked while it is written, so other processes see a run in progress.
 
-What the reader would refuse is refused here: an event that is asked in vain for its text, is too large, or has a field
-of a wrong type stands in the record as an error that names it, and is a problem of the record.
+The recorder refuses each event that a reader would refuse: one that cannot be encoded, is too large, or has a field of
+a wrong type. An error that names the event takes its place, and the record reports a problem.
 """
 
 from __future__ import annotations
@@ -48,32 +48,32 @@ from pomona.executive.values.sentences import sentence_of
 from pomona.executive.views import ImageView, SeriesView
 
 BATCH = 0.1
-"""Seconds between two times that what came is written: what is not is lost when the process is killed."""
+"""Time between two writes [s]; a killed process loses the events of this time."""
 
 CHUNK_BYTES = 65_536
-"""At which a chunk is closed before its batch is: what a damaged byte makes unreadable."""
+"""Largest chunk, except for one large message [bytes]: a damaged byte makes one chunk unreadable."""
 
 _BUFFER = 1 << 20
-"""Bytes that are gathered for one call of the operating system; flushed with every batch."""
+"""Write buffer, flushed with every batch [bytes]."""
 
 _DECIMALS = 6
-"""Of a reading: micrometres, microradians, micronewtons."""
+"""Decimals of a reading: micrometres, microradians, micronewtons."""
 
 
 class Recorder:
-    """Writes every event that it gets. Subscribe its `on_event` to the run's stream, and close it after the run."""
+    """Writes events into a record. Subscribe its `on_event` to the run's stream, and close it after the run."""
 
     def __init__(self, folder: Path) -> None:
         """
         Raises:
             RecordError: the file cannot be opened.
         """
-        self.folder = folder.absolute()  # wherever the process goes while it writes
+        self.folder = folder.absolute()  # the process may change its folder
         self._problem, self._lacks, self._whole = "", "", False
         self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._closing = threading.Event()
         self._t, self._flushed = 0.0, 0.0
-        self._written = 0  # bytes that the file had after the newest flush
+        self._written = 0  # size of the file after the newest flush [bytes]
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._images = Images()
@@ -91,10 +91,10 @@ class Recorder:
 
     @property
     def problem(self) -> str:
-        """Why the record ends early or lacks an event; empty while all is well. From any thread."""
+        """Reason why the record ends early or lacks an event; empty without one. From any thread."""
         if self._problem or self._whole or self._thread.is_alive():
             return self._problem or self._lacks
-        return self._ends_with("what writes it has ended")
+        return self._ends_with("the recorder's thread has ended")
 
     @property
     def has_ended(self) -> bool:
@@ -107,12 +107,12 @@ class Recorder:
             self._queue.put(event)
 
     def read(self, t: float, tick: int, readings: Mapping[str, Mapping[str, Any]]) -> None:
-        """Take what the cell's devices measured, by device and quantity; returns at once."""
+        """Take measurements of the cell's devices, by device and quantity; returns at once."""
         if not self._problem:
             self._queue.put((t, tick, readings))
 
     def close(self) -> None:
-        """Write what is left and close the file. Harmless when closed already."""
+        """Write the rest and close the file. A second call has no effect."""
         self._closing.set()
         self._thread.join()
 
@@ -132,10 +132,10 @@ class Recorder:
             self._whole = True
         except OSError as error:
             self._give_up(error.strerror or str(error))
-        except BaseException as error:  # what a skill publishes may be anything, and raise anything: this is told
+        except BaseException as error:  # a published value of a skill may raise any exception
             self._give_up(sentence_of(error))
         finally:
-            with contextlib.suppress(OSError):  # what could not be written cannot be written now either
+            with contextlib.suppress(OSError):  # a full disk is still full
                 self._file.close()
             self._ending.close()
 
@@ -147,10 +147,10 @@ class Recorder:
         return f"the record ends at {self._t:.2f} s of the run: {why}"
 
     def _refuse_changed(self, least: int) -> None:
-        """Refuse a file that is no longer in its folder, or shorter than what was written: no write call reports that.
+        """Refuse a file that was moved or cut: no write call reports that.
 
         Args:
-            least: bytes that the file must have.
+            least: smallest valid size of the file [bytes].
 
         Raises:
             OSError: the file was removed, replaced or cut.
@@ -167,19 +167,19 @@ class Recorder:
             raise OSError(errno.ESTALE, words)
 
     def _take_all(self) -> None:
-        """Write in batches: waking up for every event would cost the tick more than the writing does."""
+        """Write in batches: waking up for every event would cost the tick more than writing it."""
         closing = False
         while not closing:
             closing = self._closing.wait(BATCH)
             with contextlib.suppress(queue.Empty):
                 while True:
                     self._take(self._queue.get_nowait())
-                    if time.monotonic() - self._flushed > BATCH:  # a starved computer has much to write at once
+                    if time.monotonic() - self._flushed > BATCH:  # after a delay there is much to write
                         self._flush()
             self._flush()
 
     def _flush(self) -> None:
-        self._refuse_changed(self._written)  # before more is written behind a gap
+        self._refuse_changed(self._written)  # no write may follow a gap
         self._writer.flush()
         self._written = self._file.tell()
         self._refuse_changed(self._written)
@@ -187,7 +187,7 @@ class Recorder:
 
     def _take(self, taken: Any) -> None:
         if isinstance(taken, Published) and isinstance(taken.value, ImageView):
-            self._flush()  # what came before does not wait until the picture is compressed
+            self._flush()  # earlier events do not wait for the picture's compression
         if isinstance(taken, Event):
             self._t = taken.t
             self._write_event(taken)
@@ -212,7 +212,7 @@ class Recorder:
         """Return an event and its messages, each with its text; or an error that replaces an unreadable event."""
         try:
             return event, [(*message, _bounded(message[2])) for message in self._messages(event, stamp)]
-        except BaseException as error:  # a value of a skill may be anything, and raise anything
+        except BaseException as error:  # a published value may raise any exception
             told = self._refuse(event, error)
             message = message_of(told)
             return told, [(EVENTS, EVENT, message, encoded(message))]
@@ -240,7 +240,7 @@ class Recorder:
         yield from well_known(event, stamp)
 
     def _write_about(self, event: RunStarted) -> None:
-        """Tree and cell as files beside the record and as attachments in it; what is asked most as metadata."""
+        """Write tree and cell as files and as attachments, and the most requested facts as metadata."""
         began = round(event.wall_time * 1e9)
         texts = {"tree.yaml": event.tree_text, "cell.yaml": event.cell_text}
         for name, text in texts.items():
@@ -261,7 +261,7 @@ class Recorder:
     def _write_readings(self, t: float, tick: int, readings: Mapping[str, Mapping[str, Any]]) -> None:
         try:
             coded = {device: _reading(t, tick, quantities) for device, quantities in readings.items()}
-        except BaseException as error:  # a driver of a third party may report anything
+        except BaseException as error:  # a third party's driver may report any value
             self._write_event(self._refuse((t, tick, readings), error))
             return
         for device, content in coded.items():
@@ -282,7 +282,7 @@ class Recorder:
 
 
 def new_writer(stream: BinaryIO, compression: CompressionType) -> Writer:
-    """A writer of files in which a change of any byte is found: chunks, data and summary have checksums."""
+    """Return a writer of files with checksums of chunks, data and summary: a change of any byte is detected."""
     return Writer(stream, CHUNK_BYTES, compression, enable_crcs=True, enable_data_crcs=True)
 
 
@@ -294,18 +294,18 @@ def _bounded(message: Any) -> bytes:
 
 
 def _reading(t: float, tick: int, quantities: Mapping[str, Any]) -> bytes:
-    # All at once: rounding column by column was a sixth of the recorder's work.
+    # Rounding column by column was a sixth of the recorder's work.
     numbers = dict(zip(quantities, np.round(np.array(list(quantities.values())), _DECIMALS), strict=True))
     return _bounded({"t": round(t, _DECIMALS), "tick": tick, **numbers})
 
 
 def _stamp(t: float) -> int:
-    """A message's time: nanoseconds of the run's clock."""
+    """Return a message's time on the run's clock [ns]."""
     return round(max(t, 0.0) * 1e9)
 
 
 def _coded(text: str) -> bytes:
-    """A text as bytes; halves of characters, which a name may hold, become "?"."""
+    """Return a text as bytes; unpaired surrogates, which a name may contain, become "?"."""
     return text.encode(errors="replace")
 
 

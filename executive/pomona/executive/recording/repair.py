@@ -74,20 +74,20 @@ class Repaired:
 
 
 def repair(record: Path) -> Repaired | None:
-    """Finish the MCAP file and make what is missing beside it.
+    """Complete the MCAP file and make the missing files beside it.
 
-    Nothing is lost: what is no whole piece at the end is kept in `run.mcap.tail`, and a file with damage in its middle
-    stays beside the repaired one as `run.mcap.damaged`.
+    No byte is lost: an incomplete end is kept in `run.mcap.tail`, and a file with damage in its middle as
+    `run.mcap.damaged`.
 
     Returns:
-        what was done, or None: the record is whole.
+        the changes, or None for a whole record.
 
     Raises:
-        UsageError: the run is still going on, or the file is no record.
+        UsageError: the run is in progress, or the file is no record.
     """
     path = events_file(record)
     if is_being_written(path):
-        raise UsageError(f"{record}: the run is still going on")
+        raise UsageError(f"{record}: the run is in progress: repair it when it has ended")
     verdict = examine(path)
     if verdict.state == "whole":
         return None
@@ -208,11 +208,11 @@ def _make_missing(record: Path) -> list[str]:
                 title = f"{event.tree}: cut off, seed {event.seed}"
             elif isinstance(event, RunEnded):
                 texts["summary.json"] = json.dumps(plain(event), ensure_ascii=False, indent=1)
-    except UsageError:  # whole, but not a run's: there is nothing to make of it
+    except UsageError:  # a valid file of another program
         return []
     made = [name for name, text in texts.items() if _make(record / name, text.encode(errors="replace"))]
     if not picture.empty:
-        with contextlib.suppress(Exception):  # views of a shape that nothing draws: the record is whole without it
+        with contextlib.suppress(Exception):  # a view that cannot be drawn: the record is valid without it
             drawn = io.BytesIO()
             picture.save(drawn, title)
             made += ["picture.png"] if _make(record / "picture.png", drawn.getvalue()) else []
@@ -220,7 +220,7 @@ def _make_missing(record: Path) -> list[str]:
 
 
 def _make(path: Path, content: bytes) -> bool:
-    """Write a file that is missing; one that is there, or a link, stays."""
+    """Write a missing file; an existing one, or a link, stays."""
     try:
         with path.open("xb") as stream:
             stream.write(content)

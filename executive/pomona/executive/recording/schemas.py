@@ -1,4 +1,4 @@
-"""JSON schemas of what a record holds. Foxglove's well-known ones where they fit, so that other tools draw a record.
+"""JSON schemas of the messages in a record. Foxglove's schemas are used where possible, so other tools draw a record.
 
 docs/records.md describes every topic.
 """
@@ -118,7 +118,7 @@ READING = Schema(
     "pomona.Reading",
     {
         "title": "pomona.Reading",
-        "description": "What one device of the cell measured since the tick before, SI units, by quantity",
+        "description": "Measurements of one device of the cell since the previous message, SI units, by quantity",
         **_object(t={**NUMBER, "description": "seconds of the run's clock"}, tick=WHOLE),
         "additionalProperties": True,
         "required": ["t", "tick"],

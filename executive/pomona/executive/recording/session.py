@@ -24,7 +24,7 @@ from pomona.executive.running.runner import Runner
 from pomona.executive.values.sentences import sentence_of
 
 Reader = Callable[[float, int, Mapping[str, Mapping[str, Any]]], None]
-"""Takes the run's time, the tick, and what the cell's devices measured since: by device and quantity."""
+"""Takes the run's time, the tick, and the new measurements of the cell's devices, by device and quantity."""
 
 
 class RecordingSession:
@@ -38,8 +38,8 @@ class RecordingSession:
         """
         Args:
             root: folder of records.
-            cell: whose devices are read.
-            readers: get what the devices measured, too, in the tick's thread: they must return at once.
+            cell: the cell with the devices to read.
+            readers: further receivers of the measurements, called in the tick's thread; they must return at once.
         """
         self._root, self._cell, self._readers = root, cell, tuple(readers)
         self._recorder: Recorder | None = None
@@ -69,7 +69,7 @@ class RecordingSession:
         events.subscribe(self._picture.on_event)
 
     def look(self) -> Iterable[tuple[str, object]]:
-        """Hand what the devices measured to the recorder: called by the run as a watcher, and shows nothing itself."""
+        """Pass the devices' measurements to the recorder. The run calls it as a watcher; it publishes nothing."""
         readers = (*self._readers, *(() if self._recorder is None else (self._recorder.read,)))
         if readers and self._runner is not None:
             (t, tick), readings = self._runner.progress, self._cell.readings()
@@ -89,10 +89,10 @@ class RecordingSession:
             self._trouble = f"the picture cannot be drawn: {sentence_of(error)}"
 
     def close(self) -> str:
-        """Write what is left.
+        """Write the rest.
 
         Returns:
-            what is wrong with the record, as a sentence; empty when all is well.
+            the problem of the record as a sentence; empty without one.
         """
         self.look()
         if self._recorder is not None:
@@ -102,9 +102,9 @@ class RecordingSession:
         return self._problem()
 
     def breach(self, outcome: str) -> str:
-        """Return why a record that the cell requires does not prove the run's outcome; empty when it does.
+        """Return why a required record does not prove the run's outcome; empty if it does.
 
-        Read it after `close`: the whole record is decoded, as `pomona explain` would.
+        Call it after `close`: the whole record is decoded, as by `pomona explain`.
         """
         if not self._cell.record_required or self._recorder is None:
             return ""
@@ -129,12 +129,12 @@ def _is_written(path: Path) -> bool:
 
 
 def _unread(folder: Path, outcome: str) -> str:
-    """Why a finished record cannot be read, or says something else than the run."""
+    """Return why a finished record cannot be read, or differs from the run's outcome; empty otherwise."""
     try:
         state = examine(events_file(folder)).state
         said = [event.outcome for event in read_events(folder) if isinstance(event, RunEnded)]
     except (PomonaError, OSError) as error:
         return f"the finished record cannot be read: {error}"
     if state != "whole" or said != [outcome]:
-        return f"the finished record is {state} and tells of {' and '.join(said) or 'no end'}, not of {outcome}"
+        return f"the finished record is {state} and contains {' and '.join(said) or 'no end'} instead of {outcome}"
     return ""

@@ -1,4 +1,4 @@
-"""The newest run on a cell, when it was cut: what was going on, and what may be between the fingers."""
+"""The newest run on a cell, if it was cut off: the running skills, and the fruit that may be between the fingers."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from pomona.executive.recording.read import read_events
 from pomona.executive.running.events import HandChanged, NodeChanged, RunStarted
 
 RECOVERY = "recover"
-"""Name of the tree that brings a cell in order after a run that was cut."""
+"""Name of the tree that recovers a cell after a run that was cut off."""
 
 
 @dataclass(frozen=True, slots=True)
 class Unfinished:
-    """A run that was cut.
+    """A run that was cut off.
 
     Attributes:
         record: its folder.
-        kind: of its cell; empty when its record does not say it.
-        doing: names of the leaves that were running.
-        time: seconds of the run that are recorded.
-        hand: what the fingers felt last; empty for nothing, None when nobody knows.
-        why: why the record has no end.
+        kind: kind of its cell; empty if unknown.
+        doing: names of the running leaves.
+        time: recorded time of the run [s].
+        hand: last content of the gripper as a sentence; empty for nothing, None if unknown.
+        why: reason for the missing end.
     """
 
     record: Path
@@ -38,23 +38,23 @@ class Unfinished:
 
     @property
     def sentence(self) -> str:
-        """For people."""
+        """Description for the operator."""
         doing = f" while {' and '.join(self.doing)} was running" if self.doing else ""
-        hand = "nobody knows what is in the gripper" if self.hand is None else self.hand
+        hand = "the content of the gripper is unknown" if self.hand is None else self.hand
         hand = hand or "nothing was felt in the gripper"
         cut = f"was cut after {self.time:.1f} s{doing} ({self.why})"
         return f"the last run on this cell, {self.record.name}, {cut}; {hand}"
 
 
 def unfinished(root: Path, cell: Path) -> Unfinished | None:
-    """The newest run on a cell, if it was cut; None when it came to an end, or there is none.
+    """Return the newest run on a cell if it was cut off; None if it ended, or there is none.
 
-    A record that is damaged, or cannot be read, says of no cell that all is well on it: it counts as a run that was cut
-    on this one, unless a newer one came to its end here. One that another process still writes is passed over.
+    A damaged or unreadable record could be of any cell. It counts as a run that was cut off on this one, unless a newer
+    run ended here. A record that another process is writing is ignored.
 
     Args:
         root: folder of records.
-        cell: its file.
+        cell: the cell's file.
     """
     runs = [path for path in root.glob(f"*/{EVENTS_FILE}") if not is_being_written(path)]
     doubtful: Unfinished | None = None
@@ -67,7 +67,7 @@ def unfinished(root: Path, cell: Path) -> Unfinished | None:
             continue
         found = digest(record)
         if found.tree == RECOVERY and found.outcome != "success":
-            continue  # it was tried: the cell is as it was before
+            continue  # a failed recovery leaves the cell as it was
         if found.state == "cut off":
             return _cut(record, started)
         if found.state == "ended":
@@ -81,10 +81,10 @@ def _written(record: Path) -> int:
 
 
 def _started(record: Path) -> RunStarted | None:
-    """How a run began; None when its record does not say it."""
+    """Return the beginning of a run; None if its record cannot be read."""
     try:
         return next((event for event in read_events(record) if isinstance(event, RunStarted)), None)
-    except Exception:  # whatever a damaged file makes its readers raise; `pomona runs` says what is wrong with it
+    except Exception:  # a damaged file may raise any exception; `pomona runs` reports it
         return None
 
 

@@ -1,7 +1,7 @@
-"""Events in Foxglove's words: what other tools draw of a record. `/events` alone is what a replay reads.
+"""Events as messages of Foxglove's schemas, which other tools draw. A replay reads `/events` only.
 
-Every frame but `base` has a name of its own: a value's `T_base_object` written under the key `measured` is the frame
-`measured/object`, an image's camera is `camera/<topic>`.
+Every frame except `base` has its own name: `T_base_object` of a value written under the key `measured` is the frame
+`measured/object`, the camera of an image is `camera/<topic>`.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ _T = re.compile(r"T_([a-z0-9]+)_([a-z0-9_]+)")
 
 
 def well_known(event: Event, stamp: int) -> Iterator[Message]:
-    """Everything of an event that a well-known schema can say; `stamp` is the message's time [ns]."""
+    """Yield the messages of an event in well-known schemas; `stamp` is their time [ns]."""
     at = time_of(stamp)
     if isinstance(event, Published):
         if isinstance(event.value, SceneView):
@@ -87,20 +87,20 @@ def well_known(event: Event, stamp: int) -> Iterator[Message]:
 
 
 IMAGES = "/images/"
-"""Topics of colour images; an event's stands before the event."""
+"""Topics of colour images; the image of an event precedes the event."""
 DEPTH = "/depth/"
 """Topics of its depth, between the two."""
 
 
 class Images:
-    """Colour as JPEG and depth as 16-bit PNG [mm]: they are taken out of the event that carries them."""
+    """Encodes colour as JPEG and depth as 16-bit PNG [mm], apart from their event."""
 
     def __init__(self) -> None:
         self._last: tuple[NDArray[np.uint8] | None, str] = (None, "")
-        """The colour image that was coded last: several skills draw on the same one."""
+        """The last colour image with its code: several skills draw on the same one."""
 
     def messages(self, topic: str, view: ImageView, stamp: int) -> Iterator[Message]:
-        """Of one view; `stamp` is the messages' time [ns]."""
+        """Yield the messages of one view; `stamp` is their time [ns]."""
         frame = f"camera/{topic}"
         if view.image is not None:
             if view.image is not self._last[0]:
@@ -113,13 +113,13 @@ class Images:
 
 
 QUALITY = 90
-"""Of JPEG."""
+"""Quality of JPEG."""
 LEVEL = 1
-"""Of PNG's compression: fast, since a record must not cost the run anything."""
+"""Compression level of PNG: the fastest, since the recorder shares the processor with the run."""
 
 
 def samples(topic: str, view: SeriesView) -> Iterator[Message]:
-    """One message for each sample, with names that a plot's path can hold."""
+    """Yield one message for each sample, with names that are valid in a plot's path."""
     names = {name: plain_name(name) for name in view.values}
     columns = {names[name]: np.asarray(values, float) for name, values in view.values.items()}
     for i, t in enumerate(view.t):
@@ -133,7 +133,7 @@ def plain_name(name: str) -> str:
 
 
 def time_of(stamp: int) -> dict[str, int]:
-    """Nanoseconds as a message's time."""
+    """Return nanoseconds as a message's time."""
     seconds, nanoseconds = divmod(stamp, 1_000_000_000)
     return {"sec": seconds, "nsec": nanoseconds}
 
@@ -184,7 +184,7 @@ def _poses(key: str, value: Any, at: Mapping[str, int]) -> Iterator[Message]:
 
 
 def _rooted(key: str, fields: Mapping[str, Any]) -> Iterator[tuple[str, tuple[str, Any]]]:
-    """(frame, (parent, T)) of the poses among `fields` that are tied to the base frame, directly or by one another."""
+    """Yield (frame, (parent, T)) of the poses in `fields` that are connected to the base frame, also indirectly."""
     found: dict[str, tuple[str, Any]] = {}
     for name, T in fields.items():
         match = _T.fullmatch(name)
@@ -198,7 +198,7 @@ def _rooted(key: str, fields: Mapping[str, Any]) -> Iterator[tuple[str, tuple[st
 
 
 def _many(field: Any) -> list[dict[str, Any]]:
-    """The first base pose of each item of a list of like things."""
+    """Return the first base pose of each item of a list."""
     if not isinstance(field, (list, tuple)) or not field or not dataclasses.is_dataclass(field[0]):
         return []
     names = [f.name for f in dataclasses.fields(field[0]) if f.name.startswith("T_base_")]
@@ -253,7 +253,7 @@ def _scene(topic: str, view: SceneView, at: Mapping[str, int]) -> Iterator[Messa
 
 
 def _body(topic: str, number: int, body: Mesh3, at: Mapping[str, int]) -> dict[str, Any]:
-    """A body in a frame of its own, which its transforms move."""
+    """Return a body in its own frame, which transforms move."""
     frame = f"{topic}/{number}"
     return _entity(frame, frame, at, [], [_triangles(body)], body.label, locked=True)
 
@@ -317,7 +317,7 @@ def _colour(role: str) -> dict[str, float]:
 
 
 def _say(event: Event) -> tuple[int, str, str] | None:
-    """Level, name and text of what a person who watches would be told."""
+    """Return level, name and text of an event for the log; None for an event that is not logged."""
     match event:
         case RunStarted():
             return INFO, "run", f"{event.tree} on {event.cell} ({event.cell_kind}), seed {event.seed}"
