@@ -21,7 +21,7 @@ from pomona.executive.values.sections import Problem, Section, value
 
 Faces = NDArray[np.int32]
 
-_OF_PERCEPTION = ("name", "dimensions", "symmetry_axis", "colour", "mass", "mass_spread", "weights")
+_OF_PERCEPTION = ("name", "dimensions", "symmetry_axis", "colour", "mass", "mass_spread", "weights", "photo_weights")
 """What else a fruit.yaml holds, which the skills read."""
 
 
