@@ -21,8 +21,18 @@ from pomona.executive.values.sections import Problem, Section, value
 
 Faces = NDArray[np.int32]
 
-_OF_PERCEPTION = ("name", "dimensions", "symmetry_axis", "colour", "mass", "mass_spread", "weights", "photo_weights")
-"""What else a fruit.yaml holds, which the skills read."""
+OF_PERCEPTION = (
+    "name",
+    "dimensions",
+    "symmetry_axis",
+    "colour",
+    "mass",
+    "mass_spread",
+    "weights",
+    "photo_weights",
+    "sizes",
+)
+"""Further keys of a fruit.yaml, which the skills read."""
 
 
 class UnusableModel(ValueError):
@@ -62,7 +72,7 @@ def read_model(folder: Path) -> FruitMeshes:
     findings = Findings()
     written = read_value_file(folder / "fruit.yaml", findings, "a fruit file")
     try:
-        said = None if written is None else Section(_ModelSection, _OF_PERCEPTION).read(written.root, written.reader)
+        said = None if written is None else Section(_ModelSection, OF_PERCEPTION).read(written.root, written.reader)
     except Refused:
         said = None
     if said is None:
