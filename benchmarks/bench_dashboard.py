@@ -115,13 +115,13 @@ PEAK_TICK, PEAK = 61_728, 99.0
 """When one sample of half an hour is as large as this [N]; all others lie between -1 and 1."""
 
 
-def half_hour_record(folder: Path) -> None:
-    """90 000 ticks with a change each, samples in a third of them, and an arm that always moves."""
+def record_of(folder: Path, length: int = 90_000) -> None:
+    """That many ticks with a change each, samples in a third of them, and an arm that always moves."""
     folder.mkdir()
     recorder = Recorder(folder)
     recorder.on_event(started(20))
     recorder.on_event(Published(0.0, 0, "", "robot", arm()))
-    for tick in range(90_000):
+    for tick in range(length):
         node, series = tick_events(tick, "on the way")
         recorder.on_event(node)
         if tick == PEAK_TICK:
@@ -132,7 +132,8 @@ def half_hour_record(folder: Path) -> None:
             recorder.on_event(series)
         if tick % 5 == 0:
             recorder.on_event(Published(tick * PERIOD, tick, "", "robot", arm_at(tick * PERIOD)))
-    recorder.on_event(RunEnded(1800.0, 90_000, "success", None, 90_000, 1800.0, 1800.0, None))
+    end = length * PERIOD
+    recorder.on_event(RunEnded(end, length, "success", None, length, end, end, None))
     recorder.close()
 
 
@@ -249,7 +250,7 @@ def bench_record(report: Figures, dashboard: Dashboard, browser: Any, _duration:
     from playwright.sync_api import expect
 
     folder = dashboard.records / "half_hour"
-    half_hour_record(folder)
+    record_of(folder)
     size = (folder / "run.mcap").stat().st_size / 1e6
     page = browser.new_page(viewport={"width": 1440, "height": 900})
     wait_for_rest(browser)

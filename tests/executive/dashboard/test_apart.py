@@ -48,6 +48,19 @@ with connect(sys.argv[1], max_size=None) as stream:
 print(json.dumps([worst, silent]), flush=True)
 """
 
+STOPPER = """
+import json, sys, time
+from urllib.request import Request, urlopen
+print("ready", flush=True)
+sys.stdin.readline()
+began = time.monotonic()
+headers = {"content-type": "application/json", "x-pomona-token": sys.argv[2]}
+body = json.dumps({"action": "safe_stop", "viewer": "me", "who": "ada"}).encode()
+with urlopen(Request(sys.argv[1], body, headers), timeout=20) as answer:
+    confirmed = json.load(answer)
+print(json.dumps([time.monotonic() - began, confirmed]), flush=True)
+"""
+
 
 @pytest.fixture
 def page(tmp_path: Path) -> Iterator[PageProcess]:
@@ -105,6 +118,23 @@ def test_control_stop_and_refusals_reach_the_run_and_come_back(page: PageProcess
     thread.join(10.0)
     post(page, "api/act", action="acknowledge", viewer="me")
     runner.leave()
+
+
+def test_a_stop_during_a_preparation_is_confirmed_while_the_run_s_process_lets_no_thread_run(page: PageProcess) -> None:
+    starting = page.control.prepare("pick")
+    command = [sys.executable, "-c", STOPPER, f"{page.access.address}api/act", page.access.token]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as operator:
+        assert operator.stdin is not None
+        assert operator.stdout is not None
+        assert operator.stdout.readline() == "ready\n"
+        operator.stdin.write("press\n")
+        operator.stdin.flush()
+        ctypes.PyDLL(None).usleep(4_000_000)  # it holds the interpreter's lock
+        took, answer = json.loads(operator.stdout.read())
+    assert answer["confirmed"] == "the run that was being prepared does not begin"
+    assert took < 2.0  # 0.01 s on a quiet computer; the lock was held for 4 s
+    starting.begin()
+    assert starting.cancelled.startswith("safe stop")
 
 
 def test_what_sets_something_in_motion_is_refused_when_the_run_s_process_was_too_busy(page: PageProcess) -> None:

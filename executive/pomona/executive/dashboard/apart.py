@@ -24,6 +24,7 @@ from pomona.executive.dashboard.presses import PATIENCE, TooLateError
 from pomona.executive.dashboard.security import Access
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.running.events import Event
+from pomona.executive.running.permit import Permit
 
 READY = 60.0
 """Time that the page's process may take to serve [s]; two cores at load 12 needed 9 s."""
@@ -58,7 +59,8 @@ class PageProcess:
         self.access, self.records = access, records
         self.viewers = 0
         """Pages that are open."""
-        self.control = ControlLock(lambda: self._news.set())
+        self._permit = Permit.create()
+        self.control = ControlLock(lambda: self._news.set(), self._permit)
         self._news = threading.Event()
         self._start_run: StartRun | None = None
         self._judge_form: JudgeForm = lambda _form: {}
@@ -92,9 +94,10 @@ class PageProcess:
         """
         here, there = socket.socketpair()
         with there:
-            command = [sys.executable, "-m", "pomona.executive.dashboard.serve", str(there.fileno())]
+            inherited = [there.fileno(), self._permit.read_fd]
+            command = [sys.executable, "-m", "pomona.executive.dashboard.serve", *map(str, inherited)]
             # A session of its own: Ctrl-C in the terminal ends the run first, and the page shows how.
-            self._process = subprocess.Popen(command, pass_fds=[there.fileno()], start_new_session=True)
+            self._process = subprocess.Popen(command, pass_fds=inherited, start_new_session=True)
         self._line = line = Connection(here.detach())
         line.send((self.access, self.records.resolve(), self._choices, self._start_run is not None))
         refusal = self._refusal(line)
@@ -122,16 +125,19 @@ class PageProcess:
         self._encoder.close()
         self._closing = True
         self._news.set()
-        if self._process is None or self._line is None:
-            return
+        if self._process is not None and self._line is not None:
+            self._end(self._process, self._line)
+        self._permit.close()
+
+    def _end(self, process: subprocess.Popen[bytes], line: Connection) -> None:
         self._send(("close",))
         with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(GOODBYE)
-        self._process.kill()
-        self._process.wait()
+            process.wait(GOODBYE)
+        process.kill()
+        process.wait()
         for thread in self._threads:
             thread.join(GOODBYE)
-        self._line.close()
+        line.close()
 
     def _deliver(self, words: Sequence[Word]) -> None:
         self._send(("words", list(words)))

@@ -11,12 +11,16 @@ from pomona.executive.dashboard.messages import picture_message
 from pomona.executive.errors import PomonaError
 from pomona.executive.language.changes import ChangeRefusedError
 from pomona.executive.running.breakpoints import BREAK_ACTIONS, UnknownNodeError
+from pomona.executive.running.permit import Permit
 from pomona.executive.running.requests import AnswerRefusedError, UnknownFaultError
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.starting import Starting
 from pomona.executive.speed import SpeedRefusedError, speed_of
 
 ACTIONS = ("pause", "resume", "step", "stop")
+
+CANCELLED = "the run that was being prepared does not begin"
+"""Answer to a safe stop during a preparation."""
 
 
 class RefusedError(PomonaError):
@@ -88,7 +92,13 @@ class RunControl(Protocol):
 class ControlLock:
     """One operator at a time acts; anybody may safe-stop. Methods may be called from any thread."""
 
-    def __init__(self, changed: Callable[[], None] = lambda: None) -> None:
+    def __init__(self, changed: Callable[[], None] = lambda: None, permit: Permit | None = None) -> None:
+        """
+        Args:
+            changed: called after each change.
+            permit: needed by each run to begin; see `Starting`.
+        """
+        self._permit = permit
         self._lock = threading.Lock()
         self._held = Holder()
         self._runner: Runner | None = None
@@ -165,7 +175,7 @@ class ControlLock:
 
     def prepare(self, tree: str) -> Starting:
         """A run of this tree is being prepared: what `execute` reports to, until `serve` gives the runner."""
-        starting = Starting(self._changed)
+        starting = Starting(self._changed, self._permit)
         self._starting, self._problem = (tree, starting), None
         self._changed()
         return starting
@@ -245,7 +255,7 @@ class ControlLock:
         starting, runner = self._starting, self._runner
         if starting is not None and starting[1].stage is not None:
             starting[1].cancel(because, who)
-            return "the run that was being prepared does not begin"
+            return CANCELLED
         if runner is None or (runner.state.ended and runner.latched is None):
             if starting is not None:  # a recovery has just ended, and the run would begin after it
                 starting[1].cancel(because, who)

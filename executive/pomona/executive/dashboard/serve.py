@@ -1,4 +1,4 @@
-"""The page's own process, started by `PageProcess`: python -m pomona.executive.dashboard.serve FD"""
+"""The page's own process, started by `PageProcess`: python -m pomona.executive.dashboard.serve FD PERMIT_FD"""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from pomona.executive.dashboard.choices import Choices
-from pomona.executive.dashboard.control_lock import ControlStatus, RefusedError
+from pomona.executive.dashboard.control_lock import CANCELLED, ControlStatus, RefusedError
 from pomona.executive.dashboard.security import Access
 from pomona.executive.dashboard.server import Dashboard
 from pomona.executive.errors import PomonaError
+from pomona.executive.running.permit import Permit
 
 CALL_PATIENCE = 30.0
 """Time that the run's process may take to answer a call [s]."""
@@ -25,7 +26,8 @@ CALL_PATIENCE = 30.0
 class RemoteControl:
     """The run's `ControlLock`, in another process."""
 
-    def __init__(self, line: Connection) -> None:
+    def __init__(self, line: Connection, permit: Permit) -> None:
+        self._permit = permit
         self._line, self._sending = line, threading.Lock()
         self._standing, self._heard = ControlStatus(), time.monotonic()
         self._numbers = itertools.count(1)
@@ -97,8 +99,14 @@ class RemoteControl:
         self.call("act", viewer, action, detail, number)
 
     def safe_stop(self, who: str) -> str:
-        """See `ControlLock`."""
-        return str(self.call("safe_stop", who))
+        """See `ControlLock`. A run that is being prepared needs no answer of its process: it has lost its permit."""
+        if not self._permit.take():
+            return str(self.call("safe_stop", who))
+        try:
+            self.say("call", next(self._numbers), "safe_stop", (who,), time.monotonic())
+        except OSError:
+            raise RefusedError("the run's process has ended") from None
+        return CANCELLED
 
 
 class ServedDashboard(Dashboard):
@@ -116,10 +124,10 @@ class ServedDashboard(Dashboard):
             self._remote.say("viewers", self._told)
 
 
-def main(line: Connection) -> None:
+def main(line: Connection, permit: Permit) -> None:
     """Serve until the run's process says so, or ends."""
     access, records, choices, starts = line.recv()
-    remote = RemoteControl(line)
+    remote = RemoteControl(line, permit)
     dashboard = _serve(access, records, choices, starts, remote)
     if dashboard is None:
         return
@@ -167,4 +175,4 @@ def _serve(
 
 if __name__ == "__main__":
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    main(Connection(int(sys.argv[1])))
+    main(Connection(int(sys.argv[1])), Permit(int(sys.argv[2])))

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from pomona.executive.errors import PomonaError
+from pomona.executive.running.permit import Permit
 from pomona.executive.running.requests import Requests
 
 
@@ -27,8 +28,15 @@ class StartingStage:
 class Starting:
     """From the order to the first tick. `execute` reports to it; anybody may cancel, from any thread."""
 
-    def __init__(self, changed: Callable[[], None] = lambda: None) -> None:
-        self._changed = changed
+    def __init__(self, changed: Callable[[], None] = lambda: None, permit: Permit | None = None) -> None:
+        """
+        Args:
+            changed: called after each change.
+            permit: needed to begin, where another process may withdraw it.
+        """
+        self._changed, self._permit = changed, permit
+        if permit is not None:
+            permit.issue()
         self._lock = threading.Lock()
         self._run: Requests | None = None
         self._cancelled: tuple[str, str] | None = None
@@ -50,11 +58,15 @@ class Starting:
 
     def reach(self, what: str, done: int = 0, of: int = 0) -> None:
         """Report the next stage."""
+        if self.stage is None and self._permit is not None:  # the run after a recovery, which has used its permit up
+            self._permit.issue()
         self.stage = StartingStage(what, done, of)
         self._changed()
 
     def begin(self) -> None:
-        """The run is active: from now on its events report its progress."""
+        """The run is active: its events report its progress. Without a permit it ends before its first tick."""
+        if self._permit is not None and not self._permit.take():
+            self.cancel("safe stop on the page during the preparation", "operator")
         self.stage = None
         self._changed()
 

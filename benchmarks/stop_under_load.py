@@ -1,0 +1,175 @@
+"""How soon SAFE STOP acts while other processes want both cores: pressed in Chromium until the safe state is confirmed.
+
+`python -m benchmarks.stop_under_load [--load 12] [--seconds 170]`. Chromium draws without a graphics card. The run's
+process and the page's are those of `pomona dashboard`; the arm of the simulated cell moves in real time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.bench_dashboard import FLAGS, machine, record_of
+
+GOAL = 0.5
+"""Longest time from a press to the confirmed safe state, 99th percentile [s]."""
+
+SHUTTLE = """pomona: 1
+tree: shuttle
+root:
+  sequence:
+    - MoveTo: {pose: observe}
+    - MoveTo: {pose: home}
+  repeat: 1000
+"""
+
+PRESS = """async ({ preparing, run, wait }) => {
+  const load = (name) => import(`/static/${name}.js`), pause = (ms) => new Promise((next) => setTimeout(next, ms));
+  const [{ page }, { link, press }, { startRun }] = await Promise.all(["page", "link", "runs"].map(load));
+  const until = async (done, limit = 150000) => {
+    const end = performance.now() + limit;
+    while (!done()) { if (performance.now() > end) throw new Error(`waited for ${done}`); await pause(10); }
+  };
+  const live = () => page.live.whole, going = () => page.control.start && !page.control.start.problem;
+  if (!page.control.held_by) { press("take"); await until(() => page.control.held_by); }
+  await until(() => !going());
+  if (live().safeStop) { press("acknowledge"); await until(() => !live().safeStop); }
+  const before = live().run?.run, asked = performance.now(), begun = () => going() || live().run?.run !== before;
+  while (!begun()) {
+    await startRun({ tree: "shuttle", cell: "sim", seed: 0, pace: "real", speed: "100 %", settings: {} });
+    await pause(100);
+    const late = performance.now() - asked > 30000;
+    if (!begun() && late) throw new Error(`no start: ${document.getElementById("connection").textContent}`);
+  }
+  if (!preparing) await until(() => live().run && live().run.run !== before && !live().ended && live().t > 0.3);
+  await pause(wait);
+  const source = "onmessage = () => setTimeout(() => postMessage(performance.timeOrigin + performance.now()), 20)";
+  const clock = new Worker(URL.createObjectURL(new Blob([source])));
+  if (run) location.hash = `run=${run}`;
+  const finger = await new Promise((next) => { clock.onmessage = (e) => next(e.data); clock.postMessage(0); });
+  clock.terminate();
+  const button = document.getElementById("safe-stop");
+  const enabled = button.getAttribute("aria-disabled") === "false" && !button.disabled;
+  const alive = document.getElementById("not-live").hidden, still = Boolean(going());
+  link.press = null;
+  button.click();
+  const made = link.press;
+  await until(() => made.state !== "sent" && made.state !== "accepted", 15000);
+  if (run) { location.hash = ""; await pause(50); }
+  return { took: performance.timeOrigin + made.ended - finger, state: made.state, enabled, alive, still };
+}"""
+"""Start a run, press, measure [ms]. A worker stamps the press, so that a busy page counts as with a finger."""
+
+
+@contextmanager
+def busy(processes: int) -> Iterator[None]:
+    """That many processes that compute."""
+    loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(processes)]
+    try:
+        yield
+    finally:
+        for loop in loops:
+            loop.kill()
+            loop.wait()
+
+
+@contextmanager
+def served(folder: Path) -> Iterator[str]:
+    """`pomona dashboard` in a process of its own; the link that lets a page act."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    tree = folder / "shuttle.yaml"
+    tree.write_text(SHUTTLE, encoding="utf-8")
+    command = [
+        sys.executable,
+        "-u",
+        "-c",
+        "from pomona.executive.cli import main; import sys; sys.exit(main())",
+        "dashboard",
+    ]
+    command += ["--port", str(port), "--record", str(folder / "runs"), "--tree", str(tree)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=folder) as process:
+        assert process.stdout is not None
+        link = next(found[0] for line in process.stdout if (found := re.search(r"http://\S+", line)))
+        try:
+            yield link
+        finally:
+            process.terminate()
+
+
+def measure(page: Any, record: str, seconds: float) -> dict[str, list[dict[str, Any]]]:
+    """Press by turns while the arm moves, while a record is opened, and while a run is prepared."""
+    presses: dict[str, list[dict[str, Any]]] = {}
+    end, rng = time.monotonic() + seconds, np.random.default_rng(7)
+    for turn in range(1000):
+        if time.monotonic() > end:
+            break
+        what = ("preparing", "arm moves", "preparing", "arm moves, a record is opened")[turn % 4]
+        order = {
+            "preparing": what == "preparing",
+            "run": record if "record" in what else "",
+            "wait": float(rng.uniform(0.0, 800.0)),
+        }
+        made = page.evaluate(PRESS, order)
+        if what != "preparing" or made["still"]:  # else it had begun before the press
+            presses.setdefault(what, []).append(made)
+    return presses
+
+
+def main() -> int:
+    """Measure and print.
+
+    Returns:
+        the exit status: 1 when the goal is missed.
+    """
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--load", type=int, default=12, help="processes that compute beside it")
+    parser.add_argument("--seconds", type=float, default=170.0, help="time to press in [s]")
+    options = parser.parse_args()
+    browser_path = next((path for name in ("chromium", "chromium-browser") if (path := shutil.which(name))), None)
+    if browser_path is None:
+        print("no Chromium is installed", file=sys.stderr)
+        return 2
+    from playwright.sync_api import sync_playwright
+
+    with tempfile.TemporaryDirectory() as scratch, sync_playwright() as playwright:
+        folder = Path(scratch)
+        (folder / "runs").mkdir()
+        record_of(folder / "runs" / "recorded", 15_000)
+        with served(folder) as link:
+            browser = playwright.chromium.launch(executable_path=browser_path, args=FLAGS)
+            page = browser.new_page(viewport={"width": 1280, "height": 800}, bypass_csp=True)  # for the worker
+            page.goto(link)
+            page.get_by_label("your name").fill("bench")
+            with busy(options.load):
+                taken = measure(page, "recorded", options.seconds)
+                where = machine().replace("before", "at the end")
+            browser.close()
+    print(f"SAFE STOP, {options.load} processes that compute; {where}")
+    presses = {**taken, "all": [made for of in taken.values() for made in of]}
+    for what, made in presses.items():
+        took = np.array([one["took"] for one in made])
+        print(f"{what}: {len(took)} presses, median {np.median(took):.0f} ms, p99 {np.percentile(took, 99):.0f} ms,")
+        print(f"  longest {took.max():.0f} ms; ended as {', '.join(sorted({one['state'] for one in made}))};")
+        print(
+            f"  button disabled {sum(not one['enabled'] for one in made)}, not live {sum(not one['alive'] for one in made)}"
+        )
+    late = np.percentile([one["took"] for one in presses["all"]], 99) > 1e3 * GOAL
+    return int(late or not all(one["enabled"] for one in presses["all"]))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
