@@ -63,18 +63,19 @@ def bounded(reason: Reason) -> Reason:
         if not reason.causes:
             return reason
         if depth == DEEPEST_CAUSE - 1:
-            return replace(reason, causes=(_latest_leaf(reason),))
+            return replace(reason, causes=(latest_leaf(reason),))
         kept: list[Reason] = []
         for cause in reversed(reason.causes):
             if left <= 0:
                 break
             kept.append(cut(cause, depth + 1))
-        return replace(reason, causes=tuple(reversed(kept)) or (_latest_leaf(reason),))
+        return replace(reason, causes=tuple(reversed(kept)) or (latest_leaf(reason),))
 
     return cut(reason, 0)
 
 
-def _latest_leaf(reason: Reason) -> Reason:
+def latest_leaf(reason: Reason) -> Reason:
+    """Return the end of the chain of latest causes: the leaf that failed last."""
     while reason.causes:
         reason = reason.causes[-1]
     return reason

@@ -3,25 +3,30 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from itertools import combinations
 from typing import Any
 
 import matplotlib.figure
+import matplotlib.legend
 import numpy as np
 import pytest
 
+from pomona.executive.reasons import Reason
 from pomona.executive.recording.picture import Picture
-from pomona.executive.running.events import Published
+from pomona.executive.running.events import Event, NodeChanged, Published, RunEnded, RunStarted
 from pomona.executive.views import ImageView, Line2, Line3, Points3, SceneView, SeriesView
 
 
-def plotted(monkeypatch: pytest.MonkeyPatch, views: list[tuple[str, Any]]) -> Any:
-    """The figure of these views, in this order."""
+def plotted(monkeypatch: pytest.MonkeyPatch, views: list[tuple[str, Any]], events: Sequence[Event] = ()) -> Any:
+    """The figure of these views, in this order, and of other events of the run."""
     figures: list[Any] = []
     monkeypatch.setattr(matplotlib.figure.Figure, "savefig", lambda figure, *_a, **_k: figures.append(figure))
     picture = Picture()
     for topic, view in views:
         picture.on_event(Published(0.0, 0, "t", topic, view))
+    for event in events:
+        picture.on_event(event)
     picture.save(io.BytesIO(), "pick_apple: success, seed 3")
     return figures[0]
 
@@ -65,12 +70,13 @@ def test_texts_are_inside_the_picture_and_none_lies_on_another(
         texts |= {f"{number} above": axes._left_title}
         if axes.axison:
             texts |= {f"{number} {name}": axis.label for name, axis in axes._axis_map.items()}
-        if axes.get_legend():
-            legends[f"{number} legend"] = axes.get_legend()
+        shown = [child for child in axes.get_children() if isinstance(child, matplotlib.legend.Legend)]
+        legends |= {f"{number} legend {place}": legend for place, legend in enumerate(shown)}
+    assert legends["1 legend 0"].get_window_extent().x0 > figure.axes[0].bbox.x1  # beside the image, not on the fruit
     places = {
         name: text.get_window_extent() for name, text in (texts | legends).items() if name in legends or text.get_text()
     }
-    assert len(places) >= 12
+    assert len(places) >= 10
     whole = figure.bbox
     out = [name for name, box in places.items() if box.x0 < 0 or box.y0 < 0 or box.x1 > whole.x1 or box.y1 > whole.y1]
     assert out == []
@@ -82,9 +88,9 @@ def test_texts_are_inside_the_picture_and_none_lies_on_another(
 def test_every_axis_has_its_unit_and_slip_is_in_millimetres_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
     figure = drawn(monkeypatch, 9.0, "1 found")
     labels = [text for axes in figure.axes if axes.axison for text in (axes.get_xlabel(), axes.get_ylabel())]
-    assert all(label.endswith("]") for label in labels)
-    assert {"slip speed [mm/s]", "force [N]", "width [mm]", "time [s]"} <= set(labels)
-    force = next(axes for axes in figure.axes if axes.get_ylabel() == "force [N]")
+    assert all(label.endswith("]") for label in labels if label)
+    assert {"slip speed\n[mm/s]", "force\n[N]", "width\n[mm]", "time [s]"} <= set(labels)
+    force = next(axes for axes in figure.axes if axes.get_ylabel() == "force\n[N]")
     assert "no bruise below 29.7 N" in [text.get_text() for text in force.get_legend().get_texts()]
 
 
@@ -108,8 +114,32 @@ def test_one_look_is_shown_the_last_that_had_something_to_draw(monkeypatch: pyte
         ("grasp", ImageView(None, (line,), caption="second grasp")),
         ("detection", look(3, "nothing found")),
     ]
-    (axes,) = plotted(monkeypatch, looks).axes
+    axes = plotted(monkeypatch, looks).axes[0]
     assert axes.images[0].get_array().max() == 2
     assert axes.get_title("left").split("\n") == ["second", "second grasp"]
-    (axes,) = plotted(monkeypatch, looks[-1:]).axes
+    axes = plotted(monkeypatch, looks[-1:]).axes[0]
     assert axes.get_title("left") == "nothing found"
+
+
+def test_a_failure_has_its_reason_above_and_its_moment_in_all_curves_at_one_place(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    t = np.linspace(0.0, 5.0, 50)
+    slipped = Reason("root/lift", "SLIPPED", "the fruit has slipped out of the fingers")
+    again = Reason("root", "SLIPPED", "the fruit has slipped out of the fingers", causes=(slipped,))
+    node = {"path": "root/lift", "parent": "root", "name": "Lift"}
+    events = [
+        RunStarted(0.0, 0, "r", "t", "t.yaml", "", "", "c", "mock", "", "", 0, {}, (node,), {}, 0.0, 0.02),
+        Published(0.0, 0, "root/lift", "grip", SeriesView(t, {"force [N]": t, "load [N]": t, "width [m]": t})),
+        NodeChanged(1.2, 60, "root/lift", "FAILURE", "", 1, slipped),
+        NodeChanged(3.6, 180, "root/lift", "FAILURE", "", 2, slipped),
+        RunEnded(5.0, 250, "failure", again, 250, 5.0, 5.0, None),
+    ]
+    figure = plotted(monkeypatch, [], events)
+    assert [text.get_text() for text in figure.texts if "SLIPPED" in text.get_text()] == [
+        "Lift SLIPPED at 3.6 s: the fruit has slipped out of the fingers"
+    ]
+    figure.canvas.draw()
+    marks = [line for axes in figure.axes for line in axes.lines if list(line.get_xdata()) == [3.6, 3.6]]
+    assert len(marks) == 2
+    assert len({mark.get_window_extent().x0 for mark in marks}) == 1

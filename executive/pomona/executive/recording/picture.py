@@ -1,7 +1,8 @@
-"""The picture of a run: the camera's image, the path in the scene, forces over time, attempts."""
+"""The picture of a run: the camera's image, the path in the scene, forces over time, the failure."""
 
 from __future__ import annotations
 
+import textwrap
 from collections import defaultdict
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -11,8 +12,9 @@ from numpy.typing import NDArray
 
 from pomona.executive.extras import need
 from pomona.executive.images import EXTRA
-from pomona.executive.palette import INK, MUTED, OVERLAY, SCENE, SERIES
-from pomona.executive.running.events import Event, Published
+from pomona.executive.palette import BAD, INK, MUTED, OVERLAY, SCENE, SERIES
+from pomona.executive.reasons import Reason, latest_leaf
+from pomona.executive.running.events import Event, NodeChanged, Published, RunEnded, RunStarted
 from pomona.executive.views import ImageView, SceneView, SeriesView
 
 MILLI = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
@@ -23,6 +25,9 @@ KINDS = {"N": "force", "N·m": "torque", "m": "length", "m/s": "speed", "rad": "
 
 GAP = 0.5
 """Longest time between two samples of one curve [s]."""
+
+MOST_REASON = 150
+"""Longest reason under the title [characters]."""
 
 MOST_LABELS = 8
 """Largest number of entries of a legend."""
@@ -35,9 +40,19 @@ class Picture:
         self._images: dict[str, ImageView] = {}
         self._scenes: dict[str, SceneView] = {}
         self._series: dict[str, list[SeriesView]] = defaultdict(list)
+        self._names: dict[str, str] = {}
+        self._failed: dict[str, float] = {}
+        self._reason: Reason | None = None
+        self._ended = 0.0
 
     def on_event(self, event: Event) -> None:
-        """Keep a published view."""
+        """Keep a published view, the moment of a node's last failure, and the run's reason."""
+        if isinstance(event, RunStarted):
+            self._names = {node["path"]: node["name"] for node in event.nodes}
+        elif isinstance(event, NodeChanged) and event.status == "FAILURE":
+            self._failed[event.path] = event.t
+        elif isinstance(event, RunEnded) and event.outcome != "success":
+            self._reason, self._ended = event.reason and latest_leaf(event.reason), event.t
         if not isinstance(event, Published):
             return
         if isinstance(event.value, ImageView):
@@ -73,25 +88,60 @@ class Picture:
         )  # margins are set by hand: computing a layout draws everything twice
         FigureCanvasAgg(figure)
         figure.suptitle(title, fontsize=13, x=0.01, y=0.985, ha="left", parse_math=False)
-        count = 2 if self._series else 1
-        margins = {"left": 0.055, "right": 0.985, "top": 0.875, "bottom": 0.07 if self._series else 0.03}
-        rows = figure.add_gridspec(count, 1, height_ratios=[2.4, 1.1][:count], hspace=0.16, **margins)
+        if self._reason is not None:
+            figure.text(0.01, 0.93, self._why(), fontsize=10, color=BAD, va="center", parse_math=False)
+        units = self._by_unit()
+        heights = [2 if len(lines) > 1 else 1 for lines in units.values()]
+        below = 0.17 * sum(heights) ** 0.7  # share of the height that the curves take
+        margins = {"left": 0.055, "right": 0.985}
+        images = figure.add_gridspec(
+            1,
+            3,
+            width_ratios=[1.25, 0.42, 1.0],
+            wspace=0.04,
+            top=0.86,
+            bottom=below + 0.06 if units else 0.03,
+            **margins,
+        )
+        look, beside = figure.add_subplot(images[0]), figure.add_subplot(images[1])
+        self._draw_images(look)
+        beside.set_axis_off()
+        _legend(look, beside, "upper left")  # on the image it would hide the fruit
         if self._scenes:
-            above = rows[0].subgridspec(1, 3, width_ratios=[1.25, 0.42, 1.0], wspace=0.04)
-            self._draw_images(figure.add_subplot(above[0]))
-            scene, beside = figure.add_subplot(above[2], projection="3d"), figure.add_subplot(above[1])
+            first, scene = beside.get_legend(), figure.add_subplot(images[2], projection="3d")
             self._draw_scene(scene)
-            beside.set_axis_off()
-            _legend(scene, beside, "upper left")  # in the scene it would hide the path
-        else:
-            self._draw_images(figure.add_subplot(rows[0]))
-        if self._series:
-            units = self._by_unit()
-            widths = [1 + len(lines) for lines in units.values()]
-            below = rows[1].subgridspec(1, len(units), width_ratios=widths, wspace=0.24)
-            for column, (unit, lines) in enumerate(units.items()):
-                self._draw_series(figure.add_subplot(below[column]), unit, lines)
+            _legend(scene, beside, "lower left")
+            if first is not None:
+                beside.add_artist(first)
+        if units:
+            grid = figure.add_gridspec(
+                len(units), 1, height_ratios=heights, hspace=0.12, left=0.055, right=0.82, top=below, bottom=0.06
+            )
+            above = None
+            for row, (unit, lines) in enumerate(units.items()):
+                above = figure.add_subplot(grid[row], sharex=above)  # one moment is one place in all curves
+                self._draw_series(above, unit, lines)
+                above.tick_params(labelbottom=row == len(units) - 1)
+            assert above is not None
+            above.set_xlabel("time [s]")
         figure.savefig(target, pil_kwargs={"compress_level": 2})  # a third of the time of the default, a sixth larger
+
+    def _why(self) -> str:
+        """The reason in a line: the node, its code, its message."""
+        assert self._reason is not None
+        name = self._names.get(self._reason.node_path, self._reason.node_path)
+        words = f"{name} {self._reason.code} at {self._moment():.1f} s: {self._reason.message}".strip()
+        return textwrap.shorten(words, MOST_REASON, placeholder=" …")
+
+    def _moment(self) -> float:
+        """Time of the failure that ended the run [s]."""
+        assert self._reason is not None
+        return self._failed.get(self._reason.node_path, self._ended)
+
+    def _mark_failure(self, axes: Any) -> None:
+        if self._reason is not None:
+            words = f"{self._reason.code}, {self._moment():.1f} s"
+            axes.axvline(self._moment(), color=BAD, lw=1.4, label=words if len(axes.lines) > 1 else "")
 
     def _draw_images(self, axes: Any) -> None:
         axes.set_axis_off()
@@ -116,7 +166,6 @@ class Picture:
         axes.set_xlim(0, width)
         axes.set_ylim(height, 0)
         axes.set_title("\n".join(v.caption for v in self._images.values() if v.caption), fontsize=8, loc="left")
-        _legend(axes)
 
     def _draw_scene(self, axes: Any) -> None:
         from matplotlib.ticker import MaxNLocator
@@ -165,16 +214,18 @@ class Picture:
         for number, (name, value) in enumerate(thresholds.items()):
             if f"[{unit}]" in name:
                 words = f"{name.replace(f' [{unit}]', '')} {scale * value:.3g} {shown}"
-                if 2.0 * low - high < scale * value < 2.0 * high - low:  # a distant line would flatten the curves
+                if (
+                    1.5 * low - 0.5 * high < scale * value < 1.5 * high - 0.5 * low
+                ):  # a distant line would flatten the curves
                     axes.axhline(scale * value, lw=0.9, ls=("--", ":", "-.")[number % 3], color=MUTED, label=words)
                 else:
                     axes.plot([], [], ls="none", label=words)
         kind = lines[0][0].partition(" [")[0] if len(lines) == 1 else KINDS.get(unit, "")
-        axes.set_xlabel("time [s]")
-        axes.set_ylabel(f"{kind} [{shown}]" if unit else kind)
+        self._mark_failure(axes)
+        axes.set_ylabel(f"{kind}\n[{shown}]" if unit else kind, fontsize=9)
         axes.grid(alpha=0.25)
         if len(axes.get_legend_handles_labels()[1]) > 1:  # the axis names a single curve
-            _legend(axes, place="best")  # where it hides the least
+            _legend(axes, place="upper left", beside=(1.005, 1.0))
 
 
 def _has_drawings(view: ImageView) -> bool:
@@ -187,10 +238,12 @@ def _with_gaps(t: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDA
     return np.insert(t, apart, np.nan), np.insert(values, apart, np.nan)
 
 
-def _legend(axes: Any, where: Any = None, place: str = "upper right") -> None:
-    """Draw the legend of `axes`, there or in other axes."""
+def _legend(
+    axes: Any, where: Any = None, place: str = "upper right", beside: tuple[float, float] | None = None
+) -> None:
+    """Draw the legend of `axes`: there, in other axes, or beside them."""
     handles, labels = axes.get_legend_handles_labels()
     named = {label: handle for handle, label in zip(handles, labels, strict=True) if label and label[0] != "_"}
     named = dict(list(named.items())[-MOST_LABELS:])
     if named:
-        (where or axes).legend(named.values(), named.keys(), fontsize=8, loc=place)
+        (where or axes).legend(named.values(), named.keys(), fontsize=8, loc=place, bbox_to_anchor=beside)

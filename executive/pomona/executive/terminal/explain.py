@@ -10,7 +10,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from pomona.executive.reasons import Reason
+from pomona.executive.reasons import Reason, latest_leaf
 from pomona.executive.recording.difference import Difference, first_difference
 from pomona.executive.running.events import (
     AttemptEnded,
@@ -134,7 +134,7 @@ class _Story:
         yield f"{self._opening(started)} {self._outcome(ended, going_on, why_cut)}"
         reason = ended.reason if ended is not None else None
         yield self._why(reason) if reason is not None else self._on_the_way()
-        code = "EXCEPTION" if self.errors else _last_leaf(reason).code if reason is not None else ""
+        code = "EXCEPTION" if self.errors else latest_leaf(reason).code if reason is not None else ""
         known = failure_codes().get(code)
         yield f"Remedy: {_sentence(known.remedy)}" if known is not None else ""
 
@@ -181,7 +181,7 @@ class _Story:
         return f"It {word} after {seconds(ended.time)}."
 
     def _why(self, reason: Reason) -> str:
-        leaf = _last_leaf(reason)
+        leaf = latest_leaf(reason)
         t = next((f.t for f in reversed(self.failures) if f.path == leaf.node_path), None)
         if t is None:
             t = self.stops[0].t if self.stops else self.t
@@ -192,7 +192,7 @@ class _Story:
 
     def _figures(self, reason: Reason) -> str:
         """Return the figures of a failure and of its consequences."""
-        leaf = _last_leaf(reason)
+        leaf = latest_leaf(reason)
         chain = list(dict.fromkeys(self._name(step.node_path) for step in _last_chain(reason)))
         with_it = f"With it failed {', then '.join(reversed(chain[:-1]))}." if len(chain) > 2 else ""
         return f"{_figures(leaf.data)} {with_it}".strip()
@@ -309,10 +309,6 @@ def _last_chain(reason: Reason) -> Iterator[Reason]:
     yield reason
     if reason.causes:
         yield from _last_chain(reason.causes[-1])
-
-
-def _last_leaf(reason: Reason) -> Reason:
-    return list(reason.leaves())[-1]
 
 
 def _raised(error: ErrorRaised, node: str) -> str:
