@@ -27,6 +27,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from pomona.executive.dashboard.choices import Choices, JudgeForm, StartRun
 from pomona.executive.dashboard.connections import LiveWire, PatientHttp, hang_up, wire_of
 from pomona.executive.dashboard.control_lock import ControlLock, RefusedError, RunControl
+from pomona.executive.dashboard.drawn_tree import drawing
 from pomona.executive.dashboard.hub import Hub, Viewer
 from pomona.executive.dashboard.presses import Presses, now, object_of, text
 from pomona.executive.dashboard.record_messages import between, cloud, image, moment, overview, record_messages
@@ -109,6 +110,7 @@ class Dashboard:
                 Route("/api/runs/{name}/images/{at}/cloud", self._cloud),
                 Route("/api/runs/{name}/record", self._download),
                 Route("/api/runs/{name}/picture", self._picture),
+                Route("/api/runs/{name}/drawing", self._drawing),
                 Route("/api/act", self._act, methods=["POST"]),
                 Route("/api/judge", self._judge, methods=["POST"]),
                 Route("/api/start", self._start, methods=["POST"]),
@@ -274,6 +276,13 @@ class Dashboard:
         if folder is None or not is_plain(folder / "picture.png"):
             return JSONResponse({"error": "no such picture"}, 404)
         return FileResponse(folder / "picture.png")
+
+    async def _drawing(self, request: Request) -> Response:
+        folder = self._folder(request)
+        drawn = None if folder is None else await asyncio.to_thread(drawing, folder)
+        if drawn is None:
+            return JSONResponse({"error": "no tree that can be drawn"}, 404)
+        return Response(drawn, media_type="image/svg+xml")
 
     def _folder(self, request: Request) -> Path | None:
         """The record's folder, or None: only the exact name of a record counts, and no symbolic link."""

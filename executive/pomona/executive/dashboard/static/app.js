@@ -6,6 +6,7 @@ import { connect, isStale, link, press, TWICE } from "./link.js";
 import { drawTrust } from "./trust.js";
 import { closeLarge } from "./layout.js";
 import { TreeView } from "./tree.js";
+import { DrawingView } from "./drawing.js";
 import { CameraView, PlotsView, drawTables } from "./pictures.js";
 import { SceneView } from "./scene.js";
 import { Timeline } from "./timeline.js";
@@ -25,6 +26,7 @@ const tree = new TreeView((path) => { page.selected = path; page.dirty = true; }
 const camera = new CameraView();
 const plots = new PlotsView();
 const scene = new SceneView((path) => { tree.open(path); tree.show(path); });
+const drawing = new DrawingView((path) => { tree.open(path); tree.show(path); });
 const timeline = new Timeline(goTo);
 onMoment(goTo);
 
@@ -91,7 +93,7 @@ function parts() {
   return [
     () => { drawHeader(s); drawTrust(live); drawControl(live); drawFaults(live); drawStart(); drawPlayback(); },
     () => drawWhy(whole), // before the rest, which takes the room that it leaves
-    () => { tree.update(s); tree.explain(whole); },
+    () => { tree.update(s); tree.explain(whole); drawing.update(s, tree.paths, page.selected); },
     () => camera.update(s, page.at === null && !page.recorded && !s.ended ? page.pictures : null),
     () => { drawOver(over, other); scene.update(s, page.selected, other); },
     () => plots.update(s, page.at, Math.max(page.whole.t, over?.whole.t ?? 0), other, follows ? [samplesOf(page.feed), over && samplesOf(over)] : null),

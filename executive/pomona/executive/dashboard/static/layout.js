@@ -1,5 +1,6 @@
 // How the panels share the room: handles between them, and one picture at a time in large. Kept by this browser.
 import { $, h } from "./dom.js";
+import { page } from "./page.js";
 
 const STEP = 24; // px that an arrow key moves a handle
 const kept = JSON.parse(localStorage.getItem("pomona-layout") || "{}");
@@ -15,10 +16,11 @@ function apply() {
     if (Number.isFinite(kept[name])) document.body.style.setProperty(`--${name}`, `${kept[name]}px`); else document.body.style.removeProperty(`--${name}`);
   }
   document.body.dataset.large = kept.large ?? "";
+  page.dirty = true;
   for (const button of document.querySelectorAll("[data-enlarge]")) {
     const on = kept.large === button.dataset.enlarge;
     button.setAttribute("aria-pressed", on);
-    button.textContent = on ? "Small" : "Large";
+    button.textContent = button.dataset.words ?? (on ? "Small" : "Large");
   }
 }
 

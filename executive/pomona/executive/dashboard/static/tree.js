@@ -121,6 +121,8 @@ export class TreeView {
     requestAnimationFrame(() => this.show(path)); // rows that were never in sight have now their real height
   }
 
+  get paths() { return [...this.rows.keys()]; }
+
   open(path) {
     for (let row = this.rowOf(path); row; row = this.rows.get(row.parent)) { this.closed.delete(row.parent); if (row.spare) this.opened.add(row.parent); }
     this.filter();
