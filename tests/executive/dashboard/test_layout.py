@@ -70,6 +70,22 @@ def test_the_scene_fills_the_middle_when_it_is_wanted_large(show: Show, open_pag
     expect(page.locator("#camera")).to_be_visible()
 
 
+def test_the_tree_is_drawn_and_a_box_is_chosen_as_a_row_is(show: Show, open_page: Callable[..., Any]) -> None:
+    show.record(LOOK, "old_1")
+    (show.records / "old_1" / "tree.yaml").write_text(LOOK, encoding="utf-8")
+    page = open_page("run=old_1", viewport={"width": 1280, "height": 800})
+    expect(page.locator("#connection")).to_have_text("recorded run")
+    page.get_by_role("button", name="Drawing").click()
+    box = page.locator("#drawing g", has_text="Look")
+    expect(box).to_have_class(re.compile("good"))
+    box.click()
+    expect(page.locator(".row.selected .name")).to_have_text("Look")
+    expect(box).to_have_class(re.compile("good.*chosen"))
+    page.keyboard.press("Escape")  # closes the drawing first
+    expect(page.locator("#drawing")).to_be_hidden()
+    expect(page.locator("#press")).to_be_hidden()
+
+
 PICK = """() => { // clicks all over the scene, until something is hit
     const canvas = document.getElementById("scene"), box = canvas.getBoundingClientRect();
     for (let y = 4; y < box.height; y += 6) for (let x = 4; x < box.width; x += 6) {
