@@ -341,6 +341,22 @@ def test_a_foreign_tree_with_stubs_is_checked_run_dry_and_exported_and_not_run(
     assert "declared in the tree and not installed" in " ".join(capsys.readouterr().err.split())
 
 
+def test_a_foreign_node_with_children_is_passed_through_in_a_dry_run_and_never_run(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    xml, tree = tmp_path / "nav.xml", tmp_path / "nav.yaml"
+    nodes = '<SpeedController min_rate="0.1"><Sequence><Route/><Walk/></Sequence></SpeedController>'
+    xml.write_text(f'<root BTCPP_format="4"><BehaviorTree ID="nav">{nodes}</BehaviorTree></root>')
+    assert main(["import", str(xml), "--stubs", "--out", str(tree)]) == 1  # the finding remains
+    assert "<SpeedController> has children" in capsys.readouterr().err
+    assert main(["check", str(tree)]) == 0
+    assert main(["run", str(tree), "--dry", "--no-record", "--json"]) == 0
+    assert main(["export", str(tree)]) == 0
+    assert '<SpeedController min_rate="0.1">' in capsys.readouterr().out
+    assert main(["run", str(tree), "--no-record"]) == 2
+    assert "Route, SpeedController, Walk: declared in the tree" in " ".join(capsys.readouterr().err.split())
+
+
 def test_a_declared_skill_has_the_ports_of_its_declaration(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     tree = tmp_path / "t.yaml"
     head = "pomona: 1\ntree: t\nskills:\n  Walk: {in: [goal]}\n"

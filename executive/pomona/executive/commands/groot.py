@@ -86,8 +86,9 @@ def _what_next(text: str, out: Path | None) -> str:
     ]
     skills = declared_skills()
     unknown = sorted({node.key.text for node in nodes if node.type is SKILL} - skills.keys())
-    if unknown and unknown == sorted(document.main.declared_skills):
-        return f"{len(nodes)} nodes; {len(unknown)} skills are declared in the tree: try `pomona run {file} --dry`"
+    declared = sorted(document.main.declared_skills)
+    if declared and set(unknown) <= set(declared):
+        return f"{len(nodes)} nodes; {len(declared)} skills are declared in the tree: try `pomona run {file} --dry`"
     if not unknown:
         return f"{len(nodes)} nodes, all skills are installed: check it with `pomona check {file}`"
     return (

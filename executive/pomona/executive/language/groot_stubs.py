@@ -8,6 +8,7 @@ from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.language.read import read
 from pomona.executive.nodes.calls import SKILL
 from pomona.executive.nodes.leaves import SetType
+from pomona.executive.nodes.untranslated import UntranslatedType
 from pomona.executive.values.yaml_nodes import YamlScalar
 from pomona.executive.values.yaml_text import flow
 
@@ -17,7 +18,8 @@ _WIRE = re.compile(r"\{(\w+)\}")
 def with_stubs(text: str) -> str:
     """Return the text of a tree with `skills:` for those that are not installed.
 
-    A port that is wired to a name which nothing before it writes is an output; every other is an input.
+    A port that is wired to a name which nothing before it writes is an output; every other is an input. Elements with
+    children that only their own program knows are declared, too: a dry run goes through what is inside them.
     """
     document, skills = read(text, "imported.yaml"), declared_skills()
     ports: dict[str, dict[str, bool]] = {}
@@ -26,6 +28,10 @@ def with_stubs(text: str) -> str:
         nodes = [*definition.root.walk()] if definition.root is not None else []
         written.update(name for node in nodes if isinstance(node.type, SetType) for name in node.ports)
         for node in nodes:
+            if isinstance(node.type, UntranslatedType) and node.children:
+                element = node.type.element(node)
+                if element.isidentifier() and document.types.of_tag(element) is None:
+                    ports.setdefault(element, {})
             if node.type is not SKILL:
                 continue
             known = skills.get(node.key.text)

@@ -11,6 +11,7 @@ from pomona.executive.nodes import takes
 from pomona.executive.nodes.context import BuildContext, CheckContext, FlowContext, NodeText, OutcomeContext, XmlExport
 from pomona.executive.nodes.ends import UNKNOWN, Ends, Names, Outcome
 from pomona.executive.nodes.node_type import Composite, Field, NodeType, Reading, Schema, TreeNode
+from pomona.executive.nodes.sequence import Sequence
 from pomona.executive.ports import Port
 from pomona.executive.values.shape import ShapeCheck
 from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
@@ -36,7 +37,7 @@ class Attributes(Field):
 
 
 class UntranslatedType(Composite):
-    """replaces an element for which `pomona import` has no equivalent node; `pomona check` refuses it"""
+    """replaces an element for which `pomona import` has no equivalent node; refused, or run dry if `skills:` has it"""
 
     key, symbol, colour = "untranslated", "✂", "#a4262c"
     value = PerhapsChildren("the contents of the element")
@@ -52,8 +53,10 @@ class UntranslatedType(Composite):
         return entry[1].text if entry is not None and isinstance(entry[1], YamlScalar) else ""
 
     def check_layer(self, at: CheckContext) -> None:
-        message = f"<{self.element(at.node)}> was imported without a translation"
-        at.findings.error(at.node.key, "untranslated", message, "write its function with other nodes")
+        element = self.element(at.node)
+        if not at.is_stand_in(element):
+            message = f"<{element}> was imported without a translation"
+            at.findings.error(at.node.key, "untranslated", message, "write its function with other nodes")
         for index in range(len(at.node.children)):
             at.child(index, at.around)
 
@@ -61,12 +64,14 @@ class UntranslatedType(Composite):
         return Outcome(frozenset({UNKNOWN}), skips=True)
 
     def written_ports(self, at: FlowContext, before: Names) -> Ends:
+        success = before
         for index in range(len(at.node.children)):
-            at.child(index, before)
-        return Ends(before, before, before)
+            success = at.child(index, success).success
+        return Ends(success, before, before)
 
     def build(self, at: BuildContext) -> Behaviour:
-        raise AssertionError("the check refuses it")
+        """Build its children as a sequence: only a dry run gets here, since the element is not installed."""
+        return Sequence(at.name, True, at.children())
 
     def to_xml(self, at: XmlExport) -> object:
         entry = at.node.modifiers.get("attributes")
