@@ -44,13 +44,14 @@ ARM_EVERY = 10
 PRESS = """async ({ preparing, tree, dry, run, wait }) => {
   const load = (name) => import(`/static/${name}.js`), pause = (ms) => new Promise((next) => setTimeout(next, ms));
   const [{ page }, { link, press }, { startRun }] = await Promise.all(["page", "link", "runs"].map(load));
-  const until = async (done, limit = 150000) => {
+  const until = async (done, limit = 60000) => {
     const end = performance.now() + limit;
     while (!done()) { if (performance.now() > end) throw new Error(`waited for ${done}`); await pause(10); }
   };
-  const live = () => page.live.whole, going = () => page.control.start && !page.control.start.problem;
+  const live = () => page.live.whole, prepared = () => page.control.start && !page.control.start.problem;
+  const going = () => prepared() && !page.control.start.cancelled;
   if (!page.control.held_by) { press("take"); await until(() => page.control.held_by); }
-  await until(() => !going());
+  await until(() => !prepared());
   await until(() => !live().run || live().ended);
   for (let n = 0; live().safeStop && n < 200; n++) { press("acknowledge"); await pause(500); }
   const before = live().run?.run, asked = performance.now(), begun = () => going() || live().run?.run !== before;

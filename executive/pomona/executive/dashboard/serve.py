@@ -99,7 +99,11 @@ class RemoteControl:
         self.call("act", viewer, action, detail, number)
 
     def safe_stop(self, who: str) -> str:
-        """See `ControlLock`. A run that is being prepared needs no answer of its process: it has lost its permit."""
+        """See `ControlLock`. A run that is being prepared needs no answer of its process: it has lost its permit.
+
+        Raises:
+            RefusedError: the run's process has ended, or does not answer.
+        """
         if not self._permit.take():
             return str(self.call("safe_stop", who))
         try:
