@@ -129,8 +129,7 @@ class Cell:
 
     def readings(self) -> Mapping[str, Mapping[str, Any]]:
         """Return the measurements of the devices since the last call, by device and quantity: `Readings.take`. Nothing
-        is gathered
-        before the first call.
+        is gathered before the first call.
         """
         if self._readings is None:
             self._readings = Readings(self.devices)

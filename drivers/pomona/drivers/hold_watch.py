@@ -21,8 +21,7 @@ HELD_FORCE, LOST_FORCE = 0.5, 0.2
 """Grasp force of one finger [N]: above the first at the pause something is held, below the second it is gone."""
 GIVE = 0.01
 """Change of the opening from which the fingers have released or lost the fruit [m]: the compliance of skin and pads at
-14 N
-with 1.5 N/mm.
+14 N with 1.5 N/mm.
 """
 NO_ROOM = 2e-3
 """Fingers this near to either end of their travel hold nothing [m]: no fruit is so thin, and none was gripped by so

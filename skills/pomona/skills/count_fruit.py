@@ -23,8 +23,7 @@ from pomona.skills.shared.fruit_report import FruitReport
 
 MOST_APART = 0.04
 """Allowed distance between the contents of two frames by the camera's given poses [m]: half an apple, so that it is
-counted
-once.
+counted once.
 """
 
 

@@ -23,12 +23,9 @@ class MoveTo(MovingSkill):
     """Move to a named pose of the cell file, around obstacles.
 
     The path avoids the fixed surroundings, the robot itself, and the obstacles of a `map`. With `carrying`, the fruit
-    between
-    the fingers is part of the robot and is moved gently. With `upright`, its tilt against the pose at the grasp is
-    limited.
-    If a camera sees a new obstacle on the path (a cell file with `workspace.watch`), the arm stops on its path, and the
-    skill
-    fails with PATH_BLOCKED.
+    between the fingers is part of the robot and is moved gently. With `upright`, its tilt against the pose at the grasp
+    is limited. If a camera sees a new obstacle on the path (a cell file with `workspace.watch`), the arm stops on its
+    path, and the skill fails with PATH_BLOCKED.
     """
 
     devices = (Arm, Gripper, Workspace)

@@ -23,10 +23,9 @@ class Policy(MovingSkill):
     """Let a learned policy move the arm: from joints and a goal it repeatedly returns the next target.
 
     The arm's driver keeps its limits for any target, and comes to rest without one for the `watchdog`'s time. A target
-    that
-    is not finite, outside the joints' limits or based on old joints stops the arm. The skill ends when the policy
-    demands no
-    motion; the tree must check whether that is the goal. Interrupted, the arm comes to rest within its limits.
+    that is not finite, outside the joints' limits or based on old joints stops the arm. The skill ends when the policy
+    demands no motion; the tree must check whether that is the goal. Interrupted, the arm comes to rest within its
+    limits.
     """
 
     devices = (Arm, StreamedArm)

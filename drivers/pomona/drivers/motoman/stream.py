@@ -26,8 +26,7 @@ BUSY_PAUSE = 0.01
 """Wait before a point that was answered BUSY is sent again [s]."""
 GAP = 0.1
 """Gap between points after which a moving arm has come to rest [s]; continuing would be an unrequested start. A shorter
-gap
-is a jolt.
+gap is a jolt.
 """
 
 

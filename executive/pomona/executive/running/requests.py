@@ -102,8 +102,7 @@ class Requests:
 
     def interrupt(self, who: str = "keyboard", reason: str = "interrupted from the keyboard") -> None:
         """Request the safe state now, and the run's end, after a signal. Do not call it in the signal's handler itself:
-        the
-        interrupted tick may hold the cell's lock.
+        the interrupted tick may hold the cell's lock.
         """
         self._ask("interrupt", who, reason)
         self._cell.safe_stop(reason)

@@ -34,8 +34,7 @@ REPORT = "supervisor.json"
 
 LOOKS = 20
 """Polls within the deadline. A late poll counts as one, so that a stall of the whole computer does not count as a
-missed
-heartbeat.
+missed heartbeat.
 """
 
 PRIORITY = -10

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class ReportLine:
-    """One line of the report: what was looked at, whether it is well, what was found, and what to do if not."""
+    """One line of the report: subject, state, finding, and remedy."""
 
     name: str
     ok: bool

@@ -28,8 +28,7 @@ _Z_90 = 1.6449
 
 LEAST_KNOWN = 0.06
 """Relative uncertainty of height over width above which a shape gives the prior only: fruit of one kind differ by as
-much
-(52 calipered apples).
+much (52 calipered apples).
 """
 
 

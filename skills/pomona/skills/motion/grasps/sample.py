@@ -75,8 +75,7 @@ class CandidateRejected(Exception):
 @dataclass(frozen=True, slots=True, eq=False)
 class _Setting:
     """Common data of all candidates of one fruit, such as the TCP's pose in the last link, shape (3, 4), and the
-    distances from
-    the grasp at which an approach is checked, shape (m,) [m].
+    distances from the grasp at which an approach is checked, shape (m,) [m].
     """
 
     measured: MeasuredFruit

@@ -40,8 +40,7 @@ class SizeOfLooks:
     """The mean of the measurements of one fruit, weighted by their information; one more costs the same for any number.
 
     The common error (`SHARED`) is not averaged. If the measurements disagree, the covariance is widened by the factor
-    by
-    which they differ more than expected (Birge's ratio).
+    by which they differ more than expected (Birge's ratio).
     """
 
     looks: int = 0
@@ -86,8 +85,7 @@ class SizeOfLooks:
 
 def _turned_as(first: Float64, dimensions: Float64, covariance: Float64, R: Float64) -> tuple[Float64, Float64]:
     """Return a measurement's dimensions with x and z exchanged where its x axis lies along the first one's z: the turn
-    of a
-    fruit about its stem depends on the view, so the axes of another view may differ.
+    of a fruit about its stem depends on the view, so the axes of another view may differ.
     """
     if abs(first[:, 0] @ R[:, 0]) >= abs(first[:, 2] @ R[:, 0]):
         return dimensions, covariance
