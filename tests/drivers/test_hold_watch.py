@@ -14,7 +14,8 @@ from pomona.drivers.interfaces import GripperLimits, GripperState
 from pomona.drivers.mock import MockClock, MockForceSensor, MockGripper
 
 HELD_AT = 0.087
-SURE, HARDLY, NOTHING = "something is between the fingers", "something was held, and is hardly felt now", ""
+SURE, NOTHING = "something is between the fingers", ""
+HARDLY = "the grip force fell below 0.2 N: the fruit may have been lost"
 Feel = Callable[[float, float], str | None]
 
 

@@ -131,7 +131,7 @@ def test_what_the_fingers_feel_is_told_when_a_skill_has_ended_and_not_while_it_g
     felt = [
         NodeChanged(2.0, 100, LIFT, "RUNNING", "", 1),
         HandChanged(2.1, 105, "something is between the fingers"),
-        HandChanged(2.2, 110, "something was held, and is hardly felt now"),
+        HandChanged(2.2, 110, "the grip force fell below 0.2 N: the fruit may have been lost"),
         HandChanged(2.3, 115, "something is between the fingers"),
         NodeChanged(2.5, 125, LIFT, "SUCCESS", "", 1),
         NodeChanged(3.0, 150, LIFT, "RUNNING", "", 2),

@@ -30,7 +30,7 @@ STOOD = 1e-3
 """Change of the width below which the fingers have not been moved [m]; an encoder repeats to 0.1 mm."""
 MOTOR_FORCE = 1.0
 """Grasp force by the motor's current from which it presses on something [N]: two of its steps, a WSG's friction."""
-HARDLY = "something was held, and is hardly felt now"
+HARDLY = f"the grip force fell below {LOST_FORCE:g} N: the fruit may have been lost"
 
 
 def _has_room(width: float, limits: GripperLimits) -> bool:

@@ -96,7 +96,7 @@ class BenchContext:
 
 @dataclass(frozen=True)
 class SkillEnd:
-    """How a driven skill ended: its status, outputs, reason of failure, what it published, seconds on the clock.
+    """How a driven skill ended: its status, outputs, reason of failure, published views, seconds on the clock.
 
     `cancelled` counts the computations that it gave up.
     """

@@ -47,7 +47,7 @@ OPENED = 0.03
 
 
 class Detached(Outputs):
-    """What Detach gives."""
+    """Outputs of Detach."""
 
     stem_force: Force
     rolled: Angle
@@ -208,7 +208,7 @@ class Detach(MovingSkill):
 
 
 def held_fruit(measured: MeasuredFruit) -> HeldFruit:
-    """Return what the controller knows of a fruit: diameter, mass and the place of its stem's other end."""
+    """Return the controller's data of a fruit: diameter, mass and the place of its stem's other end."""
     dimensions = measured.dimensions
     known = mass_of(measured.fruit, dimensions, measured.covariance[3:, 3:])
     mass = DENSITY * np.pi / 6.0 * float(np.prod(dimensions)) if known is None else known[0]

@@ -106,7 +106,7 @@ def test_a_run_becomes_a_page_with_its_tables_and_what_was_drawn_over_each_pictu
     page = tmp_path / "one.html"
     assert main(["runs", "page", "one", str(page), "--record", str(runs)]) == 0
     text = page.read_text()
-    assert text.count("<h1>What happened in one</h1>") == 1
+    assert text.count("<h1>Events of one</h1>") == 1
     brief, rest = text.split("<details><summary>Every moment</summary>")
     assert "It succeeded" in brief  # what happened, in sentences; the rest is folded
     assert "It took 1.0 s simulated" in rest.split("</details>")[0]

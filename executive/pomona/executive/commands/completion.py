@@ -82,7 +82,7 @@ def _plain(text: str | None) -> str:
 
 
 def bash(parser: argparse.ArgumentParser) -> str:
-    """For bash: words by what was typed so far, files where there are none."""
+    """Return the script for bash: words by the typed prefix, files without words."""
     cases, values = [], []
     for words in words_of(parser):
         offered = " ".join([*words.commands, *words.options, *words.values.get("", ())])

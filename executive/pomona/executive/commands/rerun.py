@@ -103,7 +103,7 @@ def _beginning(record: Path) -> tuple[RunStarted, tuple[OperatorActed, ...], lis
 
 
 def _refuse_devices(order: RunOrder) -> None:
-    """Refuse a record whose cell is a real one, whatever its header states.
+    """Refuse a record whose cell is a real one, independent of its header.
 
     Raises:
         UsageError: the cell that it holds is none that can be repeated, or cannot be read.

@@ -95,7 +95,7 @@ def write_run(record: Path, file: Path) -> None:
     """
     refuse_taken(file)
     body = f"{_whole(record)}{''.join(_tables(record))}"
-    title = f"What happened in {record.name}"
+    title = f"Events of {record.name}"
     section = _section(record, trusted(record), MOST_PICTURES, body)
     _write(file, title, f"<h1>{escape(title)}</h1>{section}")
 

@@ -114,7 +114,7 @@ class BuiltTree:
                      if named.intersection((path, path.removesuffix(f":{kinds[path]}"))))  # fmt: skip
 
     def prepare(self, tell: Callable[[str, int, int], None] = lambda _name, _done, _of: None) -> None:
-        """Let every skill load and warm up; `tell(name, done, of)` is called before each."""
+        """Let every skill load and warm up; the callback gets (name, done, of) before each."""
         for done, skill in enumerate(self.skills):
             tell(skill.name, done, len(self.skills))
             skill.prepare()

@@ -175,7 +175,7 @@ class Runner(Requests):
     # -------------------------------------------------------------------------------------- the tick thread
 
     def prepare(self, tell: Callable[[str, int, int], None] = lambda _name, _done, _of: None) -> None:
-        """Load and warm up the skills before the run's clock starts; `tell(name, done, of)` is called before each."""
+        """Load and warm up the skills before the run's clock starts; the callback gets (name, done, of) before each."""
         self.tree.prepare(tell)
         self._computations.pending()  # computations of the preparation do not count as the run's
 

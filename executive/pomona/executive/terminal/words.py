@@ -66,7 +66,7 @@ MOST_FIGURES = 5
 def headline(truth: Mapping[str, Any], most: int = MOST_FIGURES) -> list[str]:
     """Return the first figures of a world's score that are not 0; verdicts and numbers only.
 
-    The world puts first what counts most.
+    The world orders them by importance.
     """
     kept = {name: value for name, value in truth.items() if isinstance(value, bool) or _is_number(value)}
     return [said for name, value in kept.items() if not re.search(r" 0( \S+)?$", said := figure(name, value))][:most]

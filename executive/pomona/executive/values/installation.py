@@ -60,7 +60,7 @@ def elsewhere(what: str) -> str:
 
 
 def _source(name: str, extra: str = "") -> str:
-    """What pip takes to install a distribution from where it came, for a shell."""
+    """Return pip's argument for installing a distribution from its origin, for a shell."""
     extras, origin = f"[{extra}]" if extra else "", _origin(name)
     url = str(origin.get("url", ""))
     if url.startswith("file:"):

@@ -2,7 +2,7 @@
 
 The hand draws the fruit with a small force by admittance and turns about its approach axis. The stem then breaks by
 bending, at a fraction of the force of a straight pull (docs/decisions/detach-by-rolling.md). One
-`DetachController` serves one grasp; it knows no device: each step takes what the pads feel and gives velocities.
+`DetachController` serves one grasp; it knows no device: each step takes the pads' wrenches and returns velocities.
 """
 
 from __future__ import annotations
@@ -48,14 +48,14 @@ class DetachSettings:
         grip_gain: closing speed per missing force [m/s per N]; grip_decay, carried_decay: rates at which
             the force comes down before and after the break [N/s].
         carry_acceleration: acceleration that a carried fruit must withstand [m/s²]; carry_factor: reserve on it.
-        loaded: stem force that must have been felt before a fall of it counts as a break [N].
+        loaded: stem force that must have been measured before a fall of it counts as a break [N].
         broken_share, broken_force: a stem has broken when its force falls below this share of its recent maximum and
             below this force [N].
         recent: time over which that maximum is remembered [s].
         jam_force, jam_force_saturated: net force of the pads that no stem needs, and while a sensor is at the end of
             its range [N]; jam_time: time that it may last [s].
         slip_width: loss of opening since the grip at which a fruit is slipping out [m].
-        lost_force: mean pad force below which nothing is held [N]; lost_time: for so long [s].
+        lost_force: mean pad force below which the fruit is lost [N]; lost_time: duration of that [s].
         let_back_force: pads' force at which a branch that was drawn has come back [N].
         back_distance, back_speed, back_acceleration: of the way to the robot after the break [m, m/s, m/s²].
         closing_patience, patience: longest time of closing, and of all phases together [s].
@@ -104,7 +104,7 @@ class DetachSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeldFruit:
-    """What is known of the fruit between the pads.
+    """Known properties of the fruit between the pads.
 
     Attributes:
         diameter: largest [m]; mass: estimated from it [kg].
@@ -145,7 +145,7 @@ class DetachProblem:
 
 
 class DetachController:
-    """Force, roll and grip of one detaching motion, stepped with what the pads feel.
+    """Force, roll and grip of one detaching motion, stepped with the pads' wrenches.
 
     Attributes:
         phase: of the motion; problem: why it ends without a fruit, or None.
@@ -222,7 +222,7 @@ class DetachController:
     # ------------------------------------------------------------------------------------------- what is felt
 
     def _note_stem(self, force: Float64) -> None:
-        """The stem carries what the pads do not: its force on the fruit is weight less the pads' force."""
+        """Estimate the stem's force on the fruit: the weight minus the pads' force."""
         weight = np.array([0.0, 0.0, GRAVITY * self._fruit.mass])
         self.stem_force = float(np.linalg.norm(force - weight))
         self._recent.append((self._time, self.stem_force))

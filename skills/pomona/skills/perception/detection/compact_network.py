@@ -88,7 +88,7 @@ class CloseLookNetwork(nn.Module):
     ray through the fruit, log spreads of these three, the logit of being fruit, and the logit of visibility.
 
     The picture is folded into blocks of 4 x 4 pixels first: layers of few channels at full size take more time than
-    all others together, and say no more.
+    all others together, without more information.
     """
 
     def __init__(self, widths: tuple[int, int, int, int, int] = (64, 128, 160, 48, 192)) -> None:
@@ -117,7 +117,7 @@ class CloseLookNetwork(nn.Module):
         )
 
     def forward(self, x: Tensor) -> Tensor:
-        """What is said of each look, shape (n, 3, side, side)."""
+        """Return the outputs for each look, shape (n, 3, side, side)."""
         return self.head(self.trunk(x))  # type: ignore[no-any-return]
 
 
