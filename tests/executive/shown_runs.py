@@ -20,7 +20,7 @@ from pomona.executive.registry import Registry
 from pomona.executive.running.events import EventStream, RunStarted
 from pomona.executive.running.runner import Runner
 from pomona.executive.skill import Interrupted, Skill, Work
-from pomona.executive.values.written import written
+from pomona.executive.values.yaml_nodes import written
 from pomona.executive.views import BodiesView, ImageView, Line2, Line3, Mesh3, Points3, PosesView, SceneView, SeriesView
 
 GATE = threading.Event()

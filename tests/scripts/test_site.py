@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mkdocs.config import load_config
 
-from pomona.executive.language.show import show_text
+from pomona.executive.language.outline import show_text
 from pomona.executive.nodes import NodeTypes
 from scripts.mathml import on_page_content
 from scripts.node_examples import EXAMPLES, beside, document_of

@@ -48,7 +48,7 @@ from pomona.executive.values.findings import did_you_mean
 from pomona.executive.values.installation import distribution
 from pomona.executive.values.sentences import sentence_of
 from pomona.executive.values.shipped import installed_trees
-from pomona.executive.values.written import written
+from pomona.executive.values.yaml_nodes import written
 
 logger = logging.getLogger(__name__)
 

@@ -22,9 +22,9 @@ from pomona.executive.language import TreeFileError, build, check, format_findin
 from pomona.executive.language.drawing import show_svg
 from pomona.executive.language.groot_export import export_groot
 from pomona.executive.language.groot_import import import_groot
+from pomona.executive.language.outline import show_text
 from pomona.executive.language.run_scenario import run_scenario
 from pomona.executive.language.scenario import read_scenario
-from pomona.executive.language.show import show_text
 from pomona.executive.registry import Registry
 from pomona.executive.skill_testing import BenchContext
 

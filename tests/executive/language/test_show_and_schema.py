@@ -10,8 +10,8 @@ import yaml
 
 from pomona.executive.language import read
 from pomona.executive.language.drawing import show_svg
+from pomona.executive.language.outline import show_text
 from pomona.executive.language.schema import schema
-from pomona.executive.language.show import show_text
 
 HEAD = "pomona: 1\ntree: t\n"
 

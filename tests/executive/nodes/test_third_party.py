@@ -15,8 +15,8 @@ from pomona.executive.language import build, check, read
 from pomona.executive.language.drawing import show_svg
 from pomona.executive.language.groot_export import export_groot
 from pomona.executive.language.groot_import import import_groot
+from pomona.executive.language.outline import show_text
 from pomona.executive.language.schema import schema
-from pomona.executive.language.show import show_text
 from pomona.executive.nodes import Modifier, NodeTypeError, NodeTypes, catalogue, takes
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill

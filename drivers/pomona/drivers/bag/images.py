@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.drivers.interfaces import Intrinsics
-from pomona.executive.values.jpeg import is_cut_off
+from pomona.executive.values.image_bytes import is_cut_off
 
 IMAGE, COMPRESSED, INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/CameraInfo"
 

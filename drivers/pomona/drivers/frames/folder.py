@@ -25,7 +25,7 @@ from pomona.drivers.errors import DriverError
 from pomona.drivers.interfaces import Intrinsics
 from pomona.drivers.section_file import read_section_file
 from pomona.executive.values.arrays import Float64
-from pomona.executive.values.jpeg import is_cut_off
+from pomona.executive.values.image_bytes import is_cut_off
 from pomona.executive.values.plain_text import read_plain_text
 from pomona.executive.values.rotations import is_rigid
 from pomona.executive.values.sections import Section

@@ -11,7 +11,7 @@ from pomona.executive.errors import UsageError
 from pomona.executive.files import find_tree, write_text
 from pomona.executive.language.documents import read_document
 from pomona.executive.language.drawing import show_svg
-from pomona.executive.language.show import show_text
+from pomona.executive.language.outline import show_text
 from pomona.executive.values.findings import format_findings
 
 

@@ -22,7 +22,6 @@ from pomona.executive.dashboard.messages import VERSION, encode, numbered
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.decode import ForeignRecordError, event_from
 from pomona.executive.recording.folder import EVENTS, EVENTS_FILE
-from pomona.executive.recording.image_size import size_of_jpeg
 from pomona.executive.recording.json_text import parse_object
 from pomona.executive.recording.overview import (
     MOST_BYTES,
@@ -35,6 +34,7 @@ from pomona.executive.recording.overview import (
 )
 from pomona.executive.recording.scan import Found, Verdict, attachment, require_valid, scan
 from pomona.executive.recording.well_known import DEPTH, IMAGES
+from pomona.executive.values.image_bytes import size_of_jpeg
 
 LARGE = 200_000
 """Size above which an event is decoded, to leave out arrays that no browser draws in time [bytes]."""

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.folder import DEVICES, EVENTS, events_file
-from pomona.executive.recording.image_size import size_of_image
 from pomona.executive.recording.json_text import parse_object
 from pomona.executive.recording.scan import scan
 from pomona.executive.recording.well_known import DEPTH, IMAGES
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.image_bytes import size_of_image
 
 SAME = 1e-6
 """Seconds within which two times are one: a stamp in a record has six decimals."""

@@ -20,7 +20,6 @@ from pomona.executive.errors import UsageError
 from pomona.executive.palette import OVERLAY
 from pomona.executive.recording.digest import Digest, trusted
 from pomona.executive.recording.folder import EVENTS, events_file, is_being_written
-from pomona.executive.recording.image_size import size_of_image
 from pomona.executive.recording.json_text import parse_object
 from pomona.executive.recording.new_place import made_whole, refuse_taken
 from pomona.executive.recording.plain_file import open_plain
@@ -29,6 +28,7 @@ from pomona.executive.recording.scan import scan
 from pomona.executive.recording.well_known import IMAGES
 from pomona.executive.running.events import Published
 from pomona.executive.terminal.explain import explain
+from pomona.executive.values.image_bytes import size_of_image
 from pomona.executive.views import TableView
 
 LOOKS = 2

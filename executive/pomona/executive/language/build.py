@@ -26,8 +26,7 @@ from pomona.executive.nodes.takes import Nothing
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill, SkillContext
 from pomona.executive.values.findings import Finding, TreeFileError
-from pomona.executive.values.written import written
-from pomona.executive.values.yaml_nodes import YamlNode
+from pomona.executive.values.yaml_nodes import YamlNode, written
 
 
 class Mocks(Protocol):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from pomona.executive.language.model import Declared, Definition, Document, TreeNode
-from pomona.executive.values.written import written
+from pomona.executive.values.yaml_nodes import written
 
 
 def changes(before: Document, after: Document) -> list[str]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pomona.executive.language.model import Document, TreeNode
 from pomona.executive.nodes.calls import SUBTREE
 from pomona.executive.nodes.node_type import NodeType
-from pomona.executive.values.written import written
+from pomona.executive.values.yaml_nodes import written
 
 MOST_NODES = 20_000
 """Number of nodes beyond which subtrees are not drawn."""
@@ -86,3 +86,23 @@ def _modifiers(node: TreeNode) -> Iterator[str]:
     for slot in (*reversed(node.decorators), *fields):
         if slot in node.modifiers:
             yield f"{slot} {written(node.modifiers[slot][1])}"
+
+
+def show_text(document: Document, *, width: int = 120) -> str:
+    """Return the tree as text, one node a line."""
+    lines = [f"{document.main.name}  {document.main.description}".rstrip()]
+    root = outline(document)
+    if root is not None:
+        lines += (text if len(text) <= width else text[: width - 1] + "…" for text in _lines(root, "", ""))
+    return "\n".join(lines)
+
+
+def _lines(branch: DrawnNode, joint: str, below: str) -> Iterator[str]:
+    """Yield a node's line, with the joint to its parent, and the lines below it."""
+    lead = f"{branch.lead}: " if branch.lead else ""
+    details = " · ".join(filter(None, (branch.ports, *branch.modifiers)))
+    comment = f"  # {branch.comment}" if branch.comment else ""
+    yield f"{joint}{branch.type.symbol} {lead}{branch.name}{f'  {details}' if details else ''}{comment}"
+    for child in branch.branches:
+        last = child is branch.branches[-1]
+        yield from _lines(child, below + ("└─ " if last else "├─ "), below + ("   " if last else "│  "))

@@ -15,10 +15,10 @@ from pomona.executive.errors import UsageError
 from pomona.executive.images import from_file
 from pomona.executive.recording.decode import ForeignRecordError, event_from
 from pomona.executive.recording.folder import EVENTS, events_file
-from pomona.executive.recording.image_size import size_of_image
 from pomona.executive.recording.json_text import parse_object
 from pomona.executive.recording.scan import scan
 from pomona.executive.running.events import Event, Published
+from pomona.executive.values.image_bytes import size_of_image
 from pomona.executive.views import ImageView
 
 MOST_PIXELS = 50_000_000

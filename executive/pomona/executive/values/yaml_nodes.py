@@ -226,3 +226,13 @@ class Composer:
                         self.source.comment_lines.add(number)
                     break
                 at = text.find("#", at + 1)
+
+
+def written(node: YamlNode) -> str:
+    """Return a node on one line: `{a: 1, b: [x, y]}`, scalars without quotes."""
+    if isinstance(node, YamlScalar):
+        return node.text
+    if isinstance(node, YamlList):
+        return f"[{', '.join(map(written, node.items))}]"
+    assert isinstance(node, YamlMapping)
+    return "{" + ", ".join(f"{key.text}: {written(value)}" for key, value in node.entries.values()) + "}"

@@ -14,7 +14,7 @@ import numpy as np
 
 from pomona.executive.running.signals import raise_again
 from pomona.executive.values.arrays import UInt8
-from pomona.executive.values.jpeg import is_cut_off
+from pomona.executive.values.image_bytes import is_cut_off
 from pomona.executive.values.plain_text import is_file
 
 if TYPE_CHECKING:

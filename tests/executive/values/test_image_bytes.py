@@ -1,12 +1,13 @@
-"""A JPEG that is cut off is told from one that is whole, wherever it is cut."""
+"""Size and completeness of an image file, beside the encoder that made it."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given, strategies as st
 
-from pomona.executive.values.jpeg import is_cut_off
+from pomona.executive.values.image_bytes import is_cut_off, size_of_jpeg
 
 PICTURE = np.random.default_rng(0).integers(0, 256, (60, 80, 3)).astype(np.uint8)
 
@@ -38,3 +39,14 @@ def test_what_is_no_jpeg_is_not_cut_off() -> None:
     assert not is_cut_off(b"")
     assert not is_cut_off(b"\x89PNG\r\n")
     assert not is_cut_off(b"\xff\xd8\xff\xe0\x00\x04ab not a marker")
+
+
+@given(st.integers(1, 300), st.integers(1, 300))
+def test_the_size_is_the_encoders(width: int, height: int) -> None:
+    _ok, coded = cv2.imencode(".jpg", np.zeros((height, width, 3), np.uint8))
+    assert size_of_jpeg(coded.tobytes()) == [width, height]
+
+
+@given(st.binary(max_size=200))
+def test_what_is_no_image_has_no_size_and_does_no_harm(data: bytes) -> None:
+    assert len(size_of_jpeg(data)) == 2
