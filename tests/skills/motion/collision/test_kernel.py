@@ -62,7 +62,7 @@ def specified_clearances(world: CollisionWorld, q: np.ndarray, width: float) -> 
 
 
 def evaluated(
-    world: CollisionWorld, q: np.ndarray, width: float, wanted: float, only_worst: bool
+    world: CollisionWorld, q: np.ndarray, width: float, wanted: float, slack: float
 ) -> tuple[int, np.ndarray]:
     robot = world.shape.arrays
     numbers = len(robot.links) + len(robot.pairs)
@@ -70,7 +70,7 @@ def evaluated(
     place(robot, q, width, scratch)
     active = np.ones(numbers, np.bool_)
     worst = evaluate_clearances(
-        robot, world.arrays, width, active, np.full(numbers, wanted), only_worst, scratch, found, which
+        robot, world.arrays, width, active, np.full(numbers, wanted), slack, scratch, found, which
     )
     return worst, found
 
@@ -81,7 +81,7 @@ def test_all_clearances_are_those_of_the_specification(seed: int) -> None:
     rng, world = np.random.default_rng(seed), WORLDS[seed % len(WORLDS)]
     q, width = rng.uniform(ROBOT.lower, ROBOT.upper), float(rng.uniform(ROBOT.width_min, ROBOT.width_max))
     expected = specified_clearances(world, q, width)
-    worst, found = evaluated(world, q, width, 1e6, only_worst=False)
+    worst, found = evaluated(world, q, width, 1e6, slack=np.inf)
     np.testing.assert_allclose(found, expected, atol=1e-6)
     assert expected[worst] == pytest.approx(expected.min(), abs=1e-6)
 
@@ -92,7 +92,7 @@ def test_the_smallest_clearance_is_exact_below_the_wanted_one(seed: int, wanted:
     rng, world = np.random.default_rng(seed), WORLDS[seed % len(WORLDS)]
     q, width = rng.uniform(ROBOT.lower, ROBOT.upper), float(rng.uniform(ROBOT.width_min, ROBOT.width_max))
     smallest = specified_clearances(world, q, width).min()
-    worst, found = evaluated(world, q, width, wanted, only_worst=True)
+    worst, found = evaluated(world, q, width, wanted, slack=0.0)
     if wanted > 0.0 and smallest < wanted:
         assert found[worst] == pytest.approx(smallest, abs=1e-6)
     elif wanted == 0.0:

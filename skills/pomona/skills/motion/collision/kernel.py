@@ -153,7 +153,7 @@ def check_states(
     wanted[:] = enough
     for n in range(Q.shape[0]):
         place(robot, Q[n], width, scratch)
-        worst = evaluate_clearances(robot, world, width, active, wanted, True, scratch, found, which)
+        worst = evaluate_clearances(robot, world, width, active, wanted, 0.0, scratch, found, which)
         clearances[n], closest[n, 0], closest[n, 1] = enough, -1, -1
         if worst >= 0 and found[worst] < enough:
             clearances[n] = found[worst]
@@ -201,14 +201,15 @@ def place(robot: RobotArrays, q: Float64, width: float, scratch: Scratch) -> Non
 @njit(cache=True, nogil=True)
 def evaluate_clearances(
     robot: RobotArrays, world: WorldArrays, width: float, active: NDArray[np.bool_], wanted: Float64,
-    only_worst: bool, scratch: Scratch, found: Float64, which: Int64,
+    slack: float, scratch: Scratch, found: Float64, which: Int64,
 ) -> int:  # fmt: skip
     """Check the active parts in the present posture: geoms against the world, then pairs of geoms.
 
     Writes the clearance beyond the margin into `found` (resolved only below `wanted`) and into `which` the obstacle, or
-    -1 - the pair's first geom. Returns the number of the smallest; with `only_worst`, clearances that cannot be the
-    smallest are not resolved, and the check ends after a collision when `wanted` is 0.
+    -1 - the pair's first geom. Returns the number of the smallest. Clearances that exceed the smallest by `slack` [m]
+    are not resolved: 0 for the smallest alone, then the check ends after a collision when `wanted` is 0; inf for all.
     """
+    # `slack` is no bool, since numba compiles all of this once for True and once for False.
     # Local names: reading an array out of a tuple counts references, which costs more than the arithmetic.
     of_geom, slides, bounds, spheres, start = robot.links, robot.slides, robot.bounds, robot.spheres, robot.sphere_start
     support, support_start, pairs = robot.support, robot.support_start, robot.pairs
@@ -223,7 +224,7 @@ def evaluate_clearances(
     for g in range(geoms - 1, -1, -1):  # the gripper collides most often
         if not active[g]:
             continue
-        enough = min(wanted[g], smallest) if only_worst else wanted[g]
+        enough = min(wanted[g], smallest + slack)
         x, y, z, margin = centres[g, 0], centres[g, 1], centres[g, 2], margins[g]
         sx, sy, sz = opening * slides[g, 0], opening * slides[g, 1], opening * slides[g, 2]
         around, n, begin, end = bounds[g, 3] + margin, of_geom[g], start[g], start[g + 1]
@@ -261,13 +262,13 @@ def evaluate_clearances(
         found[g], which[g] = nearest, nearest_is
         if nearest < smallest:
             worst, smallest = g, nearest
-            if only_worst and nearest < 0.0 and wanted[g] <= 0.0:
+            if slack == 0.0 and nearest < 0.0 and wanted[g] <= 0.0:
                 return worst
     for p in range(pairs.shape[0]):
         number = geoms + p
         if not active[number]:
             continue
-        enough = min(wanted[number], smallest) if only_worst else wanted[number]
+        enough = min(wanted[number], smallest + slack)
         i, j = pairs[p, 0], pairs[p, 1]
         around = bounds[i, 3] + bounds[j, 3] + self_margin
         squared = (
@@ -287,13 +288,13 @@ def evaluate_clearances(
                 spheres, start[i], start[i + 1], start[j], start[j + 1], centres[j], bounds[j, 3], placed
             )
             away -= self_margin
-        elif only_worst:
+        elif slack == 0.0:
             continue  # its clearance is no smaller than `enough`
         else:
             away = sqrt(squared) - around
         found[number], which[number] = away, -1 - i
         if away < smallest:
             worst, smallest = number, away
-            if only_worst and away < 0.0 and wanted[number] <= 0.0:
+            if slack == 0.0 and away < 0.0 and wanted[number] <= 0.0:
                 return worst
     return worst

@@ -83,7 +83,7 @@ def check_segment(
                 )
                 motion = min(rates[n] * rest, (speeds[n] + 0.5 * bends[n] * rest) * rest)
                 wanted[n] = min(motion, _LOOK_AHEAD) + 1e-9
-        worst = evaluate_clearances(robot, world, width, active, wanted, False, scratch, found, which)
+        worst = evaluate_clearances(robot, world, width, active, wanted, np.inf, scratch, found, which)
         if found[worst] < smallest:
             geom = worst if worst < geoms else pairs[worst - geoms, 1]
             smallest, other = found[worst], which[worst]

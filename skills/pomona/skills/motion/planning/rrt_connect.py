@@ -58,7 +58,7 @@ def _probes_free(robot: RobotArrays, world: WorldArrays, width: float, q_a: Floa
         for j in range(q.shape[0]):
             q[j] = q_a[j] + share * (q_b[j] - q_a[j])
         place(robot, q, width, scratch)
-        worst = evaluate_clearances(robot, world, width, active, wanted, True, scratch, found, which)
+        worst = evaluate_clearances(robot, world, width, active, wanted, 0.0, scratch, found, which)
         if worst >= 0 and found[worst] < 0.0:
             return False
     return True
