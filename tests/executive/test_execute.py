@@ -58,7 +58,7 @@ def test_a_folder_that_takes_no_record_is_refused_before_the_cell_is_connected(
 ) -> None:
     (tmp_path / "runs").write_text("a file")
     connected: list[object] = []
-    monkeypatch.setattr(module, "connect_cell", lambda file, _seed: connected.append(file))
+    monkeypatch.setattr(module, "connect_cell", lambda file, *_: connected.append(file))
     with pytest.raises(RecordError, match=r"runs: no record can be written there: .*`--record DIR` names another"):
         execute(RunOrder(find_tree("pick_apple"), find_cell("sim"), record=tmp_path / "runs"))
     assert not connected

@@ -331,12 +331,19 @@ def load_cell(
     return connect_cell(read_cell_file(Path(path), overrides, texts, missing), seed=seed, missing=missing)
 
 
-def connect_cell(file: CellFile, *, seed: int = 0, missing: Callable[[str, DriverError], None] | None = None) -> Cell:
+def connect_cell(
+    file: CellFile,
+    *,
+    seed: int = 0,
+    missing: Callable[[str, DriverError], None] | None = None,
+    cleared: bool = False,
+) -> Cell:
     """Connect the devices of a cell file.
 
     Args:
         file: without errors.
         seed, missing: as of `load_cell`.
+        cleared: as of `ConnectContext`.
 
     Raises:
         CellFileError: a value is wrong on use: for example an address without a device.
@@ -344,7 +351,7 @@ def connect_cell(file: CellFile, *, seed: int = 0, missing: Callable[[str, Drive
     """
     said = file.section
     clock: Clock = ManualClock() if said.clock == "manual" else SystemClock()
-    context = ConnectContext(file.path, clock, seed, file.workspace)
+    context = ConnectContext(file.path, clock, seed, file.workspace, cleared=cleared)
     try:
         world: World | None = None
         if said.world is not None:
@@ -412,9 +419,9 @@ class CellFiles:
         """Everything that is wrong with a file goes to `findings`; nothing is connected."""
         return judge_cell_file(path, findings, overrides, texts)
 
-    def connect(self, file: CellFile, seed: int) -> Cell:
+    def connect(self, file: CellFile, seed: int, cleared: bool = False) -> Cell:
         """Connect the devices: `connect_cell`."""
-        return connect_cell(file, seed=seed)
+        return connect_cell(file, seed=seed, cleared=cleared)
 
     def load(self, path: Path) -> Cell:
         """Read a file and connect its devices: `load_cell`."""

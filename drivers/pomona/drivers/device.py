@@ -127,6 +127,7 @@ class ConnectContext:
         devices: connected so far, by name; a cell file lists devices before those that build on them.
         wires: for addresses and ports at which this process itself emulates a device, how to connect.
         hand: memory of an emulated world's hand; None where the hand is real.
+        cleared: an operator has checked that nothing is held: fingers without a reference may find it by moving.
     """
 
     cell: Path
@@ -136,6 +137,7 @@ class ConnectContext:
     devices: dict[str, Device] = field(default_factory=dict)
     wires: dict[str, Callable[[], Link]] = field(default_factory=dict)
     hand: HandMemory | None = None
+    cleared: bool = False
 
     def hand_memory(self, wires: Iterable[str]) -> HandMemory:
         """Return the memory of the hand at the end of these wires."""

@@ -247,7 +247,7 @@ def _run_on_cell(ready: _Ready, followers: _Followers) -> Executed:
     with RunSignals() as signals, run_in_progress(), contextlib.ExitStack() as stack:
         starting.refuse_cancelled()
         starting.reach("connecting the cell")
-        cell = connect_cell(file, order.seed)
+        cell = connect_cell(file, order.seed, order.cleared)
         supervision = RunSupervision(cell)
         stack.callback(supervision.close)  # last of all: until the cell is closed, something could still move
         stack.callback(cell.close)
@@ -437,14 +437,14 @@ class _Notes(logging.Handler):
             self._starting.reach(f"{stage.what.partition(': ')[0]}{self.text}", stage.done, stage.of)
 
 
-def connect_cell(file: CellFile, seed: int) -> Cell:
+def connect_cell(file: CellFile, seed: int, cleared: bool = False) -> Cell:
     """Connect a cell.
 
     Raises:
         UsageError: a device cannot be reached, or refuses.
     """
     try:
-        return cell_files().connect(file, seed)
+        return cell_files().connect(file, seed, cleared)
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # any error of a driver while it connects: nothing has moved

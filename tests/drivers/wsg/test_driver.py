@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from pomona.drivers.device import ConnectContext
 from pomona.drivers.emulators.free_gripper import FreeGripper
 from pomona.drivers.emulators.wsg import WsgEmulator
 from pomona.drivers.errors import DeviceFault, DeviceLost, MotionRefused, StopFailed
 from pomona.drivers.interfaces import GripperState, MotionState
+from pomona.drivers.registration import read_settings
 from pomona.drivers.wire import Nonsense
 from pomona.drivers.wsg.codec import Command, Plain, Script, SystemState, encode
+from pomona.drivers.wsg.connect import connect
 from pomona.drivers.wsg.driver import WsgGripper
 from pomona.drivers.wsg.handshake import WsgOptions
 from pomona.drivers.wsg.jaws import RECONNECT
@@ -231,6 +235,25 @@ def test_without_a_reference_moves_are_refused_until_homing_was_allowed(wire: Wi
     motion = homed.move(0.05, 0.2)
     serve(homed, wire, 1.0)
     assert motion.state is MotionState.DONE
+
+
+@pytest.mark.parametrize("cleared", [False, True])
+def test_a_gripper_without_a_reference_moves_at_the_connection_only_when_an_operator_has_looked(
+    wire: Wire, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cleared: bool
+) -> None:
+    wire.device.referenced = False
+    monkeypatch.setattr(WsgGripper, "start", lambda _gripper: None)
+    (tmp_path / "gripper.yaml").write_text("driver: wsg\ntcp: gripper\nhome: true\n")
+    context = ConnectContext(tmp_path, wire.clock, 0, wires={"gripper:1000": wire.open}, cleared=cleared)
+    before = wire.fingers.state().width
+    gripper = connect(read_settings(connect, tmp_path / "gripper.yaml"), context)
+    assert isinstance(gripper, WsgGripper)
+    serve(gripper, wire, 0.1)
+    assert gripper.state().referenced is cleared
+    assert (wire.fingers.state().width != before) is cleared
+    if not cleared:
+        with pytest.raises(MotionRefused, match="check that it holds nothing, then start with --cleared"):
+            gripper.move(0.05, 0.1)
 
 
 def test_a_pulled_cable_is_seen_within_50_ms_and_the_move_fails(wire: Wire) -> None:

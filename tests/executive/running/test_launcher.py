@@ -15,6 +15,7 @@ import pytest
 
 from pomona.executive.recording.digest import digest
 from pomona.executive.recording.folder import is_being_written
+from pomona.executive.running import launcher
 from pomona.executive.running.launcher import LEFT
 
 ENDS = """
@@ -185,3 +186,41 @@ def test_a_skill_that_replaces_the_process_ends_the_run_without_success_and_cuts
     (record,) = runs.iterdir()
     assert not is_being_written(record / "run.mcap")
     assert digest(record).state == "cut off"
+
+
+def test_a_launcher_that_is_stopped_is_noticed_and_one_that_is_stopped_for_a_moment_is_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr(launcher.time, "monotonic", lambda: now[0])
+    process = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
+
+    def states(looks: int) -> list[str]:
+        found = []
+        for _ in range(looks):
+            now[0] += 2.0 * launcher.APART
+            found.append(watch.state())
+        return found
+
+    def stop(number: int) -> None:
+        process.send_signal(number)
+        os.waitid(os.P_PID, process.pid, os.WSTOPPED if number == signal.SIGSTOP else os.WCONTINUED)
+
+    try:
+        watch = launcher.LauncherWatch(process.pid)
+        assert states(10) == ["ok"] * 10
+        stop(signal.SIGSTOP)
+        assert states(launcher.LOOKS - 1) == ["ok"] * (launcher.LOOKS - 1)
+        stop(signal.SIGCONT)
+        assert states(1) == ["ok"]
+        stop(signal.SIGSTOP)
+        assert states(launcher.LOOKS)[-1] == (
+            f"the process {process.pid} that started the run is stopped; a signal to it would not stop the robot"
+        )
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_a_process_without_a_launcher_misses_none() -> None:
+    assert launcher.LauncherWatch().state() == "ok"

@@ -45,7 +45,7 @@ class WsgFile:
     )
     force_limit: float | None = value(Measure(FORCE, "0.1 mN", "500 N"), None, "default: the gripper's own")
     speed_max: float | None = value(Measure(SPEED, "0.1 mm/s", "1 m/s"), None, "default: the gripper's own")
-    home: bool = value(Flag(), False, "home the gripper when the run starts, if it is not referenced: the fingers move")
+    home: bool = value(Flag(), False, "home a gripper without a reference in a start with --cleared: the fingers move")
     tare: bool = value(Flag(), False, "zero the gripper's force sensor when the run starts")
     watchdog: float = value(
         Measure(TIME, "30 ms", "1 s"), "100 ms", "a streamed speed that is not renewed within this time becomes zero"
@@ -78,7 +78,7 @@ def connect(settings: Settings[WsgFile], context: ConnectContext) -> WsgGripper:
         force_limit=said.force_limit,
         soft_limits=said.soft_limits,
         speed_max=said.speed_max,
-        home=said.home,
+        home=said.home and context.cleared,
         tare=said.tare,
         watchdog=said.watchdog,
         silence=said.silence,

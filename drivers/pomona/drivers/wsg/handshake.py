@@ -38,7 +38,8 @@ class WsgOptions:
         force_limit: of moves [N], or None.
         soft_limits: least and most opening [m], or None.
         speed_max: of moves and streamed speeds [m/s], or None for the gripper's own.
-        home: find the reference at the first connection; the fingers move. Never done at a reconnection.
+        home: find the reference at the first connection; the fingers move and would drop a held object. Never done at
+            a reconnection.
         tare: tare the force sensor at the first connection.
         watchdog: a streamed speed that is not renewed within this time becomes zero [s].
         silence: without a reply for so long the gripper is lost [s].

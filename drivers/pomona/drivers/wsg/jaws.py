@@ -162,7 +162,10 @@ class Jaws:
         if self.session is None or self.problem is not None:
             return f"not ready: {words(self.problem)}"
         if not self.bits & SystemState.REFERENCED:
-            return "has no reference yet; set 'home: true' in the cell file or home it by hand"
+            return (
+                "has no reference: check that it holds nothing, then start with --cleared and 'home: true' in the cell "
+                "file, or home it by hand"
+            )
         return ""
 
     def begin(self, motion: GripperMotion) -> None:

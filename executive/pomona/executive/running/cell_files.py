@@ -71,8 +71,13 @@ class CellFiles(Protocol):
         """Read and judge a file: everything that is wrong is a finding, and there is no cell then."""
         ...
 
-    def connect(self, file: CellFile, seed: int) -> Cell:
+    def connect(self, file: CellFile, seed: int, cleared: bool = False) -> Cell:
         """Connect the devices.
+
+        Args:
+            file: without errors.
+            seed: of everything random.
+            cleared: an operator has checked the cell: fingers without a reference may find it by moving.
 
         Raises:
             Exception: a device cannot be connected; devices connected before are released.

@@ -91,7 +91,7 @@ class EmptyCellFiles:
         except Refused:
             return None
 
-    def connect(self, file: CellFile, seed: int) -> EmptyCell:
+    def connect(self, file: CellFile, seed: int, cleared: bool = False) -> EmptyCell:
         return EmptyCell(file.name)
 
     def recognises(self, keys: Collection[str]) -> bool:

@@ -39,6 +39,45 @@ _DEATH_SIGNAL = 1
 """PR_SET_PDEATHSIG of Linux' prctl."""
 
 
+LOOKS, APART = 5, 0.1
+"""So many looks, this far apart [s], must show a stopped launcher: one that a shell stops and continues together with
+its run is stopped for a moment longer than the run."""
+
+_launcher: int | None = None
+"""Process id of the launcher of this process."""
+
+
+class LauncherWatch:
+    """Looks whether the launcher of this process is stopped: signals to it then do not reach the run."""
+
+    def __init__(self, launcher: int | None = None) -> None:
+        """
+        Args:
+            launcher: its process id; by default of this process, which may have none.
+        """
+        self._launcher = _launcher if launcher is None else launcher
+        self._looked_at = -1.0
+        self._stopped = 0
+
+    def state(self) -> str:
+        """Return 'ok', or the problem."""
+        now = time.monotonic()
+        if self._launcher is not None and now - self._looked_at > APART:
+            self._looked_at = now
+            self._stopped = self._stopped + 1 if _is_stopped(self._launcher) else 0
+        if self._stopped < LOOKS:
+            return "ok"
+        return f"the process {self._launcher} that started the run is stopped; a signal to it would not stop the robot"
+
+
+def _is_stopped(process: int) -> bool:
+    try:
+        with open(f"/proc/{process}/stat", encoding="utf-8", errors="replace") as stat:
+            return stat.read().rpartition(")")[2].split()[0] == "T"
+    except (OSError, IndexError):
+        return False
+
+
 def in_child(work: Callable[[], int]) -> int:
     """Carry a command out in a child process, where this returns; in the parent it returns when the child has ended.
 
@@ -57,6 +96,8 @@ def in_child(work: Callable[[], int]) -> int:
     ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(LEFT)
+    global _launcher
+    _launcher = parent
     report = report_to(writing)
     signal.pthread_sigmask(signal.SIG_SETMASK, before)
     try:

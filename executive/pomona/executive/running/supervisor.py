@@ -20,6 +20,7 @@ from typing import Any
 
 from pomona.executive.errors import UsageError
 from pomona.executive.running.cell import Cell
+from pomona.executive.running.launcher import LauncherWatch
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.supervise import PRIORITY
 
@@ -144,6 +145,7 @@ class RunSupervision:
         self._supervisor: Supervisor | None = None
         self._beaten_at: float | None = None
         self._stood_still = ""
+        self._launcher = LauncherWatch()
 
     def begin(self, runner: Runner, record: Path | None) -> None:
         """Start the supervisor before anything moves, in the thread of the tick, which requests priority.
@@ -174,7 +176,8 @@ class RunSupervision:
     def state(self) -> str:
         """'ok', or why the run must end in the safe state."""
         assert self._supervisor is not None
-        return self._stood_still or self._supervisor.state()
+        launcher = self._launcher.state()
+        return self._stood_still or (launcher if launcher != "ok" else self._supervisor.state())
 
     def rest(self) -> None:
         """See `Supervisor.rest`."""
