@@ -143,6 +143,9 @@ def execute(
 ) -> Executed:
     """Run an order to its end, in this thread.
 
+    A real cell has its supervisor here as well. Only the parent process of `pomona run` is missing: if compiled code or
+    `os.exec*` ends this process, its exit status is not the run's.
+
     Args:
         order: the settings of the run.
         listeners: get every event.
