@@ -105,7 +105,7 @@ class Cell:
         return {name: stamp for name, stamp in stamps.items() if stamp is not None}
 
     def pictures(self) -> Mapping[str, tuple[UInt8, float]]:
-        """Newest image (h, w, 3) of each camera that has one at no cost, and its timestamp [s]. From any thread."""
+        """Return the newest image (h, w, 3) of each camera, and its timestamp [s]. From any thread."""
         pictures = {name: device.picture() for name, device in self.devices.items()}
         return {name: picture for name, picture in pictures.items() if picture is not None}
 

@@ -400,7 +400,7 @@ def calibrate_wall(depths: Sequence[NDArray[np.float32]], sensor: str) -> DepthC
 
 
 def _share_of_plane(depth: NDArray[np.float32], growth: float) -> float:
-    """Share of the measured pixels that lie on the plane on which most do; a sensor of this noise may bend it."""
+    """Return the largest ratio of the measured pixels on one plane; a sensor of this noise may bend it."""
     step = LEAST_SQUARE
     rows, columns = np.nonzero(depth[::step, ::step] > 0.0)
     inverse = 1.0 / depth[::step, ::step][rows, columns].astype(np.float64)

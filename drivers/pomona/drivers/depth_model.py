@@ -82,7 +82,7 @@ class DepthModel:
         return apart
 
     def outline(self, z: float, focal: float) -> float:
-        """Standard deviation of a width between two outlines in the picture [m], at a depth z [m]; focal [px]."""
+        """Return the standard deviation of a width between two outlines [m], at a depth z [m]; focal [px]."""
         return float(np.sqrt(2.0) * np.hypot(self.lateral, _PIXEL) * z / focal)
 
     def of_the_whole(self, z: float) -> float:

@@ -43,7 +43,7 @@ class Device:
         return "ok"
 
     def picture(self) -> tuple[UInt8, float] | None:
-        """Newest colour image (h, w, 3) and its timestamp [s], if the device has one at no cost. From any thread."""
+        """Return the newest colour image (h, w, 3) and its timestamp [s], if it costs nothing. From any thread."""
         return None
 
     def last_seen(self) -> float | None:
@@ -152,5 +152,5 @@ class ConnectContext:
 
 
 def _class_only(interface: type) -> type | tuple[()]:
-    """The class itself for isinstance, nothing for a Protocol: those match by method names, which is too little."""
+    """Return the class itself for isinstance, but nothing for a Protocol, which matches by method names only."""
     return () if getattr(interface, "_is_protocol", False) else interface

@@ -455,7 +455,7 @@ def connect_cell(file: CellFile, seed: int, cleared: bool = False) -> Cell:
 
 
 def _with_place(error: BaseException) -> str:
-    """An exception's message; for built-in exceptions, which are not written for users, with the place in the code."""
+    """Return an exception's message; for built-in exceptions, with the place in the code."""
     place = place_of(error) if type(error).__module__ == "builtins" and not isinstance(error, OSError) else ""
     return f"{sentence_of(error)} ({place})" if place else sentence_of(error)
 

@@ -155,7 +155,7 @@ def keep(device: T, control: str) -> T:
 
 
 def lend(control: T, interface: type, by: object) -> T:
-    """A handle of control that a device is under: its commands need the lease of the device's handle.
+    """Return a handle of control that a device is under: its commands need the lease of the device's handle.
 
     Args:
         control: or a handle of it.

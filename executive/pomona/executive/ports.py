@@ -96,7 +96,7 @@ Ratio = Annotated[float, RATIO]
 
 
 def type_name(port_type: PortType) -> str:
-    """The type's name in tree files: the quantity's, or the class's in snake case (MeasuredFruit -> measured_fruit)."""
+    """Return the type's name in tree files: the quantity's, or the class's in snake case (`measured_fruit`)."""
     if isinstance(port_type, Quantity):
         return port_type.name
     builtin = {str: "text", bool: "bool", int: "int", float: "number"}
@@ -142,7 +142,7 @@ class Port:
         return self.default is REQUIRED
 
     def si(self, value: Any) -> Any:
-        """A literal of a declaration or a tree file in SI: quantities written as text are parsed, others pass."""
+        """Return a literal of a declaration or a tree file in SI; a quantity written as text is parsed."""
         if isinstance(self.type, Quantity):
             return self.type.parse(value) if isinstance(value, str) else float(value)
         return value

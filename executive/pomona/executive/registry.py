@@ -51,7 +51,7 @@ class Registry(Mapping[str, type[Skill]]):
 
     @classmethod
     def installed(cls) -> Registry:
-        """Every skill that an installed package offers. A skill that cannot be imported is reported, not raised."""
+        """Return every skill of the installed packages. A skill that cannot be imported is reported, not raised."""
         return cls({}).choosing({}, tuple(_by_name(entry_points(group=GROUP))))
 
     def choosing(self, said: Mapping[str, str], names: Iterable[str] | None = None) -> Registry:

@@ -111,7 +111,7 @@ class SkillContext(Protocol):
         ...
 
     def seed(self, node: str) -> int:
-        """A seed for one start of a node: the same in every run with the run's seed, different from start to start."""
+        """Return a seed for one start of a node: equal in all runs with the run's seed, different between starts."""
         ...
 
     def compute(self, node: str, function: Callable[..., Any], *arguments: Any, isolated: bool) -> Computation:
@@ -123,7 +123,7 @@ class SkillContext(Protocol):
         ...
 
     def elapsed(self) -> float:
-        """Seconds that the run has been running; stands still while it is paused. Deadlines of the tree use this."""
+        """Return the run's time [s], which stands still during a pause. Deadlines of the tree use it."""
         ...
 
     def acquire(self, skill: Skill) -> str | None:

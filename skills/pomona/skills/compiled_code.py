@@ -74,7 +74,7 @@ def is_compiled() -> bool:
 
 
 def first_sentence() -> str:
-    """The announcement of the compilation: its duration, and where the code is kept."""
+    """Return the announcement of the compilation: its duration, and where the code is kept."""
     place = Path(os.environ[PLACE])
     seconds = FIRST_ONE if _cores() < 2 else FIRST_TWO
     kept = f"compiling the motion kernels, once, about {seconds} s; kept in {place}"

@@ -184,7 +184,7 @@ class Detach(MovingSkill):
                 raise self.failure("OUT_OF_REACH", f"the roll leaves the limits: {bad}") from bad
 
     def _rolls(self, grasp: Grasp, fruit: HeldFruit, most: float, others: AllDetections | None) -> tuple[float, ...]:
-        """Angles to roll by, the way that keeps further from neighbours first, each as far as the arm reaches."""
+        """Return the angles to roll by, the side farther from neighbours first, each up to the arm's limits."""
         arm = self.device(Arm)
         robot = RobotModel.load(arm.description).with_limits(arm.limits.lower, arm.limits.upper)
         q, reached = arm.state().q, []

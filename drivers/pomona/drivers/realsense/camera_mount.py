@@ -37,7 +37,7 @@ class CameraMount:
             self._states.append((state.stamp, state.q))
 
     def joints(self, stamp: float) -> Float64 | None:
-        """Joints at a time on the cell's clock, shape (dof,) [rad], from the states around it; None without an arm."""
+        """Return the joints at a time on the cell's clock, shape (dof,) [rad], by interpolation; None without arm."""
         if not self._states:
             return None
         times = [time for time, _ in self._states]

@@ -132,7 +132,7 @@ def xyz(values: Any) -> dict[str, float]:
 
 
 def ros_name(name: str) -> str:
-    """A name as ROS 2 allows it in a topic: letters, digits, underscores and slashes, no part begins with a digit."""
+    """Return a name in ROS 2's form for topics: letters, digits, underscores, slashes, no part begins with a digit."""
     parts = (re.sub(r"[^A-Za-z0-9]+", "_", part).strip("_") or "x" for part in name.strip("/").split("/"))
     return "/".join(f"_{part}" if part[0].isdigit() else part for part in parts)
 
@@ -241,7 +241,7 @@ class _TreeStatus:
 
     @staticmethod
     def _id(path: str) -> dict[str, Any]:
-        """The same path has the same id in every run; the empty path has the zero id."""
+        """Return the id of a path, equal in every run; the empty path has the zero id."""
         return {"uuid": uuid.uuid5(uuid.NAMESPACE_URL, f"pomona:{path}").bytes if path else bytes(16)}
 
 

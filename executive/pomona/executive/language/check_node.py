@@ -360,7 +360,7 @@ class LayerCheck:
 
 
 def _moved_out(node: TreeNode, key: YamlScalar, value: YamlNode) -> list[Edit]:
-    """The edits that put a node's last port beside the node, as a modifier; none where that takes more than that."""
+    """Return the edits that make a node's last port a modifier; none if more than that is necessary."""
     ports, source = node.value, key.source
     if not isinstance(ports, YamlMapping) or [*ports.entries][-1] != key.text or node.key.line != node.at.line:
         return []

@@ -43,7 +43,7 @@ class _Unsayable(Exception):
 
 
 def declared_skills() -> Registry:
-    """Every installed skill's declaration; the skills themselves when nothing is kept or something has changed."""
+    """Return every installed skill's declaration, or the skills themselves without a valid cache."""
     points = sorted(entry_points(group=GROUP), key=lambda point: point.name)
     path = _folder() / f"skills-{_digest(points)}.json"
     kept = _read(path)

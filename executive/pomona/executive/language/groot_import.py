@@ -330,7 +330,7 @@ class _Importer:
         return {**found, "attributes": attributes} if attributes else found
 
     def modified(self, child: Words, name: str, value: object, more: Words) -> Words:
-        """The child with one more modifier; first put into a sequence where the order of modifiers would change."""
+        """Return the child with one more modifier; a sequence around it keeps the order of modifiers."""
         order = [modifier.key for modifier in self.types.modifiers]
         inside = [order.index(other) for other in order if other in child]
         if inside and max(inside) >= order.index(name):

@@ -183,7 +183,7 @@ class NodeReader:
         return name
 
     def comment(self, line: int) -> str:
-        """The comment on the node's first line and the lines of comment above it, each given to one node only."""
+        """Return the comment on the node's first line and the comment lines above, each given to one node only."""
         source = self.file.source
         if line not in source.comments and line - 1 not in source.comment_lines:
             return ""

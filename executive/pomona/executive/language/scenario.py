@@ -153,7 +153,7 @@ def read_scenario(text: str, path: str | Path, skills: Registry, *, tree_folders
 
 @few_hints()
 def read_mocks(text: str, path: str | Path, document: Document, skills: Registry) -> tuple[MockPlan, list[Finding]]:
-    """The `mocks` of a file alone, for a dry run of `document`: a mapping `mocks:`, or a scenario's common ones."""
+    """Return the `mocks` of a file for a dry run of `document`: a mapping `mocks:`, or a scenario's common ones."""
     findings = Findings()
     root = _root(text, path, findings, "a file of mocks")
     results: Results = {}

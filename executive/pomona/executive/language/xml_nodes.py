@@ -86,7 +86,7 @@ def read_xml(source: Source, findings: Findings) -> XmlElement | None:
 
 
 def _escaped(text: str) -> str:
-    """The text with signs escaped that BehaviorTree.CPP's reader takes as they are: `a < b && c` in an attribute."""
+    """Return the text with escaped signs that BehaviorTree.CPP's reader tolerates: `a < b && c` in an attribute."""
     if not _BARE.search(text):
         return text
     return _VALUE.sub(lambda found: _BARE.sub(lambda sign: _SIGNS[sign[0]], found[0]), text)

@@ -109,7 +109,7 @@ class NodeTypes(Mapping[str, NodeType]):
             self._tags[tag] = made
 
     def _ambiguous(self, made: NodeType, word: str) -> bool:
-        """Whether a node could have the word from two types: only types that exclude each other may share a field."""
+        """Return True if two types could claim the word: only types that exclude each other may share a field."""
         owners = self.owners(word)
         return bool(owners) and (word == made.key or any(isinstance(each, Modifier) for each in (made, *owners)))
 

@@ -73,7 +73,7 @@ class Cell(Protocol):
         ...
 
     def pictures(self) -> Mapping[str, tuple[UInt8, float]]:
-        """Newest image (h, w, 3) of each camera that has one at no cost, and its timestamp [s]. From any thread."""
+        """Return the newest image (h, w, 3) of each camera, and its timestamp [s]. From any thread."""
         ...
 
     @property

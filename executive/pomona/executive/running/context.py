@@ -177,7 +177,7 @@ class RunContext:
             self._refusals.append(error)
 
     def _let_go(self, skill: Skill, step: Callable[[], object]) -> bool:
-        """Whether the body has ended with this step, well or not: one that fails must not keep the others from it."""
+        """Return True if the body has ended with this step; an error must not keep the others from their step."""
         try:
             step()
         except (Interrupted, StopIteration):

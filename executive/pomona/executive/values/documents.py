@@ -191,7 +191,7 @@ class _Opener:
         return shipped if str(shipped) in self.texts or is_file(shipped) else beside
 
     def _block(self, root: YamlMapping, path: str, at: YamlScalar) -> dict[str, tuple[YamlScalar, YamlNode]] | None:
-        """The entries of a mapping inside a file, by its keys: `devices/camera`; of the whole file without any."""
+        """Return the entries of a mapping inside a file, by its keys, `devices/camera`, or of the whole file."""
         for name in filter(None, path.split("/")):
             inner = root.get(name)
             if not isinstance(inner, YamlMapping):

@@ -37,7 +37,7 @@ def installed_version() -> str:
 
 
 def pip() -> str:
-    """The command of this environment's pip: `pip` where the shell finds that one, else with this Python's path."""
+    """Return this environment's pip command: `pip` if the shell finds that one, else with this Python's path."""
     found = shutil.which("pip")
     here = found is not None and Path(found).parent == Path(sys.executable).parent
     return "pip" if here else f"{shlex.quote(sys.executable)} -m pip"

@@ -27,7 +27,7 @@ def read_plain_text(path: Path, most: int = MOST_BYTES) -> str:
 
 
 def is_file(path: Path) -> bool:
-    """Whether there is such a file, or a link to one; no file has a name that no path may have, or a longer one."""
+    """Return True if there is such a file, or a link to one; False for an impossible name."""
     try:
         return path.is_file()
     except (OSError, ValueError, RuntimeError):

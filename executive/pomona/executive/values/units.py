@@ -82,7 +82,7 @@ class Quantity:
         return self.parse(text)
 
     def format(self, value: float) -> str:
-        """The value with the unit that keeps it short: 0.12 -> '12 cm', 0.1234 -> '12.34 cm'; a ratio without one."""
+        """Return the value with the shortest unit: 0.12 -> '12 cm', 0.1234 -> '12.34 cm'; a ratio without one."""
         if self.bare:
             return f"{value:.6g}"
         readable = [

@@ -310,7 +310,7 @@ class DetachController:
         return together
 
     def _without_weight(self, force: Float64) -> Float64:
-        """Force of the pads that draws at the stem, once they carry the fruit while the branch is let back."""
+        """Return the pads' force along the stem, once they carry the fruit while the branch swings back."""
         if self.phase is not DetachPhase.LET_BACK:
             return force
         borne = min(max(float(force[2]), 0.0), GRAVITY * self._fruit.mass)
@@ -367,7 +367,7 @@ def _on_fruit(wrenches: Float64, R_base_tcp: Float64) -> Float64:
 
 
 def _shortened(v: Float64, most: float) -> Float64:
-    """A vector, not longer than `most`."""
+    """Return a vector, not longer than `most`."""
     size = float(np.linalg.norm(v))
     shortened: Float64 = v * min(1.0, most / max(size, 1e-12))
     return shortened

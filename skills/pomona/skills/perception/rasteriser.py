@@ -20,7 +20,7 @@ EDGE = 1e-9
 
 
 def project(points: NDArray[Any], camera: tuple[float, float, float, float]) -> tuple[Float64, Float64, Float64]:
-    """Columns, rows [px] and inverse depths [1/m] of points (n, 3) in the camera frame, with (fx, fy, cx, cy) [px]."""
+    """Return columns, rows [px] and inverse depths [1/m] of points (n, 3), camera frame, (fx, fy, cx, cy) [px]."""
     x, y, z = np.asarray(points, np.float64).T
     with np.errstate(divide="ignore", invalid="ignore"):  # the caller leaves out points in the camera's plane
         nearness = 1.0 / z

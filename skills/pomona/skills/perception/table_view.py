@@ -87,7 +87,7 @@ class SeenTable:
 
 
 def depth_points(depth: NDArray[np.float32], intrinsics: Intrinsics) -> Float64:
-    """Points of a grid of `COLUMNS` columns in the camera frame, shape (n, 3) [m]; those without depth are left out."""
+    """Return points of a grid of `COLUMNS` columns in the camera frame, shape (n, 3) [m], without missing ones."""
     step = max(1, intrinsics.width // COLUMNS)
     z = depth[::step, ::step].astype(np.float64)
     v, u = np.indices(z.shape) * step
@@ -181,7 +181,7 @@ def _is_table(points: Float64, band: Float64, plane: Plane) -> bool:
 
 
 def frame_points(frame: Frame, T_base_camera: Float64, workspace: Workspace) -> Float64:
-    """Points of `depth_points` that do not belong to the cell's fixed obstacles, in the camera frame, (n, 3) [m]."""
+    """Return the `depth_points` outside the cell's fixed obstacles, in the camera frame, shape (n, 3) [m]."""
     assert frame.depth is not None
     points = depth_points(frame.depth, frame.intrinsics)
     in_base = points @ T_base_camera[:3, :3].T + T_base_camera[:3, 3]

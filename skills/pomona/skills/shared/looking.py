@@ -160,7 +160,7 @@ class LookingSkill(Skill):
         return T_base_camera
 
     def find(self, frame: Frame, model: FruitModel, options: Search) -> Generator[str | None, None, list[Instance]]:
-        """Every fruit of a frame, found beside the tick; fails with NO_FRAME or NO_WEIGHTS where these are unusable."""
+        """Find every fruit of a frame beside the tick; fails with NO_FRAME or NO_WEIGHTS if these are unusable."""
         try:
             return (yield from self.compute(find_in_frame, frame, model, options))
         except BadFrame as error:

@@ -38,7 +38,7 @@ class Convex:
 
     @staticmethod
     def of_points(name: str, points: ArrayLike, directions: Float64 | None = None) -> Convex:
-        """A polyhedron around points, shape (n, 3), in the base frame; its faces look along `directions`, (k, 3)."""
+        """Return a polyhedron around points, shape (n, 3), in the base frame, with normals `directions`, (k, 3)."""
         corners = np.asarray(points, dtype=np.float64)
         normals = fibonacci_sphere(_ROUND_DIRECTIONS) if directions is None else directions
         centre = (corners.min(axis=0) + corners.max(axis=0)) / 2.0

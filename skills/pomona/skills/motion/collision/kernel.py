@@ -94,7 +94,7 @@ def _convex_distance(
 def _half_space_distance(
     plane: Float64, support: Float64, begin: int, end: int, T: Float64, sx: float, sy: float, sz: float
 ) -> float:
-    """Distance of a geom, shifted by s in the link's frame, from a half space; exact for polyhedra and capsules."""
+    """Return the distance of a geom, shifted by s in the link's frame, from a half space; exact."""
     nx, ny, nz = plane[0], plane[1], plane[2]
     a = nx * T[0, 0] + ny * T[1, 0] + nz * T[2, 0]
     b = nx * T[0, 1] + ny * T[1, 1] + nz * T[2, 1]

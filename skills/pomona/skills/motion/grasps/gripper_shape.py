@@ -86,7 +86,7 @@ def gripper_shape(robot: RobotModel) -> GripperShape:
 
 
 def outline(geom: Geom) -> tuple[Float64, float]:
-    """Corners (n, 3) in the geom's frame and a radius: the geom lies in the convex hull of spheres at the corners."""
+    """Return corners (n, 3) in the geom's frame and a radius: spheres at the corners whose hull holds the geom."""
     size = geom.size
     if geom.kind == "mesh":
         return geom.vertices, 0.0

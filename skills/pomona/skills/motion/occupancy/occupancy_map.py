@@ -88,6 +88,6 @@ class OccupancyMap:
         return self.origin + (np.argwhere(np.isin(self.states, states)) + 0.5) * self.resolution
 
     def cell_of(self, point: Float64) -> tuple[int, int, int]:
-        """Indices of the cell that holds a point of the base frame, shape (3,); they may lie outside the grid."""
+        """Return the indices of the cell at a point of the base frame, shape (3,); they may lie outside the grid."""
         i, j, k = np.floor((np.asarray(point) - self.origin) / self.resolution).astype(int)
         return int(i), int(j), int(k)

@@ -48,7 +48,7 @@ class ArmSpace:
         return replace(self, width=width)
 
     def leaving_table(self) -> ArmSpace:
-        """The same for a fruit that still stands on the table: it and the fingers around it may be near the table."""
+        """Return the same for a fruit on the table: it and the fingers around it may be near the table."""
         if self.world.table_z is None:
             return self
         return replace(self, world=self.world.allowing(TABLE, "held", "fingers"))
@@ -79,11 +79,11 @@ class ArmSpace:
         return (None if at_start < 0 else rrt_connect.path_between(trees, at_start, at_goal)), used
 
     def first_blocked(self, path: Float64) -> int | None:
-        """Number of the first segment of a joint polyline, shape (n, dof), that does not keep all margins, or None."""
+        """Return the number of the first segment of a polyline, shape (n, dof), that violates a margin, or None."""
         return self.world.first_blocked(path, self.width)
 
     def clearances(self, q: Float64) -> Float64:
-        """Distance that postures, shape (n, dof), leave beyond the margins, shape (n,) [m]; negative in collision."""
+        """Return the distance of postures, (n, dof), beyond the margins, shape (n,) [m]; negative in collision."""
         return self.world.clearances(q, self.width)
 
     def explain(self, q: Float64) -> tuple[str, dict[str, object]]:

@@ -87,7 +87,7 @@ class UprightSpace:
         return self.space.free_between(q_a, q_b) and not self._tilted_between(q_a, q_b, 0.0)
 
     def first_blocked(self, path: Float64) -> int | None:
-        """Number of the first segment of a joint polyline, shape (n, dof), that does not keep them all, or None."""
+        """Return the number of the first segment of a polyline, shape (n, dof), that violates a margin, or None."""
         blocked = self.space.first_blocked(path)
         until = len(path) - 1 if blocked is None else blocked
         return next((k for k in range(until) if self._tilted_between(path[k], path[k + 1], SLACK)), blocked)

@@ -12,7 +12,7 @@ AROUND = 16
 
 
 def solid(geom: Geom) -> tuple[Float64, Int32]:
-    """The surface of a shape in the frame of its link: vertices, shape (n, 3) [m], and faces that look outwards."""
+    """Return the surface of a shape in its link's frame: vertices, shape (n, 3) [m], and outward faces."""
     points = _points(geom)
     vertices, faces = hull(points)
     return vertices @ geom.T_link_geom[:3, :3].T + geom.T_link_geom[:3, 3], faces

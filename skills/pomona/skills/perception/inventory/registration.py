@@ -116,7 +116,7 @@ def _directions(x: NDArray[Any], y: NDArray[Any], faint: float) -> Complex:
 
 
 def _scores(colour: Complex, depth: Complex) -> tuple[float, float, tuple[int, int]]:
-    """The score of depth as it is or hardly beside, the best score, and its shift (right, down) [px of `WIDTH`]."""
+    """Return the score of depth without or with a small shift, the best score, and its shift (right, down) [px]."""
     height, width = colour.shape
     size = 2 * height, 2 * width
     agree = ifft2(fft2(colour, size) * np.conj(fft2(depth, size))).real

@@ -98,7 +98,7 @@ def _doubt(look: DepthLook, result: RefineResult, support: Plane) -> str:
 
 
 def outline(virtual_depth: DepthImage, box: ImageBox) -> Float64:
-    """The longest outline of the pixels that hold depth, in the whole image, shape (n, 2) [px]; empty without any."""
+    """Return the longest outline of the pixels with depth in the whole image, shape (n, 2) [px]; may be empty."""
     seen = (virtual_depth > 0.0).astype(np.uint8)
     contours, _ = cv2.findContours(seen, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     if not contours:

@@ -229,7 +229,7 @@ def _check_curvature(task: _Task, result: RefineResult) -> None:
 
 
 def _distance(depth: DepthImage, intrinsics: Intrinsics, p_camera: Float64) -> Float64:
-    """Depth where the fruit is seen, shape () [m]: measured, since a small fruit is nearer than its model seems."""
+    """Return the measured depth of the fruit's visible part, shape () [m]: a small fruit is nearer than its model."""
     if p_camera[2] <= 0.0:  # behind the camera: the rendering reports it
         return np.zeros(())
     column, row = intrinsics.K[:2] @ p_camera / p_camera[2]
