@@ -143,3 +143,11 @@ def test_what_raises_an_error_says_which() -> None:
                         unsaid.append(f"{path.relative_to(ROOT)}:{node.lineno} {node.name}: {', '.join(errors)}")
     assert said > 150, "the functions were not found"
     assert unsaid == []
+
+
+def test_each_model_card_states_the_licence_of_its_weights() -> None:
+    weights = {path.name for path in (ROOT / "skills").rglob("weights/*.weights")}
+    cards = {path: path.read_text("utf-8") for path in (ROOT / "docs" / "model_cards").glob("*.md")}
+    stated = [text.partition("\n## Licence\n")[2] for text in cards.values()]
+    assert all("MIT" in text for text in stated), [path.name for path in cards]
+    assert {name for name in weights if not any(name in text for text in cards.values())} == set()
