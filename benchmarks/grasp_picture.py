@@ -11,9 +11,8 @@ from benchmarks.grasp_patch import Fruit, PatchGrasp
 from benchmarks.grasp_trial import Lifting, least_grasp_force, run_trial
 from pomona.executive.palette import INK, MUTED, SERIES
 from pomona.executive.values.arrays import Float64
-from pomona.skills.grip.bruise import bruising_force
 from pomona.skills.grip.controller import GripController
-from pomona.skills.grip.limit_surface import SoftContact
+from pomona.skills.grip.limit_surface import SoftContact, bruising_force
 from pomona.skills.grip.settings import GripSettings
 
 FRUIT = Fruit(mass=0.2, width=0.075, mu=0.6, offset=(0.003, 0.004), off_centre=0.001)

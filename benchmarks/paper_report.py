@@ -22,7 +22,7 @@ from pomona.executive.campaign.report import commits, failures, numbers, percent
 from pomona.executive.campaign.run import finished_runs
 from pomona.executive.campaign.spec import read_campaign
 from pomona.executive.campaign.statistics import median, wilson
-from pomona.skills.grip.bruise import NO_BRUISE, pressure
+from pomona.skills.grip.limit_surface import NO_BRUISE, pressure
 
 ALL_GOAL, CELL_GOAL = 0.99, 0.95
 

@@ -12,7 +12,7 @@ from benchmarks.paper_plots import APPLES, errors_plot, force_plot, sizes_plot, 
 from pomona.executive.campaign.document import Paragraph, SvgPlot, Table
 from pomona.executive.campaign.report import numbers, rate
 from pomona.executive.campaign.statistics import Estimate, mean, median
-from pomona.skills.grip.bruise import pressure
+from pomona.skills.grip.limit_surface import pressure
 
 ATTEMPT_3 = "3"
 FORCE_GOAL = 1.25

@@ -84,7 +84,7 @@ def test_an_arm_that_has_arrived_and_whose_joints_stand_still_is_not_believed():
     hold = scene.grasp()
     before = scene.arm.state()
     scene.arm.state = lambda: replace(before, stamp=scene.clock.now())  # type: ignore[method-assign]
-    with pytest.raises(DeviceFault, match=r"gone 0\.0 mm of 2\.0 mm"):
+    with pytest.raises(DeviceFault, match=r"moved 0\.0 mm of 2\.0 mm"):
         scene.feel_friction(hold)
     assert hold.holds
     assert len(scene.arm.followed) == 1
@@ -97,7 +97,7 @@ def test_a_light_fruit_comes_along_and_the_way_down_alone_counts():
     assert outcome.status is Status.SUCCESS
     assert outcome.outputs["mu"] == pytest.approx(0.9, rel=0.04)
     assert 0.05 <= outcome.outputs["mu_uncertainty"] < 0.08
-    assert "from the way down alone" in outcome.feedback
+    assert "from the way down only" in outcome.feedback
     assert hold.holds
 
 

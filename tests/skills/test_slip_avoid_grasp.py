@@ -228,7 +228,7 @@ def test_a_stream_that_goes_bad_while_the_fruit_is_held_ends_the_run_and_keeps_t
     for n in range(30):  # old stamps, whatever the driver thinks of them
         rig.clock.advance(0.002)
         rig.fingers.give(WrenchSample(stamp - 0.5 + 0.002 * n, sequence + n, np.zeros((2, 6))))
-    assert "no usable sample" in rig.fingers.distrusted
+    assert "no valid sample" in rig.fingers.distrusted
     rig.clock.advance(0.5)
     assert hold.holds
     assert rig.gripper.width == pytest.approx(width, abs=1e-3)

@@ -24,51 +24,49 @@ from pomona.skills.shared.grip_view import show_grip
 from pomona.skills.shared.warm_motion import prepare_moving
 
 JERK_TIME = 0.05
-"""Seconds in which the acceleration is reached."""
+"""Time to full acceleration [s]."""
 
 ACCELERATION = 0.4
-"""Of the slides [m/s²]."""
+"""Acceleration of the slides [m/s²]."""
 
 SLIDING = (0.4, 0.92)
-"""The pads slide between these shares of the distance, as the arm says where it is: before, they and the fruit's skin
-give; afterwards they come to rest and creep back."""
+"""Part of the distance, by the arm's joints, on which the pads slide: before it pads and skin deform, after it they
+come to rest and creep back."""
 
 RISING = 0.5
-"""Upwards the pads slide farther by this share of the distance: on it the force rises, so that the fruit's weight comes
-on the fingers gently."""
+"""Additional upward path, relative to the distance, on which the force rises: the fruit's weight comes on the fingers
+gently."""
 
 LIGHT, LIGHT_NOW = 0.4, 0.65
-"""A fruit is light when friction comes to this share of the most that it may weigh by its size, which is a good third
-above what the simulated cell's fruit weigh: the first with the force that is tracked, the second with what both fingers
-press with now. One of them may press much more than the other, which alone is tracked; but with a force that rises a
-fruit that does not come along slides farther (docs/decisions/pick-pace.md)."""
+"""Ratios of friction to the largest weight of a fruit of this size above which it counts as light: with the tracked
+force, and with the sum of both fingers, of which one may press more (docs/decisions/pick-pace.md)."""
 
 SETTLING = 0.1
-"""Within so many newtons of what is wanted the grasp force has come down or up."""
+"""Error of the grip force that counts as reached [N]."""
 
 PATIENCE = 1.0
-"""How long the grasp force may take for that [s]."""
+"""Longest time for the grip force to be reached [s]."""
 
 
 class Felt(Outputs):
-    """What FeelFriction gives."""
+    """Outputs of FeelFriction."""
 
     mu: Ratio
     mu_uncertainty: Ratio
 
 
 class FeelFriction(MovingSkill):
-    """Slide the pads a little down and up a fruit that still stands, and hold it from then on for the friction felt.
+    """Measure the friction of a standing fruit by sliding the pads down and up, and use it from then on.
 
-    Pressed lightly the fruit stays where it is and the pads slide: their friction is measured, fruit by fruit, instead
-    of being told. Then the force rises while the pads still slide up, so that the weight comes on them gently. A fruit
-    that is lighter than the friction comes along; then the way down alone counts. Where the pads do not slide, what was
-    told is kept. However the slides end, the grip presses with `force_after` afterwards and the fruit may be lifted.
+    With a light grip force the fruit stands still and the pads slide. At the end of the way up the force rises while
+    they slide, so that the weight comes on them gently. A fruit that is lighter than the friction moves with the pads;
+    then only the way down counts. If the pads do not slide, the configured friction is kept. The grip presses with
+    `force_after` afterwards, however the slides end.
     """
 
     devices = (Arm, Gripper, ForceSensor, Workspace)
     moves = (Arm, Gripper)
-    own_speed = True  # friction is felt at one speed of sliding
+    own_speed = True  # friction is measured at one speed of sliding
     failures = (*MOTION_FAILURES, "NOT_HELD", "LOST", "SENSOR_STALE", "SENSOR_SATURATED")
 
     def prepare(self) -> None:
@@ -77,66 +75,64 @@ class FeelFriction(MovingSkill):
     def run(
         self,
         hold: Hold,
-        force: Annotated[Force, Port(min="0.5 N", max="5 N", help="grasp force while the pads slide up")] = FORCE(
+        force: Annotated[Force, Port(min="0.5 N", max="5 N", help="grip force while the pads slide up")] = FORCE(
             "0.7 N"
         ),
         force_after: Annotated[
-            Force, Port(min="0.6 N", max="10 N", help="grasp force afterwards, before the lift", was="then")
+            Force, Port(min="0.6 N", max="10 N", help="grip force afterwards, before the lift", was="then")
         ] = FORCE("2.2 N"),
-        distance: Annotated[Length, Port(min="0.5 mm", max="5 mm", help="how far the pads slide")] = LENGTH("2 mm"),
+        distance: Annotated[Length, Port(min="0.5 mm", max="5 mm", help="path of the slides")] = LENGTH("2 mm"),
         speed: Annotated[Speed, Port(min="1 mm/s", max="30 mm/s")] = SPEED("20 mm/s"),
         min_rel_uncertainty: Annotated[
-            Ratio, Port(min=0.0, max=0.5, help="least relative uncertainty of what was felt", was="least")
+            Ratio, Port(min=0.0, max=0.5, help="smallest relative uncertainty of the result", was="least")
         ] = 0.04,
     ) -> Work[Felt]:
         if not hold.holds:
-            raise self.failure("NOT_HELD", "no fruit is held whose friction could be felt")
+            raise self.failure("NOT_HELD", "no fruit is held, so no friction can be measured")
         hold = hold.under(self.device(Gripper))
-        told = hold.settings
-        slide = Slide(told.contact.mu, told.mu_uncertainty, (np.nan, np.nan))
+        configured = hold.settings
+        slide = Slide(configured.contact.mu, configured.mu_uncertainty, (np.nan, np.nan))
         try:
             try:
-                slide = yield from self._feel(hold, force, force_after, distance, speed)
+                slide = yield from self._measure(hold, force, force_after, distance, speed)
                 slide = replace(slide, uncertainty=max(slide.uncertainty, min_rel_uncertainty))
-                said = f"friction {slide.mu:.2f} ± {slide.uncertainty:.0%}"
-                said += ", from the way down alone" if slide.came_along else ""
+                feedback = f"friction {slide.mu:.2f} ± {slide.uncertainty:.0%}"
+                feedback += ", from the way down only" if slide.came_along else ""
             except NoSlideError as problem:
-                said = f"{problem}: {slide.mu:.2f} ± {slide.uncertainty:.0%} is kept"
+                feedback = f"{problem}: {slide.mu:.2f} ± {slide.uncertainty:.0%} is kept"
             hold.slide(force_after)
             yield from self._press(hold, force_after)
         finally:
             hold.slide(None)
-        hold.set_friction(replace(told.contact, mu=slide.mu), slide.uncertainty, force_after)
+        hold.set_friction(replace(configured.contact, mu=slide.mu), slide.uncertainty, force_after)
         show_grip(self, hold, everything=True)
-        yield said
+        yield feedback
         return Felt(mu=slide.mu, mu_uncertainty=slide.uncertainty)
 
-    def _feel(
+    def _measure(
         self, hold: Hold, force: float, force_after: float, distance: float, speed: float
     ) -> Generator[str | None, None, Slide]:
         """Slide down, and up with the force rising at the end.
 
         Raises:
-            NoSlideError: the arm cannot, or the pads did not slide.
+            NoSlideError: the path is blocked, or the pads did not slide.
         """
         settings = hold.settings
         down, up = self._lines(distance)
         hold.slide(force)
-        # Down at once: closing has pressed more, and while that comes down the pads slide as well.
-        felt_down = yield from self._slide(hold, down, distance, distance, speed)
+        # Down at once: the pads slide also while the force of closing comes down.
+        wrenches_down = yield from self._slide(hold, down, distance, distance, speed)
         yield from self._press(hold, force)
-        if _comes_along(felt_down, force, hold.estimate.force_sum, settings.expected_load):
+        if _moves_with_pads(wrenches_down, force, hold.estimate.force_sum, settings.expected_load):
             hold.slide(force_after)
-        felt_up = yield from self._slide(hold, up, (1.0 + RISING) * distance, distance, speed, force_after)
-        return friction_of_slides(
-            felt_up, felt_down, settings.contact, hold.estimate.bias_std, settings.rate
-        )  # fmt: skip
+        wrenches_up = yield from self._slide(hold, up, (1.0 + RISING) * distance, distance, speed, force_after)
+        return friction_of_slides(wrenches_up, wrenches_down, settings.contact, hold.estimate.bias_std, settings.rate)
 
     def _lines(self, distance: float) -> tuple[Float64, Float64]:
-        """Joints straight down by the distance, and up beyond where they began.
+        """Return the joints of a straight path down by the distance, and of one up beyond its start.
 
         Raises:
-            NoSlideError: the arm cannot go there.
+            NoSlideError: a path is blocked or out of reach.
         """
         arm = self.device(Arm)
         robot = RobotModel.load(arm.description)
@@ -155,7 +151,7 @@ class FeelFriction(MovingSkill):
         return down.q, up.q
 
     def _press(self, hold: Hold, force: float) -> Watching:
-        """Wait until the fingers press with a force [N]."""
+        """Wait until the fingers press with this grip force [N]."""
         began = self.context.elapsed()
         while abs(hold.tracked_force - force) > SETTLING and self.context.elapsed() - began < PATIENCE:
             self._watch(hold)
@@ -164,13 +160,13 @@ class FeelFriction(MovingSkill):
     def _slide(
         self, hold: Hold, line: Float64, way: float, distance: float, speed: float, then: float | None = None
     ) -> Generator[str | None, None, Float64]:
-        """Go along a line of so much way [m], after the distance with another force [N].
+        """Follow a line of length `way` [m], with the force `then` [N] beyond the distance.
 
         Returns:
-            The wrenches while the pads slid over the distance, bias removed, shape (n, 2, 6).
+            The wrenches while the pads slid, bias removed, shape (n, 2, 6).
 
         Raises:
-            DeviceFault: the arm says that it has arrived, and its joints that it has hardly moved.
+            DeviceFault: the arm reports its arrival, but its joints have hardly moved.
         """
         arm = self.device(Arm)
         trajectory = time_curve(line, way, arm.limits, speed, ACCELERATION, ACCELERATION / JERK_TIME)
@@ -198,8 +194,8 @@ class FeelFriction(MovingSkill):
         finally:
             subscription.close()
         if max(shares) < SLIDING[0]:
-            words = f"its joints say that it has gone {1e3 * distance * max(shares):.1f} mm of {1e3 * way:.1f} mm"
-            raise DeviceFault("arm", f"{words}, and its driver that it has arrived")
+            moved = f"moved {1e3 * distance * max(shares):.1f} mm of {1e3 * way:.1f} mm by its joints"
+            raise DeviceFault("arm", f"{moved}, but its driver reports its arrival")
         first, last = np.interp(SLIDING, np.maximum.accumulate(shares), stamps)
         samples = [wrenches for stamp, wrenches in samples_in if first <= stamp <= last]
         return np.array(samples).reshape(-1, 2, 6) - hold.bias
@@ -210,11 +206,17 @@ class FeelFriction(MovingSkill):
         if problem is not None and problem.code in self.failures:
             raise self.failure(problem.code, problem.message, **problem.data)
         if not hold.holds:
-            raise self.failure("LOST", "the grip is not under control any more")
+            raise self.failure("LOST", "the grip is no longer under control")
 
 
-def _comes_along(down: Float64, force: float, force_sum: float, expected_load: float) -> bool:
-    """Whether a fruit may come along when pads slide up that press with a force [N], and with another one now [N]."""
+def _moves_with_pads(down: Float64, force: float, force_sum: float, expected_load: float) -> bool:
+    """Return True if friction may exceed the fruit's weight, so that the upward slide would lift it.
+
+    Args:
+        down: wrenches of the downward slide, shape (n, 2, 6).
+        force, force_sum: grip force of the slide, and sum of both fingers now [N].
+        expected_load: largest weight of a fruit of this size [N].
+    """
     if not len(down):
         return False
     f_n, f_t = -down[:, :, 2].sum(axis=1).mean(), np.linalg.norm(down[:, :, :2], axis=2).sum(axis=1).mean()

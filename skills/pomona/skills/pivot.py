@@ -1,4 +1,4 @@
-"""Pivot: let a held fruit turn in the fingers under gravity until it hangs plumb, without letting it slide down."""
+"""The skill Pivot."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from pomona.skills.grip.hold import Hold
 from pomona.skills.shared.grip_view import show_grip
 
 STEADY = 0.3
-"""The fruit hangs still when its lever has not changed for so long [s]."""
+"""Time without a change of the lever after which the fruit hangs still [s]."""
 
 STILL = 0.0005
-"""A lever that changes by less than this is still [m]."""
+"""Smallest change of the lever [m]."""
 
 
 class Pivot(Skill):
-    """The controller's second mode. Its force bears the weight only; friction against turning brakes the fruit.
+    """Let a held fruit turn in the fingers under gravity until it hangs plumb.
 
-    The fruit's lever is its moment over its weight: how far its centre hangs beside the fingers. When the node ends or
-    is interrupted the fruit is held against turning again.
+    The force bears the weight only, and friction brakes the turning. The lever of the fruit, moment over weight, is the
+    distance of its centre from the vertical through the fingers. After the node the fruit is held against turning.
     """
 
     devices = (Gripper,)
@@ -42,9 +42,10 @@ class Pivot(Skill):
         self,
         hold: Hold,
         plumb: Annotated[
-            Length, Port(min="0.5 mm", help="how far the fruit's centre may hang off the vertical through the fingers")
+            Length,
+            Port(min="0.5 mm", help="largest distance of the fruit's centre from the vertical through the fingers"),
         ] = LENGTH("4 mm"),
-        patience: Annotated[Time, Port(min="0.5 s", help="how long it may take")] = TIME("8 s"),
+        patience: Annotated[Time, Port(min="0.5 s", help="longest time")] = TIME("8 s"),
     ) -> Work[None]:
         if not hold.holds:
             raise self.failure("NOT_HELD", "no fruit is held that could pivot")
@@ -61,7 +62,7 @@ class Pivot(Skill):
         return None
 
     def _turn(self, hold: Hold, patience: float) -> Generator[str | None, None, float]:
-        """Watch until the force is down and the fruit hangs still; the lever that is left [m]."""
+        """Wait until the force is down and the fruit hangs still; return its lever [m]."""
         start = since = self.context.elapsed()
         before = lever_of(hold)
         while self.context.elapsed() - start < patience:
@@ -79,6 +80,6 @@ class Pivot(Skill):
 
 
 def lever_of(hold: Hold) -> float:
-    """How far the centre of a held fruit hangs beside the fingers [m]."""
+    """Return the distance of a held fruit's centre from the vertical through the fingers [m]."""
     reading = hold.reading
     return abs(reading.tau_n) / max(reading.f_t, 0.1)

@@ -1,4 +1,4 @@
-"""SlipAvoidGrasp: close the fingers on the fruit and hand on a grip that keeps it from slipping."""
+"""The skill SlipAvoidGrasp."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pomona.executive.ports import FORCE, LENGTH, STIFFNESS, Force, Length, Outp
 from pomona.executive.skill import CellFacts, Interrupted, Skill, Work
 from pomona.executive.values.sections import Problem
 from pomona.skills.compiled_code import wait_for_first
-from pomona.skills.grip.controller import GripController
+from pomona.skills.grip.controller import GripController, warm_up
 from pomona.skills.grip.dynamic_term import GENTLE, DynamicSettings
 from pomona.skills.grip.errors import UnusableRate
 from pomona.skills.grip.force_loop import ForceLoopSettings, PadStiffness
@@ -18,32 +18,30 @@ from pomona.skills.grip.grip import GripPhase
 from pomona.skills.grip.hold import Hold
 from pomona.skills.grip.limit_surface import SoftContact, surface_table
 from pomona.skills.grip.settings import ForceLaw, GripSettings, check_rate
-from pomona.skills.grip.warm import warm_up
 from pomona.skills.perception.inventory.mass import mass_of
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.grip_view import show_grip
 
 CLEARANCE = 0.008
-"""Contact may come when the opening is so much wider than the fruit: it may lie off the centre [m]."""
+"""Excess of the opening over the fruit at which a finger may touch: the fruit may lie off the centre [m]."""
 
 NARROWEST = 0.5
-"""A fruit is nowhere narrower between the fingers than this share of its least dimension."""
-
+"""Smallest width of a fruit between the fingers, relative to its smallest dimension."""
 
 GRAVITY = 9.81  # [m/s²]
 
 LIFTED = 1.1
-"""A lift of 1 m/s² adds so much to a fruit's weight."""
+"""Factor on the weight in a lift of 1 m/s²."""
 
 
 class Grasped(Outputs):
-    """What SlipAvoidGrasp gives."""
+    """Outputs of SlipAvoidGrasp."""
 
     hold: Hold
 
 
 class SlipAvoidGrasp(Skill):
-    """Close on the fruit with the least force that will hold it; the grip goes on when this node has ended."""
+    """Close on the fruit with the minimum force that holds it; the grip continues after this node."""
 
     devices = (Gripper, ForceSensor)
     moves = (Gripper,)
@@ -61,7 +59,7 @@ class SlipAvoidGrasp(Skill):
 
     @classmethod
     def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
-        """The fingers must sample as fast as a grip needs."""
+        """Refuse fingers whose sample rate no grip can use."""
         rate = None if cell is None else cell.known(SampleRate)
         if rate is not None:
             try:
@@ -75,19 +73,19 @@ class SlipAvoidGrasp(Skill):
 
     def run(
         self,
-        fruit: Annotated[MeasuredFruit | None, Port(help="its size decides where the fingers may move fast")] = None,
+        fruit: Annotated[MeasuredFruit | None, Port(help="its size decides where the fingers move fast")] = None,
         mu: Annotated[Ratio, Port(min=0.05, max=3.0, help="friction coefficient between pad and fruit")] = 0.75,
         mu_uncertainty: Annotated[Ratio, Port(min=0.0, max=0.5, help="relative, covered by more force")] = 0.1,
         delta: Annotated[Length, Port(help="contact radius at 1 N")] = LENGTH("4.353 mm"),
-        gamma: Annotated[Ratio, Port(min=0.0, max=1.0, help="how the contact radius grows with the force")] = 0.2569,
+        gamma: Annotated[Ratio, Port(min=0.0, max=1.0, help="exponent of the contact radius over the force")] = 0.2569,
         k: Annotated[Ratio, Port(min=1.0, max=100.0, help="shape of the pressure; 2 is Hertz's")] = 4.0,
         surface: Annotated[Literal["exact", "ellipsoid"], Port(help="limit surface")] = "exact",
-        margin: Annotated[Ratio, Port(min=1.0, max=3.0, help="on the least force")] = 1.125,
+        margin: Annotated[Ratio, Port(min=1.0, max=3.0, help="factor on the minimum grip force")] = 1.125,
         reserve: Annotated[
             Force, Port(min="0 N", max="10 N", help="push at the fruit that the grip withstands")
         ] = FORCE("0 N"),
         offset: Annotated[
-            Length, Port(min="0 mm", max="50 mm", help="how far the fruit's centre may lie from the grip")
+            Length, Port(min="0 mm", max="50 mm", help="largest distance of the fruit's centre from the grip")
         ] = LENGTH("3 mm"),
         initial_force: Annotated[Force, Port(min="0.6 N", max="10 N", help="grasp force before the lift")] = FORCE(
             "2.2 N"
@@ -101,7 +99,7 @@ class SlipAvoidGrasp(Skill):
         law: Annotated[
             str, Port(choices=tuple(law.value for law in ForceLaw), help="for comparison")
         ] = "slip_avoidance",
-        gentle: Annotated[bool, Port(help="answer slip with a tenth of the force")] = False,
+        gentle: Annotated[bool, Port(help="respond to slip with a tenth of the force")] = False,
     ) -> Work[Grasped]:
         gripper, sensor = self.device(Gripper), self.device(ForceSensor)
         contact = SoftContact(mu, delta, gamma, k, ellipsoid=surface == "ellipsoid")
@@ -155,6 +153,6 @@ class SlipAvoidGrasp(Skill):
 
 
 def _expected_load(fruit: MeasuredFruit) -> float:
-    """The largest load that a fruit of this size is expected to be while it is lifted [N]; 0 where nobody knows."""
+    """Return the largest expected load of a fruit of this size in a lift [N]; 0 where it is unknown."""
     known = mass_of(fruit.fruit, fruit.dimensions, fruit.covariance[3:, 3:])
     return 0.0 if known is None else LIFTED * GRAVITY * (known[0] + 2.0 * known[1])

@@ -14,7 +14,7 @@ from benchmarks.paper_cells import Cells
 from benchmarks.paper_report import paper_report
 from pomona.executive.campaign.document import to_html, to_markdown
 from pomona.executive.campaign.spec import read_campaign
-from pomona.skills.grip.bruise import pressure
+from pomona.skills.grip.limit_surface import pressure
 
 PAPER = Path(__file__).resolve().parents[3] / "benchmarks" / "paper.yaml"
 

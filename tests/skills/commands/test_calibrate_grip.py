@@ -108,7 +108,7 @@ def test_a_stream_that_stops_ends_it_with_the_fingers_at_rest() -> None:
     assert isinstance(gripper, MockGripper)
     assert isinstance(sensor, MockForceSensor)
     guide = guide_of(cell, lambda s: sensor.lose(60.0) if "slides" in s else None)
-    with pytest.raises(GuidanceEnded, match="stopped sending"):
+    with pytest.raises(GuidanceEnded, match="no valid sample"):
         guide.record([2.0], 1.0)
     width = gripper.width
     cell.clock.advance(1.0)  # type: ignore[attr-defined]
@@ -126,7 +126,7 @@ def test_fingers_without_samples_or_without_a_fruit_are_told() -> None:
     sensor = cell.devices["fingers"]
     assert isinstance(sensor, MockForceSensor)
     sensor.feel = lambda now: np.zeros((2, 6))
-    with pytest.raises(GuidanceEnded, match="nothing is between them"):
+    with pytest.raises(GuidanceEnded, match="put the fruit between them"):
         guide_of(cell).record([2.0], 1.0)
 
 

@@ -61,7 +61,7 @@ def test_a_twist_takes_its_part_of_the_friction():
     ("up", "down", "words"),
     [
         (slid(0.7, samples=18), slid(0.7, way=-1.0), "only 18 and 60 samples"),
-        (slid(0.7, f_n=(0.05, 0.6)), slid(0.7, f_n=(0.05, 0.6), way=-1.0), "presses with 0.05 N only"),
+        (slid(0.7, f_n=(0.05, 0.6)), slid(0.7, f_n=(0.05, 0.6), way=-1.0), "presses with 0.05 N, at least"),
         (
             np.concatenate([slid(0.3, samples=30), slid(0.7, samples=30)]),
             np.concatenate([slid(0.3, way=-1.0, samples=30), slid(0.7, way=-1.0, samples=30)]),

@@ -1,7 +1,7 @@
 """Friction and stiffness of a grip from pushes: hold a fruit with a steady force, pull or twist it until it slides.
 
-While it slides the load lies on the limit surface of the force that presses. A few pushes at different forces, some
-straight and some with a twist, therefore give mu, delta and gamma; a slow squeeze gives the stiffness of the pads.
+While it slides, the load lies on the limit surface of the normal force. A few pushes at different forces, some with a
+twist, therefore give mu, delta and gamma; a slow squeeze gives the stiffness of the pads.
 """
 
 from __future__ import annotations
@@ -24,33 +24,32 @@ from pomona.skills.grip.limit_surface import SoftContact, least_force
 from pomona.skills.grip.pads import PAD_HALF, pad_loads
 
 WINDOW = 25
-"""Samples that are averaged before a push is looked at: 50 ms."""
+"""Samples of the average over a push: 50 ms."""
 
 SLIDING_SHARE = 0.05
-"""The most loaded share of a push is where it slid."""
+"""Most loaded fraction of a push, where the fruit slid."""
 
 FEW = 10
-"""Samples over which the force is averaged while somebody presses."""
+"""Samples of the average of the present force."""
 
 LEAST_FORCE = 0.3
-"""Samples with less normal force on a finger are left out [N]."""
+"""Smallest normal force of a finger's usable sample [N]."""
 
 TYPICAL_RADIUS = 0.005
-"""Weighs moment against force when the most loaded samples are chosen [m]."""
+"""Lever with which moments count as forces when the most loaded samples are chosen [m]."""
 
 SPREAD = 1.5
-"""Pushes whose forces differ by less than this factor do not tell how the contact grows with the force."""
+"""Smallest ratio of the pushes' forces from which gamma is fitted."""
 
 GROWTH_STD, SLIDE_STD = 0.15, 0.05
-"""How far gamma is from the assumed one among fruit, and how far a slide's force is from the fit, both roughly: what
-noisy slides cannot tell about gamma the assumed one does."""
+"""Assumed standard deviations of gamma among fruit, and of the logarithm of a slide's force: with noisy slides gamma
+stays near the assumed value."""
 
 OUTLIER, MOST_OUTLIERS = 0.25, 0.34
-"""A slide whose force is off by more than the first share does not agree with the others; no more than the second may
-be left out."""
+"""Relative error of a slide that disagrees with the others, and largest fraction of the slides that is left out."""
 
 VAGUE = 0.25
-"""A contact radius that is known worse than this share is worth a note."""
+"""Relative uncertainty of the contact radius above which a note is written."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +58,7 @@ class Push:
 
     Attributes:
         wrenches: of both pads with the bias removed, shape (n, 2, 6), in order, as in `WrenchSample`.
-        width: opening between the pads' faces, shape (n,) [m]; NaN where it is not known.
+        width: opening between the pads' faces, shape (n,) [m]; NaN where it is unknown.
     """
 
     wrenches: Float64
@@ -67,13 +66,13 @@ class Push:
 
 
 BIAS_SAMPLES = 100
-"""The first samples of a stream, whose mean is the bias."""
+"""Number of first samples of a stream whose mean is the bias."""
 
 
 class PushRecorder:
-    """Takes a live stream and makes a push of it: `sensor.subscribe(recorder.on_sample)`.
+    """Records a live stream as pushes: `sensor.subscribe(recorder.on_sample)`.
 
-    The first samples are the bias: nothing may touch the fingers until `ready`.
+    The first samples give the bias: nothing may touch the fingers until `ready`.
     """
 
     def __init__(self, width: Callable[[], float] | None = None) -> None:
@@ -84,7 +83,7 @@ class PushRecorder:
         self.stamp = -np.inf
 
     def on_sample(self, sample: WrenchSample) -> None:
-        """Keep one sample; saturated ones and those that are not finite are left out."""
+        """Keep one sample, unless it is saturated or not finite."""
         if any(sample.saturated) or not np.isfinite(sample.wrenches).all():
             return
         self.stamp = sample.stamp
@@ -93,16 +92,16 @@ class PushRecorder:
 
     @property
     def ready(self) -> bool:
-        """Whether the bias is taken."""
+        """True when the bias is known."""
         return len(self._wrenches) >= BIAS_SAMPLES
 
     @property
     def received(self) -> int:
-        """How many samples were kept so far."""
+        """Number of samples kept so far."""
         return len(self._wrenches)
 
     def grasp_force(self) -> float:
-        """2 * min over the fingers of the last few samples, bias removed [N]; 0 before the bias is taken."""
+        """Return the grip force of the last few samples [N]; 0 before the bias is known."""
         if len(self._wrenches) <= BIAS_SAMPLES:
             return 0.0
         if self._bias is None:
@@ -111,10 +110,10 @@ class PushRecorder:
         return 2.0 * float(pressing.min())
 
     def push(self, start: int | None = None) -> Push:
-        """What came since the bias, or since `start` samples had come, bias removed; recording goes on.
+        """Return the samples since the bias, or from number `start` on, with the bias removed.
 
         Raises:
-            TooFewPushes: the bias is not taken yet.
+            TooFewPushes: the bias is not known yet.
         """
         if not self.ready:
             raise TooFewPushes(0)
@@ -126,16 +125,16 @@ class PushRecorder:
 
 @dataclass(frozen=True, slots=True)
 class GripCalibration:
-    """What pushes say about a grip, and how well they say it.
+    """Grip parameters from pushes, and their quality.
 
     Attributes:
-        contact: mu, delta, gamma; k is taken as given.
-        mu_std, delta_std, gamma_std: standard errors of the fit; gamma_std is 0 where gamma was kept as it was.
+        contact: mu, delta, gamma; k is given.
+        mu_std, delta_std, gamma_std: standard errors of the fit; gamma_std is 0 where gamma was not fitted.
         residual: root mean square of the relative error of the normal force at which the fruit slid.
-        pushes: how many slides were used (a push counts once a finger).
-        stiffness: grasp force per metre of closing [N/m], or None without a squeeze.
-        stiffness_r2: share of the squeeze's variance that a straight line explains.
-        notes: what a person should know before using it.
+        pushes: number of slides (one of each finger in a push).
+        stiffness: grip force per metre of closing [N/m], or None without a squeeze.
+        stiffness_r2: fraction of the squeeze's variance that a straight line explains.
+        notes: limits of the result, as sentences.
     """
 
     contact: SoftContact
@@ -167,9 +166,9 @@ def calibrate_grip(
     """Fit friction to pushes, and stiffness to a squeeze.
 
     Args:
-        pushes: each with a slide in it; at two grasp forces or more, some with a twist.
-        squeeze: slowly closing on the fruit.
-        start: where the fit starts, and what stays as it is: k, and gamma where the pushes do not tell it.
+        pushes: each with a slide; at two grip forces or more, some with a twist.
+        squeeze: slow closing on the fruit.
+        start: start of the fit, with k, and with gamma where the pushes do not determine it.
 
     Raises:
         TooFewPushes: fewer than three usable slides.
@@ -182,7 +181,7 @@ def calibrate_grip(
     contact, std, error = fit.solve()
     stiffness, r2 = _stiffness(squeeze) if squeeze is not None else (None, 0.0)
     if stiffness is not None and r2 < 0.98:
-        fit.notes.append("the squeeze is not a straight line: pads that stiffen, or a fruit that moved")
+        fit.notes.append("the squeeze is not a straight line: the pads stiffen or the fruit moved")
     residual = float(np.sqrt(np.mean(error**2)))
     if residual > 0.1:
         fit.notes.append("the pushes disagree with each other by more than 10 %: repeat them more slowly")
@@ -200,11 +199,11 @@ def calibrate_grip(
 
 
 class _ContactFit:
-    """Least squares of ln mu, ln of the contact's radius, and gamma, as far as slides tell them.
+    """Least squares of ln mu, ln of the contact's radius, and gamma, as far as the slides determine them.
 
     Args:
         f_n, f_t, tau_n: of each slide, shape (n,) [N, N, N·m].
-        start: where it starts, and what it keeps.
+        start: start of the fit, and values that are not fitted.
     """
 
     def __init__(self, f_n: Float64, f_t: Float64, tau_n: Float64, start: SoftContact) -> None:
@@ -214,15 +213,15 @@ class _ContactFit:
         twisted = tau_n / np.maximum(f_t, 1e-6) > 0.2 * TYPICAL_RADIUS
         knows_torsion, knows_growth = bool(twisted.any()), bool(f_n.max() / f_n.min() > SPREAD and twisted.sum() >= 3)
         if not knows_torsion:
-            self.notes.append("no push twisted the fruit: delta and gamma are those that were assumed")
+            self.notes.append("no push twisted the fruit: delta and gamma are the assumed ones")
         elif not knows_growth:
-            self.notes.append("the pushes' forces lie too close together: gamma is the one that was assumed")
+            self.notes.append("the pushes' forces lie too close together: gamma is the assumed one")
         self._free = 1 + int(knows_torsion) + int(knows_torsion and knows_growth)
-        # The radius is fitted at the force of the twists, where they tell it; delta is what it would be at 1 N.
+        # The radius is fitted at the force of the twists; delta is its value at 1 N.
         self._at = float(np.log(f_n[twisted]).mean()) if knows_torsion else 0.0
 
     def solve(self) -> tuple[SoftContact, Float64, Float64]:
-        """The contact, standard deviations of (ln mu, ln delta, gamma), and the errors of ln f_n that are left."""
+        """Return the contact, standard deviations of (ln mu, ln delta, gamma), and the remaining errors of ln f_n."""
         start, free, at = self._start, self._free, self._at
         first = np.array(
             [np.log(np.median(self._f_t / self._f_n)), np.log(start.delta) + start.gamma * at, start.gamma]
@@ -239,13 +238,9 @@ class _ContactFit:
         covariance[:free, :free] = np.linalg.pinv(fit.jac.T @ fit.jac) * scale
         radius_std = float(np.sqrt(covariance[1, 1]))
         if free > 1 and fit.x[1] > largest - 1e-3:
-            self.notes.append(
-                f"the twists speak of a contact larger than the pads: {1e3 * PAD_HALF:.0f} mm are assumed"
-            )
+            self.notes.append(f"the twists give a contact larger than the pads: {1e3 * PAD_HALF:.0f} mm are assumed")
         elif radius_std > VAGUE:
-            self.notes.append(
-                f"the contact's radius is known to {radius_std:.0%} only: twist more, and pull less meanwhile"
-            )
+            self.notes.append(f"the contact's radius has an uncertainty of {radius_std:.0%}: twist more and pull less")
         to_delta = np.array([0.0, 1.0, -at])
         std = np.sqrt(np.maximum([covariance[0, 0], to_delta @ covariance @ to_delta, covariance[2, 2]], 0.0))
         return self._contact(fit.x), std, error
@@ -303,7 +298,7 @@ def _stiffness(squeeze: Push) -> tuple[float | None, float]:
 
 
 def write_calibration(calibration: GripCalibration, path: Path, fruit: str = "") -> None:
-    """Write a calibration as YAML: first what to put into the tree's SlipAvoidGrasp node, then how good it is."""
+    """Write a calibration as YAML: first the ports of SlipAvoidGrasp, then their quality."""
     contact = calibration.contact
     uncertainty = min(2.0 * calibration.mu_std / contact.mu + calibration.residual, 0.5)
     lines = [
@@ -331,14 +326,14 @@ def write_calibration(calibration: GripCalibration, path: Path, fruit: str = "")
 
 
 def read_recording(path: Path) -> tuple[list[Push], Push | None]:
-    """Pushes and the squeeze, if there is one, from a .npz file as `write_pushes` leaves it.
+    """Read the pushes and, where there is one, the squeeze from a .npz file of `write_pushes`.
 
     Arrays: `wrenches_0` (n, 2, 6) and `width_0` (n,), `wrenches_1` …; of the squeeze `squeeze_wrenches`,
-    `squeeze_width`. Widths may be left out where they are not known.
+    `squeeze_width`. Unknown widths may be left out.
 
     Raises:
-        UnusablePushes: it is no such file, or an array has another shape or holds values that are not finite.
-        TooFewPushes: the file holds none.
+        UnusablePushes: the file is of another kind, or an array has a wrong shape or values that are not finite.
+        TooFewPushes: the file holds no pushes.
     """
     try:
         arrays = read_plain_arrays(path)
@@ -365,7 +360,7 @@ def _push_of(arrays: dict[str, np.ndarray[Any, Any]], wrenches: str, width: str,
 
 
 def write_pushes(pushes: list[Push], path: Path, squeeze: Push | None = None) -> None:
-    """Keep pushes, and perhaps a squeeze, in a .npz file."""
+    """Write pushes, and perhaps a squeeze, to a .npz file."""
     arrays: dict[str, Float64] = {}
     for i, push in enumerate(pushes):
         arrays[f"wrenches_{i}"], arrays[f"width_{i}"] = push.wrenches, push.width

@@ -1,7 +1,7 @@
-"""When a rate of the fingers is commanded: at most fifty times a second, and only when it says something new.
+"""Times of the commands to the fingers: at most fifty a second, and none that changes next to nothing.
 
-A gripper takes a new rate every 20 ms. A command that changes next to nothing keeps the next one, which may matter,
-waiting for so long; so fingers at rest, and corrections of noise, wait until they must be told again.
+A gripper takes a new rate every 20 ms. A superfluous command delays an important one by that time. Rest and small
+corrections are therefore repeated only as often as the driver's watchdog needs.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from pomona.skills.grip.settings import CommandSettings
 
 
 class CommandTiming:
-    """Tells, sample by sample, whether a rate shall go out.
+    """Decides, sample by sample, whether a rate is commanded.
 
     Args:
         rate: of the samples [Hz].
-        command_period: the gripper takes a new rate this often [s].
-        settings: when it is given one.
+        command_period: shortest time between two rates [s].
+        settings: of the repetitions.
 
     Attributes:
-        every: samples between two rates at the closest.
+        every: smallest number of samples between two rates.
         interval: the same [s].
     """
 
@@ -37,20 +37,20 @@ class CommandTiming:
 
     @property
     def near(self) -> bool:
-        """Whether the next sample may bring a command."""
+        """True when the next sample may bring a command."""
         return self._since + 1 >= self.every
 
     def pass_time(self, periods: int) -> bool:
-        """Samples have come; whether the gripper would take a rate now."""
+        """Count samples, and return True when the gripper would take a rate now."""
         self._since += periods
         return self._since >= self.every
 
     def goes_out(self, speed: float, before: float, holding: bool) -> bool:
-        """Whether a rate goes out now, which the gripper would take.
+        """Return True when a rate is to be commanded now.
 
         Args:
-            speed, before: this rate of the opening and the one that was commanded last [m/s].
-            holding: a fruit is in hand; before that every rate goes out.
+            speed, before: this rate of the opening and the last commanded one [m/s].
+            holding: a fruit is in hand; before, every rate is commanded.
         """
         trims = holding and abs(speed - before) < self._settings.trim
         waits_for = self._heartbeat if speed == before == 0.0 else self._keep_alive

@@ -36,7 +36,7 @@ from pomona.skills.grip.monitors import (
 from pomona.skills.grip.reference import ForceReference
 from pomona.skills.grip.reference_modes import ReferenceMode
 from pomona.skills.grip.sensor_watch import SensorWatch
-from pomona.skills.grip.settings import ForceLaw, GripSettings
+from pomona.skills.grip.settings import ForceLaw, GripSettings, check_rate
 from pomona.skills.grip.slip_watch import SlipWatch
 from pomona.skills.grip.stream_guard import GripSample, StreamGuard
 from pomona.skills.grip.tracking import ForceTracker
@@ -374,3 +374,21 @@ class GripController:
             2.0 * estimate.stronger,
         )
         return speed if may_open else min(speed, 0.0)
+
+
+def warm_up(rate: float = 500.0) -> None:
+    """Compile the loops of a grip before the clock of a run starts, by stepping a controller through its phases.
+
+    Args:
+        rate: of the sensor's samples [Hz].
+
+    Raises:
+        UnusableRate: no grip can use such a sensor.
+    """
+    check_rate(rate)
+    controller = GripController(GripSettings())
+    controller.width = 0.08
+    wrenches = np.zeros((2, 6))
+    for i in range(300):
+        wrenches[:, 2] = 0.0 if i < 120 else -1.0
+        controller.step(0.002 * i, i, wrenches)

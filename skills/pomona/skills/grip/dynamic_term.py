@@ -38,7 +38,7 @@ GENTLE = DynamicSettings(kp=1.3, ki=5.0, kdc=7.0)
 
 @njit(cache=True)
 def answer_slip(integral, omega_before, omega, kp, ki, kdc, bound, step):  # type: ignore[no-untyped-def]
-    """(integral, f_nd) one step [s] later."""
+    """Return (integral, f_nd) one step [s] later."""
     half_leak = 0.5 * step * ki / kdc
     integral = ((1.0 - half_leak) * integral + 0.5 * step * ki * (omega_before + omega)) / (1.0 + half_leak)
     integral = min(max(integral, -bound), bound)
@@ -55,7 +55,7 @@ def _answer_all(omega, kp, ki, kdc, bound, substeps, step, result):  # type: ign
 
 
 def dynamic_force(omega: ArrayLike, settings: DynamicSettings, rate: float = 500.0) -> Float64:
-    """f_nd [N] for slip velocities [rad/s] of shape (n,), held over each sample of `rate`, from rest."""
+    """Return f_nd [N], shape (n,), for slip velocities [rad/s] that are held over each sample of `rate`, from rest."""
     velocities = np.ascontiguousarray(omega, np.float64)
     result = np.empty(velocities.size)
     substeps = steps_in_a_sample(rate)

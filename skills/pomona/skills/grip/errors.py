@@ -1,18 +1,18 @@
-"""What can go wrong with a grip's algorithms.
+"""Errors of the grip's algorithms.
 
 GripError
 ├── TooFewPushes        a calibration without enough slides
-├── UnusablePushes      a file that holds no pushes
+├── UnusablePushes      a file without valid pushes
 ├── UnusableRate        a sensor that is too slow or too fast
 ├── UnfitSensor         a sensor that is too coarse, too constant or repeats itself
-└── GuidanceEnded       pushes at a cell that cannot be made
+└── GuidanceEnded       guided pushes at a cell that were ended
 """
 
 from __future__ import annotations
 
 
 class GripError(Exception):
-    """Root of what the grip's algorithms raise on purpose."""
+    """Root of these errors."""
 
 
 class TooFewPushes(GripError):
@@ -27,15 +27,15 @@ class TooFewPushes(GripError):
 
 
 class UnusablePushes(GripError):
-    """A file of pushes cannot be read."""
+    """The file of pushes cannot be read."""
 
 
 class GuidanceEnded(GripError):
-    """Pushes at a cell cannot be made, or not be gone on with."""
+    """Guided pushes cannot begin or continue."""
 
 
 class UnusableRate(GripError):
-    """A force sensor samples too slowly or too fast for a grip."""
+    """The sample rate of a force sensor is too low or too high for a grip."""
 
     def __init__(self, rate: float, rates: tuple[float, float]) -> None:
         self.rate, self.rates = rate, rates
@@ -46,10 +46,10 @@ class UnusableRate(GripError):
 
 
 class UnfitSensor(GripError):
-    """A force sensor whose samples with nothing touching show that it cannot control a grip.
+    """The samples with nothing touching show that a force sensor cannot control a grip.
 
     Attributes:
-        measured, expected: of the quantity that is wrong, in SI units; `expected` is its bound.
+        measured, expected: value and bound of the faulty quantity, in SI units.
     """
 
     def __init__(self, message: str, measured: float, expected: float) -> None:

@@ -2,9 +2,9 @@
 
     v = -(c (φ⁻¹(f_ref) - φ⁻¹(f)) + d/dt φ⁻¹(f_ref)),   φ⁻¹(f) = f / s1   or   sqrt(f / s2)
 
-φ⁻¹(f) is how far the opening has closed on the pads under the grasp force f. The fingers' position integrates the
-speed, so a constant reference is reached without droop; the reference's own rate is fed forward, so a rising one is
-tracked without lag, and the gain acts on what was missing before it rose, so that nothing is made up for twice.
+φ⁻¹(f) is the deformation of the pads under the grip force f. The position of the fingers integrates the speed, so a
+constant reference is reached without droop. The rate of the reference is fed forward, so a rising one is tracked
+without lag; the gain then acts on the error before the rise, which would else be corrected twice.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, slots=True)
 class PadStiffness:
-    """How the grasp force (both fingers) rises as the opening closes on the fruit.
+    """Rise of the grip force (both fingers) as the opening closes on the fruit.
 
     Attributes:
-        linear: s1 [N/m]; of the opening, so two pads in series count.
+        linear: s1 [N/m], of the opening: two pads in series.
         quadratic: s2 [N/m²] for pads that stiffen, f = s2 x²; 0 for linear ones.
     """
 
@@ -26,11 +26,11 @@ class PadStiffness:
     quadratic: float = 0.0
 
     def pressed(self, f_n: float) -> float:
-        """φ⁻¹: how far the opening has closed under a grasp force [m]."""
+        """Return φ⁻¹, the closing of the opening under a grip force [m]."""
         return math.sqrt(max(f_n, 0.0) / self.quadratic) if self.quadratic else f_n / self.linear
 
     def slope(self, f_n: float) -> float:
-        """Grasp force per metre of closing at a grasp force [N/m]."""
+        """Return the grip force per metre of closing, at a grip force [N/m]."""
         return 2.0 * math.sqrt(self.quadratic * max(f_n, 0.1)) if self.quadratic else self.linear
 
 
@@ -40,11 +40,11 @@ class ForceLoopSettings:
 
     Attributes:
         gain: c [1/s].
-        lag: of fingers and measurement together; what was commanded within it has yet to show in the force [s].
+        lag: of fingers and measurement: delay of a commanded motion in the measured force [s].
         stiffness: of the pads.
-        max_force: largest grasp force [N]; each finger presses with at most half of it.
+        max_force: largest grip force [N]; each finger presses with at most half of it.
         closing_speed, opening_speed: bounds of the opening's rate, both positive [m/s].
-        command_period: the gripper takes a new rate this often [s]; the WSG's finger script manages 50 Hz.
+        command_period: time between two rates [s]; the WSG's finger script reaches 50 Hz.
     """
 
     gain: float = 20.0
@@ -65,21 +65,19 @@ def finger_speed(
     error_feedthrough: float = 1.0,
     hardest: float = 0.0,
 ) -> float:
-    """Rate of the opening to command [m/s]; negative closes.
+    """Return the rate of the opening to command [m/s]; negative closes.
+
+    The rate keeps the force within the limit until the next command. It is 0.0 for input that is not finite, and where
+    a force of more than twice the limit would be raised further.
 
     Args:
-        f_ref, f_ref_rate: reference of the grasp force [N] and its rate [N/s].
-        f_n: measured grasp force [N].
+        f_ref, f_ref_rate: reference of the grip force [N] and its rate [N/s].
+        f_n: measured grip force [N].
         settings: gain and limits.
-        speed_before: the rate that was commanded before this one [m/s].
+        speed_before: last commanded rate [m/s].
         error_feedthrough: 0 … 1; with 1 the gain acts on the whole error although its rise is fed forward, which
             overshoots.
-        hardest: twice the force of the finger that presses harder [N]: no closing takes it beyond the limit, whatever
-            the other one says.
-
-    Returns:
-        Never so fast that the force would be beyond the limit before the next command; 0.0 for anything that is not
-        finite, and when the force is beyond twice the limit and would be raised further.
+        hardest: twice the stronger finger's force [N]: it stays within the limit, too.
     """
     if not all(map(math.isfinite, (f_ref, f_ref_rate, f_n, hardest))):
         return 0.0
@@ -89,7 +87,7 @@ def finger_speed(
     if f_n > settings.max_force or f_ref > settings.max_force:
         f_ref, f_ref_rate = min(f_ref, settings.max_force), min(f_ref_rate, 0.0)
     pads = settings.stiffness
-    # What is fed forward is no error any more: the gain acts on what was missing before the reference changed.
+    # The rise of the reference is fed forward: the gain acts on the error before it.
     before = f_ref - (1.0 - error_feedthrough) * f_ref_rate * settings.command_period
     error = pads.pressed(before) - pads.pressed(f_n) + speed_before * settings.lag
     closing = settings.gain * error + f_ref_rate / pads.slope(f_n)

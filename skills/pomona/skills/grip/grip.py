@@ -1,4 +1,4 @@
-"""The words of a grip: phase, reading, problem, and the samples that people look at."""
+"""Phase, reading and problem of a grip, and the samples for viewers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SIDES = ("left", "right")
 
 
 class GripPhase(Enum):
-    """Where a grip stands. Values are for people."""
+    """Phase of a grip; the values are shown to the operator."""
 
     BIAS = "taking the bias"
     CLOSING = "closing"
@@ -30,26 +30,26 @@ class GripPhase(Enum):
 
 
 IN_HAND = frozenset({GripPhase.HOLDING, GripPhase.PIVOTING, GripPhase.SLIDING})
-"""Phases in which the fingers have a fruit between them and press on it as they should."""
+"""Phases of a held fruit."""
 
 
 FREEZING = frozenset({"SENSOR_FAULT", "ONE_FINGER"})
 """Problems after which the force of a held fruit never falls again."""
 
 LIES = frozenset({"SENSOR_FAULT", "SENSOR_STALE", "SENSOR_SATURATED", "ONE_FINGER"})
-"""Problems of a grip that say, with a fruit in hand, that the fingers are not to be believed."""
+"""Problems of a held fruit that make the readings of the fingers unusable."""
 
 
 @dataclass(frozen=True, slots=True)
 class GripProblem:
-    """What is wrong with a grip.
+    """Problem of a grip.
 
     Attributes:
         code: NO_CONTACT, ONE_FINGER, OUT_OF_STROKE, FORCE_LIMIT, SENSOR_STALE, SENSOR_SATURATED, SENSOR_FAULT, SLIPPED
             or LOST.
-        message: a sentence for a person.
-        stamp: when it was seen, on the cell's clock [s].
-        data: numbers behind the sentence.
+        message: a sentence for the operator.
+        stamp: time of detection on the cell's clock [s].
+        data: numbers of the sentence.
     """
 
     code: str
@@ -64,17 +64,17 @@ class GripReading:
 
     Attributes:
         stamp: of the sample [s].
-        phase: where the grip stands.
-        f_n: measured grasp force, 2 * min over the fingers [N].
+        phase: of the grip.
+        f_n: measured grip force, 2 * min over the fingers [N].
         finger_forces: pressing force of each finger [N].
-        f_ref: grasp force that the force loop tracks [N].
-        f_least: least grasp force that holds the measured load, without margin [N].
+        f_ref: grip force that the force loop tracks [N].
+        f_least: minimum grip force for the measured load, without margin [N].
         f_t, tau_n: tangential load [N] and torsional load [N·m] of both fingers together.
         slip_speed: estimated speed of the fruit along the pads [m/s].
         slip: estimated slip since the grip holds [m].
         width: opening between the pads' faces [m].
         speed: commanded rate of the opening [m/s]; negative closes.
-        saturated: a channel of a finger is at the end of its range.
+        saturated: True when a channel of a finger is at the end of its range.
     """
 
     stamp: Annotated[float, TIME]

@@ -1,4 +1,4 @@
-"""Pushes from a person at a cell: the fingers press in steps, the person pulls and twists the fruit until it slides."""
+"""Guided pushes: the fingers press in steps, the operator pulls and twists the fruit until it slides."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from pomona.skills.grip.errors import GuidanceEnded
 from pomona.skills.grip.stream_guard import STALE_AFTER
 
 SQUEEZE_SPEED = 0.004
-"""Rate at which the opening closes on the fruit [m/s]."""
+"""Closing speed on the fruit [m/s]."""
 
 NEAR_SPEED = 0.02
-"""The same before anything touches [m/s]."""
+"""Closing speed before contact [m/s]."""
 
 TOUCH = 0.3
-"""Grasp force of fingers that touch [N]."""
+"""Grip force of fingers that touch [N]."""
 
-LOOK = 0.02
-"""Seconds between two looks at the force; the gripper's watchdog wants a speed this often."""
+CHECK_PERIOD = 0.02
+"""Time between two checks of the force [s]; the gripper's watchdog needs a speed this often."""
 
 WAYS = (
     ("pull it along the fingers", HandTask.PULL),
@@ -27,17 +27,21 @@ WAYS = (
 )
 
 CLOSEST = 0.0005
+"""Distance to the gripper's smallest opening at which the fingers are closed [m]."""
+
 BIAS_WITHIN = 2.0
+"""Longest time for the samples of the bias [s]."""
 
 
 class GuidedPushes:
-    """Leads a person through pushes. The fingers only ever close or stand until the person asks for the fruit.
+    """Leads the operator through pushes. The fingers only close or stand until the operator asks for the fruit.
 
     Args:
         gripper, sensor: of the cell.
         now: the cell's clock [s].
-        wait: lets so many seconds pass.
-        tell: a sentence for the person; ask: a sentence and what it asks for, and waits until the person is ready.
+        wait: waits for a time [s].
+        tell: shows a sentence to the operator.
+        ask: shows a sentence and its task, and waits until the operator is ready.
     """
 
     def __init__(
@@ -57,13 +61,13 @@ class GuidedPushes:
 
         Args:
             forces: grasp forces, rising [N].
-            seconds: that a person has for one push.
+            seconds: time for one push.
 
         Returns:
             The pushes, and the squeeze up to the first force.
 
         Raises:
-            GuidanceEnded: the stream stands still, or nothing is between the fingers.
+            GuidanceEnded: the stream is stale, or nothing is between the fingers.
         """
         self._ask("Take everything off the fingers and leave them alone.", HandTask.LEAVE)
         recorder = PushRecorder(lambda: self._gripper.state().width)
@@ -88,35 +92,39 @@ class GuidedPushes:
         self._ask("Hold the fruit: the fingers open by 10 mm now.", HandTask.LEAVE)
         width = min(self._gripper.state().width + 0.010, self._gripper.limits.width_max)
         motion = self._gripper.move(width, min(NEAR_SPEED, self._gripper.limits.speed_max))
-        for _ in range(round(2.0 / LOOK)):
+        for _ in range(round(2.0 / CHECK_PERIOD)):
             if motion.settled:
                 break
-            self._wait(LOOK)
+            self._wait(CHECK_PERIOD)
         return pushes, squeeze
 
     def _wait_for_bias(self, recorder: PushRecorder) -> None:
         began = self._now()
         while not recorder.ready:
             if self._now() - began > BIAS_WITHIN:
-                raise GuidanceEnded("the fingers deliver no samples: look at their link with `pomona doctor`")
-            self._wait(LOOK)
+                raise GuidanceEnded(
+                    f"fingers: no samples within {BIAS_WITHIN:g} s; check their link with `pomona doctor`"
+                )
+            self._wait(CHECK_PERIOD)
 
     def _press(self, recorder: PushRecorder, force: float) -> None:
-        """Close until the grasp force is there."""
+        """Close until a grip force is reached [N]."""
         while (f_n := recorder.grasp_force()) < force:
             if self._gripper.state().width <= self._gripper.limits.width_min + CLOSEST:
-                raise GuidanceEnded(f"the fingers are closed and feel {f_n:.1f} N: nothing is between them")
-            self._look(recorder, -NEAR_SPEED if f_n < TOUCH else -SQUEEZE_SPEED)
-        self._look(recorder, 0.0)
+                raise GuidanceEnded(
+                    f"fingers: closed with {max(f_n, 0.0):.1f} N, {force:g} N expected; put the fruit between them"
+                )
+            self._check(recorder, -NEAR_SPEED if f_n < TOUCH else -SQUEEZE_SPEED)
+        self._check(recorder, 0.0)
         self._tell(f"pressing with {recorder.grasp_force():.1f} N")
 
     def _stand(self, recorder: PushRecorder, seconds: float) -> None:
-        for _ in range(max(round(seconds / LOOK), 1)):
-            self._look(recorder, 0.0)
+        for _ in range(max(round(seconds / CHECK_PERIOD), 1)):
+            self._check(recorder, 0.0)
 
-    def _look(self, recorder: PushRecorder, speed: float) -> None:
+    def _check(self, recorder: PushRecorder, speed: float) -> None:
         self._gripper.set_speed(speed)
-        self._wait(LOOK)
+        self._wait(CHECK_PERIOD)
         if self._now() - recorder.stamp > STALE_AFTER:
             self._gripper.set_speed(0.0)
-            raise GuidanceEnded("the fingers have stopped sending usable samples; they stand still")
+            raise GuidanceEnded(f"fingers: no valid sample for {1e3 * STALE_AFTER:.0f} ms; they stand still")

@@ -1,18 +1,16 @@
-"""The grip that goes on: fingers and force sensor under a controller's hand, until a node takes the fingers over.
+"""The grip session: a controller that the sensor's stream steps until a node takes the fingers over.
 
-A `Hold` is a port's value. `SlipAvoidGrasp` starts it and hands it on when the fruit is held; the sensor's stream keeps
-stepping it while later nodes run, through pause, failure and safe stop. For nodes that come after:
+A `Hold` is the value of a port. `SlipAvoidGrasp` starts it and publishes it when the fruit is held. The stream steps it
+while later nodes run, through pause, failure and safe stop:
 
-    Lift       each tick: `show_grip(self, hold)` (pomona.skills.shared.grip_view) draws it; `hold.holds` says
-               whether the fruit is still there, `hold.problem` why not (LOST, SLIPPED, SENSOR_STALE …), `hold.reading`
-               has the numbers: grasp force `f_n`, reference `f_ref`, least force `f_least`, `slip`, `width`.
-    Release,   before `Gripper.move` or `set_speed`: `take_over(gripper)`, with or without a hold at hand. Control ends,
-    Retreat    zero speed is commanded, nothing opens. Only then move the fingers.
-    Pivot      `hold.under(gripper)` is the same hold with the right to command it, which ends with the skill.
+- Lift calls `show_grip(self, hold)` (pomona.skills.shared.grip_view) each tick. `hold.holds` is True while the fruit is
+  there, `hold.problem` has the reason otherwise, `hold.reading` the forces.
+- Release and Retreat call `take_over(gripper)` before they move the fingers. Control ends, zero speed is commanded and
+  nothing opens.
+- Pivot commands `hold.under(gripper)`, the same session with the right to command it, which ends with the skill. A
+  `Hold` from a port can only be read.
 
-A hold that comes from a port can be read, and commands nothing: that right belongs to the skill that has the gripper.
-
-Nobody needs to keep the object alive: the sensor's subscription does.
+The subscription to the sensor keeps the object alive.
 """
 
 from __future__ import annotations
@@ -38,27 +36,27 @@ from pomona.skills.grip.settings import GripSettings
 from pomona.skills.grip.stream_guard import EARLIEST, STALE_AFTER
 
 KEPT = 2000
-"""Samples kept until somebody drains them: 20 s at 100 Hz; the oldest go first."""
+"""Recorded samples kept until `drain`: 20 s; the oldest are dropped first."""
 
 RECORDED_RATE = 100.0
-"""So many samples a second are kept for people [Hz]."""
+"""Rate of the samples for viewers [Hz]."""
 
 _HOLDS: weakref.WeakValueDictionary[int, Hold] = weakref.WeakValueDictionary()
 
 
 class Hold:
-    """A grip under control. Made by `SlipAvoidGrasp` or `Pivot`; ended by `take_over`."""
+    """A grip under control. `SlipAvoidGrasp` makes it, `take_over` ends it."""
 
     def __init__(
         self, gripper: Gripper, sensor: ForceSensor, controller: GripController, now: Callable[[], float]
     ) -> None:
-        """Take the fingers over from an earlier hold and start: the next sample steps the controller.
+        """Take the fingers over from an earlier grip session and start with the next sample.
 
         Args:
-            gripper: gets a speed 50 times a second.
+            gripper: is commanded a speed up to 50 times a second.
             sensor: its stream steps the controller.
-            controller: fresh, in its first phase.
-            now: the cell's clock, to see a stream that stands still.
+            controller: in its first phase.
+            now: the cell's clock, for the detection of a stale stream.
         """
         take_over(gripper)
         self._gripper, self._controller = keep(gripper, "the grip"), controller
@@ -75,16 +73,16 @@ class Hold:
         _HOLDS[identity(gripper)] = self
         self._subscription: Subscription = sensor.subscribe(self._on_sample)
 
-    # --------------------------------------------------------------------------------- for nodes that come after
+    # -------------------------------------------------------------------------------------------- for later nodes
 
     @property
     def phase(self) -> GripPhase:
-        """Where the grip is: closing, holding, letting go, ended."""
+        """Current phase; ENDED after `take_over`."""
         return GripPhase.ENDED if self._ended else self._controller.phase
 
     @property
     def reading(self) -> GripReading:
-        """The grip after the newest sample; its `stamp` says how old that is."""
+        """The grip after the newest sample, with its timestamp."""
         reading = self._controller.reading
         return replace(reading, phase=GripPhase.ENDED) if self._ended else reading
 
@@ -135,30 +133,30 @@ class Hold:
 
     @property
     def holds(self) -> bool:
-        """Whether a fruit is held now: the grip was made, is under control, and the fruit has not gone."""
+        """True while a fruit is held under control and has not been lost."""
         problem = self._controller.problem
         gone = problem is not None and problem.code == "LOST"
         return self.phase in IN_HAND and not gone
 
     @property
     def problem(self) -> GripProblem | None:
-        """What is wrong, or None. While holding, the grip is kept all the same."""
+        """The most serious problem, or None; while holding, the grip is kept in spite of it."""
         if not self._ended:
             newest = max(self._controller.usable_until, self._started)
             age = self._now() - newest
             if age > STALE_AFTER:
-                message = f"the fingers have sent no usable sample for {1e3 * age:.0f} ms; the grip is kept as it is"
+                message = f"fingers: no valid sample for {1e3 * age:.0f} ms; the grip is kept as it is"
                 return GripProblem("SENSOR_STALE", message, newest, {"age_s": age})
         return self._controller.problem or self._device_problem
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What was odd in the stream so far and how it was met, one sentence each."""
+        """Doubts about the stream and the grip, one sentence each."""
         return self._controller.warnings
 
     @property
     def ended(self) -> bool:
-        """Whether the grip is controlled no longer."""
+        """True after `take_over`."""
         return self._ended
 
     def under(self, gripper: Gripper) -> Hold:
@@ -171,7 +169,7 @@ class Hold:
 
     @command
     def pivot(self, on: bool) -> None:
-        """Let the fruit turn in the fingers until it hangs plumb, or hold it again as it hangs; see `Pivot`."""
+        """Let the fruit turn in the fingers until it hangs plumb, or hold it again; see `Pivot`."""
         with self._lock:
             self._controller.pivot(on)
 
@@ -185,8 +183,9 @@ class Hold:
     def rest_on_contact(self, contact: float | None) -> None:
         """Let the fingers rest once something else carries the fruit; None: control the force whatever comes.
 
-        Force control would answer what carries the fruit by pressing harder. No finger is accused meanwhile, since a
-        contact may press on one alone. This outlives its skill: one that is interrupted leaves the fruit on its floor.
+        Force control would respond to the new support by pressing harder. No sensor fault is reported meanwhile, since a
+        contact may press on one finger alone. The request outlives its skill: after an interrupt the fruit stays on its
+        floor.
 
         Args:
             contact: change of the load along the pads, from now on, that is a contact [N]; see `FloorWatch`.
@@ -198,13 +197,13 @@ class Hold:
 
     @command
     def set_friction(self, contact: SoftContact, mu_uncertainty: float, initial_force: float) -> None:
-        """Hold for another friction from now on, and press with `initial_force` [N] until the fruit is carried."""
+        """Use another friction from now on, and press with `initial_force` [N] until the fruit is carried."""
         with self._lock:
             self._controller.set_friction(contact, mu_uncertainty, initial_force)
 
     @command
     def take_over(self) -> None:
-        """End control: the caller moves the fingers from now on. Zero speed is commanded, nothing opens."""
+        """End control, so that the caller may move the fingers. Zero speed is commanded, nothing opens."""
         with self._lock:
             if self._ended:
                 return
@@ -217,12 +216,12 @@ class Hold:
 
     @property
     def waiting(self) -> float:
-        """Seconds of samples that nobody has drained yet."""
+        """Duration of the samples that `drain` would return [s]."""
         count = min(self._written - self._drained, KEPT)
         return float(count * self._record_every * self._controller.settings.period)
 
     def drain(self) -> GripSamples:
-        """The samples since the last call, 100 a second, at most the last 20 s."""
+        """Return the samples since the last call, 100 a second, at most the last 20 s."""
         with self._lock:
             first = max(self._drained, self._written - KEPT)
             rows = self._samples[np.arange(first, self._written) % KEPT]
@@ -236,21 +235,21 @@ class Hold:
             if self._ended:
                 return
             controller = self._controller
-            # What comes after a silence may come late for ever: a loop with a delay would press harder and harder.
+            # After a gap samples may stay delayed; a delayed force loop winds up, so zero speed is commanded.
             silent = self._now() - max(controller.usable_until, self._started)
             self._stands = self._stands or (silent > STALE_AFTER and controller.phase in IN_HAND)
             if controller.wants_width:
                 state = self._gripper.state()
                 controller.width, controller.motor_force = state.width, state.motor_force
-            if sample.stamp > self._now() + EARLIEST:  # it would make everything after it look old
-                self._tell_lies()
+            if sample.stamp > self._now() + EARLIEST:  # else all later samples would be out of order
+                self._report_sensor_fault()
                 return
             if self._floor is not None and np.isfinite(sample.wrenches).all():
                 self._rest(self._floor.look(sample.wrenches))
             speed = controller.step(sample.stamp, sample.sequence, sample.wrenches, sample.saturated)
             if speed is not None:
                 self._command(0.0 if self._stands else speed)
-            self._tell_lies()
+            self._report_sensor_fault()
             self._seen += 1
             if self._seen % self._record_every == 0:
                 self._samples[self._written % KEPT] = controller.row()
@@ -264,8 +263,8 @@ class Hold:
             self._command(0.0)
         controller.rests = rests
 
-    def _tell_lies(self) -> None:
-        """Fingers that are not to be believed end the run; the grip is kept. It is told once: until acknowledged."""
+    def _report_sensor_fault(self) -> None:
+        """Report unusable readings to the driver once, which ends the run; the grip is kept."""
         problem = None if self._controller.rests else self.problem
         lies = problem is not None and (
             problem.code == "SENSOR_FAULT" or (problem.code in LIES and self._controller.phase in IN_HAND)
@@ -275,23 +274,23 @@ class Hold:
         self._sensor_fault_reported = lies
 
     def _command(self, speed: float) -> None:
-        """Command a rate of the opening; a gripper that refuses is remembered and asked again next time."""
+        """Command a rate of the opening; a refusal is kept as a problem, and the next command tries again."""
         try:
             self._gripper.set_speed(speed)
             self._device_problem = None
         except DeviceError as refused:
             stamp = self._controller.reading.stamp
-            self._device_problem = GripProblem("LOST", f"the gripper takes no speed: {refused}", stamp)
+            self._device_problem = GripProblem("LOST", f"gripper: the speed was refused: {refused}", stamp)
 
 
 def current_hold(gripper: Gripper) -> Hold | None:
-    """The hold that has the gripper's fingers now, or None; it is commanded by who may command the gripper."""
+    """Return the grip session that controls the gripper's fingers, or None; the gripper's owner commands it."""
     hold = _HOLDS.get(identity(gripper))
     return None if hold is None else hold.under(gripper)
 
 
 def take_over(gripper: Gripper) -> None:
-    """Take the fingers over from whatever hold has them; call it before moving them. Nothing opens."""
+    """End the grip session that controls the fingers; call it before moving them. Nothing opens."""
     hold = current_hold(gripper)
     if hold is not None:
         hold.take_over()

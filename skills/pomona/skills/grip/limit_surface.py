@@ -1,4 +1,4 @@
-"""Limit surface of a soft finger: which tangential force and torsional moment a contact can bear together.
+"""Limit surface of a soft finger: tangential force and torsional moment that a contact can bear together.
 
 The contact is a disc of radius rho = delta * f_n**gamma with the pressure p(r) ~ (1 - r**k)**(1/k), r in units of rho.
 It slides about an instantaneous centre of rotation at the distance c from its centre; c_tilde = c / rho. Friction then
@@ -34,9 +34,9 @@ class SoftContact:
     Attributes:
         mu: friction coefficient.
         delta: contact radius at 1 N [m / N**gamma].
-        gamma: how the radius grows with the normal force; 0 makes the torsional limit linear in it.
+        gamma: exponent of the radius over the normal force; 0 makes the torsional limit linear in the force.
         k: shape of the pressure: 2 is Hertz's, larger is flatter.
-        ellipsoid: the ellipsoidal approximation of the limit surface instead of the exact one.
+        ellipsoid: True for the ellipsoidal approximation of the limit surface.
     """
 
     mu: float = 0.8
@@ -57,7 +57,7 @@ class SoftContact:
 
     @classmethod
     def with_linear_torsion(cls, mu: float, radius: float) -> SoftContact:
-        """tau_max = radius * f_n: MuJoCo's elliptic cone with the friction (mu, radius) is the ellipsoid with this."""
+        """Return the contact with tau_max = radius * f_n: MuJoCo's elliptic cone with the friction (mu, radius)."""
         return cls(mu, radius / (2.0 * mu * xi_nu(4.0)), 0.0, 4.0, ellipsoid=True)
 
     @property
@@ -82,7 +82,7 @@ def xi_nu(k: float) -> float:
 
 
 def limit_surface(c_tilde: ArrayLike, k: float = 4.0) -> tuple[Float64, Float64]:
-    """(f_tilde, tau_tilde) by the exact integrals, both of the shape of `c_tilde` (which is >= 0).
+    """Return (f_tilde, tau_tilde) by the exact integrals, both of the shape of `c_tilde` (which is >= 0).
 
     The integral of D = sqrt(r² + c² - 2 r c cos(theta)) over the angle is L = 4 (r + c) E(m), m = 4 r c / (r + c)²; the
     angular parts of the two integrals are -dL/dc and dL/dr. The radius is split at r = c, where they are not smooth.
@@ -105,7 +105,7 @@ def limit_surface(c_tilde: ArrayLike, k: float = 4.0) -> tuple[Float64, Float64]
 
 
 def _angular(r: Float64, c: Float64) -> tuple[Float64, Float64]:
-    """dL/dc and dL/dr of L = 4 (r + c) E(m), without loss where m is near 0 or 1."""
+    """dL/dc and dL/dr of L = 4 (r + c) E(m), exact also where m is near 0 or 1."""
     with np.errstate(divide="ignore", invalid="ignore"):
         one_minus_m = ((r - c) / (r + c)) ** 2
         m = np.minimum(4.0 * (r / (r + c)) * (c / (r + c)), 1.0)
@@ -118,7 +118,7 @@ def _angular(r: Float64, c: Float64) -> tuple[Float64, Float64]:
 
 @lru_cache(maxsize=1)
 def _tanh_sinh() -> tuple[Float64, Float64]:
-    """Nodes in (0, 1) and weights of the double exponential rule: it does not mind what happens at the ends."""
+    """Nodes in (0, 1) and weights of the double exponential rule, which is exact with singularities at the ends."""
     t = np.linspace(-3.1, 3.1, 125)
     a = 0.5 * np.pi * np.sinh(t)
     node = 1.0 / (1.0 + np.exp(-2.0 * a))
@@ -138,7 +138,7 @@ class SurfaceTable:
     load: Float64
 
     def at(self, c_tilde: ArrayLike) -> tuple[Float64, Float64]:
-        """(f_tilde, tau_tilde) between the nodes."""
+        """Return (f_tilde, tau_tilde) between the nodes."""
         c = np.asarray(c_tilde, np.float64)
         s = np.linspace(0.0, 1.0, NODES)
         return np.interp(c / (1.0 + c), s, self.f), np.interp(c / (1.0 + c), s, self.tau)
@@ -157,7 +157,7 @@ def _unit_surface(k: float, ellipsoid: bool) -> tuple[Float64, Float64]:
 
 
 def surface_table(contact: SoftContact) -> SurfaceTable:
-    """The table of a contact; the surface of each k is integrated once.
+    """Return the table of a contact; the surface of each k is integrated once.
 
     The ellipsoid f² + tau² = 1 is tabulated over s too; sliding normal to it puts the centre of rotation at
     c = (tau_max / (mu * f_n)) * f / tau.
@@ -170,7 +170,7 @@ def surface_table(contact: SoftContact) -> SurfaceTable:
 
 @njit(cache=True)
 def place_on_surface(load, f, tau, nodes_load, exponent):  # type: ignore[no-untyped-def]
-    """(s, f_tilde, tau_tilde) where f**exponent / tau = `load`, between the nodes of a table."""
+    """Return (s, f_tilde, tau_tilde) where f**exponent / tau = `load`, between the nodes of a table."""
     if load == math.inf:
         return 1.0, 1.0, 0.0
     i = min(max(np.searchsorted(nodes_load, load) - 1, 0), f.size - 2)
@@ -187,7 +187,7 @@ def place_on_surface(load, f, tau, nodes_load, exponent):  # type: ignore[no-unt
 
 @njit(cache=True)
 def least_force_of_finger(f_t, tau_n, mu, torsion, gamma, f, tau, nodes_load):  # type: ignore[no-untyped-def]
-    """(least normal force [N], s on the surface) of one finger that bears f_t [N] and tau_n [N·m]."""
+    """Return (minimum normal force [N], s on the surface) of one finger that bears f_t [N] and tau_n [N·m]."""
     f_t, tau_n = abs(f_t), abs(tau_n)
     if f_t <= 1e-12 and tau_n <= 1e-12:
         return 0.0, 0.0
@@ -207,10 +207,10 @@ def _least_forces(f_t, tau_n, mu, torsion, gamma, f, tau, nodes_load, result):  
 
 
 def least_force(f_t: ArrayLike, tau_n: ArrayLike, contact: SoftContact) -> Float64:
-    """The least normal force of one finger that bears a tangential force and a torsional moment, without margin.
+    """Return the minimum normal force of one finger for a tangential force and a torsional moment, without margin.
 
     Args:
-        f_t: tangential force [N]; any shape, signs do not matter.
+        f_t: tangential force [N], any shape and sign.
         tau_n: torsional moment about the contact's normal [N·m], same shape.
         contact: friction of the finger.
 
@@ -228,15 +228,35 @@ def least_force(f_t: ArrayLike, tau_n: ArrayLike, contact: SoftContact) -> Float
 def grasp_force(
     f_t: tuple[float, float], tau_n: tuple[float, float], contact: SoftContact, margin: float = 1.1, floor: float = 0.5
 ) -> float:
-    """f_ns of a two-finger grasp [N]: `margin` times the sum of both fingers' least forces, at least `floor`."""
+    """Return f_ns of a two-finger grasp [N]: `margin` times both fingers' minimum forces, at least `floor`."""
     return max(floor, margin * float(np.sum(least_force(np.array(f_t), np.array(tau_n), contact))))
 
 
 def centre_of_rotation(f_t: float, tau_n: float, f_n: float, contact: SoftContact) -> float:
-    """Distance c of the centre of rotation from the contact's centre [m] if this load slid under f_n [N]."""
+    """Return the distance of the centre of rotation from the contact [m] if this load slid under f_n [N]."""
     table = surface_table(contact)
     _, s = least_force_of_finger(f_t, tau_n, contact.mu, contact.torsion, contact.gamma, table.f, table.tau, table.load)
     if contact.ellipsoid:
         radius = contact.torsion * f_n**contact.gamma / contact.mu
         return math.inf if s >= 1.0 else radius * math.tan(0.5 * math.pi * s)
     return math.inf if s >= 1.0 else contact.delta * f_n**contact.gamma * s / (1.0 - s)
+
+
+NO_BRUISE = 0.10e6
+"""Contact pressure below which no apple bruises [Pa] (Processes 2024, 12, 543)."""
+
+
+def pressure(f_n: float, contact: SoftContact | None = None) -> float:
+    """Return the pressure in the middle of the contact of one finger that presses with `f_n` [Pa]."""
+    contact = contact or SoftContact()
+    radius = contact.delta * f_n**contact.gamma if f_n > 0.0 else math.inf
+    return float(xi(contact.k) * f_n / (math.pi * radius**2))
+
+
+def bruising_force(contact: SoftContact | None = None) -> float:
+    """Return the force of one finger below which no apple bruises [N]; inf where the pressure never rises with it."""
+    contact = contact or SoftContact()
+    if contact.gamma >= 0.5:
+        return math.inf
+    at_1_n = xi(contact.k) / (math.pi * contact.delta**2)
+    return float((NO_BRUISE / at_1_n) ** (1.0 / (1.0 - 2.0 * contact.gamma)))

@@ -4,7 +4,7 @@
 
 y is the generalised torque that the fruit puts on the pads about its centre of rotation [N·m], g the largest that
 friction can bear, J the fruit's inertia about that centre. Integrated with Runge-Kutta 4 at about 2 kHz, input held
-over a sample. It starts at rest under the load that it sees: z = y / σ0, ω = 0.
+over a sample. It starts at rest under the first load: z = y / σ0, ω = 0.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from numpy.typing import ArrayLike
 from pomona.executive.values.arrays import Float64
 
 STEP = 5e-4
-"""The integration's step [s], or what a whole number of steps in a sample makes of it."""
+"""Step of the integration [s], rounded to a whole number of steps in a sample."""
 
 LEAST_G = 1e-3
-"""Friction is never taken to be less than this [N·m]."""
+"""Lower bound of the friction [N·m]."""
 
 STIFFEST = 2.0
-"""The bristles relax at most by this in a step, which keeps the explicit integration stable in gross sliding."""
+"""Bound of the bristles' relaxation in a step, for stability of the explicit integration in gross sliding."""
 
 FASTEST = 50.0
 """Bound of the estimate [rad/s]."""
@@ -37,7 +37,7 @@ class ObserverSettings(NamedTuple):
         sigma0: stiffness of the bristles [N·m/rad].
         beta: viscous friction [N·m·s/rad].
         inertia: of the fruit about its own centre [kg·m²].
-        mass: assumed for the fruit [kg]; its weight stays unknown to the force.
+        mass: assumed mass of the fruit [kg].
         offset: b, distance from the contact's centre to the fruit's centre [m].
         gain: l, of the output's error [1/s].
     """
@@ -59,7 +59,7 @@ def _rates(omega, z, y, g, J, sigma0, beta, gain, stiffest):  # type: ignore[no-
 
 @njit(cache=True)
 def observe(omega, z, y, g, J, sigma0, beta, gain, step):  # type: ignore[no-untyped-def]
-    """(omega, z) one step [s] later; -βω - σ0 z + u is y - ŷ since u = y."""
+    """Return (omega, z) one step [s] later; -βω - σ0 z + u is y - ŷ since u = y."""
     g = max(g, LEAST_G)
     stiffest = STIFFEST / step
     a1, b1 = _rates(omega, z, y, g, J, sigma0, beta, gain, stiffest)
@@ -72,7 +72,7 @@ def observe(omega, z, y, g, J, sigma0, beta, gain, step):  # type: ignore[no-unt
 
 
 def steps_in_a_sample(rate: float) -> int:
-    """How many steps of about `STEP` there are between two samples of a sensor [Hz]; at least one."""
+    """Return the number of steps of about `STEP` between two samples of a rate [Hz]; at least one."""
     return max(round(1.0 / (rate * STEP)), 1)
 
 
@@ -86,7 +86,7 @@ def _observe_all(y, g, J, sigma0, beta, gain, substeps, step, result):  # type: 
 
 
 def observe_slip(y: ArrayLike, g: ArrayLike, J: ArrayLike, settings: ObserverSettings, rate: float = 500.0) -> Float64:
-    """Estimated slip velocity for arrays of samples, from rest under the first one.
+    """Return the estimated slip velocity for arrays of samples, from rest under the first one.
 
     Args:
         y: generalised torque, shape (n,) [N·m].
@@ -102,7 +102,6 @@ def observe_slip(y: ArrayLike, g: ArrayLike, J: ArrayLike, settings: ObserverSet
     result = np.empty(torque.size)
     substeps = steps_in_a_sample(rate)
     step = 1.0 / rate / substeps
-    _observe_all(
-        torque, friction, inertia, settings.sigma0, settings.beta, settings.gain, substeps, step, result
-    )  # fmt: skip
+    constants = (settings.sigma0, settings.beta, settings.gain)
+    _observe_all(torque, friction, inertia, *constants, substeps, step, result)
     return result

@@ -1,4 +1,4 @@
-"""From two pad wrenches to the loads of the grasp, through filters that are slow for noise and fast for jumps.
+"""Loads of the grip from two pad wrenches, through filters that are slow for noise and fast for jumps.
 
 A pad's frame: z out of its face (pressing is a negative force z), x along the approach, y = z x x. Both pads share x;
 y and z of the second pad point against those of the first, so its tangential force and torsional moment are turned into
@@ -14,19 +14,19 @@ from numpy.typing import ArrayLike
 from pomona.executive.values.arrays import Float64
 
 PAD_HALF = 0.010
-"""A contact lies within this of the pad's centre [m]."""
+"""Bound of the distance of a contact from the pad's centre [m]."""
 
 PRESSING = 0.2
-"""Below this normal force the contact's place is not computed [N]."""
+"""Normal force below which the contact's place is not computed [N]."""
 
 
 MIRROR = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
-"""Turns the second pad's channels into the first pad's frame; pressing stays a negative force z."""
+"""Factors from the second pad's channels to the first pad's frame; pressing stays a negative force z."""
 
 
 @njit(cache=True)
 def loads_of_finger(w):  # type: ignore[no-untyped-def]
-    """(f_n, f_x, f_y, tau_n) of a wrench in the first pad's frame, shape (6,)."""
+    """Return (f_n, f_x, f_y, tau_n) of a wrench in the first pad's frame, shape (6,)."""
     f_n = -w[2]
     x = y = 0.0
     if f_n > PRESSING:
@@ -39,10 +39,10 @@ def loads_of_finger(w):  # type: ignore[no-untyped-def]
 def smooth(raw, bias, mirror, noise, fast, slow, smoothed, shares, expected):  # type: ignore[no-untyped-def]
     """Advance the filters by one sample and write both fingers' smoothed wrenches, all of shape (2, 6).
 
-    What both fingers feel alike and what they feel differently are filtered apart (rows 0 and 1 of `noise`, `fast` and
-    `slow`): a load comes to both, so noise hides it less there. The result is the slow filter's, plus what the fast
-    one is beyond it, the more fully the more that exceeds the noise. By how much the fingers' own motion has just
-    changed the grasp force (`expected`) is no news: the filters go along, so that they need not lag behind it.
+    The common and the differential mode of the fingers are filtered apart (rows 0 and 1 of `noise`, `fast` and `slow`):
+    a load comes to both fingers, and the common mode has less noise. The result is the slow filter's value plus its
+    difference to the fast one, as far as that exceeds the noise. The force change predicted from commanded finger
+    motion (`expected`) is fed forward, so that the filters do not lag.
     """
     fast[0, 2] -= 0.5 * expected
     slow[0, 2] -= 0.5 * expected
@@ -70,7 +70,7 @@ def _beyond_noise(fast, slow, noise):  # type: ignore[no-untyped-def]
 
 
 def pad_loads(wrenches: ArrayLike) -> tuple[Float64, Float64, Float64]:
-    """Loads of both fingers without any filter.
+    """Return the loads of both fingers without any filter.
 
     Args:
         wrenches: shape (2, 6) or (n, 2, 6), bias removed, as in `WrenchSample`.

@@ -1,8 +1,7 @@
-"""Friction from two short slides of the pads over a fruit that stands still: one up, one back down.
+"""Friction from two short slides of the pads over a standing fruit: one up, one back down.
 
-What rubs changes its sign between the two, what does not (pads that do not stand square to the skin, the sensors' bias)
-stays: half the difference is friction, half the sum is the rest. A light fruit comes along on the way up; downwards it
-cannot, since what it stands on is in the way.
+Friction changes its sign between the two; pads that are not square to the skin and the sensors' bias do not. Half the
+difference is friction, half the sum is the rest. A light fruit moves with the pads on the way up, never downwards.
 """
 
 from __future__ import annotations
@@ -17,38 +16,38 @@ from pomona.skills.grip.limit_surface import SoftContact
 from pomona.skills.grip.pads import MIRROR, loads_of_finger
 
 SHORTEST, FEW = 0.02, 4
-"""Each half of a slide must last so long [s] and have so many samples."""
+"""Smallest duration [s] and number of samples of each half of a slide."""
 
 PRESSING = 0.1
-"""A finger must press with this much to rub [N]."""
+"""Smallest normal force of a finger that measures friction [N]."""
 
 STEADY = 0.15
-"""A slide's two halves may differ by this share: before the pads slide, the force still rises."""
+"""Largest relative difference of a slide's halves: until the pads slide, the force still rises."""
 
 CAME_ALONG = 0.2
-"""What did not change its sign is more than this share of what did: the fruit was lifted on the way up, and the pads
-did not slide. Pads that are not square to the skin leave 0.05."""
+"""Ratio of the unchanged to the changing part above which the fruit was lifted on the way up. Pads that are not square
+to the skin give 0.05."""
 
 NOT_SQUARE = 0.04
-"""Relative uncertainty of friction from one way alone: standard deviation of 15 fruits of the simulated cell."""
+"""Relative uncertainty of friction from one direction: standard deviation of 15 fruits of the simulated cell."""
 
 UNMODELLED = 0.03
-"""Relative uncertainty that no repetition shows: the skin elsewhere, friction that changes with the speed."""
+"""Relative uncertainty that repetition does not reduce: other places of the skin, other speeds."""
 
 
 class NoSlideError(Exception):
-    """The pads did not slide over the fruit, so its friction is not known; the message says what happened instead."""
+    """The pads did not slide over the fruit, so its friction is unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class Slide:
-    """What a slide tells.
+    """Friction by a slide.
 
     Attributes:
-        mu: friction coefficient, of both fingers together.
-        uncertainty: its standard deviation, relative.
+        mu: friction coefficient of both fingers together.
+        uncertainty: its relative standard deviation.
         fingers: mu of each.
-        came_along: whether the fruit was lifted on the way up, so that the way down alone counts.
+        came_along: True when the fruit was lifted on the way up, so that only the way down counts.
     """
 
     mu: float
@@ -60,23 +59,23 @@ class Slide:
 def friction_of_slides(
     up: Float64, down: Float64, contact: SoftContact, bias_std: float = 0.0, rate: float = 500.0
 ) -> Slide:
-    """Friction of both pads, whatever they press with on either way.
+    """Return the friction of both pads, which may press differently on both ways.
 
     Each finger slides on its limit surface; as an ellipsoid, (f_t / mu f_n)² + (tau_n / tau_max)² = 1, which is solved
     for mu, since tau_max is proportional to it too.
 
     Args:
         up, down: wrenches while the pads slid, bias removed, shape (n, 2, 6), as in `WrenchSample`.
-        contact: what is known of the contact's torsion.
+        contact: torsion of the contact.
         bias_std: standard deviation of a force's error by the bias [N].
         rate: of the samples [Hz].
 
     Raises:
-        NoSlideError: too few samples, a finger that hardly presses, friction that still changed.
+        NoSlideError: too few samples, too little normal force, or friction that still changed.
     """
     halves = [half for way in (up, down) for half in np.array_split(way, 2)]
     if min(len(half) for half in halves) < max(SHORTEST * rate, FEW):
-        raise NoSlideError(f"only {len(up)} and {len(down)} samples of the slides")
+        raise NoSlideError(f"the slides have only {len(up)} and {len(down)} samples")
     f_n_up, going_up = _ratios(up, contact)
     f_n_down, going_down = _ratios(down, contact)
     f_n = np.minimum(f_n_up, f_n_down)
@@ -105,23 +104,23 @@ def friction_of_slides(
 def _ratios(wrenches: Float64, contact: SoftContact) -> tuple[Float64, Float64]:
     """Mean normal force of each finger, shape (2,), and its mean load over that, shape (2, 3).
 
-    The load is the tangential force, and the torsion over the radius with which it uses friction up.
+    The load is the tangential force, and the torsion over its equivalent radius.
     """
     first, second = wrenches[:, 0].mean(axis=0), wrenches[:, 1].mean(axis=0)
     loads = np.array([loads_of_finger(first), loads_of_finger(MIRROR * second)])
     f_n = loads[:, 0]
     if f_n.min() < PRESSING:
-        raise NoSlideError(f"a finger presses with {f_n.min():.2f} N only")
+        raise NoSlideError(f"a finger presses with {f_n.min():.2f} N, at least {PRESSING:g} N are needed")
     radius = contact.torsion / contact.mu * f_n**contact.gamma
     return f_n, np.column_stack([loads[:, 1], loads[:, 2], loads[:, 3] / radius]) / f_n[:, None]
 
 
 def _mu(f_n: Float64, rubs: Float64) -> tuple[float, Float64]:
-    """mu of both fingers together, who presses more counting more, and of each, shape (2,)."""
+    """mu of both fingers together, weighted by their normal forces, and of each, shape (2,)."""
     fingers = np.linalg.norm(rubs, axis=1)
     return float((f_n * fingers).sum() / f_n.sum()), fingers
 
 
 def _size(load: Float64) -> float:
-    """Tangential size of a load of both fingers together."""
+    """Tangential magnitude of a load of both fingers together."""
     return float(np.hypot(load[0], load[1]))

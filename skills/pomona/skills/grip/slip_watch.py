@@ -1,9 +1,8 @@
 """Detects slip without relying on the coefficient of friction: by the centre of pressure and the lever arm of the load.
 
-When a round fruit slides, its contact with the pads moves along: each finger's torques over its normal force give the
-centre of pressure. When it turns, its centre of mass comes nearer to the fingers' axis or moves away from it: the lever
-arm, moment over load, changes, while accelerating the lift leaves it as it is. Neither needs a coefficient of friction.
-A fast and a slow average are compared, and their difference counts where it is larger than noise can make it.
+When a round fruit slides, its contact moves on the pads: the torques over the normal force give the centre of pressure.
+When it turns, the lever arm of its load, moment over force, changes; the acceleration of a lift does not change it. A
+fast and a slow average are compared, and their difference counts beyond noise.
 """
 
 from __future__ import annotations
@@ -19,14 +18,14 @@ from pomona.skills.grip.pads import MIRROR
 from pomona.skills.grip.settings import SlipWatchSettings
 
 LEAST_FORCE = 0.15
-"""Below this normal force, the mean of both fingers, the centre of pressure is not known [N]."""
+"""Mean normal force of the fingers below which the centre of pressure is unknown [N]."""
 
 
 class SlipWatch:
     """Watches the centre of pressure and the lever arm of a held fruit.
 
     Attributes:
-        slipped: how far the contact has moved since the grip was made or friction was measured [m].
+        slipped: distance that the contact has moved since `start` [m].
     """
 
     def __init__(self, settings: SlipWatchSettings, rate: float) -> None:
@@ -49,7 +48,7 @@ class SlipWatch:
         self._torque_std = float(np.sqrt(alike[:, 3:5].var(axis=0).max()))
 
     def start(self) -> None:
-        """Take where the fruit is now as the reference."""
+        """Use the present place of the fruit as the reference."""
         self._samples = 0
         self._carried_for = 0.0
         self._origin[:] = np.nan
@@ -80,7 +79,7 @@ class SlipWatch:
             self._means[1:] = self._means[0]
             self._samples = min(self._samples, round(1.0 / self._shares[0]))
             self._lever_slow = self._lever_fast
-            # Count from here on: the fruit comes to rest while the force rises, which is no further slip.
+            # Count from here: the rising force brings the fruit to rest, which is no further slip.
             if not math.isnan(self._origin[0]):
                 self._slipped_before += math.hypot(places[0, 0] - self._origin[0], places[0, 1] - self._origin[1])
                 self._origin[:] = places[0]

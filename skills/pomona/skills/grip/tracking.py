@@ -1,4 +1,4 @@
-"""Tracking a reference through the force loop: at once where it rises, at rest where only noise moves it."""
+"""Tracking of the reference by the fingers: at once where it rises, at rest within noise."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pomona.skills.grip.settings import TrackingSettings
 
 
 class ForceTracker:
-    """The force loop with memory: what was commanded last, and whether the fingers are correcting or resting."""
+    """The force loop with its memory: the last commanded reference, and whether the fingers are correcting."""
 
     def __init__(self, loop: ForceLoopSettings, settings: TrackingSettings = TrackingSettings()) -> None:
         self._loop, self._settings = loop, settings
@@ -20,12 +20,13 @@ class ForceTracker:
         self._moving = 0.0
 
     def expected(self, speed: float, f_n: float, period: float, periods: int = 1) -> float:
-        """How much the fingers' own motion changes the grasp force in each of the periods that have passed [N].
+        """Return the change of the grip force by the fingers' own motion in each period since the last call [N].
 
         Args:
-            speed: rate of the opening that was commanded last [m/s]; the fingers get there within the loop's lag.
-            f_n: grasp force [N], where pads stiffen with it.
-            period: [s]; `periods` of them have passed since the last call.
+            speed: last commanded rate of the opening [m/s]; the fingers reach it within the loop's lag.
+            f_n: grip force [N], for pads that stiffen.
+            period: between two samples [s].
+            periods: since the last call.
         """
         self._moving += (1.0 - math.exp(-periods * period / self._loop.lag)) * (speed - self._moving)
         moving = min(max(self._moving, -self._settings.foreseen), self._settings.foreseen)
@@ -33,15 +34,15 @@ class ForceTracker:
 
     @property
     def moving(self) -> float:
-        """Rate of the opening that the fingers have by now [m/s], as commanded and after their lag."""
+        """Rate of the opening by the command and the fingers' lag [m/s]."""
         return self._moving
 
     def commanded(self, f_ref: float) -> None:
-        """A speed was commanded for this reference [N]."""
+        """Take the reference for which a speed was commanded [N]."""
         self._f_ref_commanded = f_ref
 
     def on_ramp(self, f_ref: float, f_n: float, speed_before: float) -> float:
-        """Rate of the opening [m/s] that tracks a rising reference [N]."""
+        """Return the rate of the opening [m/s] that tracks a rising reference [N]."""
         rate = (f_ref - self._f_ref_commanded) / self._loop.command_period
         return finger_speed(f_ref, rate, f_n, self._loop, speed_before)
 
@@ -54,12 +55,12 @@ class ForceTracker:
         error_feedthrough: float,
         hardest: float = 0.0,
     ) -> float:
-        """Rate of the opening [m/s] while holding; 0.0 while the force is where it should be but for noise.
+        """Return the rate of the opening while holding [m/s]; 0.0 while the error of the force is within noise.
 
         Args:
-            f_ref, f_n: reference and measured grasp force [N].
-            speed_before: what was commanded before [m/s].
-            noise_band: how far noise carries the measured force [N].
+            f_ref, f_n: reference and measured grip force [N].
+            speed_before: last commanded rate [m/s].
+            noise_band: of the measured force [N].
             error_feedthrough, hardest: as in `finger_speed`.
         """
         rate = (f_ref - self._f_ref_commanded) / self._loop.command_period
@@ -72,7 +73,7 @@ class ForceTracker:
         return finger_speed(f_ref, rate, f_n, loop, speed_before, error_feedthrough, hardest)
 
     def _rests(self, f_ref: float, error: float, noise_band: float) -> bool:
-        """Whether the fingers rest: until the force has strayed beyond noise, then until it is back."""
+        """Return True when the fingers rest; a correction begins beyond the band and ends at its middle."""
         settings = self._settings
         near = settings.near * f_ref + noise_band * (settings.too_much if error < 0.0 else settings.too_little)
         if self._correcting * error <= 0.0:

@@ -12,7 +12,7 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-from pomona.skills.grip import warm as grip
+from pomona.skills.grip import controller as grip
 from pomona.skills.motion.grasps.sample import warm_up as warm_sampling
 from pomona.skills.motion.occupancy import warm as occupancy
 from pomona.skills.motion.robot import RobotModel

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pomona.executive.skill import Skill
 from pomona.executive.views import SeriesView
-from pomona.skills.grip.bruise import bruising_force
 from pomona.skills.grip.hold import Hold
+from pomona.skills.grip.limit_surface import bruising_force
 
 EVERY = 0.1
 """Seconds of samples in one view."""
