@@ -56,7 +56,7 @@ class GripController:
             both whenever `wants_width`.
         speed: rate of the opening that was commanded last [m/s].
         friction_share: estimated over configured friction coefficient.
-        rests: something else carries the fruit, as the caller sees: the fingers stand, the reference stays as it is.
+        rests: set by the caller while something else carries the fruit: fingers and reference stay as they are.
     """
 
     def __init__(self, settings: GripSettings) -> None:

@@ -1,4 +1,4 @@
-"""Detects that something else carries a held fruit, sample by sample, from the load along the pads."""
+"""Detects a support under a held fruit by the load along the pads, sample by sample."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.pads import MIRROR
 
 LASTING = 3
-"""So many samples in a row begin or end a contact: one may be a spike."""
+"""Number of consecutive samples that begin or end a contact: one may be a spike."""
 
 
 class FloorWatch:
-    """Compares the load along the pads with the load of the hanging fruit, which the first sample shows.
+    """Compares the load along the pads with the load of the hanging fruit in the first sample.
 
-    A floor takes load away or turns it round. A contact ends when the load has grown beyond that of the hanging fruit:
-    then the grip must bear more. A fruit that only hangs again is still held by what held it before.
+    A floor reduces the load or reverses it. A contact ends when the load exceeds that of the hanging fruit: then the
+    grip must bear more. A fruit that only hangs again is held by the same force as before.
 
     Attributes:
-        carried: whether something has carried the fruit since then.
+        carried: True while something else carries the fruit.
     """
 
     def __init__(self, contact: float) -> None:

@@ -181,11 +181,11 @@ class Hold:
 
     @command
     def rest_on_contact(self, contact: float | None) -> None:
-        """Let the fingers rest once something else carries the fruit; None: control the force whatever comes.
+        """Let the fingers rest once something else carries the fruit; None: control the force in any case.
 
-        Force control would respond to the new support by pressing harder. No sensor fault is reported meanwhile, since a
-        contact may press on one finger alone. The request outlives its skill: after an interrupt the fruit stays on its
-        floor.
+        Force control would respond to the new support by pressing harder. No sensor fault is reported meanwhile: a
+        contact may press on one finger alone. The request outlives its skill, so that after an interrupt the fruit
+        stays on its floor.
 
         Args:
             contact: change of the load along the pads, from now on, that is a contact [N]; see `FloorWatch`.
