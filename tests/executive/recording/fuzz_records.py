@@ -181,7 +181,7 @@ class Records:
         self._read_all(rng, forged)
 
     def _read_all(self, rng: random.Random, forged: bool) -> None:
-        for kept in (record_messages._checked, record_messages._standing_of):  # another file at the same place
+        for kept in (record_messages._checked, record_messages._overview_of):  # another file at the same place
             kept.cache_clear()
         found = digest(self.odd)
         read = []

@@ -11,7 +11,7 @@ import base64
 import json
 import math
 from collections import Counter
-from collections.abc import Container, Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator, Sequence
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
@@ -99,10 +99,10 @@ def moment(folder: Path, images: str, begin: float, end: float) -> Iterator[byte
     It begins up to one interval of the overview earlier, since the overview knows the last message of each interval.
     """
     path = folder / EVENTS_FILE
-    interval, known = _standing(path)
-    if interval and 0.0 < begin < _LONGEST:
-        begin = math.floor(begin / interval) * interval
-        last = {entry.key: entry for entry in known if entry.t < begin}
+    shown = _shown(path)
+    if shown.interval and 0.0 < begin < _LONGEST:
+        begin = math.floor(begin / shown.interval) * shown.interval
+        last = {entry.key: entry for entry in shown.places if entry.t < begin}
         yield from _pieces(_message(path, line, images) for line in _chosen(path, last.values()))
     yield from between(folder, images, begin, end)
 
@@ -198,29 +198,35 @@ def _with_image(path: Path, line: Line, images: str) -> bytes:
     return numbered(line.message | {"value": value}, line.seq)
 
 
+class _Shown(NamedTuple):
+    """Interval of a thinned overview or 0, its lines, and the places that it keeps."""
+
+    interval: float
+    lines: tuple[Line, ...]
+    places: tuple[Standing, ...]
+
+
 def _overview(path: Path, images: str) -> Iterator[bytes]:
-    interval, lines = _prepared(path) or _made(path)
-    if interval:
-        note = {"v": VERSION, "event": "Overview", "interval": interval}
-        yield json.dumps(note, separators=(",", ":")).encode()
-    for line in lines:
-        if not interval or standing(line.seq, line.message) is None:
-            yield _message(path, line, images)
+    shown = _shown(path)
+    if not shown.interval:
+        yield from (_message(path, line, images) for line in _lines(path))
+        return
+    yield json.dumps({"v": VERSION, "event": "Overview", "interval": shown.interval}, separators=(",", ":")).encode()
+    yield from (_message(path, line, images) for line in shown.lines)
 
 
-def _standing(path: Path) -> tuple[float, tuple[Standing, ...]]:
-    """Return the interval of a thinned overview, or 0, and the places that it keeps."""
+def _shown(path: Path) -> _Shown:
+    """Return the overview of a record; the interval of a short one is 0."""
     about = path.stat()
-    return _standing_of(path, about.st_ino, about.st_size, about.st_mtime_ns)
+    return _overview_of(path, about.st_ino, about.st_size, about.st_mtime_ns)
 
 
-@lru_cache(maxsize=8)
-def _standing_of(path: Path, _inode: int, _size: int, _changed: int) -> tuple[float, tuple[Standing, ...]]:
-    if _size <= WHOLE_BYTES:
-        return 0.0, ()
-    interval, lines = _prepared(path) or _made(path)
-    found = (standing(line.seq, line.message) for line in lines) if interval else ()
-    return interval, tuple(entry for entry in found if entry is not None)
+@lru_cache(maxsize=2)
+def _overview_of(path: Path, _inode: int, size: int, _changed: int) -> _Shown:
+    interval, lines = (_prepared(path) or _made(path)) if size > WHOLE_BYTES else (0.0, ())
+    places = {line.seq: standing(line.seq, line.message) for line in lines}
+    shown = tuple(line for line in lines if places[line.seq] is None)
+    return _Shown(interval, shown, tuple(place for place in places.values() if place is not None))
 
 
 def _chosen(path: Path, entries: Iterable[Standing]) -> Iterator[Line]:
@@ -233,7 +239,7 @@ def _chosen(path: Path, entries: Iterable[Standing]) -> Iterator[Line]:
         yield from _lines(path, t, t, {seq})
 
 
-def _prepared(path: Path) -> tuple[float, Iterable[Line]] | None:
+def _prepared(path: Path) -> tuple[float, Sequence[Line]] | None:
     """Return the overview that the recorder made; None without one, or if it is malformed."""
     written = attachment(path, OVERVIEW, _valid(path).verdict)
     if written is None or len(written) > 2 * MOST_BYTES:  # a recorder makes none that is larger
@@ -247,17 +253,14 @@ def _prepared(path: Path) -> tuple[float, Iterable[Line]] | None:
     return (interval, lines) if 0.0 < interval < _LONGEST else None
 
 
-def _made(path: Path) -> tuple[float, Iterable[Line]]:
+def _made(path: Path) -> tuple[float, Sequence[Line]]:
     """Make the overview of a record without one: of an earlier version, cut off, or repaired."""
-    made, first = Overview(), list[Line]()
+    made = Overview()
     for line in _lines(path):
         made.add(line.seq, _time_of(line.message), line.message, line.content)
-        first += [line] if made.count <= WHOLE else []
     if made.count <= WHOLE:
-        return 0.0, first
-    if not made.entries:
-        return 0.0, _lines(path)
-    return made.interval, [_kept(entry.seq, entry.text) for entry in made.entries]
+        return 0.0, ()
+    return made.interval if made.entries else 0.0, [_kept(entry.seq, entry.text) for entry in made.entries]
 
 
 def _kept(seq: int, text: bytes) -> Line:

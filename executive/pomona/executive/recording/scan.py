@@ -23,6 +23,7 @@ from mcap.records import (
     Header,
     McapRecord,
     Message,
+    MessageIndex,
     Metadata,
     MetadataIndex,
 )
@@ -96,8 +97,8 @@ class Verdict:
         checked: every byte up to `good` has a checksum. Files of earlier versions and of other programs may have none.
         lost: the parts that an earlier repair could not save, as a phrase; empty without loss.
         attachments: offset of the newest attachment of each name.
-        chunks: its chunks from the index of a finished file of this recorder; else None.
-        topics: topics by channel number, from the same index.
+        chunks: the chunks of a file of this recorder, which holds all messages; else None.
+        topics: topics by channel number. A chunk at the end of a cut file may declare further ones.
     """
 
     state: str
@@ -291,6 +292,7 @@ class _Walk:
         self._attachments: dict[str, int] = {}
         self._topics: dict[int, str] = {}
         self._chunks: list[ChunkPlace] = []
+        self._chunk: RawRecord | None = None
 
     def verdict(self, end: _End | None) -> Verdict:
         """Return the verdict; `end` is the result of `_end_of`."""
@@ -324,8 +326,13 @@ class _Walk:
                 self._checked &= record.uncompressed_crc != 0
                 if self._required and record.uncompressed_crc == 0:
                     raise DamagedError(raw.at, "a chunk does not match its checksum")
+                self._chunks.append(ChunkPlace(raw.at, record.message_start_time, record.message_end_time))
+                self._chunk = raw
+            case MessageIndex() if record.channel_id not in self._topics and self._chunk is not None:
+                declared = (each for each in records_of(self._chunk) if isinstance(each, Channel))
+                self._topics |= {channel.id: channel.topic for channel in declared}
             case Message():
-                self._stamp, self._checked = max(self._stamp, record.log_time), False
+                self._stamp, self._checked, self._required = max(self._stamp, record.log_time), False, False
             case Channel():
                 self._topics[record.id] = record.topic
             case Attachment():
@@ -354,6 +361,6 @@ class _Walk:
         )
 
     def _made(self, state: str, why: str) -> Verdict:
-        chunks = tuple(self._chunks) if self._indexed else None
+        chunks = tuple(self._chunks) if self._required else None
         t = self._stamp / 1e9
         return Verdict(state, why, t, self._good, self._checked, self._lost, self._attachments, chunks, self._topics)
