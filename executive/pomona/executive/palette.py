@@ -22,7 +22,7 @@ SCENE: Mapping[str, str] = {
     "chosen": GOOD,
     "ruled_out": BAD,
     "tried": WARN,
-    "object": "#c8452f",
+    "object": "#8f7400",
     "robot": "#aeb6c0",
     "tool": "#6f7883",
 }

@@ -86,6 +86,24 @@ def test_the_tree_is_drawn_and_a_box_is_chosen_as_a_row_is(show: Show, open_page
     expect(page.locator("#press")).to_be_hidden()
 
 
+def test_a_stretch_of_the_curves_is_zoomed_into_and_a_double_click_goes_back(
+    show: Show, open_page: Callable[..., Any]
+) -> None:
+    show.record(LOOK, "old_1")
+    page = open_page("run=old_1", viewport={"width": 1280, "height": 800})
+    plot = page.locator(".plot .u-over").first
+    expect(plot).to_be_visible()
+    moment = "document.querySelector('.plot .plot-cursor').dataset.place"
+    before, there = page.evaluate(moment), plot.bounding_box()
+    page.mouse.move(there["x"] + 10, there["y"] + 20)
+    page.mouse.down()
+    page.mouse.move(there["x"] + there["width"] / 2, there["y"] + 20, steps=4)
+    page.mouse.up()
+    page.wait_for_function(f"(place) => {moment} !== place", arg=before)  # the shorter stretch has it elsewhere
+    plot.dblclick()
+    page.wait_for_function(f"(place) => {moment} === place", arg=before)
+
+
 PICK = """() => { // clicks all over the scene, until something is hit
     const canvas = document.getElementById("scene"), box = canvas.getBoundingClientRect();
     for (let y = 4; y < box.height; y += 6) for (let x = 4; x < box.width; x += 6) {

@@ -130,7 +130,7 @@ class ControlLock:
             return None
         t, tick = runner.progress
         ages = {device: round(age, 3) for device, age in runner.ages.items()}
-        return {"t": t, "tick": tick, "state": runner.state.value, "ages": ages}
+        return {"t": t, "tick": tick, "wall": round(runner.wall, 2), "state": runner.state.value, "ages": ages}
 
     @property
     def holder(self) -> Holder:

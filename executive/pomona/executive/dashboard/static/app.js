@@ -79,6 +79,7 @@ async function drawInParts(began) {
     }
   } finally {
     page.drawing = false;
+    if (page.opened || !page.recorded) document.documentElement.classList.remove("opens-record");
     const now = performance.now();
     spent += now - since;
     resting = spent < AT_ONCE ? 0 : now + REST * spent;
@@ -93,7 +94,7 @@ function parts() {
   return [
     () => { drawHeader(s); drawTrust(live); drawControl(live); drawFaults(live); drawStart(); drawPlayback(); },
     () => drawWhy(whole), // before the rest, which takes the room that it leaves
-    () => { tree.update(s); tree.explain(whole); drawing.update(s, tree.paths, page.selected); },
+    () => { tree.update(s); tree.explain(whole); drawing.update(s, tree.paths, page.selected, tree.scale); },
     () => camera.update(s, page.at === null && !page.recorded && !s.ended ? page.pictures : null),
     () => { drawOver(over, other); scene.update(s, page.selected, other); },
     () => plots.update(s, page.at, Math.max(page.whole.t, over?.whole.t ?? 0), other, follows ? [samplesOf(page.feed), over && samplesOf(over)] : null),
@@ -157,7 +158,7 @@ function receive(message, size) {
   else if (message.event === "Silent") page.silent = message.seconds ? performance.now() - 1000 * message.seconds : null;
   else if (message.event === "Beat") {
     const now = performance.now();
-    page.beat = { tick: message.tick, ages: message.ages ?? {}, received: now, moved: page.beat?.tick === message.tick ? page.beat.moved : now };
+    page.beat = { tick: message.tick, wall: message.wall ?? 0, ages: message.ages ?? {}, received: now, moved: page.beat?.tick === message.tick ? page.beat.moved : now };
     if (live.whole.run && !live.whole.ended) live.whole.t = Math.max(live.whole.t, message.t);
   } else if (message.event !== "Lagged") {
     if (message.event === "RunStarted") { forget(); page.beat = null; page.pictures.clear(); }
@@ -187,6 +188,7 @@ async function openRecord(name, t) {
   const problem = await openOverview(name);
   if (page.recorded !== name) return;
   page.at = Math.min(t ?? tellingMoment(page.whole), page.whole.t);
+  page.opened = true;
   if (problem) say(problem, "bad"); else say("recorded run");
   page.dirty = true;
 }

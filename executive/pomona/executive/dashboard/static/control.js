@@ -6,6 +6,7 @@ import { drawQuestions } from "./questions.js";
 
 export const STATUS_WORD = { success: "✓", failure: "✗", stopped: "■", error: "■", running: "▶", paused: "❚❚", pausing: "❚❚", preparing: "◌" };
 const KIND = { simulated: "SIMULATED", emulated: "EMULATED", real: "REAL", frames: "RECORDED FRAMES", mock: "MOCK" };
+const BEHIND = 2; // seconds by which a simulated run must be behind the wall clock for both to be told
 const OLD = 1; // seconds without a word from a device that look wrong
 
 $("who").value = localStorage.getItem("pomona-who") || "";
@@ -105,7 +106,9 @@ export function drawHeader(s) {
   $("state").dataset.state = old ? "old" : state;
   $("state").title = s.because;
   const still = page.beat && !page.recorded && !old && s.state === "running" && !s.ended ? (performance.now() - page.beat.moved) / 1000 : 0;
-  put($("clock"), `${(page.at ?? s.t).toFixed(1)} s${ended && page.at !== null ? ` of ${page.whole.t.toFixed(1)} s` : ""}${still > 3 ? ` · no tick for ${still.toFixed(0)} s` : ""}`);
+  const wall = page.beat && !page.recorded && page.at === null && kind === "simulated" && !s.ended ? page.beat.wall + (performance.now() - page.beat.received) / 1000 : 0;
+  const here = wall > s.t + BEHIND ? ` · ${seconds(wall)} here` : "";
+  put($("clock"), `${(page.at ?? s.t).toFixed(1)} s${here}${ended && page.at !== null ? ` of ${page.whole.t.toFixed(1)} s` : ""}${still > 3 ? ` · no tick for ${still.toFixed(0)} s` : ""}`);
   $("clock").classList.toggle("stale", still > 3);
   drawLinks(s);
   document.title = s.run ? `${STATUS_WORD[state] ?? ""} ${s.run.tree} – Pomona` : "Pomona";

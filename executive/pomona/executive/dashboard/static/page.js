@@ -11,7 +11,7 @@ export const newFeed = () => ({ messages: [], size: 0, whole: emptyState(), base
 export const page = {
   live: newFeed(), record: null, over: null, at: null, playing: false,
   recorded: null, stream: "", token: "", reading: "", viewer: "", grant: Number(sessionStorage.getItem("pomona-grant") ?? -1),
-  control: { held_by: "", grant: 0, viewers: 0, starts: false, start: null }, heardControl: 0, beat: null, silent: null, pictures: new Map(), selected: null, dirty: true, drawing: false,
+  control: { held_by: "", grant: 0, viewers: 0, starts: false, start: null }, heardControl: 0, beat: null, silent: null, pictures: new Map(), selected: null, dirty: true, drawing: false, opened: false,
   get feed() { return this.record ?? this.live; }, // what is looked at: a record, or what happens now
 };
 for (const name of Object.keys(newFeed())) Object.defineProperty(page, name, { get() { return this.feed[name]; }, set(value) { this.feed[name] = value; } });

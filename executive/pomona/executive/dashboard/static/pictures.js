@@ -1,7 +1,7 @@
 // Camera images with what was found drawn over them, time series, and tables.
 import uPlot from "./vendor/uplot.js";
 import { $, h, put, seconds } from "./dom.js";
-import { withToken } from "./page.js";
+import { page, withToken } from "./page.js";
 
 const LINE = new Set(["found", "refined", "muted", "chosen", "ruled_out"]);
 const SVG = "http://www.w3.org/2000/svg";
@@ -79,10 +79,12 @@ export class PlotsView {
     Object.assign(this, { charts: new Map(), marks: [], at: null, span: 60, end: 0, page: [0, 0], follows: false });
     for (const button of document.querySelectorAll("[data-span]")) button.addEventListener("click", () => {
       this.span = Number(button.dataset.span);
+      this.zoomed = null;
       for (const other of document.querySelectorAll("[data-span]")) other.setAttribute("aria-pressed", other === button);
       this.page = [0, 0];
-      for (const chart of this.charts.values()) chart.drawn = "";
+      this.redraw();
     });
+    $("plots").addEventListener("dblclick", () => { if (this.zoomed) { this.zoomed = null; this.page = [0, 0]; this.redraw(); } });
   }
 
   forget() {
@@ -90,9 +92,24 @@ export class PlotsView {
     this.charts.clear();
   }
 
+  // A stretch that was drawn with the pointer fills all curves; a double click shows the span again.
+  zoom(u) {
+    const { left, width } = u.select;
+    if (width < 5) return;
+    this.zoomed = [u.posToVal(left, "x"), u.posToVal(left + width, "x")];
+    u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+    this.redraw();
+  }
+
+  redraw() {
+    for (const chart of this.charts.values()) chart.drawn = "";
+    page.dirty = true;
+  }
+
   // The stretch of time that is shown: the newest, or the page with the moment.
   range(follows) {
     const { span, end, at } = this;
+    if (this.zoomed) return this.zoomed;
     if (!span || end <= span) return [0, Math.max(0.1, end)];
     if (!follows) { const to = Math.min(end, (at ?? end) + span / 6); return [Math.max(0, to - span), Math.max(to, span)]; }
     const [from, to] = this.page, ahead = to < end ? span / 12 : 0;
@@ -188,11 +205,11 @@ export class PlotsView {
     $("plots").append(box);
     const chart = { box, width: 0, names, both, other, thinned, series, values, scale, drawn: "", of: null };
     chart.plot = new uPlot({
-      width: box.clientWidth || 300, height: HEIGHT, padding: [8, 14, 0, 0], legend: { show: false }, cursor: { sync: { key: "run" }, drag: { x: false, y: false }, y: false },
+      width: box.clientWidth || 300, height: HEIGHT, padding: [8, 14, 0, 0], legend: { show: false }, cursor: { sync: { key: "run" }, drag: { x: true, y: false, setScale: false, dist: 5 }, y: false },
       scales: { x: { time: false, range: () => this.page }, y: { range: (_u, low, high) => padded(low, high, chart.series.thresholds, unit, scale) } },
       axes: [{ ...axis, size: 24, values: (_u, v) => v.map((x) => `${Number(x.toFixed(2))} s`), space: 60 }, { ...axis, size: 48, space: 28, values: (_u, v) => v.map((x) => (x && Math.abs(x) < 1e-3 ? Number(x.toPrecision(2)).toExponential() : String(Number(x.toPrecision(3))))) }],
       series: [{}, ...names.map((_name, i) => ({ stroke: palette[i % palette.length], width: 1.75, dash: DASHES[i % 4], points: { show: false } })), ...both.map((name) => ({ stroke: palette[names.indexOf(name) % palette.length], width: 1.25, dash: [1.5, 3], alpha: 0.85, points: { show: false } }))],
-      hooks: { draw: [(u) => annotate(u, chart.series.thresholds, unit, scale, this.marks, css)], setCursor: [() => this.tell(chart)] },
+      hooks: { draw: [(u) => annotate(u, chart.series.thresholds, unit, scale, this.marks, css)], setCursor: [() => this.tell(chart)], setSelect: [(u) => this.zoom(u)] },
     }, this.data(chart), canvas);
     chart.cursor = h("i", { class: "plot-cursor", hidden: true });
     chart.plot.over.append(chart.cursor);
@@ -236,7 +253,7 @@ function annotate(u, thresholds, unit, scale, marks, css) {
     g.strokeStyle = g.fillStyle = colour("--text");
     g.setLineDash([6, 4]);
     g.beginPath(); g.moveTo(left, y); g.lineTo(left + width, y); g.stroke();
-    g.fillText(name.replace(` [${unit}]`, ""), left + 6, y - 4);
+    g.fillText(name.replace(` [${unit}]`, ""), left + 6, y - 4 < top + 11 * devicePixelRatio ? y + 11 * devicePixelRatio : y - 4);
   }
   g.restore();
 }

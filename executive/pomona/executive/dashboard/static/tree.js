@@ -1,5 +1,6 @@
 // The behaviour tree as rows: one row a node, updated in place so that a thousand nodes stay smooth.
 import { $, h, percent, put, seconds } from "./dom.js";
+import { page } from "./page.js";
 import { leavesOf, resolved, standing } from "./store.js";
 
 export class TreeView {
@@ -148,6 +149,7 @@ export class TreeView {
   zoom(scale) {
     this.scale = Math.max(0.5, Math.min(1.8, scale));
     this.root.style.setProperty("--scale", this.scale);
+    page.dirty = true;
   }
 
   fit() {

@@ -83,6 +83,7 @@ function drawStartBar() {
 // Over a record: what the live cell does, in words, and the way back to it.
 function drawStrip(live) {
   $("strip").hidden = !page.recorded;
+  document.body.classList.toggle("recorded", Boolean(page.recorded));
   if (!page.recorded) return;
   const { start } = page.control;
   const going = live.run && !live.ended;
