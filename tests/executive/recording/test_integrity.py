@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 import zstandard
 from hypothesis import given, settings, strategies as st
+from mcap.writer import Writer
 from recorded_events import FAILED, everything, record, write
 
 from pomona.executive.cli import main
@@ -298,3 +299,26 @@ def test_a_pipe_in_place_of_a_record_does_not_hold_the_list_up(tmp_path: Path) -
     os.mkfifo(tmp_path / "pipe" / EVENTS_FILE)
     (entry,) = RunIndex(tmp_path).read()
     assert entry.state == "unreadable"
+
+
+@pytest.mark.parametrize("name", ["foreign", "text", "damaged"])
+def test_a_file_that_is_no_valid_record_is_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    path = write(Path("runs") / name, FAILED) / EVENTS_FILE
+    if name == "foreign":
+        with path.open("wb") as output:
+            writer = Writer(output)
+            writer.start()
+            channel = writer.register_channel("/chatter", "json", 0)
+            writer.add_message(channel, 1, b'{"text":"hello"}', 1)
+            writer.finish()
+    else:
+        content = path.read_bytes()
+        path.write_bytes(b"# notes of the day" if name == "text" else content[:-60] + b"?" + content[-59:])
+    assert main(["explain", name]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    assert ("damaged" if name == "damaged" else "not a record of a run") in captured.err

@@ -115,7 +115,9 @@ def _read(path: Path, verdict: Verdict) -> dict[str, Any]:
     codes: Counter[str] = Counter()
     attempts = 0
     peaks: dict[str, float] = {}
+    topics = set()
     for topic, content, *_ in scan(path, verdict):
+        topics.add(topic)
         if topic == EVENTS and _SERIES.match(content):
             _raise_peaks(peaks, content)
         if topic != EVENTS or not content.startswith(_HEADS):
@@ -135,8 +137,9 @@ def _read(path: Path, verdict: Verdict) -> dict[str, Any]:
                     codes[code if code in codes or len(codes) < MOST_CODES else "…"] += 1
             case "RunEnded":
                 about |= _end(event)
-    if not about.get("tree") and about.get("state") == "ended":
-        raise UsageError("it does not say how the run began")
+    foreign = topics and EVENTS not in topics and verdict.state == "whole"
+    if not about.get("tree") and (foreign or about.get("state") == "ended"):
+        raise UsageError("not a record of a run: it has no event RunStarted")
     if verdict.lost:
         about["lost"] = _text(verdict.lost)
     return {**about, "codes": dict(codes), "attempts": attempts, "peaks": peaks, "checked": verdict.checked}
