@@ -8,26 +8,36 @@ from typing import Annotated
 import numpy as np
 
 from pomona.drivers.errors import BadTrajectory, MotionRefused
-from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, MotionState, SetPoints, StreamedArm, WrenchSample
-from pomona.executive.ports import ANGLE, FORCE, TIME, Angle, Force, Outputs, Port, Ratio, Time
+from pomona.drivers.interfaces import (
+    Arm,
+    ForceSensor,
+    Gripper,
+    MotionState,
+    SetPoints,
+    StreamedArm,
+    Workspace,
+    WrenchSample,
+)
+from pomona.executive.ports import ANGLE, FORCE, LENGTH, TIME, Angle, Force, Length, Outputs, Port, Ratio, Time
 from pomona.executive.skill import Work
 from pomona.executive.values.arrays import Float64
-from pomona.skills.geometry import angle_between, rot_z, transform
+from pomona.skills.geometry import angle_between, rot_z
 from pomona.skills.grip.hold import take_over
 from pomona.skills.motion.detaching import DetachController, DetachPhase, DetachSettings, HeldFruit, roll_clearance
 from pomona.skills.motion.grasp import Grasp
+from pomona.skills.motion.hanging import free_roll, knuckle_of
+from pomona.skills.motion.occupancy import OccupancyMap
+from pomona.skills.motion.planning.arm_space import arm_space
+from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel, nearest_solution
+from pomona.skills.motion.straight_line import straight_line
 from pomona.skills.perception.detection.detection import AllDetections
 from pomona.skills.perception.inventory.mass import mass_of
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
+from pomona.skills.shared.straight_travel import LEAST_POSTURES, tool_pose
+from pomona.skills.shared.usable_map import usable_field
 
-STEM = 0.025
-"""Length of an apple's stem above the middle of its cavity [m]; the wall draws 20 to 30 mm."""
-SEAT = 0.44
-"""Height of the stem's end above the fruit's middle, over the fruit's height: in its cavity."""
-UPRIGHT = 0.5
-"""Least vertical component of a measured stem axis that is believed; else the stem is taken as vertical."""
 DENSITY = 850.0
 """Of an apple [kg/m³], where its kind has no weighed fruit: docs/decisions/orchard-wall.md."""
 
@@ -39,11 +49,17 @@ STALE = 0.06
 """Age of the newest force sample at which the motion ends [s]."""
 ROLL_NEEDED = np.radians(60.0)
 """Least roll that the arm must reach one way before the fruit is gripped: stems broke at 57° to 100°."""
-ROLL_STEP = np.radians(10.0)
+ROLL_WANTED = np.radians(100.0)
+"""A roll that is free so far is as good as a longer one."""
 CLEAR = -0.01
 """Least distance to a neighbour during the roll [m]; a hanging neighbour gives way by 10 mm."""
-OPENED = 0.03
-"""Opening beyond the present one after a failure that leaves the fruit on the tree [m]."""
+OPENED, OPENING_SPEED, OPENING_TIME = 0.02, 0.06, 0.6
+"""Opening beyond the present one after a failure that leaves the fruit on the tree [m], its speed [m/s], and the time
+after which fingers that meet wood are not opened further [s]."""
+STUCK, STUCK_FOR = 1e-3, 0.08
+"""Fingers that open by less [m] in this time [s] meet something."""
+BACK_OFF, BACK_SPEED, BACK_ACCELERATION, BACK_JERK = 0.10, 0.15, 1.0, 10.0
+"""Way of the empty hand back from the fruit after a failure [m, m/s, m/s², m/s³]."""
 
 
 class Detached(Outputs):
@@ -61,17 +77,19 @@ class Detach(MovingSkill):
     under a watchdog: without them the arm comes to rest.
     """
 
-    devices = (Arm, StreamedArm, Gripper, ForceSensor)
+    devices = (Arm, StreamedArm, Gripper, ForceSensor, Workspace)
+    moves = (Arm, StreamedArm, Gripper)
     failures = (
         *MOTION_FAILURES,
         "SENSOR_STALE",
-        "NO_CONTACT",
+        "NOT_GRIPPED",
         "SLIPPED",
         "NOTHING_BROKE",
         "JAMMED",
         "LOST",
         "NEIGHBOUR_AT_RISK",
         "OUT_OF_REACH",
+        "MAP_STALE",
     )
 
     def run(
@@ -80,6 +98,10 @@ class Detach(MovingSkill):
         others: Annotated[
             AllDetections | None, Port(help="fruit of the same look: the hand rolls away from them")
         ] = None,
+        map: Annotated[OccupancyMap | None, Port(help="what is in the way; the target is left out of it")] = None,
+        clearance: Annotated[
+            Length, Port(min="0 mm", help="kept by the links; gripper and fingers keep a share")
+        ] = LENGTH("4 mm"),
         pull: Annotated[Force, Port(min="0 N", max="10 N", help="by which the fruit is drawn")] = FORCE("3 N"),
         roll: Annotated[Angle, Port(min="60 deg", max="150 deg", help="at most, either way")] = ANGLE("140 deg"),
         mu: Annotated[Ratio, Port(min=0.1, max=2.0, help="assumed friction of the pads")] = 0.6,
@@ -89,7 +111,9 @@ class Detach(MovingSkill):
     ) -> Work[Detached]:
         gripper = self.device(Gripper)
         fruit = held_fruit(grasp.fruit)
-        controller = DetachController(fruit, self._rolls(grasp, fruit, roll, others), DetachSettings(pull=pull, mu=mu))
+        controller = DetachController(
+            fruit, self._rolls(grasp, fruit, roll, others, map, clearance), DetachSettings(pull=pull, mu=mu)
+        )
         take_over(gripper)
         recent: deque[WrenchSample] = deque(maxlen=max(1, round(TARE * self.device(ForceSensor).rate)))
         subscription = self.device(ForceSensor).subscribe(recent.append)
@@ -104,8 +128,8 @@ class Detach(MovingSkill):
         problem = controller.problem
         if problem is not None:
             if problem.code != "LOST":
-                width = min(gripper.state().width + OPENED, gripper.limits.width_max)
-                yield from self.move_fingers(width, gripper.limits.speed_max / 2.0)
+                yield from self._let_go()
+                yield from self._back_off()
             raise self.failure(
                 problem.code,
                 problem.message,
@@ -113,6 +137,32 @@ class Detach(MovingSkill):
                 stem_force_n=round(controller.stem_peak, 2),
             )
         return Detached(stem_force=controller.stem_peak, rolled=abs(controller.roll_at_break))
+
+    def _let_go(self) -> Work[None]:
+        """Open the fingers by `OPENED`, or until they meet something outside: twigs are not pressed aside."""
+        gripper = self.device(Gripper)
+        start = gripper.state().width
+        before, looked, began = start, self.clock.now(), self.clock.now()
+        try:
+            while (width := gripper.state().width) < min(start + OPENED, gripper.limits.width_max - 1e-3):
+                now = self.clock.now()
+                if now - looked >= STUCK_FOR:
+                    if (now - began > 2.0 * STUCK_FOR and width - before < STUCK) or now - began > OPENING_TIME:
+                        break
+                    before, looked = width, now
+                gripper.set_speed(OPENING_SPEED)
+                yield "releasing the fruit"
+        finally:
+            gripper.set_speed(0.0)
+
+    def _back_off(self) -> Work[None]:
+        """Draw the open hand straight back from the fruit, as far as the arm can go."""
+        arm, T_base_goal = self.device(Arm), tool_pose(self)
+        T_base_goal[:3, 3] -= BACK_OFF * T_base_goal[:3, 2]
+        line = straight_line(RobotModel.load(arm.description), arm.state().q, T_base_goal)
+        if len(line.q) >= LEAST_POSTURES:
+            length = line.reached * line.length
+            yield from self.travel(time_curve(line.q, length, arm.limits, BACK_SPEED, BACK_ACCELERATION, BACK_JERK))
 
     def _detach(
         self, controller: DetachController, recent: deque[WrenchSample], offset: Float64, watchdog: float
@@ -183,28 +233,38 @@ class Detach(MovingSkill):
             except BadTrajectory as bad:
                 raise self.failure("OUT_OF_REACH", f"the roll leaves the limits: {bad}") from bad
 
-    def _rolls(self, grasp: Grasp, fruit: HeldFruit, most: float, others: AllDetections | None) -> tuple[float, ...]:
-        """Return the angles to roll by, the side farther from neighbours first, each up to the arm's limits."""
-        arm = self.device(Arm)
+    def _rolls(
+        self,
+        grasp: Grasp,
+        fruit: HeldFruit,
+        most: float,
+        others: AllDetections | None,
+        map: OccupancyMap | None,
+        clearance: float,
+    ) -> tuple[float, ...]:
+        """Return the angles to roll by, the freest way first, each up to the arm's limits."""
+        arm, knuckle = self.device(Arm), fruit.p_base_knuckle
         robot = RobotModel.load(arm.description).with_limits(arm.limits.lower, arm.limits.upper)
-        q, reached = arm.state().q, []
-        for way in (1.0, -1.0):
-            angle = reachable_roll(robot, q, fruit.p_base_knuckle, way, most)
-            if angle >= ROLL_NEEDED:
-                reached.append(way * angle)
+        q, T = arm.state().q, robot.tcp(arm.state().q)
+        field = usable_field(self, map)
+        space = arm_space(arm, self.device(Workspace), field, fruit.diameter, clearance, target=grasp.fruit)
+        reached = [way * free_roll(robot, q, knuckle, way, most) for way in (1.0, -1.0)]
+        reached = [roll for roll in reached if abs(roll) >= ROLL_NEEDED]
         if not reached:
             words = f"the arm cannot roll by {np.degrees(ROLL_NEEDED):.0f}° either way; nothing has moved"
             raise self.failure("OUT_OF_REACH", words, candidate=grasp.index)
         near = neighbours_of(grasp.fruit, others)
         width = self.device(Gripper).state().width
-        T = robot.tcp(q)
-        clear = {roll: roll_clearance(T, roll, width, fruit.p_base_knuckle, near) for roll in reached}
-        free = [roll for roll in reached if clear[roll] > CLEAR]
-        if not free:
+        clear = {roll: roll_clearance(T, roll, width, knuckle, near) for roll in reached}
+        kept = [roll for roll in reached if clear[roll] > CLEAR]
+        if not kept:
             least = max(clear.values())
             words = f"a finger would come {-1e3 * least:.0f} mm into a neighbour; nothing has moved"
             raise self.failure("NEIGHBOUR_AT_RISK", words, candidate=grasp.index, overlap_m=-least)
-        return tuple(sorted(free, key=lambda roll: -min(clear[roll], 0.03)))
+        free = {roll: free_roll(robot, q, knuckle, float(np.sign(roll)), most, space) for roll in kept}
+        if max(free.values()) >= ROLL_NEEDED:
+            kept = [roll for roll in kept if free[roll] >= ROLL_NEEDED]
+        return tuple(sorted(kept, key=lambda roll: (-min(free[roll], ROLL_WANTED), -min(clear[roll], 0.03))))
 
 
 def held_fruit(measured: MeasuredFruit) -> HeldFruit:
@@ -212,10 +272,7 @@ def held_fruit(measured: MeasuredFruit) -> HeldFruit:
     dimensions = measured.dimensions
     known = mass_of(measured.fruit, dimensions, measured.covariance[3:, 3:])
     mass = DENSITY * np.pi / 6.0 * float(np.prod(dimensions)) if known is None else known[0]
-    up = -measured.T_base_fruit[:3, 1]
-    up = up if up[2] > UPRIGHT else np.array([0.0, 0.0, 1.0])
-    knuckle = measured.T_base_fruit[:3, 3] + (STEM + SEAT * float(dimensions[1])) * up
-    return HeldFruit(float(dimensions.max()), mass, knuckle)
+    return HeldFruit(float(dimensions.max()), mass, knuckle_of(measured))
 
 
 def neighbours_of(target: MeasuredFruit, others: AllDetections | None) -> Float64:
@@ -228,18 +285,3 @@ def neighbours_of(target: MeasuredFruit, others: AllDetections | None) -> Float6
         if np.linalg.norm(p - target.T_base_fruit[:3, 3]) > float(target.dimensions.max()) / 2.0:
             rows.append([*p, float(each.fruit.dimensions.max()) / 2.0])
     return np.array(rows).reshape(-1, 4)
-
-
-def reachable_roll(robot: RobotModel, q: Float64, p_base_knuckle: Float64, way: float, most: float) -> float:
-    """Return how far the hand can roll about its approach through the knuckle, in one posture of the arm [rad]."""
-    T = robot.tcp(q)
-    lever = T[:3, :3].T @ (T[:3, 3] - p_base_knuckle)
-    reached = 0.0
-    while reached < most - 1e-9:
-        angle = min(reached + ROLL_STEP, most)
-        R = T[:3, :3] @ rot_z(way * angle)
-        solved = nearest_solution(robot, transform(R, p_base_knuckle + R @ lever), q)
-        if solved is None or np.abs(solved - q).max() > 6.0 * ROLL_STEP:
-            break
-        q, reached = solved, angle
-    return reached

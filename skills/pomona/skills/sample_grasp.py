@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from typing import Annotated
 
@@ -21,7 +20,7 @@ from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.perception.measured_fruit import MeasuredFruit
-from pomona.skills.shared.grasp_view import fruit_mesh
+from pomona.skills.shared.grasp_view import fruit_mesh, summary
 from pomona.skills.shared.usable_map import usable_field
 
 FINER = 2
@@ -130,12 +129,3 @@ class SampleGrasp(Skill):
         points = tuple(Points3(np.array(p), label, style) for label, style, p in groups if p)
         caption = f"{len(left)} of {len(grasps) + len(ruled_out)} pre-grasps left"
         self.publish("candidates", SceneView(points=points, meshes=(fruit_mesh(fruit),), caption=caption))
-
-
-def summary(ruled_out: Sequence[RuledOut]) -> str:
-    """How often which reason came, for a sentence: `30 unreachable, 18 table (left finger …)`."""
-    parts = []
-    for code, number in Counter(out.code for out in ruled_out).most_common():
-        example = next(out.reason for out in ruled_out if out.code == code)
-        parts.append(f"{number} {code.lower().replace('_', ' ')} ({example})")
-    return ", ".join(parts)

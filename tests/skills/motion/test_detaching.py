@@ -126,7 +126,7 @@ def test_a_pad_that_meets_wood_is_a_jam_within_a_tenth_of_a_second(pads, saturat
 def test_pads_that_meet_nothing_end_with_no_contact():
     stem = Stem()
     stem.gone = True
-    assert detach(stem).problem.code == "NO_CONTACT"
+    assert detach(stem).problem.code == "NOT_GRIPPED"
 
 
 def test_no_pad_presses_harder_than_its_ceiling():

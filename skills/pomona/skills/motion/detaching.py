@@ -26,9 +26,14 @@ class DetachPhase(Enum):
     CLOSE = "closing"
     DRAW = "drawing"
     ROLL = "rolling"
+    LAST_PULL = "pulling harder"
     BACK = "moving back"
     LET_BACK = "letting the branch back"
     DONE = "done"
+
+
+DRAWING = (DetachPhase.DRAW, DetachPhase.ROLL, DetachPhase.LAST_PULL)
+"""Phases in which the stem is loaded and may break."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +45,8 @@ class DetachSettings:
         closing, closing_touched: speed of the opening while closing, before and after the first contact [m/s].
         yielding: speed of the hand along the finger axis per force difference of the pads while closing [m/s per N].
         pull: force by which the fruit is drawn [N]; pull_time: time in which it grows [s].
+        last_pull, last_pull_time: force to which the pull grows when the last roll has not broken the stem [N], and
+            the time for it [s].
         outwards: direction of the pull in the base frame, from the wall to the robot and a little upwards, shape (3,).
         admittance: speed per force error [m/s per N]; speed_max: of the hand [m/s].
         roll_after: time of drawing before the hand turns [s]; roll_rate [rad/s]; roll_acceleration [rad/s²].
@@ -52,8 +59,9 @@ class DetachSettings:
         broken_share, broken_force: a stem has broken when its force falls below this share of its recent maximum and
             below this force [N].
         recent: time over which that maximum is remembered [s].
-        jam_force, jam_force_saturated: net force of the pads that no stem needs, and while a sensor is at the end of
-            its range [N]; jam_time: time that it may last [s].
+        jam_force: net force of the pads that no stem needs [N]; jam_force_saturated: difference of the pads' pressing
+            forces that shows wood at one finger while its sensor is at the end of its range [N]; jam_time: time that
+            either may last [s].
         slip_width: loss of opening since the grip at which a fruit is slipping out [m].
         lost_force: mean pad force below which the fruit is lost [N]; lost_time: duration of that [s].
         let_back_force: pads' force at which a branch that was drawn has come back [N].
@@ -67,6 +75,8 @@ class DetachSettings:
     closing_touched: float = 0.03
     yielding: float = 0.004
     pull: float = 3.0
+    last_pull: float = 8.0
+    last_pull_time: float = 1.2
     pull_time: float = 0.3
     outwards: tuple[float, float, float] = (0.0, 0.94, 0.34)
     admittance: float = 0.006
@@ -212,7 +222,7 @@ class DetachController:
 
     def give_up(self, code: str, message: str) -> None:
         """End the motion: let a branch that was drawn back, else stop."""
-        if self.phase in (DetachPhase.DRAW, DetachPhase.ROLL):
+        if self.phase in DRAWING:
             self._let_back(DetachProblem(code, message))
         elif self.phase is DetachPhase.BACK:
             self._end(None)
@@ -230,8 +240,8 @@ class DetachController:
 
     def _judge(self, dt: float, press: Float64, force: Float64, saturated: bool, width: float) -> None:
         s = self.settings
-        most = s.jam_force_saturated if saturated else s.jam_force
-        jams = self.broke_at is None and np.linalg.norm(force) > most
+        beside = saturated and abs(press[0] - press[1]) > s.jam_force_saturated
+        jams = self.broke_at is None and (beside or np.linalg.norm(force) > s.jam_force)
         self._jammed = self._jammed + dt if jams else 0.0
         self._empty = self._empty + dt if press.mean() < s.lost_force else 0.0
         if self._jammed > s.jam_time:
@@ -241,7 +251,7 @@ class DetachController:
             freed = self.broke_at is not None
             code, words = ("LOST", "after the stem broke") if freed else ("SLIPPED", "before the stem broke")
             self._end(DetachProblem(code, f"the fruit left the pads {words}"))
-        elif self.phase in (DetachPhase.DRAW, DetachPhase.ROLL):
+        elif self.phase in DRAWING:
             self.stem_peak = max(self.stem_peak, self.stem_force)
             most = max(each for _, each in self._recent)
             if most > s.loaded and self.stem_force < min(s.broken_share * most, s.broken_force):
@@ -270,7 +280,7 @@ class DetachController:
             return DetachCommand(still, 0.0, -float(np.clip(s.grip_gain * missing, -s.closing, s.closing)))
         if self._time > s.closing_patience:
             left, right = press
-            self._end(DetachProblem("NO_CONTACT", f"the pads feel {left:.1f} and {right:.1f} N after closing"))
+            self._end(DetachProblem("NOT_GRIPPED", f"the pads feel {left:.1f} and {right:.1f} N after closing"))
             return DetachCommand(still, 0.0, 0.0)
         aside = s.yielding * float(press[0] - press[1]) * T_base_tcp[:3, 1]
         return DetachCommand(aside, 0.0, -(s.closing_touched if press.max() > s.touch else s.closing))
@@ -301,8 +311,14 @@ class DetachController:
                 self._attempt += 1
                 if self._attempt == len(self._rolls):
                     self._attempt -= 1
-                    tried = " and ".join(f"{np.degrees(roll):.0f}°" for roll in self._rolls)
-                    self._let_back(DetachProblem("NOTHING_BROKE", f"the stem held rolls of {tried}"))
+                    self._enter(DetachPhase.LAST_PULL)
+        elif self.phase is DetachPhase.LAST_PULL:
+            self._turn_to(dt, self._rolls[-1])
+            pull = s.pull + (s.last_pull - s.pull) * min(since / s.last_pull_time, 1.0)
+            if since > 1.5 * s.last_pull_time:
+                tried = " and ".join(f"{np.degrees(roll):.0f}°" for roll in self._rolls)
+                words = f"the stem held rolls of {tried} and a pull of {s.last_pull:.0f} N"
+                self._let_back(DetachProblem("NOTHING_BROKE", words))
         spin = self._rate * T_base_tcp[:3, 2]
         carried = np.cross(spin, T_base_tcp[:3, :3] @ self._lever)
         velocity = s.admittance * (pull * outwards - drawn)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
+
 import numpy as np
 
 from pomona.executive.views import ImageView, Line2, Mesh3
 from pomona.skills.geometry import apply, inverse
 from pomona.skills.motion.collision.convex import fruit_points
-from pomona.skills.motion.grasp import Grasp
+from pomona.skills.motion.grasp import Grasp, RuledOut
 from pomona.skills.motion.robot.solids import hull
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 
@@ -35,3 +38,12 @@ def grasp_picture(grasp: Grasp) -> ImageView:
             uv = p_camera @ K.T
             lines.append(Line2(uv[:, :2] / uv[:, 2:], label, "chosen"))
     return ImageView(None, tuple(lines), caption=f"grasp {grasp.index}: {grasp.sentence}")
+
+
+def summary(ruled_out: Sequence[RuledOut]) -> str:
+    """How often which reason came, for a sentence: `30 unreachable, 18 table (left finger …)`."""
+    parts = []
+    for code, number in Counter(out.code for out in ruled_out).most_common():
+        example = next(out.reason for out in ruled_out if out.code == code)
+        parts.append(f"{number} {code.lower().replace('_', ' ')} ({example})")
+    return ", ".join(parts)

@@ -73,7 +73,7 @@ class CandidateRejected(Exception):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Setting:
+class GraspSetting:
     """Common data of all candidates of one fruit, such as the TCP's pose in the last link, shape (3, 4), and the
     distances from the grasp at which an approach is checked, shape (m,) [m].
     """
@@ -115,23 +115,36 @@ def sample_pre_grasps(
         candidates, best first (without `check`: in the sampling's order), and those ruled out with their reasons.
     """
     chosen = sphere or Sphere()
-    setting = _Setting(
-        measured, fruit_points(measured), robot, gripper_shape(robot), space, table_z, robot.checked(q_now),
-        chosen, rules or GraspRules(), np.ascontiguousarray(robot.T_link_tcp[:3]),
-        np.linspace(chosen.radius, 0.0, 1 + max(3, int(np.ceil(chosen.radius / LINE_STEP)))),
-    )  # fmt: skip
+    setting = grasp_setting(measured, robot, space, q_now, table_z, chosen, rules or GraspRules())
     grasps: list[Grasp] = []
     ruled_out: list[RuledOut] = []
     for index, ((theta, alpha), R_base_tcp) in enumerate(
         zip(chosen.attempts(), pre_grasp_orientations(chosen), strict=True)
     ):
         try:
-            grasps.append(_candidate(setting, index, theta, alpha, R_base_tcp))
+            grasps.append(judge_candidate(setting, index, theta, alpha, R_base_tcp))
         except CandidateRejected as out:
             ruled_out.append(RuledOut(index, theta, alpha, out.code, out.reason))
     if setting.rules.check:
         grasps.sort(key=lambda grasp: cost(grasp, robot, setting.q_now))
     return tuple(grasps), tuple(ruled_out)
+
+
+def grasp_setting(
+    measured: MeasuredFruit,
+    robot: RobotModel,
+    space: ArmSpace,
+    q_now: Float64,
+    table_z: float | None,
+    sphere: Sphere,
+    rules: GraspRules,
+) -> GraspSetting:
+    """Return what all candidates of one fruit share; the arguments are those of `sample_pre_grasps`."""
+    return GraspSetting(
+        measured, fruit_points(measured), robot, gripper_shape(robot), space, table_z, robot.checked(q_now),
+        sphere, rules, np.ascontiguousarray(robot.T_link_tcp[:3]),
+        np.linspace(sphere.radius, 0.0, 1 + max(3, int(np.ceil(sphere.radius / LINE_STEP)))),
+    )  # fmt: skip
 
 
 def cost(grasp: Grasp, robot: RobotModel, q_now: Float64) -> float:
@@ -151,7 +164,7 @@ def cost(grasp: Grasp, robot: RobotModel, q_now: Float64) -> float:
     return 1.0 * tight + 1.0 * oblique + 1.0 * wide + 0.5 * tilted + 0.5 * stiff + 0.5 * far
 
 
-def _candidate(setting: _Setting, index: int, theta: float, alpha: float, R_base_tcp: Float64) -> Grasp:
+def judge_candidate(setting: GraspSetting, index: int, theta: float, alpha: float, R_base_tcp: Float64) -> Grasp:
     """Follow one candidate through.
 
     Raises:
@@ -177,7 +190,7 @@ def _candidate(setting: _Setting, index: int, theta: float, alpha: float, R_base
     )  # fmt: skip
 
 
-def _opening(setting: _Setting, section: CrossSection) -> float:
+def _opening(setting: GraspSetting, section: CrossSection) -> float:
     """Opening to approach with: the fruit's width and air on both sides, as far as the gripper opens."""
     wanted, needed = setting.rules.side
     unsure = setting.rules.sigmas * np.hypot(section.sigma_across, section.sigma_width / 2.0)
@@ -190,13 +203,13 @@ def _opening(setting: _Setting, section: CrossSection) -> float:
     return float(min(section.width + 2.0 * (wanted + unsure), setting.robot.width_max))
 
 
-def _clear_palm(setting: _Setting, section: CrossSection) -> None:
+def _clear_palm(setting: GraspSetting, section: CrossSection) -> None:
     left = setting.shape.palm_depth - section.behind
     if left < setting.rules.palm:
         raise CandidateRejected("TOO_TALL", f"the fruit would be {1e3 * left:.0f} mm from the palm")
 
 
-def _above_table(setting: _Setting, section: CrossSection, T_base_grasp: Float64, width: float) -> Float64:
+def _above_table(setting: GraspSetting, section: CrossSection, T_base_grasp: Float64, width: float) -> Float64:
     """Return the grasp, drawn back along the approach until the finger tips clear the table."""
     if setting.table_z is None:
         return T_base_grasp
@@ -215,7 +228,9 @@ def _above_table(setting: _Setting, section: CrossSection, T_base_grasp: Float64
     return raised
 
 
-def _approachable(setting: _Setting, solutions: Float64, T_base_grasp: Float64, width: float) -> tuple[Float64, float]:
+def _approachable(
+    setting: GraspSetting, solutions: Float64, T_base_grasp: Float64, width: float
+) -> tuple[Float64, float]:
     """Joint solutions whose pre-grasp and whole approach are free, and the least distance kept on the first one's."""
     robot, rules, space = setting.robot, setting.rules, setting.space.at_width(width)
     tried = np.ascontiguousarray(solutions[: rules.tried_solutions])

@@ -1,0 +1,81 @@
+"""The skill SampleHanging."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from pomona.drivers.interfaces import Arm, Workspace
+from pomona.executive.ports import LENGTH, Length, Outputs, Port
+from pomona.executive.skill import Skill, Work
+from pomona.executive.views import Points3, SceneView
+from pomona.skills.motion.grasp import Grasp, GraspCandidates
+from pomona.skills.motion.grasps.sample import warm_up
+from pomona.skills.motion.grasps.tried import same_fruit
+from pomona.skills.motion.hanging import HangingRules, sample_hanging
+from pomona.skills.motion.occupancy import OccupancyMap
+from pomona.skills.motion.planning.arm_space import arm_space
+from pomona.skills.motion.robot import RobotModel
+from pomona.skills.perception.measured_fruit import MeasuredFruit
+from pomona.skills.shared.grasp_view import fruit_mesh, summary
+from pomona.skills.shared.usable_map import usable_field
+
+
+class HangingSampled(Outputs):
+    """What SampleHanging gives."""
+
+    candidates: GraspCandidates
+
+
+class SampleHanging(Skill):
+    """Sample grasps of a hanging fruit that can be approached and rolled, level ones first.
+
+    A candidate that comes back through `tried` is not given again for the same fruit.
+    """
+
+    devices = (Arm, Workspace)
+    moves = ()
+    failures = ("NO_CANDIDATE", "MAP_STALE")
+
+    def __init__(self, name: str = "") -> None:
+        super().__init__(name)
+        self._tried: list[Grasp] = []
+
+    def prepare(self) -> None:
+        warm_up(RobotModel.load(self.device(Arm).description))
+
+    def run(
+        self,
+        around: Annotated[MeasuredFruit, Port(help="the refined fruit")],
+        map: Annotated[OccupancyMap | None, Port(help="what is in the way; the target is left out of it")] = None,
+        tried: Annotated[Grasp | None, Port(help="the candidate of the previous attempt")] = None,
+        clearance: Annotated[
+            Length, Port(min="0 mm", help="kept by the links; gripper and fingers keep a share")
+        ] = LENGTH("6 mm"),
+        before: Annotated[Length, Port(min="50 mm", max="200 mm", help="of the pre-grasp from the grasp")] = LENGTH(
+            "100 mm"
+        ),
+        enough: Annotated[int, Port(min=1, help="candidates after which the sampling ends")] = 4,
+    ) -> Work[HangingSampled]:
+        arm = self.device(Arm)
+        robot = RobotModel.load(arm.description)
+        if tried is not None:
+            self._tried.append(tried)
+        self._tried = [grasp for grasp in self._tried if same_fruit(grasp.fruit, around)]
+        without = frozenset(grasp.index for grasp in self._tried)
+        field = usable_field(self, map)
+        space = arm_space(arm, self.device(Workspace), field, robot.width_max, clearance, target=around)
+        rules = HangingRules(before=before, enough=enough)
+        grasps, ruled_out = yield from self.compute(sample_hanging, around, robot, space, arm.state().q, rules, without)
+        shown = tuple(
+            Points3(np.array(p), label, style)
+            for label, style, p in (("left to try", "free", [g.T_base_pre_grasp[:3, 3] for g in grasps]),)
+            if p
+        )
+        caption = f"{len(grasps)} grasps, {len(ruled_out)} ruled out, {len(without)} tried"
+        self.publish("candidates", SceneView(points=shown, meshes=(fruit_mesh(around),), caption=caption))
+        if not grasps:
+            reasons = summary(ruled_out)
+            raise self.failure("NO_CANDIDATE", f"all {len(ruled_out)} grasps are ruled out: {reasons}")
+        return HangingSampled(GraspCandidates(grasps, ruled_out, len(without) + 1))
