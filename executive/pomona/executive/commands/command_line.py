@@ -32,7 +32,8 @@ help is read from its source, from the call `add_parser("name", help="…")`.
 """
 
 ELSEWHERE = (
-    "bench", "calibrate", "data", "detect", "doctor", "emulate", "evidence", "export-weights", "measure", "train",
+    "bench", "calibrate", "data", "detect", "doctor", "emulate", "evidence", "export-weights", "learn", "measure",
+    "train",
 )  # fmt: skip
 """Subcommands of the distribution `pomona` that the executive alone lacks."""
 
