@@ -55,7 +55,7 @@ def slip_monitor() -> SlipMonitor:
 
 
 def test_a_sound_grip_has_no_problem() -> None:
-    sensors = SensorWatch(SETTINGS.sensors, SETTINGS.rate)
+    sensors = SensorWatch(SETTINGS)
     monitors = hold_monitors(SETTINGS, sensors, SaturationMonitor(LIMITS), slip_monitor())
     assert [first_problem(monitors, state()) for _ in range(500)] == [None] * 500
 
@@ -90,7 +90,7 @@ def test_a_condition_counts_after_its_time_and_ends_with_it(
 
 
 def test_a_sensor_fault_stays() -> None:
-    sensors = SensorWatch(SETTINGS.sensors, SETTINGS.rate)
+    sensors = SensorWatch(SETTINGS)
     monitor = SensorFaultMonitor(sensors)
     assert monitor.check(state()) is None
     for _ in range(100):
@@ -125,7 +125,7 @@ def test_twice_the_other_finger_counts_when_one_reads_nothing() -> None:
 
 
 def test_the_most_serious_problem_comes_first_and_all_timers_run() -> None:
-    sensors = SensorWatch(SETTINGS.sensors, SETTINGS.rate)
+    sensors = SensorWatch(SETTINGS)
     monitors = hold_monitors(SETTINGS, sensors, SaturationMonitor(LIMITS), slip_monitor())
     gone = state(pressing(0.0, 0.0, f_least=5.0), f_wanted=20.0)
     codes = [problem.code if (problem := first_problem(monitors, gone)) else "" for _ in range(40)]

@@ -11,7 +11,7 @@ from pomona.skills.grip.controller import GripController
 from pomona.skills.grip.estimate_kernel import GripEstimate
 from pomona.skills.grip.grip import GripPhase
 from pomona.skills.grip.sensor_watch import SensorWatch
-from pomona.skills.grip.settings import GripSettings, SensorWatchSettings
+from pomona.skills.grip.settings import GripSettings
 from pomona.skills.grip.stream_guard import GripSample
 
 NOISE = np.array([1, 1, 1, 0.005, 0.005, 0.005])
@@ -151,7 +151,7 @@ def test_sound_fingers_are_not_accused(noise: float) -> None:
 
 def test_coarse_steps_are_no_lie() -> None:
     """A sensor that resolves a tenth of a newton repeats its values for long."""
-    rng, watch = np.random.default_rng(1), SensorWatch(SensorWatchSettings(), 500.0)
+    rng, watch = np.random.default_rng(1), SensorWatch(GripSettings())
     samples = np.round(0.04 * rng.normal(0.0, 1.0, (5000, 2, 6)), 1)
     watch.calibrate(samples[:200])
     for i, wrenches in enumerate(samples[200:]):

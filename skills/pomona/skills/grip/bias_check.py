@@ -16,6 +16,9 @@ from pomona.skills.grip.errors import UnfitSensor
 from pomona.skills.grip.grip import SIDES
 from pomona.skills.grip.settings import BiasSettings
 
+LEVER = 0.01
+"""Lever at which a torque's resolution is compared with a force's [m]."""
+
 SAME = 1e-9
 """Values that differ by less are equal but for rounding [N, N·m]."""
 
@@ -71,7 +74,7 @@ def _check_steps(side: str, samples: Float64, noisy: NDArray[np.bool_], settings
         axis, is_force = "xyz"[channel % 3], channel < 3
         if noisy[channel]:
             gaps = np.diff(np.unique(samples[:, channel]))
-            step, coarsest = float(gaps[gaps > SAME].min()), settings.step if is_force else settings.torque_step
+            step, coarsest = float(gaps[gaps > SAME].min()), settings.step * (1.0 if is_force else LEVER)
             if step > coarsest:
                 name, unit, scale = ("force", "N", 1.0) if is_force else ("torque", "mN·m", 1e3)
                 words = f"{name} {axis} changes in steps of {scale * step:.2g} {unit}"

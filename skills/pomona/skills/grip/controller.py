@@ -74,7 +74,7 @@ class GripController:
         self._tracker = ForceTracker(settings.loop, settings.tracking)
         self._timing = CommandTiming(settings.rate, settings.loop.command_period, settings.command)
         self._closing = Closing(settings, self._reference, self._tracker, self._timing.interval)
-        self._sensors = SensorWatch(settings.sensors, settings.rate)
+        self._sensors = SensorWatch(settings)
         self._slips = SlipWatch(settings.slips, settings.rate)
         self._slip = SlipMonitor(settings, self._slips)
         saturation = SaturationMonitor(settings.watch)

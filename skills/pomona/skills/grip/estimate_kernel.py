@@ -15,7 +15,7 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.dynamic_term import DynamicSettings, answer_slip
 from pomona.skills.grip.limit_surface import least_force_of_finger
 from pomona.skills.grip.observer import ObserverSettings, observe
-from pomona.skills.grip.pads import MIRROR, PRESSING, loads_of_finger, smooth
+from pomona.skills.grip.pads import LEVER_LOAD, MIRROR, PRESSING, loads_of_finger, smooth
 from pomona.skills.grip.settings import FilterSettings
 
 
@@ -244,7 +244,7 @@ def estimate_sample(memory, raw, periods, expected, is_carried, model):  # type:
         push_now = max(f_t - (1.0 + filters.push_ratio) * f_t_before - noise.push, 0.0)
     f_t_calm, tau_calm, push_left = _calm_load(f_t, tau_n, push_now, periods, memory, model)
 
-    shear_jump, press_jump_of_one, contact_jump = _jumps_of_one_finger(fast, slow, noise.band, filters)
+    shear_jump, press_jump_of_one, contact_jump = _jumps_of_one_finger(fast, slow, noise.band, filters.aside)
     press_jump_of_both = 0.0
     if not _is_contact(fast, slow, noise.band, 0.0, filters.aside):
         press_jump_of_both = abs(fast[0, 2] - slow[0, 2]) - noise.band[0, 2]
@@ -290,7 +290,7 @@ def _remaining_reserve(memory, model):  # type: ignore[no-untyped-def]
     A measured push is subtracted, so that it is not counted twice. The lever is that of the calm load: a push at the
     fruit's centre is many times the weight of a light fruit, whose lever is below the noise of a sample.
     """
-    if model.reserve == 0.0 or memory.f_t_calm < model.filters.calm_load:
+    if model.reserve == 0.0 or memory.f_t_calm < LEVER_LOAD:
         return model.reserve, model.lever
     pushed = max(memory.f_t - memory.f_t_calm, 0.0) if memory.push_left > 0.0 else 0.0
     return max(model.reserve - pushed, 0.0), memory.tau_calm / memory.f_t_calm
@@ -381,7 +381,7 @@ def _observe(left, right, periods, model, memory):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True)
-def _jumps_of_one_finger(fast, slow, band, filters):  # type: ignore[no-untyped-def]
+def _jumps_of_one_finger(fast, slow, band, aside):  # type: ignore[no-untyped-def]
     """Jumps of one finger beyond noise [N]: (tangential, normal) while the other one is quiet, and of a contact."""
     tangential = normal = contact = 0.0
     for finger in range(2):
@@ -396,9 +396,9 @@ def _jumps_of_one_finger(fast, slow, band, filters):  # type: ignore[no-untyped-
             else:
                 pressed = abs(alike + sign * apart) - beyond
             other = max(other, abs(alike - sign * apart) - beyond)
-        if _is_contact(fast, slow, band, sign, filters.aside):
+        if _is_contact(fast, slow, band, sign, aside):
             contact = max(contact, jumped, pressed)
-        elif other <= filters.quiet:
+        elif other <= 0.0:
             tangential, normal = max(tangential, jumped), max(normal, pressed)
     return tangential, normal, contact
 

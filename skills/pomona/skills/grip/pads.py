@@ -20,6 +20,9 @@ PRESSING = 0.2
 """Normal force below which the contact's place is not computed [N]."""
 
 
+LEVER_LOAD = 0.3
+"""Tangential load below which its lever is unknown [N]."""
+
 MIRROR = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 """Factors from the second pad's channels to the first pad's frame; pressing stays a negative force z."""
 

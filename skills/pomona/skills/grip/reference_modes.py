@@ -129,7 +129,7 @@ class Levels:
         spare = max(1.0 - estimate.twist, 0.0) * max(force_coming - self.margin * estimate.f_least, 0.0)
         bound = tuned.most_doubtful
         if self.may_fall:
-            bound = min(tuned.urgent_base + tuned.urgent_ratio * estimate.f_least, tuned.most_urgent)
+            bound = min(tuned.urgent_base + estimate.f_least, tuned.most_urgent)
         return min(estimate.f_nd + max(coming - spare, 0.0) + tuned.edge_gain * missing, bound)
 
 

@@ -14,7 +14,7 @@ from numba import njit
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.estimate_kernel import GripEstimate
 from pomona.skills.grip.grip import SIDES
-from pomona.skills.grip.settings import SensorWatchSettings
+from pomona.skills.grip.settings import GripSettings
 from pomona.skills.grip.stream_guard import GripSample
 from pomona.skills.grip.timing import LowPass, Timer
 
@@ -29,8 +29,8 @@ class SensorWatch:
         has_pressed_alone: True after one finger's normal force has jumped alone.
     """
 
-    def __init__(self, settings: SensorWatchSettings, rate: float) -> None:
-        self._settings, self._rate = settings, rate
+    def __init__(self, settings: GripSettings) -> None:
+        self._settings, self._filters, self._rate = settings.sensors, settings.filters, settings.rate
         self.reason = self.doubt = ""
         self.no_signal = self.has_pressed_alone = False
         self._limits = np.full((2, 6), np.inf)
@@ -38,7 +38,7 @@ class SensorWatch:
         self._last = np.full((2, 6), np.nan)
         self._apart, self._against_motor, self._held = Timer(), Timer(), Timer()
         self._load = self._force_rate = self._swings_for = 0.0
-        self._motor = LowPass(settings.motor_lag)
+        self._motor = LowPass(settings.sensors.motor_lag)
 
     def calibrate(self, samples: Float64) -> None:
         """Learn the usual repetitions from samples with nothing touching, shape (n, 2, 6)."""
@@ -68,7 +68,7 @@ class SensorWatch:
         self._force_rate = max(abs(force_rate), self._force_rate * math.exp(-elapsed / s.own_motion_memory))
         if is_carried:
             self.has_pressed_alone = self.has_pressed_alone or estimate.one_presses_more
-            if estimate.shear_jump > s.jump:
+            if estimate.shear_jump > self._filters.jump:
                 self.doubt = self.doubt or "one finger's signal jumped alone"
         if not is_carried or any(saturated):
             self._apart.lasted = self._load = self._held.lasted = 0.0
@@ -82,18 +82,18 @@ class SensorWatch:
             self._find(f"a hanging fruit presses on both fingers alike, they read {forces}")
 
     def _check_jumps(self, estimate: GripEstimate, elapsed: float) -> None:
-        s = self._settings
+        jump, lag = self._filters.jump, self._filters.normal_lag
         # A fruit whose contact broke swings between the pads, and the slow filters still contain the break.
-        broke = estimate.contact_jump > 0.5 * s.jump
-        self._swings_for = s.swinging if broke else self._swings_for - elapsed
-        if max(estimate.shear_jump, estimate.press_jump_of_one) > s.jump and self._swings_for <= 0.0:
+        broke = estimate.contact_jump > 0.5 * jump
+        self._swings_for = lag if broke else self._swings_for - elapsed
+        if max(estimate.shear_jump, estimate.press_jump_of_one) > jump and self._swings_for <= 0.0:
             self._find("one finger's signal jumped alone: the other one shows no change at all")
         # A fruit that slides out of too weak a grip makes both fingers jump, too.
         held_for = self._held.update(estimate.f_n >= estimate.f_least, elapsed)
-        if estimate.press_jump_of_both > s.jump + 0.5 * s.own_motion * self._force_rate:
+        if estimate.press_jump_of_both > jump + 0.5 * lag * self._force_rate:
             jumped = "both fingers' normal forces jumped at once without the gripper's doing"
             self.doubt = self.doubt or jumped
-            if held_for > 0.5 * s.load_memory:
+            if held_for > 0.5 * self._settings.load_memory:
                 self._find(jumped)
 
     def compare_with_motor(self, force_sum: float, motor_force: float | None, elapsed: float) -> None:

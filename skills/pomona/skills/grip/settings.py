@@ -41,8 +41,7 @@ class BiasSettings:
     longest: float = 1.6  # bound of that time in noise [s]; later grip, smaller error; hump
     error: float = 0.0085  # accepted error of the mean [N]; sooner grip, light fruit turns; hump
     limit: float = 3.0  # force of a finger that touches something already [N]; fewer FORCE_LIMIT; bad-input
-    step: float = 0.2  # coarsest resolution of a force [N]; coarser sensors pass; lying-sensors
-    torque_step: float = 2e-3  # coarsest resolution of a torque [N·m]: `step` at 10 mm; as `step`; lying-sensors
+    step: float = 0.2  # coarsest resolution of a force [N], of a torque at 10 mm; coarser sensors pass; lying-sensors
     copies: float = 0.1  # largest ratio of repeated samples beyond chance; slower sensors pass; lying-sensors
 
 
@@ -60,12 +59,10 @@ class FilterSettings(NamedTuple):
     )
     farthest_centre: float = 0.02  # bound of the centre of rotation [m]; more weight of translation; beyond-the-paper
     twist_bound: float = 2.0  # bound of the twist; more lead where the load twists; hump
-    calm_load: float = 0.2  # load below which no lever is known [N]; later use of the lever; bumps
     longest_push: float = 1.0  # a longer push counts as load [s]; longer use of the reserve; bumps
     push_stds: float = 4.0  # growth of the load that is a push [std of its noise]; fewer pushes found; bumps
     push_ratio: float = 0.1  # and relative to the load (a lift of 3 m/s²: 0.05); fewer pushes found; bumps
-    jump: float = 0.4  # jump of one finger alone beyond noise that is no load [N]; fewer found; lying-sensors
-    quiet: float = 0.05  # force beyond noise that is still noise [N]; more jumps of one finger found; lying-sensors
+    jump: float = 0.4  # jump beyond noise of one finger alone, or of both [N]; fewer faults; lying-sensors
     aside: float = 0.15  # part of a jump across the load of a contact that breaks; fewer jumps found; lying-sensors
 
 
@@ -91,8 +88,7 @@ class ReferenceSettings:
     lead: float = 1.5  # force per rise of the minimum force; less slip, higher peak; hump
     edge: float = 0.95  # ratio of minimum to coming force above which force is added; later response; beyond-the-paper
     edge_gain: float = 5.0  # force per excess over `edge`; less slip, higher peak; beyond-the-paper
-    urgent_base: float = 1.0  # bound of the momentary part for no load [N]; higher peak on light fruit; hump
-    urgent_ratio: float = 1.0  # and its growth with the minimum force; higher peak; hump
+    urgent_base: float = 1.0  # bound of the momentary part beyond the minimum force [N]; higher peak, light fruit; hump
     most_urgent: float = 10.0  # and its upper bound [N]: the fingers' full speed; higher peak; hump
     most_doubtful: float = 3.0  # and its bound after doubt about the sensors [N]; higher peak; bad-input
     fault_ratio: float = 2.0  # bound of the force after a sensor fault, over that before; more force; lying-sensors
@@ -157,9 +153,6 @@ class SensorWatchSettings:
     frozen_after: float = 0.02  # time of a noisy channel that repeats its value [s]; later fault; lying-sensors
     fewest: int = 5  # and its samples; later fault of slow sensors; lying-sensors
     longer: float = 5.0  # and its ratio to the longest run at calibration; coarse sensors pass; lying-sensors
-    jump: float = 0.4  # jump of one finger alone while the fruit is carried [N]; fewer faults; lying-sensors
-    swinging: float = 0.06  # time after a contact broke without jumps [s]: `normal_lag`; fewer faults; lying-sensors
-    own_motion: float = 0.06  # change of force by the fingers' own motion that may show at once [s]; fewer; own-motion
     own_motion_memory: float = 0.1  # time constant of that motion [s]; fewer faults; own-motion
     apart: float = 0.5  # difference of the fingers with a hanging fruit [N]; fewer faults; lying-sensors
     apart_ratio: float = 0.4  # and relative to the load; fewer faults; lying-sensors
@@ -185,7 +178,6 @@ class SlipWatchSettings:
     lever_moved: float = 3e-4  # change of the lever that is turning [m]; later detection; wrong-friction
     lever_ratio: float = 0.15  # and relative to the lever; later detection; wrong-friction
     lever_stds: float = 8.0  # and in noise [std]; later detection; wrong-friction
-    lever_load: float = 0.3  # load below which no lever is known [N]; later detection; wrong-friction
     lever_after: float = 0.3  # time of a carried fruit until turning counts [s]; later detection; wrong-friction
     least_ratio: float = 0.6  # ratio of minimum to measured force below which motion is no slip; fewer corrections
     sure_ratio: float = 0.9  # and above which slip is expected at the configured mu; more corrections; wrong-friction

@@ -14,7 +14,7 @@ from numba import njit
 
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.estimate_kernel import GripEstimate
-from pomona.skills.grip.pads import MIRROR
+from pomona.skills.grip.pads import LEVER_LOAD, MIRROR
 from pomona.skills.grip.settings import SlipWatchSettings
 
 LEAST_FORCE = 0.15
@@ -103,7 +103,7 @@ class SlipWatch:
 
     def _turns(self, estimate: GripEstimate, is_carried: bool, periods: int) -> bool:
         s = self._settings
-        if not is_carried or estimate.f_t < s.lever_load:
+        if not is_carried or estimate.f_t < LEVER_LOAD:
             self._carried_for = 0.0
             return False
         lever = estimate.tau_n / estimate.f_t
