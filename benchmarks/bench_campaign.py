@@ -1,4 +1,4 @@
-"""Throughput of a campaign on two local workers beside one, and what of it the machine itself gives.
+"""Throughput of a campaign on two local workers relative to one, beside the machine's own gain.
 
     python -m benchmarks.bench_campaign [--picks 12] [--rounds 3]
 

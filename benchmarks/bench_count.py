@@ -4,7 +4,7 @@
 
 Each scene is looked at from places all around the table. Every sighting is given to the true fruit that it shows (its
 centre lies in that fruit), which the book does not know: a fruit that the book has twice is split, one that holds two
-true fruit is merged. With `--lose-poses` nobody says where the camera stood, and its motion is found from the frames.
+true fruit is merged. With `--lose-poses` the camera poses are withheld, and its motion is estimated from the frames.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ from pomona.skills.shared.looking import find_in_frame
 CELL = Path("trees/cells/sim.yaml")
 SCORE = 0.6
 TABLE = np.array([-0.02, -0.42, -0.08])
-"""What the camera looks at [m]."""
+"""Point that the camera looks at [m]."""
 
 
 @dataclass
 class CountTally:
-    """What came out over all scenes."""
+    """Results over all scenes."""
 
     scenes: int = 0
     fruit: int = 0

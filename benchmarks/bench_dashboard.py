@@ -1,7 +1,6 @@
-"""What the dashboard costs and how quick it is.
+"""Cost and speed of the dashboard.
 
-Needs Chromium. `python benchmarks/bench_dashboard.py [--short] [--only PART]`; `--short` measures
-less long.
+Needs Chromium. `python benchmarks/bench_dashboard.py [--short] [--only PART]`; `--short` measures less long.
 """
 
 from __future__ import annotations
@@ -50,7 +49,7 @@ def started(nodes: int) -> RunStarted:
 
 
 def tick_events(tick: int, feedback: str) -> list[Event]:
-    """What a busy tick tells: a node's feedback, and ten samples of six quantities."""
+    """Events of a busy tick: a node's feedback, and ten samples of six quantities."""
     t = tick * PERIOD
     times = np.asarray(t + np.arange(10) * 0.002, np.float64)
     values: dict[str, NDArray[np.float64]] = {f"quantity {i} [N]": np.sin(times * (i + 1)) for i in range(6)}
@@ -161,7 +160,7 @@ def arm_at(t: float) -> PosesView:
 
 
 def pictures(tick: int) -> list[Event]:
-    """What else an hour of picking shows: a moving robot, and now and then an image and a map."""
+    """Other events of an hour of picking: a moving robot, and sometimes an image and a map."""
     t = tick * PERIOD
     events: list[Event] = []
     rng = np.random.default_rng(tick)
@@ -208,12 +207,12 @@ class Figures:
         self.table.add_row(what, f"{value:.3g} {unit}", f"≥ {least:.3g} {unit}", style="" if value >= least else "red")
 
     def note(self, what: str, words: str) -> None:
-        """What helps to judge the figures."""
+        """Add a note that helps to judge the figures."""
         self.table.add_row(f"  {what}", words, "")
 
 
 def bench_viewers(report: Figures, dashboard: Dashboard, _browser: Any, duration: float) -> None:
-    """What viewers cost the tick. In turns, so that whatever else the machine does falls on all alike."""
+    """Measure the cost of viewers for the tick, in turns, so that other load of the machine affects all alike."""
     turns = [("alone", 0, False), ("with 50 viewers", 50, False), ("with a viewer that stops reading", 1, True)]
     periods: dict[str, list[Any]] = {what: [] for what, _viewers, _stuck in turns}
     for _ in range(TURNS):
@@ -228,7 +227,7 @@ def bench_viewers(report: Figures, dashboard: Dashboard, _browser: Any, duration
 
 
 def bench_page(report: Figures, dashboard: Dashboard, browser: Any, duration: float) -> None:
-    """How soon the page can be used, and how soon it shows what happens."""
+    """Measure how soon the page is usable, and how soon it shows events."""
     from playwright.sync_api import expect
 
     page = browser.new_page()
@@ -283,7 +282,7 @@ def bench_record(report: Figures, dashboard: Dashboard, browser: Any, _duration:
 
 
 def wait_for_rest(browser: Any) -> None:
-    """Wait until the browser has done what is its own: each new window is 1 s of processor time for its own pages."""
+    """Wait until the browser has finished its own work: each new window takes 1 s of processor time."""
     client, before, spent = browser.new_browser_cdp_session(), -1.0, 0.0
     while spent - before > 0.05:
         time.sleep(0.5)
@@ -292,7 +291,7 @@ def wait_for_rest(browser: Any) -> None:
 
 
 def main_thread(client: Any) -> dict[str, float]:
-    """Seconds of processor time that the page's own thread has taken, by what for; other processes add none."""
+    """Return seconds of processor time of the page's own thread, by purpose; other processes add none."""
     metrics = client.send("Performance.getMetrics")["metrics"]
     return {metric["name"]: metric["value"] for metric in metrics}
 
@@ -304,7 +303,7 @@ DRAWN = """() => new Promise((done) => { const words = document.getElementById("
     const watch = new MutationObserver(seen);
     watch.observe(words, {subtree: true, childList: true, characterData: true});
     seen(); })"""  # noqa: E501
-"""When a record stands there, drawn: asked in the page, since whoever asks from outside asks once a second."""
+"""Time at which a record is drawn, measured in the page, since a poll from outside has a period of a second."""
 
 CURVES = """async () => { const { PlotsView } = await import("/static/pictures.js"), { update } = PlotsView.prototype;
     PlotsView.prototype.update = function (...of) { update.apply(this, of);

@@ -139,7 +139,7 @@ def processor_name() -> str:
 
 @contextmanager
 def progress(what: str) -> Iterator[Callable[[int, int], None]]:
-    """A bar on the error stream, told (done, in all)."""
+    """Show a bar on the error stream, updated with (done, in all)."""
     with Progress(console=Console(stderr=True)) as bar:
         task = bar.add_task(what)
         yield lambda done, count: bar.update(task, completed=done, total=count)
@@ -191,8 +191,8 @@ def speed(detector: CompactDetector, frames: FrameFolder, fruit: FruitModel, rou
 def real_frames(weights: Path, folder: Path, fruit: FruitModel, score: float, rows: Rows) -> str:
     """Recall and precision at IoU 0.5 on real orchard frames, at several working widths.
 
-    Precision is a lower bound: only fruit of a few trees is labelled, and what is found on others counts as wrong. The
-    calibration balls that are labelled among the fruit are not asked for.
+    Precision is a lower bound: only fruit of a few trees is labelled, and finds on others count as wrong. The labelled
+    calibration balls are ignored.
     """
     boxes: dict[str, list[tuple[float, float, float, float]]] = {}
     with (folder / "fruit.csv").open(encoding="utf-8") as file:
@@ -331,7 +331,7 @@ def empty_pictures(detector: CompactDetector, paths: list[Path], name: str, scor
 
 
 def box_of(instance: Instance, fruit: FruitModel) -> tuple[float, float, float, float]:
-    """Box x, y, w, h of a find [px]: what is seen of it, or the model's silhouette in its detected pose."""
+    """Return the box x, y, w, h of a find [px]: its visible part, or the model's silhouette in its detected pose."""
     if instance.box is not None:
         x, y, w, h = instance.box.tolist()
         return x, y, w, h

@@ -35,15 +35,15 @@ BUMP, BUMP_TIME = 5.0, 0.05
 """A bump pulls at the fruit with so much [N] for so long [s]; it is there within a sample."""
 
 WRONG = 0.5
-"""Friction that is told wrong is so much too high or too low."""
+"""Relative error of a wrong configured friction."""
 
 FORESEEN_AFTER = 0.002
-"""Fingers that know of a bump one sample after it began, and what it needs: nothing that feels can do more [s]."""
+"""Delay after which fingers with knowledge of a bump react: one sample, a bound for all measuring ones [s]."""
 
 MAX_FORCE = 40.0
 NOISE = 0.2
 INITIAL = 4.0
-"""What the fingers press with before a lift, of which nothing is known yet [N]."""
+"""Grip force before a lift without any knowledge of the load [N]."""
 LUGRE = (PatchGrasp, "LuGre bristles, exact limit surface")
 MUJOCO = (MujocoGrasp, "MuJoCo, elliptic cone")
 WORLDS = {"both": (LUGRE, MUJOCO), "lugre": (LUGRE,), "mujoco": (MUJOCO,)}
@@ -83,7 +83,7 @@ def draw_tasks(count: int, seed: int = 7) -> tuple[list[Draw], int]:
 def settings_for(
     task: Draw, world: type, law: ForceLaw, uncertain: bool, constant: float, wrong: float = 0.0
 ) -> GripSettings:
-    """What the controller is told: friction as it is, or wrong by the draw's error, or by `wrong` in its direction."""
+    """Return the controller's settings: true friction, or wrong by the draw's error, or by `wrong` in its direction."""
     fruit = task.fruit
     error = math.copysign(wrong, task.mu_error) if wrong else task.mu_error if uncertain else 0.0
     mu = fruit.mu * (1.0 + error)
@@ -193,7 +193,7 @@ def about_bumps(
     foreseen: Sequence[TrialResult],
     world: type,
 ) -> str:
-    """What a bump costs where it is expected, and what was saved where not, beside what could be."""
+    """Return the cost of an expected bump and the gain for an unexpected one, relative to the best possible."""
     pairs = zip(tasks, expected, strict=True)
     ratio = [r.steady / least_in_bump(task.fruit, world) for task, r in pairs if r.held]
     saved, could = sum(r.held for r in bumped), sum(r.held for r in foreseen)
@@ -299,7 +299,7 @@ def main() -> None:
         results = lift_all(tasks, world, law)
         tell("slip avoidance, mu known", results)
         tell("slip avoidance, mu ± 15 %", lift_all(tasks, world, law, uncertain=True))
-        tell(f"told wrong by ± {WRONG:.0%}", lift_all(tasks, world, law, uncertain=True, wrong=WRONG))
+        tell(f"wrong by ± {WRONG:.0%}", lift_all(tasks, world, law, uncertain=True, wrong=WRONG))
         bumped = bump_all(tasks, world)
         tell(f"bump of {BUMP:.0f} N, {1e3 * BUMP_TIME:.0f} ms", bumped)
         expected = bump_all(tasks, world, reserve=BUMP)

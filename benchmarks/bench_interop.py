@@ -1,10 +1,10 @@
-"""What other tools cost, and how quick they are: live views, ROS 2 to another process, exports.
+"""Cost and speed of other tools: live views, ROS 2 to another process, exports.
 
     python -m benchmarks.bench_interop [tick] [image] [joints] [export]
 
-`tick`: the period's 99th percentile at 50 Hz while nobody watches, and with Foxglove (three clients), a file of Rerun
-and ROS 2 (a subscriber to everything), turn by turn. `image`: a picture of 640 x 480 from its publication to a listener
-in another process. `joints`: joint states at 100 Hz for a minute, and how many arrived. `export`: a record of half an
+`tick`: the period's 99th percentile at 50 Hz without viewers, and with Foxglove (three clients), a file of Rerun and
+ROS 2 (a subscriber to everything), turn by turn. `image`: a picture of 640 x 480 from its publication to a listener in
+another process. `joints`: joint states at 100 Hz for a minute, and how many arrived. `export`: a record of half an
 hour.
 """
 
@@ -66,7 +66,7 @@ class Listener:
         time.sleep(1.0)
 
     def end(self) -> list[tuple[int, float]]:
-        """What arrived: number and how late [s]."""
+        """Return the arrivals: number and delay [s]."""
         self._stop.set()
         late: list[tuple[int, float]] = self._out.get(timeout=20.0)
         self._process.join()
@@ -95,7 +95,7 @@ def _watch(link: str, stop: Any) -> None:
 
 
 def bridge() -> tuple[Any, Any]:
-    """A peer and a bridge that nobody acts through."""
+    """Return a peer and a bridge without an operator."""
     from pomona.executive.dashboard.control_lock import ControlLock
     from pomona.executive.interop.ros2_bridge import Ros2Bridge
     from pomona.executive.ros2.peer import Ros2Peer
@@ -131,10 +131,10 @@ def bench_tick(folder: Path) -> None:
 
     begin = started(20)
     live.on_event(begin)
-    found: dict[str, list[Any]] = {"nobody watches": [], "everybody watches": []}
+    found: dict[str, list[Any]] = {"no viewers": [], "all viewers": []}
     for _ in range(TURNS):
-        found["nobody watches"].append(ticks(lambda _event: None, TURN))
-        found["everybody watches"].append(ticks(shown, TURN))
+        found["no viewers"].append(ticks(lambda _event: None, TURN))
+        found["all viewers"].append(ticks(shown, TURN))
     stop.set()
     live.close()
     listener.end()

@@ -54,7 +54,7 @@ class PlannedScene:
 
 @dataclass(slots=True)
 class SceneTally:
-    """What happened in all scenes so far; `ours` has those in which anything is possible."""
+    """Results of all scenes so far; `ours` has those with any feasible path."""
 
     scenes: int = 0
     obstructed: int = 0
@@ -82,7 +82,7 @@ def main() -> None:
     warm_scene = random_scene(10**6)
     set_based(robot, limits, warm_scene, OBSERVE, 0)
     tally = SceneTally()
-    with contextlib.suppress(KeyboardInterrupt):  # what was done so far is reported
+    with contextlib.suppress(KeyboardInterrupt):  # the results so far are reported
         for seed in range(chosen.first, chosen.first + chosen.scenes):
             one_scene(robot, limits, seed, chosen.paper, tally)
     report(tally)

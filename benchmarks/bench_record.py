@@ -1,4 +1,4 @@
-"""What recording costs: whole picks with and without a record, in turns, in one process.
+"""Cost of recording: whole picks with and without a record, in turns, in one process.
 
     python -m benchmarks.bench_record [--pairs 8] [--real 2]
 
@@ -64,12 +64,12 @@ def alone(record: Path, folder: Path) -> tuple[float, float]:
 
 
 def compare(pairs: int, folder: Path, real_time: bool) -> list[Path]:
-    """Picks with and without a record by turns; prints what it cost and returns the records."""
+    """Pick with and without a record by turns; print the cost and return the records."""
     without: list[tuple[float, float, float]] = []
     recorded: list[tuple[float, float, float]] = []
     records: list[Path] = []
     for seed in range(1, pairs + 1):
-        for keep in (False, True) if seed % 2 else (True, False):  # whoever comes first may find a colder machine
+        for keep in (False, True) if seed % 2 else (True, False):  # the first one may run on a colder machine
             times, record = one(seed, folder if keep else None, real_time)
             (recorded if keep else without).append(times)
             if record is not None:

@@ -145,7 +145,7 @@ def speed(fruit: FruitModel, console: Console) -> dict[str, float]:
 
 
 def milliseconds(*functions: Callable[[], object], rounds: int = 12, seconds: float = 0.03) -> list[float]:
-    """Shortest durations of calls, by turns: whatever else runs on the machine only adds to them, and to all alike."""
+    """Return the shortest durations of calls, by turns: other load of the machine only adds, and to all alike."""
     shortest = [np.inf] * len(functions)
     for _ in range(rounds):
         for i, function in enumerate(functions):
@@ -187,7 +187,7 @@ def bias(console: Console) -> dict[str, float]:
 SURELY = 1.645
 """Standard deviations of a 90 % interval."""
 SILENT_MM, SILENT = 8.0, 3.0
-"""Wrong by more than this and by so many stated standard deviations: wrong, and nothing says so."""
+"""Error [mm] and stated standard deviations beyond which a measurement is wrong without a warning."""
 
 
 def intervals(scenes: dict[str, list[View]], fruit: FruitModel, console: Console) -> dict[str, object]:

@@ -1,4 +1,5 @@
-"""What a whole run costs beside bare py_trees, with recording off and on, and how even ticks are on the system's clock.
+"""Cost of a whole run relative to bare py_trees, with recording off and on, and the jitter of ticks on the system's
+clock.
 
     python -m benchmarks.bench_runner
 

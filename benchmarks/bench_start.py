@@ -1,4 +1,4 @@
-"""What the small commands cost: processor time of whole processes.
+"""Cost of the small commands: processor time of whole processes.
 
     python -m benchmarks.bench_start
 

@@ -1,4 +1,4 @@
-"""What the executive's tree costs: a tick beside bare py_trees, the check of a large file, an editor's answers on it.
+"""Cost of the executive's tree: a tick relative to bare py_trees, the check of a large file, an editor's answers on it.
 
     python -m benchmarks.bench_tree            # all
     python -m benchmarks.bench_tree --check    # the check and the editor only: twenty seconds
@@ -132,7 +132,7 @@ def check_afresh(text: str, skills: Registry) -> None:
 
 
 def print_check(nodes: int) -> None:
-    """Print what the check of a file takes, and what an editor that has it open waits for."""
+    """Print the time for the check of a file, and the waiting times of an editor."""
     skills, text = declared_skills(), wired_text(nodes)
     found = check(read(text, "long.yaml"), skills)
     document = read(text, "long.yaml")
@@ -238,7 +238,7 @@ def print_editor(nodes: int) -> None:
 
 
 def processor() -> str:
-    """What it is measured on."""
+    """Name the processor of this machine."""
     found = re.search(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text()) if sys.platform == "linux" else None
     cores = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count()
     return f"{found[1] if found else platform.processor()}, {cores} cores, Python {platform.python_version()}"

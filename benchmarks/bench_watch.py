@@ -4,7 +4,7 @@
 
 The skill Follow carries out random paths in the simulated cell `sim_watched`, with fruit on the table and a map from
 one look. On each of `--paths` a hand comes along a straight line, so that arm and hand would meet. The same path is
-followed without a watch first, which says whether a fixed camera had the hand in sight. A contact is counted by the
+followed without a watch first, which shows whether a fixed camera had the hand in sight. A contact is counted by the
 world's own geometry, once while the arm moves and once with the arm at rest: stopping the arm does not keep a hand from
 going on into it.
 """
@@ -40,7 +40,7 @@ REST = 0.8
 FARTHEST = 1.2
 """The hand starts no further away than this [m]."""
 DEEPEST = 4.5
-"""What is farther than this behind a hand is no background that a camera measures [m]."""
+"""Distance behind a hand beyond which there is no measurable background [m]."""
 IN_TIME = 0.6
 """The hand is under way for so long before they would meet [s]: the longest braking, a frame, and some more."""
 NEAREST = 0.35
@@ -185,7 +185,7 @@ class Trials:
 
 
 def tell(what: str, pairs: list[tuple[WatchedPath, WatchedPath]]) -> None:
-    """Print what came out of some paths."""
+    """Print the results of some paths."""
     watched = [one for _, one in pairs]
     gaps = 1e3 * np.array([one.nearest_moving for one in watched])
     low, median = np.percentile(gaps, [5, 50])
@@ -198,7 +198,7 @@ def tell(what: str, pairs: list[tuple[WatchedPath, WatchedPath]]) -> None:
 
 
 def main() -> None:
-    """Run the trials and print what came out."""
+    """Run the trials and print the results."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--paths", type=int, default=200, help="paths against a hand")
     parser.add_argument("--free", type=int, default=100, help="paths on which nothing is new")

@@ -1,4 +1,4 @@
-"""The sphere model against MuJoCo's exact contacts: it must never call free what touches, and should rarely cry wolf.
+"""The sphere model against MuJoCo's exact contacts: it must never miss a contact, and should rarely report a false one.
 
     python -m benchmarks.collision_oracle [--states 10000] [--robot trees/robots/sia5f_wsg32.xml]
 
@@ -32,7 +32,7 @@ _CELL = 0.02
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """A table, boxes in any pose, and cells of a grid: what both sides get to see."""
+    """A table, boxes in any pose, and cells of a grid: the common input of both sides."""
 
     workspace: Workspace
     cells: NDArray[np.bool_]
@@ -183,7 +183,7 @@ class Oracle:
         return float(nearest)
 
     def _may_meet(self, a: int, b: int) -> bool:
-        """Not the base on the table, not two parts of one link, not neighbours, not what the file excludes."""
+        """Exclude the base on the table, parts of one link, neighbours, and pairs that the file excludes."""
         if self.links.get(self.names[a], 0) == self.links.get(self.names[b], 0):
             return False
         bodies = (int(self.model.geom_bodyid[a]), int(self.model.geom_bodyid[b]))

@@ -56,7 +56,7 @@ def _wait_for(lines: Iterator[str], *words: str) -> None:
 
 
 def bench_presses(report: Any, dashboard: Dashboard, _browser: Any, duration: float) -> None:
-    """Presses while 200 watch and 260 connections say nothing, or too little."""
+    """Measure presses while 200 clients watch and 260 connections are silent or slow."""
     context = multiprocessing.get_context("spawn")
     stop = context.Event()
     process = context.Process(target=watch, args=(dashboard.access.port, VIEWERS, False, stop))
@@ -156,7 +156,7 @@ WATCH = """() => { const bar = document.getElementById("not-live");
 
 
 def bench_stale(report: Any, dashboard: Dashboard, browser: Any, duration: float) -> None:
-    """How soon a page says that it hears nothing, and whether it always does: two pages for each way, all at once."""
+    """Measure how soon, and whether, a page reports a lost link: two pages for each kind, all at once."""
     from playwright.sync_api import expect
 
     ways = [(how, number) for how in BREAKS for number in range(PAGES)]

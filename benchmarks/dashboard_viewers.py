@@ -15,7 +15,7 @@ PING, PONG = 0x89, 0x8A
 
 
 class RawViewer:
-    """A live stream that is read and thrown away, pings answered: what a viewer costs is its own machine's."""
+    """A live stream that is read and discarded, with pings answered: it leaves out a viewer's own cost."""
 
     def __init__(self, port: int) -> None:
         self.socket = socket.create_connection(("127.0.0.1", port))
@@ -28,7 +28,7 @@ class RawViewer:
         self._walk()
 
     def read(self) -> None:
-        """Take what came."""
+        """Read the waiting messages."""
         self._head += self.socket.recv(1 << 16)
         self._walk()
 

@@ -71,7 +71,7 @@ class Leftovers(FaultSwitch):
 
 
 class Operator(FaultSwitch):
-    """What an operator does, sensible or not; each kind is a list of moments after its beginning [s] and actions."""
+    """Actions of an operator, sensible or not; each kind is a list of moments after its beginning [s] and actions."""
 
     schedules: ClassVar[dict[str, list[tuple[float, str]]]] = {
         "pauses": [(0.0, "pause"), (1.5, "resume")],

@@ -4,8 +4,8 @@
     python -m benchmarks.fault_matrix --cases fingers.zero@closing arm.frozen@following
 
 For each case: the run ends as its row says, within its deadline; the device is named; the arm comes to rest within its
-limits; a grip that held is never opened; no force above the limit; the record can be read and says the same; nothing
-resumes; once the fault is cleared and acknowledged, the cell is clean; and no success is none.
+limits; a grip that held is never opened; no force above the limit; the record can be read and agrees; nothing resumes;
+once the fault is cleared and acknowledged, the cell is clean; and no failure counts as success.
 
 The pick runs once, and each case from where its fault begins, in a fork of the process. With `--alone` each case runs
 from the beginning, recorded, and with the drivers' own threads on the emulated cell.
@@ -31,7 +31,7 @@ def _run(job: tuple[Case, str, int]) -> CaseVerdict:
 
 
 def run(cases: list[Case], cell: str, seed: int, jobs: int, alone: bool = False) -> list[CaseVerdict]:
-    """All cases, each told on standard error when it has ended; in the order of the table."""
+    """Run all cases, with a line on standard error for each; return them in the order of the table."""
     verdicts: list[CaseVerdict] = []
 
     def tell(verdict: CaseVerdict) -> None:

@@ -1,7 +1,7 @@
 """Runs the cases of the fault matrix and judges them by the simulator's truth, the run's events, and its record.
 
 `run_case` runs one case from its beginning. `branch_cases` runs the pick once: where a phase begins, a fork of the
-process goes on with each fault, so that a case costs no more than what comes after its fault.
+process goes on with each fault, so that a case costs no more than the part after its fault.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ TREES = Path(__file__).parent
 SETTINGS = {"fruit": "apple_4", "place": "2", "distractors": "0"}
 
 FORCE_MAX = 14.0
-"""What the tree allows for both fingers together [N]: SlipAvoidGrasp's default."""
+"""Limit of the tree for both fingers together [N]: SlipAvoidGrasp's default."""
 CONTACT_MAX = 25.0
 """Largest force between the robot and the table, a fruit or a fixed thing in any step of the world [N]."""
 OVERSHOOT = 1.05
@@ -55,7 +55,7 @@ OVERSHOOT = 1.05
 OPENED = 1.5e-3
 """A grip that held may give way so much in the safe state [m]: the pads' own softness, and a force that is let down."""
 RESTING = 2e-3
-"""An arm with no joint faster than this stands [rad/s]: what a held arm trembles in the world."""
+"""Speed of the joints below which an arm stands [rad/s]: the vibration of a held arm in the world."""
 AFTERWARDS = 1.0
 """How long nothing may move after the end [s]."""
 UNDER_WAY = 0.25
@@ -225,7 +225,7 @@ class CaseWatcher:
 
 
 def judge(watcher: CaseWatcher, executed: Executed, verdict: CaseVerdict) -> None:
-    """Whether the run ended as its row says, and nothing happened that must not."""
+    """Check that the run ended as in its row, and that nothing forbidden happened."""
     case, wrong, result = verdict.case, verdict.wrong, executed.result
     verdict.outcome = result.outcome
     verdict.reason = f"{result.reason.code}: {result.reason.message}" if result.reason else ""
@@ -288,7 +288,7 @@ def judge_afterwards(watcher: CaseWatcher, verdict: CaseVerdict) -> None:
 
 
 def recover(watcher: CaseWatcher, verdict: CaseVerdict, seed: int) -> None:
-    """The next run: `trees/recover.yaml` on the cell as it was left puts down what is held and brings the arm home.
+    """Run `trees/recover.yaml` on the cell afterwards: it puts down a held fruit and brings the arm home.
 
     On the emulated cell its drivers connect anew.
     """
@@ -325,7 +325,7 @@ def recover(watcher: CaseWatcher, verdict: CaseVerdict, seed: int) -> None:
 
 
 def connect_anew(name: str, world: VirtualWorld, seed: int) -> Cell:
-    """What the next process does: connect the drivers to the devices as they were left."""
+    """Connect the drivers to the devices in their present state, as the next process does."""
     file = read_cell_file(find_cell(name), SETTINGS)
     context = ConnectContext(file.path, world.clock, seed, file.workspace, {"world": world})
     world.enter(context)
@@ -336,7 +336,7 @@ def connect_anew(name: str, world: VirtualWorld, seed: int) -> Cell:
 
 
 def _acknowledge(cell: Any) -> str:
-    """Acknowledge a cell that works again, as often as somebody would; what is wrong with it then."""
+    """Acknowledge a cell that works again, as often as an operator would; return a remaining problem."""
     trouble, end = "", cell.clock.now() + RECOVERS
     while cell.clock.now() < end:
         cell.clock.advance(0.2)
@@ -352,7 +352,7 @@ def _acknowledge(cell: Any) -> str:
 
 
 def judge_record(record: Path | None, outcome: str, verdict: CaseVerdict) -> None:
-    """The record can be read, and says the same."""
+    """Check that the record can be read and agrees."""
     if record is None:
         verdict.wrong.append("left no record")
         return

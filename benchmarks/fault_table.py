@@ -1,4 +1,4 @@
-"""The rows of the fault matrix: which fault in which phase must end how, and what became of it."""
+"""The rows of the fault matrix: fault, phase, required end, and verdict."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ENDS = ("safe", "failure", "success", "harmless", "recovered")
 
 @dataclass(frozen=True, slots=True)
 class FaultPhase:
-    """Where in the run of a tree a fault begins: so long after a node's start; with what the operator did before it."""
+    """Start of a fault in the run of a tree: a delay after a node's start, and the operator's actions before it."""
 
     name: str
     node: str
@@ -63,14 +63,14 @@ class Case:
 
 @dataclass(slots=True)
 class CaseVerdict:
-    """What became of a case; `wrong` is empty when everything held.
+    """The verdict on a case; `wrong` is empty when every check passed.
 
     Attributes:
         noticed: from when the fault can show to the safe state, or to the failure of a skill [s]; NaN without either.
         rested: from the safe state to an arm that stands [s].
         peak: the largest force of both pads together [N].
         contact: the largest force between the robot and the table, a fruit or a fixed thing [N], and its name.
-        hung: whether the fruit hung when Lift said so; None when it did not say so.
+        hung: whether the fruit hung when Lift reported it; None without a report.
     """
 
     case: Case

@@ -1,7 +1,7 @@
 """Damaged frames and streams against the codecs: `python -m benchmarks.fuzz_codecs [FRAMES] [SEED]`.
 
 Every stream mixes intact frames with damage (flipped bits, dropped bytes, cut frames, garbage) and arrives in random
-pieces. Only the typed exceptions may come, and every intact frame must be found, in order. What cannot be found is
+pieces. Only the typed exceptions may come, and every intact frame must be found, in order. Undetectable frames are
 counted apart: behind a damaged frame whose 16-bit checksum fits by chance (WSG), or a message that lost bytes and ends
 at a cut of the stream (simple message has no checksum, and TCP loses nothing).
 """
@@ -25,7 +25,7 @@ from pomona.drivers.wsg import codec as wsg, frame as wsg_frame
 
 @dataclass(slots=True)
 class FramesLost:
-    """What happened to the frames of one codec."""
+    """Counts for the frames of one codec."""
 
     codec: str
     frames: int = 0
@@ -96,7 +96,7 @@ def _motoman_message(rng: random.Random) -> motoman.Message:
 
 
 def fuzz_wsg(frames: int, seed: int) -> FramesLost:
-    """The WSG's decoder, and the meaning of whatever it finds."""
+    """Test the WSG's decoder, and the decoding of the frames that it finds."""
     rng, report = random.Random(seed), FramesLost("wsg")
     while report.frames < frames:
         sent, stream = [], b""

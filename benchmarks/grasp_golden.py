@@ -186,7 +186,7 @@ def lift(task: Draw, case: LiftCase, world: type) -> dict[str, object]:
 
 
 class Springs:
-    """Two noisy pads on springs around a fruit; a script changes what they feel, sample by sample.
+    """Two noisy pads on springs around a fruit; a script changes their loads, sample by sample.
 
     Attributes:
         controller: steps with 500 Hz.
@@ -489,7 +489,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draws", type=int, default=8, help="random lifts of each case on each contact model")
     parser.add_argument("--against", metavar="COMMIT", help="compare with this commit, bit by bit")
-    parser.add_argument("--before", type=Path, metavar="FILE", help="compare with what --print gave, bit by bit")
+    parser.add_argument("--before", type=Path, metavar="FILE", help="compare with the output of --print, bit by bit")
     parser.add_argument("--print", action="store_true", help="print everything as JSON")
     parser.add_argument("--write", action="store_true", help=f"renew {FIGURES.relative_to(ROOT)}")
     arguments = parser.parse_args()

@@ -166,7 +166,7 @@ def _advance(state, bristles, elements, fruit, carriage, pull, command, count, s
         state[THETA] += step * state[OMEGA]
     for i in range(2):
         side = 1.0 if i == 0 else -1.0
-        # Pad frame: x down (the approach), z out of the face, y = z x x. What the fruit does to the pad.
+        # Pad frame: x down (the approach), z out of the face, y = z x x. Wrench of the fruit on the pad.
         wrenches[i, 0] = force[i, 1]
         wrenches[i, 1] = side * force[i, 0]
         wrenches[i, 2] = -normal[i]
@@ -203,7 +203,7 @@ class PatchGrasp:
         self._shape = (
             fruit.mass, fruit.inertia, 0.5 * fruit.width, fruit.mu, fruit.delta, fruit.gamma, *fruit.offset
         )  # fmt: skip
-        self.height = -fruit.offset[1] + self._state[Z]  # level with the grasped point, whatever the fruit's shape
+        self.height = -fruit.offset[1] + self._state[Z]  # level with the grasped point, for any shape of fruit
         self.climb = self.acceleration = 0.0
         self.pull = (0.0, 0.0)
         self.command = 0.0

@@ -1,4 +1,4 @@
-"""One trial of a grip controller on a fruit: close, lift, hold, perhaps a pull; and what it came to."""
+"""One trial of a grip controller on a fruit: close, lift, hold, perhaps a pull; and its result."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LOST_AFTER = 0.01
 """A fruit that has moved so far on the pads is lost [m]."""
 
 TOLD_WITHIN = 0.05
-"""A fruit that is lost must be told so soon [s]."""
+"""Deadline for the report of a lost fruit [s]."""
 
 Corrupt = Callable[[int, float, Float64], list[tuple[int, float, Float64]]]
 Watch = Callable[[float, GripController, PatchGrasp | MujocoGrasp], None]
@@ -34,7 +34,7 @@ Watch = Callable[[float, GripController, PatchGrasp | MujocoGrasp], None]
 
 @dataclass(frozen=True, slots=True)
 class Lifting:
-    """What happens to the gripped fruit: the lift that the skill Lift makes, then a time of holding with a pull in it.
+    """Motion of the gripped fruit: the lift of the skill Lift, then a time of holding with a pull in it.
 
     Attributes:
         height [m], acceleration: peak of the lift [m/s²]; reached within `jerk_time` [s].
@@ -90,7 +90,7 @@ class Trace:
 
 @dataclass(frozen=True, slots=True)
 class TrialResult:
-    """What a trial came to.
+    """Result of a trial.
 
     Attributes:
         grasped: the controller reached its hold; held: the fruit was still there at the end.
@@ -102,7 +102,7 @@ class TrialResult:
         grasp_time: from the first sample to the hold [s].
         pull_slip: motion of the fruit on the pads through the pull [m].
         reaction: from the start of the pull to a faster closing [s]; nan without a pull.
-        told: a fruit that was lost was told with a code within `TOLD_WITHIN` of it; True where none was.
+        told: a lost fruit was reported with a code within `TOLD_WITHIN`; True without a loss.
     """
 
     grasped: bool
@@ -147,7 +147,7 @@ def run_trial(
     """Grasp, lift and hold a fruit.
 
     Args:
-        fruit, settings, lifting: what is done to what.
+        fruit, settings, lifting: the trial.
         noise: standard deviation of the forces' white noise [N].
         seed: of the noise and the bias.
         world: the contact model.

@@ -3,13 +3,13 @@
     python -m benchmarks.import_compared ORIGINAL FOLDER...       # the trees of repositories, see import_foreign
     python -m benchmarks.import_compared ORIGINAL --random 2000   # random trees of BehaviorTree.CPP's own nodes
 
-ORIGINAL is the program of `import_original.cpp`. Each start of a leaf takes as many ticks and ends as a hash of its
-name and number says. The root's status and every start, end and interruption of a leaf must be the same in every tick;
-where nodes begin again (retries, repetitions, loops) or hand the tick back on their way (`SequenceWithMemory`), the
-order of all of them only: here a try takes a tick at least, and a sequence goes on at once.
-Left out are trees whose tries take other ticks than what runs beside them in a parallel, trees with clocks (`Timeout`,
-`Sleep`, `Delay`: BehaviorTree.CPP's is the wall's), trees that need nodes that BehaviorTree.CPP has not, and those that
-it ends with an exception; how many there are is printed.
+ORIGINAL is the program of `import_original.cpp`. A hash of a leaf's name and number sets the ticks and the end of each
+start. The root's status and every start, end and interruption of a leaf must be the same in every tick; where nodes
+begin again (retries, repetitions, loops) or hand the tick back on their way (`SequenceWithMemory`), the order of all of
+them only: here a try takes a tick at least, and a sequence goes on at once. Left out are trees whose tries take other
+ticks than the nodes beside them in a parallel, trees with clocks (`Timeout`, `Sleep`, `Delay`: BehaviorTree.CPP's is
+the wall's), trees that need nodes that BehaviorTree.CPP has not, and those that it ends with an exception; how many
+there are is printed.
 """
 
 from __future__ import annotations
@@ -51,14 +51,14 @@ def hashed(text: str) -> int:
 
 @dataclass
 class LeafRun:
-    """What leaves do in one run, and what has happened."""
+    """Scripted leaves of one run, and the events so far."""
 
     seed: str
     starts: dict[str, int] = field(default_factory=lambda: collections.defaultdict(int))
     events: list[str] = field(default_factory=list)
 
     def leaf(self, name: str, stand_in: type[Skill]) -> type[Skill]:
-        """A skill that does what the original's leaf of this name does."""
+        """Return a skill that behaves as the original's leaf of this name."""
         run = self
 
         def work(self: Skill, **given: object) -> Work[None]:
@@ -74,13 +74,13 @@ class LeafRun:
             success = (job >> 4) % 8 < 5
             run.events.append(f"{'success' if success else 'failure'}:{name}")
             if not success:
-                raise self.failure("FAILED", "told to fail")
+                raise self.failure("FAILED", "scripted failure")
 
         return type(name, (Skill,), {"inputs": stand_in.inputs, "failures": ("FAILED",), "run": work})
 
 
 def here(text: str, seed: str, stand: Registry) -> list[str]:
-    """What happens in each tick of the executive."""
+    """Return the events in each tick of the executive."""
     run, context = LeafRun(seed), BenchContext()
     skills = Registry({name: run.leaf(name, skill) for name, skill in stand.items()})
     tree = build(read(text, "t.yaml"), skills, context=context)
@@ -99,7 +99,7 @@ def here(text: str, seed: str, stand: Registry) -> list[str]:
 
 
 def there(original: Path, xml: Path, leaves: str, seed: str) -> list[str] | None:
-    """What happens in each tick of BehaviorTree.CPP; None when it ends with an exception."""
+    """Return the events in each tick of BehaviorTree.CPP; None when it ends with an exception."""
     with tempfile.NamedTemporaryFile("w", suffix=".txt") as file:
         file.write(leaves)
         file.flush()
@@ -229,7 +229,7 @@ def _conditions(rng: random.Random) -> str:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("original", type=Path, help="the program of import_original.cpp")
-    parser.add_argument("folder", type=Path, nargs="*", help="a checkout of somebody else's repository")
+    parser.add_argument("folder", type=Path, nargs="*", help="a checkout of a foreign repository")
     parser.add_argument("--random", type=int, default=0, metavar="N", help="also so many random trees")
     parser.add_argument(
         "--runs", type=int, default=5, help="how often each tree runs, with other results of its leaves"

@@ -1,4 +1,4 @@
-"""Which trees of other people `pomona import` carries over: files of XML, and XML in C++ sources and documentation.
+"""Foreign trees that `pomona import` carries over: files of XML, and XML in C++ sources and documentation.
 
     git clone https://github.com/BehaviorTree/BehaviorTree.CPP ../btcpp
     python -m benchmarks.import_foreign ../btcpp
@@ -6,7 +6,7 @@
 Every whole tree (a text with `<root>` and `<BehaviorTree>`) is imported, read and checked with a stand-in for each
 skill, exported, and imported again. It is carried over when nothing was refused, the check finds no mistake, and the
 second import gives the same text as the first. Trees that a text calls and does not hold are taken from the other texts
-of its file. What BehaviorTree.CPP refuses by itself (its tests of bad input) does not count; how many there are, and
+of its file. Trees that BehaviorTree.CPP refuses itself (its tests of bad input) do not count; how many there are, and
 why, is printed. Nothing of a foreign tree is kept.
 """
 
@@ -70,7 +70,7 @@ class Foreign:
 
 @dataclass
 class ForeignTrees:
-    """What became of the trees of a folder: places by reason."""
+    """Results for the trees of a folder: places by reason."""
 
     carried: list[str] = field(default_factory=list)
     refused: dict[str, list[str]] = field(default_factory=lambda: collections.defaultdict(list))
@@ -220,7 +220,7 @@ def missing_in(tree: Foreign) -> set[str]:
 
 
 def beside(tree: Foreign, others: Sequence[Foreign]) -> list[tuple[str, Path]]:
-    """Texts of the same file that hold what a text calls: for each tree the nearest, and what these call."""
+    """Return texts of the same file with the called trees: for each the nearest, and its own callees."""
     found: list[Foreign] = []
     wanted = sorted(missing_in(tree))
     while wanted:
@@ -262,7 +262,7 @@ def _reason(finding: Finding) -> str:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path, nargs="+", help="a checkout of somebody else's repository")
+    parser.add_argument("folder", type=Path, nargs="+", help="a checkout of a foreign repository")
     parser.add_argument("--where", action="store_true", help="also print files and lines")
     order = parser.parse_args()
     for folder in order.folder:

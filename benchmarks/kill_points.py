@@ -1,12 +1,11 @@
-"""Ends real runs at random points with every signal there is, and looks at what is left.
+"""Ends real runs at random points with every signal, and checks the remains.
 
     python -m benchmarks.kill_points --points 1000 --seed 0
 
 Each point is a process of its own that runs a tree on the simulated cell in real time: from before its handlers are
-there until its record is closed. One skill moves the arm, another computes in a worker
-process. Asserted for each:
-the record can be read and ends as it should, the exit status is right, nobody sees a traceback, no process is left.
-A killed process may lose what a witness in shared memory had seen last, but not more than `LOST`.
+there until its record is closed. One skill moves the arm, another computes in a worker process. Asserted for each: the
+record can be read and ends as it should, the exit status is right, there is no traceback, no process is left. A killed
+process may lose the last events that a witness in shared memory saw, but not more than `LOST`.
 """
 
 from __future__ import annotations
@@ -67,7 +66,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Left:
-    """What was left of one run: `lost` seconds of its record, the phase in which it ended, and what is wrong."""
+    """Remains of one run: `lost` seconds of its record, the phase in which it ended, and the problem."""
 
     point: Point
     phase: str
@@ -82,7 +81,7 @@ class Left:
 def run_one(folder: str, witness: str, stdout: Any, cell: str) -> None:
     """The process that is ended: the command line as it is, with a witness and two skills more."""
     os.setsid()
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # whoever started this may ignore them
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # the parent process may ignore them
         signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
     os.dup2(stdout.fileno(), 1)
     os.dup2(os.open(f"{folder}/stderr", os.O_WRONLY | os.O_CREAT), 2)
@@ -92,7 +91,7 @@ def run_one(folder: str, witness: str, stdout: Any, cell: str) -> None:
     from pomona.executive.cli import main
 
     sys.argv = ["pomona", "run", f"{folder}/tree.yaml", "--cell", cell, "--pace", "real", "--record", f"{folder}/runs"]
-    Path(folder, "listening").touch()  # what comes before is this file's, not the command's
+    Path(folder, "listening").touch()  # earlier code is this file's, not the command's
     sys.exit(main())
 
 
@@ -122,7 +121,7 @@ def _add_witness(path: str) -> None:
 
 
 def end_one(point: Point, cell: str, context: Any) -> Left:
-    """Start a run, end it, and look at what is left."""
+    """Start a run, end it, and check the remains."""
     with tempfile.TemporaryDirectory(prefix="pomona-kill-") as name:
         folder = Path(name)
         (folder / "tree.yaml").write_text(TREE)
@@ -225,7 +224,7 @@ def _judge(
             lost = max(0.0, last - (events[-1].t if events else 0.0))
         if status == 0 and phase == "running" and last - seen > WENT_ON:
             problems.append(f"went on for {last - seen:.2f} s")
-        if status is not None and status < 0:  # killed: nothing could be said any more
+        if status is not None and status < 0:  # killed: no report was possible
             if lost > LOST:
                 problems.append(f"{lost:.3f} s of the record are lost")
         elif not events or not isinstance(events[-1], RunEnded):
@@ -285,7 +284,7 @@ def main() -> int:
     parser.add_argument("--way", action="append", choices=WAYS, help="only these (default: all, in turn)")
     options = parser.parse_args()
     context = multiprocessing.get_context("forkserver")
-    # Loaded once, forked for each point: what is tested is the run, not Python's imports.
+    # Loaded once, forked for each point: the test covers the run, not Python's imports.
     context.set_forkserver_preload(
         ["benchmarks.kill_points_skills", "pomona.executive.commands.run", "pomona.drivers.sim.connect"]
     )

@@ -1,4 +1,4 @@
-"""What the runs of `kill_points` do: an arm that moves, and work in another process."""
+"""Skills of the runs of `kill_points`: a moving arm, and work in another process."""
 
 from __future__ import annotations
 

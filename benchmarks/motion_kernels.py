@@ -1,4 +1,4 @@
-"""Times of what planning is made of: inverse kinematics, collision checks, map update, distance field.
+"""Times of the parts of planning: inverse kinematics, collision checks, map update, distance field.
 
     python -m benchmarks.motion_kernels
 

@@ -43,7 +43,7 @@ SPEED, TURNING, FARTHEST = 0.10, 1.0, 0.45
 HOLD = 1000.0
 """Stiffness of its grip [N/m]."""
 HOLD_TURNS = (0.5, 0.15, 1.5)
-"""Of its grip against turning [N·m/rad]: nobody measured that hand's; the first is meant elsewhere."""
+"""Stiffness of the hand's grip against turning [N·m/rad]: unmeasured; the first is the assumed one."""
 WRIST = 0.16
 """From the fruit's middle back to the wrist's sensor [m]: a hand's length, assumed."""
 CONE = np.radians(35.0)
@@ -66,7 +66,7 @@ SPARED = (
 
 @dataclass(frozen=True, slots=True)
 class Pull:
-    """What one pull felt at the wrist: peaks [N], [N·m], how far the hand drew [m], and whether and how it came off."""
+    """Measurements of one pull at the wrist: peaks [N], [N·m], the hand's travel [m], and the kind of break, if any."""
 
     force: float
     torque: float
@@ -256,7 +256,7 @@ def _compared(simulated: Mapping[str, list[Pull]], measured: Mapping[str, Float6
 
 
 def _hands(numbers: WallNumbers, measured: Mapping[str, Float64]) -> list[str]:
-    """What the hand's stiffness against turning does: it is no number of the wall."""
+    """Return the effect of the hand's stiffness against turning, which is no number of the wall."""
     lines = [
         "",
         "| grip against turning, one wall | pull: N | N·m | KS torque | pull and twist: N | N·m | KS torque |",
@@ -279,13 +279,13 @@ def _three(x: Float64) -> str:
 def sensitivity(
     numbers: WallNumbers, origins: Mapping[str, Provenance], seeds: Sequence[int], measured: Mapping[str, Float64]
 ) -> list[str]:
-    """Tables of what ± 50 % of each assumed number does to the medians of a pull and of a pull and twist."""
+    """Return tables of the effect of ± 50 % of each assumed number on the medians of a pull and of a pull and twist."""
     names = [name for name, origin in origins.items() if origin.standing == "assumed" and not name.startswith(SPARED)]
     lines = [
         "## Sensitivity",
         "",
         f"Each assumed number halved and half as much again; {len(seeds)} wall(s) of {SAMPLE} apples, the same draws. "
-        "Median peaks of what came off; KS of the pull's force. Shares that would leave their range are cut off there.",
+        "Median peaks of broken stems; KS of the pull's force. Shares that would leave their range are cut off there.",
         "",
         "| number | factor | pull: off | N | N·m | pull and twist: off | N | N·m | KS |",
         "|---|---|---|---|---|---|---|---|---|",

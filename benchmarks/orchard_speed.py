@@ -1,4 +1,4 @@
-"""How fast the fruit wall runs on one core, with arm, hand and every stream: beside how many leaves, and what costs.
+"""Speed of the fruit wall on one core, with arm, hand and every stream, by the number of leaves, and its costs.
 
 python -m benchmarks.orchard_speed
 """
@@ -48,7 +48,7 @@ TRIES: Mapping[str, Callable[[Any, Any], None]] = {
     "CG, not Newton": lambda mujoco, option: _set(option, "solver", int(mujoco.mjtSolver.mjSOL_CG)),
     "no contacts at all": lambda mujoco, option: _set(option, "disableflags", int(mujoco.mjtDisableBit.mjDSBL_CONTACT)),
 }
-"""What else was tried with the full foliage."""
+"""Other variants with the full foliage."""
 
 
 def _measure(leaves: float, wind: int, seed: int, seconds: float) -> None:
@@ -96,7 +96,7 @@ def _step(world: FruitWallWorld, seconds: float) -> float:
 
 
 def _mean(function: Callable[[], Any], times: int) -> float:
-    """Processor time of a call [s], the median of ten means: what else runs on the machine does not count."""
+    """Return the processor time of a call [s], the median of ten means: other load does not count."""
     means = []
     for _ in range(10):
         began = time.thread_time()

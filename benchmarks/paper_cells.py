@@ -54,7 +54,7 @@ class Cells:
         """Reads a figure of the simulated world's truth."""
         return from_truth(name)
 
-    # What a run reported, and what was true.
+    # Reported and true values of a run.
 
     @staticmethod
     def reported(runs: Sequence[Result], name: str) -> list[Any]:

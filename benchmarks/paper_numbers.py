@@ -10,7 +10,7 @@ import numpy as np
 from pomona.executive.values.arrays import Float64
 
 CAD_DEPLOYED: Float64 = np.array([0.09756, 0.08539, 0.09590])
-"""What the model that the authors published measures; mu times this gives their printed dimensions."""
+"""Dimensions of the model that the authors published; mu times this gives their printed dimensions."""
 
 APPLES: Float64 = np.array(
     [

@@ -123,7 +123,7 @@ def time_plot(cells: Cells) -> str:
                 drawn.append((name, start + value / 2, value))
                 start += value
             for name, middle, value in drawn:
-                if value > 0.03 * start:  # what is narrower would be written over its neighbour
+                if value > 0.03 * start:  # a narrower label would overlap its neighbour
                     axes.text(middle, 0.45, f"{name}\n{value:.2f}", ha="center", va="bottom", fontsize=7.5)
             axes.set_ylim(-0.4, 1.8)
             axes.set_yticks([])

@@ -56,7 +56,7 @@ class PlanningScene:
 def random_scene(seed: int, obstructed: bool = False) -> PlanningScene:
     """1 to 8 fruits in reach of the arm, the first one the target, and up to four boxes or posts between them.
 
-    Obstructed, there is also what a straight joint motion often meets: a wall, a shelf over the table, posts, or a
+    Obstructed, there is also a common obstacle of a straight joint motion: a wall, a shelf over the table, posts, or a
     crate around the target.
     """
     rng = np.random.default_rng(seed)

@@ -5,7 +5,7 @@
 `demonstrate` lets the planner move the simulated arm to drawn goals, records the runs and exports the records as
 `pomona runs export --to lerobot` does. `train` reads that dataset and nothing else. `judge` tries the clone on goals
 never shown, without physics and as the skill `Policy` in the simulated cell, and measures by the simulated joints how
-far from the goal the tool's point came to rest. docs/decisions/policy-reach.md says why so.
+far from the goal the tool's point came to rest. docs/decisions/policy-reach.md has the reasons.
 """
 
 from __future__ import annotations
@@ -112,8 +112,8 @@ def drawn(count: int, seed: int) -> Float64:
 def beginnings(expert: Expert, count: int, seed: int) -> Float64:
     """Joints from which demonstrations begin, shape (count, dof) [rad].
 
-    Every third lies at the start, the others beside the way from there to somewhere in the box, so that the clone is
-    shown what to do where it errs.
+    Every third lies at the start, the others beside the way from there to somewhere in the box, so that the clone
+    learns to correct its errors.
     """
     rng = np.random.default_rng(seed)
     found = []
@@ -190,7 +190,7 @@ def reaches(state: Float64, action: Float64) -> list[Float64]:
 
 
 def samples(robot: RobotModel, reach: Float64) -> tuple[Float64, Float64]:
-    """What is seen and what is to be said at each step of a reach: (n, dof + 3) [rad, m] and (n, dof) [rad].
+    """Return inputs and outputs at each step of a reach: (n, dof + 3) [rad, m] and (n, dof) [rad].
 
     The goal is where the tool's point came to rest; how far each joint goes is how far it went in the next steps.
     """
@@ -200,7 +200,7 @@ def samples(robot: RobotModel, reach: Float64) -> tuple[Float64, Float64]:
 
 
 def train(dataset: Path, weights: Path, rounds: int = ROUNDS) -> PolicyNetwork:
-    """Clone what the arm did."""
+    """Clone the arm's motions."""
     import torch
 
     robot = RobotModel.load(ROBOT)

@@ -1,9 +1,9 @@
 """Refine on real fruit: calipered apples in two RGB-D frames of an orchard row.
 
 The folder holds FRAME_color.jpg, FRAME_depth_mm.png (registered to colour, uint16, 0 = none) and fruit.csv with a box
-and the calipered calibre and height per fruit. Two starts: an upright model that fills the labelled box, and what the
-detector finds, which is what `measure_fruit` does. Errors are raw, and leave-one-fruit-out: after a straight line
-fitted to all other fruit, and with the sizes of the kind learnt from all other fruit.
+and the calipered calibre and height per fruit. Two starts: an upright model that fills the labelled box, and the
+detector's find, as in `measure_fruit`. Errors are raw, and leave-one-fruit-out: after a straight line fitted to all
+other fruit, and with the sizes of the kind learnt from all other fruit.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ SURELY = 1.645
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Find:
-    """A find that is a labelled fruit: its name, true width and height [m], and what was measured."""
+    """A find that is a labelled fruit: its name, true width and height [m], and the measured ones."""
 
     name: str
     occluded: bool
@@ -159,7 +159,7 @@ def found_errors(folder: Path, fruit: FruitModel, console: Console) -> dict[str,
                 true = np.array([float(row["lab.o_caliber_mm"]), float(row["lab.o_height_mm"])]) / 1e3
                 finds.append(Find(row["fruit_id"], row["lab.occluded"] == "YES", true, found, depth))
     table = Table("sizes", "fruit", "finds", "bias", "MAE", "90 % intervals hold")
-    table.title = "width / height of what the detector finds on real frames, in mm"
+    table.title = "width / height of the detector's finds on real frames, in mm"
     figures: dict[str, object] = dict(counts)
     for name, results in (("as the model", _alone(finds, fruit)), ("learnt from others", _learnt(finds, fruit))):
         sizes = np.array([r.dimensions[[0, 1]] for r in results])

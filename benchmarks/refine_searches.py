@@ -1,9 +1,9 @@
 """The paper's method with other optimisers than the one that suits it best.
 
 The paper names "a standard deterministic constrained optimization algorithm with bounds". Our reference uses Brent's
-bounded search of one variable, which needs the fewest renders by far; here is what those of `scipy.optimize.minimize`
-that take bounds need, L-BFGS-B being its choice where none is named. Steps of difference quotients are as small as the
-depth buffer's single precision allows.
+bounded search of one variable, which needs the fewest renders by far; this compares the bounded methods of
+`scipy.optimize.minimize`, L-BFGS-B being its choice where none is named. Steps of difference quotients are as small as
+the depth buffer's single precision allows.
 """
 
 from __future__ import annotations

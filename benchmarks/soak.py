@@ -35,7 +35,7 @@ def resident_mb(process: str) -> float:
 
 
 def measure() -> dict[str, float]:
-    """What this process holds now: resident memory, its own and that of its workers [MB], open handles, threads."""
+    """Return resources of this process: its own and its workers' resident memory [MB], open handles, threads."""
     workers = [resident_mb(str(worker.pid)) for worker in multiprocessing.active_children()]
     return {
         "memory_mb": resident_mb("self"),
@@ -63,7 +63,7 @@ def soak(picks: int, tree: str, dry: bool) -> dict[str, list[float]]:
             began = time.process_time()
             executed = execute(order)
             spent = time.process_time() - began
-            gc.collect()  # what nobody holds any more is not counted
+            gc.collect()  # unreferenced objects are not counted
             give_back_memory()
             now = measure()
             if not dry:  # a dry run's ticks are too few and too short to be timed on a shared machine

@@ -138,7 +138,7 @@ def measure(page: Any, record: str, seconds: float) -> dict[str, list[dict[str, 
         }
         try:
             made = page.evaluate(PRESS, order)
-        except Error as error:  # a busy computer needs minutes for a start: what was measured counts
+        except Error as error:  # a busy computer needs minutes for a start: the measured part counts
             print(f"turn {turn}, {what}: {error.message.splitlines()[0]}", file=sys.stderr)
             continue
         if what != "a run is prepared" or made["still"]:  # else it had begun before the press

@@ -1,7 +1,7 @@
 """Drivers' threads as greenlets: a process that emulates devices can then be forked in the middle of a run.
 
 Under virtual time a driver's thread runs only when it is its turn, so that a greenlet in its place does the same, in
-the same order. What differs is that nothing here could find a race.
+the same order. The difference: this cannot find a race.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 The errors are those of a D435i-like camera. Per pixel the noise is z² 0.08 px / (f b) with a baseline b of 50 mm, and
 neighbours share it, since they share most of their matching window. Disparity comes in steps of 1/32 px. The outlines
 of things waver by half a pixel. There is no depth where a surface is seen at a grazing angle, and where the second
-imager does not see what the first one sees.
+imager's view is blocked.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def looking_at(target: Sequence[float] | Float64, distance: float, elevation: fl
 def true_depth(
     things: Sequence[StandingFruit], T_base_camera: Float64, intrinsics: Intrinsics = D435I, table: bool = True
 ) -> Float64:
-    """z-depth without any error, shape (h, w) [m]: the table z = 0 and what stands on it; 0 where nothing is."""
+    """Return the z-depth without error, shape (h, w) [m]: the table z = 0 and objects on it; 0 without a surface."""
     u, v = np.meshgrid(np.arange(intrinsics.width), np.arange(intrinsics.height))
     rays = np.stack([(u - intrinsics.cx) / intrinsics.fx, (v - intrinsics.cy) / intrinsics.fy, np.ones(u.shape)], -1)
     downwards = rays @ T_base_camera[2, :3]
@@ -111,7 +111,7 @@ def true_depth(
 def as_d435i(
     depth: Float64, rng: np.random.Generator, intrinsics: Intrinsics = D435I, baseline: float = 0.05
 ) -> DepthImage:
-    """What the camera reports of a true depth image: float32 [m], 0 where it sees nothing."""
+    """Return the camera's report of a true depth image: float32 [m], 0 without a measurement."""
     shape, focal = depth.shape, intrinsics.fx
     rows, columns = np.meshgrid(np.arange(shape[0]), np.arange(shape[1]), indexing="ij")
     waver = [gaussian_filter(rng.normal(0.0, 1.0, shape), 1.5) for _ in range(2)]

@@ -1,4 +1,4 @@
-"""A third party's code is typed: what `pomona new` writes and the README's skill, for somebody who installed the wheel.
+"""Type check of third-party code: the files of `pomona new` and the README's skill, beside an installed wheel.
 
     python scripts/check_kit.py
 
@@ -34,7 +34,7 @@ def mass_of(wrenches: NDArray[np.float64]) -> float:
 
 
 """
-"""What the README's skill leaves out."""
+"""Imports that the README's skill leaves out."""
 
 
 def check() -> int:

@@ -1,4 +1,4 @@
-"""Pages of the documentation that follow from the code: what mkdocs shows beside what stands in docs/.
+"""Pages of the documentation that follow from the code, in addition to those in docs/.
 
 Run by mkdocs (the plugin gen-files). The README is the overview; commands come from their parsers, skills from their
 declarations, nodes from their types with a drawn example each, failure codes from their file, modules from their
@@ -48,7 +48,7 @@ MODULES = (
     "pomona.skills.perception.refinement.refinement",
     "pomona.skills.perception.fruit.catalogue",
 )
-"""What an integrator calls."""
+"""Modules for integrators."""
 
 
 def write(name: str, text: str) -> None:
@@ -80,7 +80,7 @@ def commands(parser: argparse.ArgumentParser, path: str = "pomona") -> Iterator[
 
 
 def skill(listing: SkillListing) -> str:
-    """One skill: what it does, its ports, devices and failure codes."""
+    """Return one skill: its function, its ports, devices and failure codes."""
     parts = [f"## {listing.name}\n\n{listing.summary}\n"]
     for title, ports in (("Input", listing.inputs), ("Output", listing.outputs)):
         if ports:
@@ -99,7 +99,7 @@ def skill(listing: SkillListing) -> str:
 
 
 def nodes(title: str, types: list[NodeType]) -> Iterator[str]:
-    """The words of one kind of node type: what each does, what may stand beside it, and an example with its drawing."""
+    """Yield the words of one kind of node type: function, fields, and an example with its drawing."""
     yield f"## {title}\n"
     for node in types:
         yield f"### {node.key}\n\n{' '.join(node.summary.split()).capitalize()}.\n"
@@ -112,7 +112,7 @@ def nodes(title: str, types: list[NodeType]) -> Iterator[str]:
 
 
 def failures(listing: Sequence[SkillListing]) -> str:
-    """Every failure code: its meaning, what to try, and who fails with it."""
+    """Return every failure code: its meaning, remedy, and the skills that fail with it."""
     raised: dict[str, list[str]] = {}
     for one in listing:
         for code in one.failures:
@@ -122,8 +122,8 @@ def failures(listing: Sequence[SkillListing]) -> str:
         f" {', '.join(raised.get(known.code, ['the language, the runner']))} |"
         for known in failure_codes().values()
     ]
-    intro = "Why a node fails, and what to try. `pomona explain` ends with the remedy of the code that ended a run."
-    head = "| code | meaning | what to try | fails with it |\n|---|---|---|---|\n"
+    intro = "Causes of failures and their remedies. `pomona explain` ends with the remedy of the code that ended a run."
+    head = "| code | meaning | remedy | fails with it |\n|---|---|---|---|\n"
     return f"---\nhide: [toc]\n---\n\n# Failure codes\n\n{intro}\n\n{head}" + "\n".join(rows) + "\n"
 
 
@@ -182,7 +182,7 @@ write(
     "reference/reports.md",
     listed(
         "Reports and model cards",
-        "What was measured, with the command that repeats it.",
+        "Measurements, with the command that repeats each.",
         [*sorted((DOCS / "reports").glob("*/*.md")), *sorted((DOCS / "model_cards").glob("*.md"))],
     ),
 )

@@ -1,7 +1,6 @@
-"""The figures of docs/method.md, drawn from what the libraries compute: `make figures`.
-
-What is drawn is kept as numbers beside the pictures, in docs/images/method.json. A test computes the numbers anew, so a
-figure cannot stay behind the code that it shows.
+"""The figures of docs/method.md, drawn from the libraries' results: `make figures`. Their numbers are kept beside the
+pictures, in docs/images/method.json. A test computes the numbers anew, so a figure cannot stay behind the code that it
+shows.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 NUMBERS = IMAGES / "method.json"
 
 Series = dict[str, list[float]]
-"""Numbers by what they are, with the unit in the name."""
+"""Numbers by quantity, with the unit in the name."""
 
 CAMERA = Intrinsics(610.0, 610.0, 320.0, 240.0, 640, 480)
 """About a D435i's at 640 x 480."""
@@ -63,7 +62,7 @@ def scale() -> Series:
 
 
 def surface() -> Series:
-    """What force and moment a contact bears together, for two shapes of its pressure, and the ellipsoid."""
+    """Return the force and moment that a contact bears together, for two pressure distributions, and the ellipsoid."""
     c = np.concatenate([np.linspace(0.0, 2.0, 81), np.geomspace(2.1, 200.0, 40)])
     angle = np.linspace(0.0, 0.5 * np.pi, 61)
     series = {"ellipsoid f": np.sin(angle).tolist(), "ellipsoid tau": np.cos(angle).tolist()}
@@ -74,7 +73,7 @@ def surface() -> Series:
 
 
 def slip() -> Series:
-    """The observer's velocity and the dynamic force for a moment that passes what friction bears for 40 ms."""
+    """Return the observer's velocity and the dynamic force for a moment above the friction's limit for 40 ms."""
     t = np.arange(0.0, 0.4, 0.002)
     bears = 0.06
     y = np.interp(t, [0.0, 0.05, 0.10, 0.14, 0.20, 0.4], [0.02, 0.02, 0.063, 0.063, 0.045, 0.045])
@@ -143,7 +142,7 @@ def draw_slip(n: Series) -> Any:
     """Torque, observed velocity and dynamic force over time, one below the other."""
     figure, (top, middle, low) = _axes(7.0, 5.4, 3, sharex=True)
     top.plot(n["t [s]"], n["torque [mN·m]"], color=SERIES[0])
-    top.axhline(n["bears [mN·m]"][0], color=SERIES[1], linestyle=":", label="what friction bears")
+    top.axhline(n["bears [mN·m]"][0], color=SERIES[1], linestyle=":", label="limit of friction")
     top.set(ylabel="load [mN·m]")
     top.legend(loc="lower right")
     middle.plot(n["t [s]"], n["omega [rad/s]"], color=SERIES[2])
@@ -171,7 +170,7 @@ DRAWN: dict[str, Callable[[Series], Any]] = {
 
 
 def numbers() -> dict[str, Series]:
-    """What all figures show, as the code computes it now."""
+    """Return the numbers of all figures, as the code computes them now."""
     return {name: compute() for name, compute in FIGURES.items()}
 
 

@@ -1,4 +1,4 @@
-"""What a benchmark prints, kept as a page with its command, its commit and its machine.
+"""Output of a benchmark, kept as a page with its command, its commit and its machine.
 
     python scripts/measured.py refine make bench-refine
     python scripts/measured.py grasp python -m benchmarks.bench_grasp --ours --world lugre

@@ -4,8 +4,8 @@
 
 Every module of `MATHEMATICS` is changed in one place (a sign, an operator, a comparison, a number), its tests run in a
 process of their own, and the change counts as found when one of them fails, or takes ten times as long as all of them
-did. With more than `--most` places a module's are drawn with `--seed`. The score is a lower bound: what is not found
-may be a change that changes nothing.
+did. With more than `--most` places a module's are drawn with `--seed`. The score is a lower bound: an unfound change
+may have no effect.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from importlib.machinery import ModuleSpec
 from pathlib import Path
 from types import ModuleType
 
-os.environ["NUMBA_DISABLE_JIT"] = "1"  # what is changed would be compiled anew each time
+os.environ["NUMBA_DISABLE_JIT"] = "1"  # each change would be compiled anew
 
 import numpy as np  # noqa: F401  (loaded once, for all processes)
 import pytest
@@ -50,7 +50,7 @@ MATHEMATICS: dict[str, tuple[str, ...]] = {
     "pomona.skills.motion.planning.timing": ("tests/skills/motion/planning/test_timing.py",),
     "pomona.skills.perception.detection.cuboid": ("tests/skills/perception/detection/test_cuboid.py",),
 }
-"""Modules and the tests that should find what is wrong in them."""
+"""Modules with the tests that should find errors in them."""
 
 BINARY: dict[type[ast.operator], type[ast.operator]] = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult,
@@ -66,7 +66,7 @@ NAMES = {"min": "max", "max": "min", "sin": "cos", "cos": "sin", "minimum": "max
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """One place of a module and what it becomes."""
+    """One place of a module and its replacement."""
 
     module: str
     line: int
@@ -76,7 +76,7 @@ class Change:
 
 
 def places(tree: ast.AST) -> Iterator[ast.AST]:
-    """What may be changed: no texts, annotations, imports, decorators, nor what is raised or asserted."""
+    """Yield the places to change: no texts, annotations, imports, decorators, raised or asserted expressions."""
     waiting: list[ast.AST] = [tree]
     while waiting:
         node = waiting.pop()

@@ -50,7 +50,7 @@ EXAMPLES: dict[str, str] = {
     "on_failure: {MoveTo: {pose: observe}}",
     "for_each": "MoveTo: {pose: '{place}'}\nfor_each: '{places}'\nas: place",
 }  # fmt: skip
-"""What stands behind `root:`, by word."""
+"""Contents of `root:`, by word."""
 
 
 def document_of(word: str) -> Any:

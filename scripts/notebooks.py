@@ -2,10 +2,10 @@
 
     python scripts/notebooks.py [NAME …]     # docs/tutorials/NAME.ipynb beside NAME.md; without names all
 
-The Markdown is the source. A fence with a title becomes a cell that writes the file, lines of `bash` become a cell
-that bash carries out (`!` would give them a terminal, and the run's moving picture would be kept line by line), what
-a `text` fence says is left to the cell's own output. What is marked `long=yes` is not carried out; only what is marked
-`exit=…` may fail. A test holds the cells against the Markdown.
+The Markdown is the source. A fence with a title becomes a cell that writes the file, lines of `bash` become a cell that
+bash carries out (`!` would give them a terminal, and the run's moving picture would be kept line by line), a `text`
+fence is replaced by the cell's own output. A fence marked `long=yes` is not executed; only one marked `exit=…` may
+fail. A test holds the cells against the Markdown.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def _end(text: str, fence: re.Match[str]) -> int:
 
 
 def notebook(text: str, name: str) -> dict[str, Any]:
-    """A notebook that nobody has executed."""
+    """Return a notebook that has not been executed."""
     made: list[dict[str, Any]] = []
     for number, (kind, source) in enumerate(cells(text, name)):
         cell: dict[str, Any] = {"cell_type": kind, "id": f"cell-{number}", "metadata": {}, "source": source}
@@ -84,7 +84,7 @@ def _installed(folder: str) -> str:
 
 
 def execute(made: dict[str, Any]) -> dict[str, Any]:
-    """The notebook with what its cells print, typed in an empty folder; what it installs stays there."""
+    """Return the notebook with the output of its cells, executed in an empty folder; installed packages stay there."""
     import nbformat
     from nbclient import NotebookClient
 

@@ -1,12 +1,12 @@
-"""The pictures of the README and of the documentation, made again by `make figures`, and what they were made from.
+"""The pictures of the README and of the documentation, made again by `make figures`, with their sources.
 
     python -m scripts.pictures                # those whose sources have changed since they were made
     python -m scripts.pictures pick.webp …    # these
     python -m scripts.pictures --check        # names those that are behind, and makes nothing
 
-`docs/images/made.json` says of every picture with which command and at which commit it was made, and has a digest of
-the files that it shows; a test computes the digests anew. A picture that comes out as it was, with the same figures,
-stays as it is, byte for byte: only its entry says that it was looked at.
+`docs/images/made.json` has for every picture the command, the commit and a digest of its source files; a test computes
+the digests anew. A picture that comes out as it was, with the same figures, stays as it is, byte for byte: only its
+entry records the check.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def pick() -> Path:
 
 
 def figures_of_pick() -> dict[str, Any]:
-    """What a picture of the run shows, in numbers: its end, its length and the greatest of each curve."""
+    """Return the numbers of a picture of the run: its end, its length and the greatest of each curve."""
     run = digest(pick())
     peaks = {name: float(f"{peak:.3g}") for name, peak in sorted(run.peaks.items())}
     return {"outcome": run.outcome, "time [s]": run.time, **peaks}
@@ -130,7 +130,7 @@ def rendered_frames(out: Path) -> None:
 
 
 def found_in_a_frame(out: Path) -> None:
-    """A held-out frame with what the detector finds, and the finder's belief."""
+    """Draw a held-out frame with the detector's finds, and the finder's belief."""
     from pomona.skills.perception.detection.compact_detector import CompactDetector
     from pomona.skills.perception.fruit import load_fruit
     from pomona.skills.perception.synthetic.dataset import frame_seed
@@ -205,7 +205,7 @@ def is_silent(node: ast.AST) -> bool:
 
 
 def ledger() -> dict[str, dict[str, Any]]:
-    """What was made when, by the picture's name."""
+    """Return the entries of the pictures, by name."""
     entries: dict[str, dict[str, Any]] = json.loads(LEDGER.read_text("utf-8")) if LEDGER.is_file() else {}
     return entries
 
@@ -217,7 +217,7 @@ def behind() -> list[str]:
 
 
 def looks_the_same(one: Path, other: Path) -> bool:
-    """Whether two pictures cannot be told apart from afar: every frame, 96 pixels wide, in grey."""
+    """Return True if two pictures look alike from afar: every frame, 96 pixels wide, in grey."""
     with Image.open(one) as a, Image.open(other) as b:
         if a.size != b.size or getattr(a, "n_frames", 1) != getattr(b, "n_frames", 1):
             return False
@@ -233,7 +233,7 @@ def looks_the_same(one: Path, other: Path) -> bool:
 
 
 def make(name: str, entries: dict[str, dict[str, Any]]) -> None:
-    """Make one picture, and say so in the ledger."""
+    """Make one picture, and record it in the ledger."""
     picture, stands = PICTURES[name], IMAGES / name
     with tempfile.TemporaryDirectory() as scratch:
         fresh = Path(scratch) / name
@@ -253,7 +253,7 @@ def make(name: str, entries: dict[str, dict[str, Any]]) -> None:
 
 
 def main() -> int:
-    """Make what is asked for; with --check 1 where something is behind."""
+    """Make the requested pictures; with --check return 1 if one is outdated."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
         "names", nargs="*", metavar="NAME", help=f"of {', '.join(PICTURES)}; default: those that are behind"
@@ -262,7 +262,7 @@ def main() -> int:
     options = parser.parse_args()
     names = options.names or behind()
     if options.check:
-        sys.stdout.writelines(f"docs/images/{name} is behind what it shows: make figures\n" for name in names)
+        sys.stdout.writelines(f"docs/images/{name} is older than its sources: make figures\n" for name in names)
         return 1 if names else 0
     entries = ledger()
     for name in names:

@@ -4,7 +4,7 @@
     python scripts/release.py --tag      # the tag, too: v and the version of pyproject.toml; nothing is pushed
     python scripts/release.py --shared   # the environments share the packages installed here (a minute, not ten)
 
-What is tried in each environment: the version, the check of a shipped tree, and the simulated pick.
+Each environment tests the version, the check of a shipped tree, and the simulated pick.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def placeholders(root: Path) -> Iterator[str]:
 
 
 def git(root: Path, *words: str) -> str:
-    """What git prints."""
+    """Return the output of git."""
     return subprocess.run(["git", *words], cwd=root, check=True, capture_output=True, text=True).stdout.strip()
 
 

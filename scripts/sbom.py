@@ -2,9 +2,9 @@
 
     python scripts/sbom.py sbom.cdx.json [--extra dev]
 
-It says what is installed beside Pomona, in which version, under which licence, and what needs what. It does not say
-that these files are what their makers published (requirements.lock does, installed with --require-hashes), knows no
-system libraries, no code that a package carries within itself, and no vulnerabilities.
+It lists the installed packages with version, licence and requirements. It does not prove that these files equal the
+published ones (requirements.lock does, installed with --require-hashes), knows no system libraries, no code that a
+package carries within itself, and no vulnerabilities.
 """
 
 from __future__ import annotations

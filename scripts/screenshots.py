@@ -71,7 +71,7 @@ class Photographer:
             ready(page)
 
     def take(self, what: str) -> None:
-        """A picture on every screen, once the page has drawn what it was told."""
+        """Take a picture on every screen, once the page has drawn the latest events."""
         for screen, page in self.pages.items():
             page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
             page.screenshot(path=self._into / f"{screen}_{what}.png")
@@ -154,7 +154,7 @@ def animate(page: Page, address: str, out: Path) -> None:
         page.mouse.click(lanes["x"] + along, lanes["y"] + 4)
         page.wait_for_load_state("networkidle")
         page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
-        recorded(page)  # on a busy machine the page may have missed its server for a while, and says so
+        recorded(page)  # on a busy machine the page may report a lost server for a while
         pictures.append(Image.open(io.BytesIO(page.screenshot())))
     times = [int(1e3 * PACE)] * (FRAMES - 1) + [2000]
     pictures[0].save(out, save_all=True, append_images=pictures[1:], duration=times, loop=0, quality=60, method=4)
