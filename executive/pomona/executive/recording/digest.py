@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import math
-import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
-
-import orjson
 
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.ending import why_cut
@@ -19,11 +16,6 @@ from pomona.executive.recording.folder import EVENTS, events_file, hash_of
 from pomona.executive.recording.json_text import LONGEST, parse_object
 from pomona.executive.recording.plain_file import is_plain
 from pomona.executive.recording.scan import DamagedRecordError, Verdict, require_valid, scan
-
-_NAMES = ("RunStarted", "AttemptEnded", "RunEnded", "NodeChanged")
-_HEADS = tuple(f'{{"event":"{name}"'.encode() for name in _NAMES)
-_SERIES = re.compile(rb'\{"event":"Published",[^{]*"value":\{"type":"SeriesView"')
-_NODE, _FAILURE = b'{"event":"NodeChanged"', b'"status":"FAILURE"'
 
 STATES = ("ended", "running", "cut off", "damaged", "unreadable")
 MOST_TEXT, MOST_CODE, MOST_CODES, MOST_ENTRIES, MOST_QUANTITIES = 2000, 100, 200, 1000, 50
@@ -118,24 +110,18 @@ def _read(path: Path, verdict: Verdict) -> dict[str, Any]:
     topics = set()
     for topic, content, *_ in scan(path, verdict):
         topics.add(topic)
-        if topic == EVENTS and _SERIES.match(content):
-            _raise_peaks(peaks, content)
-        if topic != EVENTS or not content.startswith(_HEADS):
-            continue
-        if content.startswith(_NODE) and _FAILURE not in content:
-            continue
-        event = parse_object(content)
-        match event["event"]:
-            case "RunStarted":
+        match parse_object(content) if topic == EVENTS else {}:
+            case {"event": "RunStarted", **event}:
                 about |= _beginning(event)
-            case "AttemptEnded":
+            case {"event": "AttemptEnded"}:
                 attempts += 1
-            case "NodeChanged":
-                reason = event.get("reason") or {}
-                if reason and not reason["causes"] and reason["code"] != "SKIPPED":
-                    code = _text(reason["code"], MOST_CODE)
+            case {"event": "NodeChanged", "status": "FAILURE", "reason": {"causes": [], "code": code}}:
+                if code != "SKIPPED":
+                    code = _text(code, MOST_CODE)
                     codes[code if code in codes or len(codes) < MOST_CODES else "…"] += 1
-            case "RunEnded":
+            case {"event": "Published", "value": {"type": "SeriesView", "values": dict(values)}}:
+                _raise_peaks(peaks, values)
+            case {"event": "RunEnded", **event}:
                 about |= _end(event)
     foreign = topics and EVENTS not in topics and verdict.state == "whole"
     if not about.get("tree") and (foreign or about.get("state") == "ended"):
@@ -145,10 +131,10 @@ def _read(path: Path, verdict: Verdict) -> dict[str, Any]:
     return {**about, "codes": dict(codes), "attempts": attempts, "peaks": peaks, "checked": verdict.checked}
 
 
-def _raise_peaks(peaks: dict[str, float], content: bytes) -> None:
+def _raise_peaks(peaks: dict[str, float], values: Mapping[str, Any]) -> None:
     """Take the samples of a message. A malformed one adds nothing."""
-    with contextlib.suppress(ValueError, TypeError, KeyError, AttributeError):
-        for name, series in orjson.loads(content)["value"]["values"].items():
+    with contextlib.suppress(ValueError, TypeError):
+        for name, series in values.items():
             measured = [sample for sample in series if sample is not None]
             if measured and (name in peaks or len(peaks) < MOST_QUANTITIES):
                 peaks[_text(name, MOST_CODE)] = max(float(max(measured)), peaks.get(name, -math.inf))

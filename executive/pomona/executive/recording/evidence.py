@@ -26,9 +26,6 @@ from pomona.executive.recording.plain_file import open_plain
 from pomona.executive.recording.scan import scan
 from pomona.executive.values.plain_text import read_plain_text
 
-MOST_OF_A_HEAD = 512
-"""Start of a published event in which the type of its view stands [bytes]."""
-_SERIES = b'"type":"SeriesView"'
 TAKES = ("largest", "sum", "rate")
 _KEYS = ("hazard", "node", "limit", "unit", "saturates", "measure", "meaning")
 
@@ -212,15 +209,15 @@ class _Run:
                 for name, values in parse_object(content).items():
                     if isinstance(values, list):
                         device.setdefault(name, []).extend(values)
-            elif topic == EVENTS and content.startswith((b'{"event":"RunStarted"', b'{"event":"TickOverran"')):
-                event = parse_object(content)
-                self._events.setdefault(event["event"], []).append(event)
-            elif topic == EVENTS and content.startswith(b'{"event":"OperatorActed"'):
-                self.interventions += 1
-            elif topic == EVENTS and _SERIES in content[:MOST_OF_A_HEAD]:
-                published = parse_object(content)
-                if published["event"] == "Published" and published["topic"] in topics:
-                    self._series.setdefault(published["topic"], []).append(published["value"])
+            elif topic == EVENTS:
+                match parse_object(content):
+                    case {"event": "RunStarted" | "TickOverran" as name} as event:
+                        self._events.setdefault(name, []).append(event)
+                    case {"event": "OperatorActed"}:
+                        self.interventions += 1
+                    case {"event": "Published", "topic": str(shown), "value": {"type": "SeriesView"} as view}:
+                        if shown in topics:
+                            self._series.setdefault(shown, []).append(view)
         for started in self._events.get("RunStarted", ()):
             self.cell = _cell(started["cell_text"])
         self._devices = {
