@@ -64,7 +64,7 @@ class BoxDetector:
         return cls(model, close_look, np.array(dimensions))
 
     def find_instances(self, colour: UInt8, K: Float64, depth: Float32 | None) -> list[Instance]:
-        """All fruit of a frame, by falling score.
+        """Return all fruit of a frame, by falling score.
 
         Args:
             colour: (h, w, 3) uint8 RGB.
@@ -99,13 +99,13 @@ class BoxDetector:
 
     @staticmethod
     def _flat(box: Float64) -> Float64:
-        """Keypoints (9, 2) of a fruit without a pose: the box's corners, twice, and its middle."""
+        """Return keypoints (9, 2) of a fruit without a pose: the box's corners, twice, and its middle."""
         corners = box[:2] + np.array([(1, 0), (0, 0), (0, 1), (1, 1)]) * box[2:]
         return np.concatenate([corners, corners, [box[:2] + 0.5 * box[2:]]])
 
 
 def _posed(sphere: FittedSphere, radius: float) -> tuple[Float64, Float64]:
-    """Pose (4, 4) of the CAD-sized model that looks as large as the sphere, and its covariance (6, 6)."""
+    """Return pose (4, 4) of the CAD-sized model that looks as large as the sphere, and its covariance (6, 6)."""
     T = np.eye(4)
     T[:3, 3] = sphere.centre * (radius / sphere.radius)
     T[:3, :3] = upright_rotation(T[:3, 3])

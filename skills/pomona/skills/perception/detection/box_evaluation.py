@@ -1,4 +1,4 @@
-"""How good boxes are against boxes that people drew: precision and recall over all scores, at one overlap."""
+"""Figures of boxes against labelled boxes: precision and recall over all scores, and COCO's mean precisions."""
 
 from __future__ import annotations
 
@@ -68,16 +68,16 @@ class BoxCurve:
         return float((np.diff(self.recall, prepend=0.0) * best).sum())
 
     def recall_at(self, precision: float) -> float:
-        """The largest recall with at least this precision; 0 where there is none."""
+        """Return the largest recall with at least this precision; 0 where there is none."""
         return float(self.recall[self.precision >= precision].max(initial=0.0))
 
     def score_for(self, precision: float) -> float | None:
-        """The score from which on `recall_at` is reached."""
+        """Return the score from which on `recall_at` is reached."""
         good = np.nonzero(self.precision >= precision)[0]
         return float(self.scores[good[-1]]) if len(good) else None
 
     def at_score(self, score: float) -> tuple[float, float]:
-        """Recall and precision of the finds with at least this score."""
+        """Return recall and precision of the finds with at least this score."""
         count = int((self.scores >= score).sum())
         return (float(self.recall[count - 1]), float(self.precision[count - 1])) if count else (0.0, 1.0)
 
@@ -157,7 +157,7 @@ class BoxFigures:
 
 
 def box_figures(pictures: Sequence[JudgedPicture]) -> BoxFigures:
-    """Figures of these pictures together."""
+    """Return figures of these pictures together."""
     scores = np.concatenate([np.empty(0), *(picture.scores for picture in pictures)])
     right = np.concatenate([np.empty((len(IOUS), 0), np.bool_), *(picture.right for picture in pictures)], axis=1)
     order = np.argsort(-scores, kind="stable")
@@ -181,7 +181,7 @@ def box_figures(pictures: Sequence[JudgedPicture]) -> BoxFigures:
 
 
 def box_intervals(pictures: Sequence[JudgedPicture], seed: int = 0) -> dict[str, tuple[float, float]]:
-    """Bounds of 95 % of each figure, from groups drawn again: pictures of one group are alike."""
+    """Return bounds of 95 % of each figure, from groups drawn again: pictures of one group are alike."""
     groups: dict[str, list[JudgedPicture]] = {}
     for picture in pictures:
         groups.setdefault(picture.group, []).append(picture)

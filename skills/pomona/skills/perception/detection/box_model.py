@@ -82,7 +82,7 @@ class BoxModel:
         self.find(np.zeros((480, 640, 3), np.uint8))
 
     def find(self, colour: UInt8) -> list[ScoredBox]:
-        """Boxes around the fruit in a picture, by falling score.
+        """Return boxes around the fruit in a picture, by falling score.
 
         Args:
             colour: (h, w, 3) uint8 RGB.
@@ -135,7 +135,7 @@ class BoxModel:
             raise BadWeights(self._path, f"has metadata names {text[:40]!r}, {expected}") from None
 
     def _input(self, colour: UInt8) -> tuple[NDArray[np.floating[Any]], float]:
-        """The picture as input, and pixels of the input per pixel of the picture."""
+        """Return the picture as input, and pixels of the input per pixel of the picture."""
         height, width = colour.shape[:2]
         factor = self._working_width / width
         if self._fixed is not None:

@@ -189,7 +189,7 @@ class CompactDetector:
         return np.asarray(1.0 / (1.0 + np.exp(-cells)), np.float32)
 
     def _maps(self, colour: UInt8) -> tuple[Float32, tuple[int, int]]:
-        """The finder's maps, and width and height of the picture in its input [px]."""
+        """Return the finder's maps, and width and height of the picture in its input [px]."""
         check_picture(colour)
         height, width = colour.shape[:2]
         factor = self.options.working_width / width

@@ -60,7 +60,7 @@ class BeliefFinder(nn.Module):
             self.box_head = nn.Sequential(_convolve(b, b), nn.Conv2d(b, 4, 1))
 
     def forward(self, x: Tensor) -> Tensor:
-        """Maps (n, 6, h/4, w/4) of pictures (n, 3, h, w)."""
+        """Return maps (n, 6, h/4, w/4) of pictures (n, 3, h, w)."""
         fine = self.at_4(self.stem(x))
         middle = self.at_8(fine)
         coarse = self.to_8(self.at_16(middle))

@@ -48,7 +48,7 @@ class DopeNetwork(nn.Module):
 
 
 def dope_input(colour: NDArray[np.uint8], downscale_height: int = 400) -> tuple[Tensor, float]:
-    """A picture as the network wants it, and the factor by which it was shrunk.
+    """Return a picture as the network wants it, and the factor by which it was shrunk.
 
     Args:
         colour: (h, w, 3) uint8 RGB.

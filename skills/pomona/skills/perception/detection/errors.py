@@ -48,7 +48,7 @@ class PoseUnsolved(DetectError):
 
 
 class BadTraining(DetectError):
-    """A training cannot go on, or not as it was asked for."""
+    """A training that cannot go on, or not with these options."""
 
     def __init__(self, problem: str) -> None:
         self.problem = problem

@@ -1,4 +1,4 @@
-"""How good detections are against known truth: recall, precision, keypoints, direction, orientation, ADD."""
+"""Figures of detections against known truth: recall, precision, keypoints, direction, orientation, ADD."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ class Frames(Protocol):
 
     def __len__(self) -> int: ...
     def annotation(self, index: int) -> Annotation:
-        """The annotation of a frame."""
+        """Return the annotation of a frame."""
         ...
 
     def picture(self, index: int, halved: bool) -> UInt8:
-        """The picture of a frame, (h, w, 3) uint8 RGB, at half its size if asked for."""
+        """Return the picture of a frame, (h, w, 3) uint8 RGB, at half its size if asked for."""
         ...
 
 
@@ -100,7 +100,7 @@ class Evaluation:
         return sum(m.visibility >= least and m.score >= score for m in self.matches) / max(1, wanted)
 
     def score_for(self, recall: float, least: float = CLEARLY_VISIBLE) -> float | None:
-        """The highest score with which `recall` is still reached; None where it is reached with none."""
+        """Return the highest score with which `recall` is still reached; None where it is reached with none."""
         wanted = sum(visibility >= least for visibility, *_ in self.fruit)
         scores = sorted((m.score for m in self.matches if m.visibility >= least), reverse=True)
         needed = max(1, math.ceil(recall * wanted - 1e-9))
@@ -159,7 +159,7 @@ def evaluate(
 
 
 def pair(instances: list[Instance], objects: list[AnnotatedObject]) -> tuple[list[tuple[int, int]], list[int]]:
-    """Detections and the fruit they are of, each used once, surest first; and detections of nothing."""
+    """Return detections and the fruit they are of, each used once, surest first; and detections of nothing."""
     free, pairs, nothing = set(range(len(objects))), [], []
     for k in sorted(range(len(instances)), key=lambda i: -instances[i].score):
         near = [
@@ -207,7 +207,7 @@ def compare(found: Instance, truth: AnnotatedObject, fruit: FruitModel, scene: s
 
 
 def table(result: Evaluation, score: float = 0.6, brief: bool = False) -> str:
-    """The figures as Markdown: recall and precision by threshold, errors by visibility, distance, size and scene.
+    """Return Markdown: recall and precision by threshold, errors by visibility, distance, size and scene.
 
     And how often the poses' ellipsoids hold the truth.
 

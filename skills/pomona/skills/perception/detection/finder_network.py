@@ -143,7 +143,7 @@ class FinderNetwork(nn.Module):
         self.trained_trunk = False
 
     def forward(self, x: Tensor) -> Tensor:
-        """Maps of pictures (n, 3, h, w)."""
+        """Return maps of pictures (n, 3, h, w)."""
         taps = self.trunk((255.0 * x + 0.5) / 128.0)  # the trunk learnt from (value - 127) / 128
         above: Tensor | None = None
         for k in (3, 2, 1, 0):

@@ -57,12 +57,12 @@ class Proposal:
         return SIZE_OF_BOX * float(self.box[2:].max())
 
     def scaled(self, factor: float) -> Proposal:
-        """The same place in a picture that is larger by this factor."""
+        """Return the same place in a picture that is larger by this factor."""
         return Proposal(self.box * factor, self.heat, self.quality)
 
 
 def read_places(maps: Float32, width: float, height: float, threshold: float = 0.0) -> list[Proposal]:
-    """Places in the finder's maps, by falling score.
+    """Return places in the finder's maps, by falling score.
 
     Args:
         maps: (6, h, w), rows as named in `outputs`; cells that are not finite hold no fruit.
@@ -95,7 +95,7 @@ def read_places(maps: Float32, width: float, height: float, threshold: float = 0
 
 
 def distinct(boxes: Float64) -> list[int]:
-    """Indices of the boxes (n, 4), surest first, that no kept one before covers by `SAME_FRUIT`."""
+    """Return indices of the boxes (n, 4), surest first, that no kept one before covers by `SAME_FRUIT`."""
     overlaps = iou(boxes, boxes)
     kept: list[int] = []
     for k in range(len(boxes)):

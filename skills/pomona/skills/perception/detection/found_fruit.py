@@ -48,7 +48,7 @@ class Finder(Protocol):
     """Finds fruit in pictures, such as `CompactDetector`."""
 
     def find(self, colour: UInt8, K: Float64) -> list[FoundFruit]:
-        """All fruit in a picture (h, w, 3) uint8 RGB, with camera matrix K (3, 3) [px], by falling score.
+        """Return all fruit in a picture (h, w, 3) uint8 RGB, with camera matrix K (3, 3) [px], by falling score.
 
         Raises:
             BadFrame: another shape or type.
@@ -57,7 +57,7 @@ class Finder(Protocol):
 
 
 def inside(box: Float64, width: int, height: int) -> Float64:
-    """The part of a box x, y, w, h (4,) [px] that lies in the picture, written alike."""
+    """Return the part of a box x, y, w, h (4,) [px] that lies in the picture, written alike."""
     limits = np.array([width, height], np.float64)
     low, high = np.clip(box[:2], 0.0, limits), np.clip(box[:2] + box[2:], 0.0, limits)
     return np.concatenate([low, high - low])

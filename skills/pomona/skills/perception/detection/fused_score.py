@@ -55,7 +55,7 @@ class FusedScore:
 
 
 def read_fused_score(content: Mapping[str, Any]) -> FusedScore:
-    """The score that `FusedScore.content` describes.
+    """Return the score that `FusedScore.content` describes.
 
     Raises:
         KeyError, TypeError, ValueError: it describes none.

@@ -69,7 +69,7 @@ def instance_of(found: FoundFruit, K: Float64, dimensions: Float64) -> Instance:
 
 
 def rank(instances: list[Instance], policy: str, index: int = 0) -> list[int]:
-    """Indices of the instances in the order in which the policy wants them as target.
+    """Return indices of the instances in the order in which the policy wants them as target.
 
     Args:
         instances: with poses.

@@ -37,7 +37,7 @@ FREEDOM = {"across": 2, "along": 1, "place": 3, "axis": 2}
 
 
 def pose_errors(found: Instance, truth: AnnotatedObject) -> PoseErrors | None:
-    """How far a pose lies off; None without a pose.
+    """Return the errors of a pose; None without a pose.
 
     The pose is that of a CAD-sized fruit, so the truth is where one would have to be that looks as large.
     """

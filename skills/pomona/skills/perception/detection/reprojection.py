@@ -103,7 +103,7 @@ def _solve(normal: Float64, right: Float64, step: Float64) -> bool:
 
 @njit(cache=True, nogil=True)
 def _exp(w: Float64) -> Float64:
-    """The rotation matrix of a rotation vector [rad]."""
+    """Return the rotation matrix of a rotation vector [rad]."""
     angle = np.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
     s = 1.0 - angle * angle / 6.0 if angle < 1e-6 else np.sin(angle) / angle
     c = 0.5 if angle < 1e-6 else (1.0 - np.cos(angle)) / (angle * angle)

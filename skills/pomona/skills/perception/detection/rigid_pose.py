@@ -36,7 +36,7 @@ def pose_of(found: FoundFruit) -> Float64:
 
 
 def cuboid_in_picture(T_camera_object: Float64, dimensions: Float64, K: Float64) -> Float64:
-    """Keypoints of a cuboid, (9, 2) [px].
+    """Return keypoints of a cuboid, (9, 2) [px].
 
     Args:
         T_camera_object: its pose (4, 4) [m].
@@ -51,7 +51,7 @@ def cuboid_in_picture(T_camera_object: Float64, dimensions: Float64, K: Float64)
 
 
 def pose_covariance(found: FoundFruit, K: Float64) -> Float64:
-    """Covariance of (rotation vector, translation) in the camera frame, (6, 6) [rad, m].
+    """Return covariance of (rotation vector, translation) in the camera frame, (6, 6) [rad, m].
 
     The errors that the network expects of centre, size and axis are carried over to the pose: the centre's across the
     line of sight, the size's along it, the axis's to a turn about any axis. The turn about the stem, which a fruit does

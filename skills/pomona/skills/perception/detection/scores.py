@@ -34,7 +34,7 @@ class ScoreMap:
         return float(self.of(np.array([score]))[0])
 
     def of(self, scores: Float64) -> Float64:
-        """The same of many, (n,)."""
+        """Return the same of many, (n,)."""
         if self == ScoreMap():
             return scores
         return np.asarray(1.0 / (1.0 + np.exp(-(self.slope * _logit(scores) + self.offset))), np.float64)
@@ -56,7 +56,7 @@ class PowerScore:
         return self.line(HOPELESS)
 
     def of(self, features: Float64) -> Float64:
-        """Scores of places with these features, logits as of `FusedScore` (n, 4): (n,)."""
+        """Return scores of places with these features, logits as of `FusedScore` (n, 4): (n,)."""
         heat, _, first, second = -np.logaddexp(0.0, -features.T)
         return self.line.of(np.exp(0.5 * heat + 0.25 * (first + second)))
 

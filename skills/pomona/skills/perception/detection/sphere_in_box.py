@@ -110,7 +110,7 @@ def _points(depth: Float32, K: Float64, box: Float64) -> tuple[Float64, Float64,
 
 
 def _fit(points: Float64, centre: Float64, expected: float) -> tuple[Float64, float]:
-    """Centre and radius by Gauss-Newton on distances, with Cauchy's weights and the prior of the radius."""
+    """Return centre and radius by Gauss-Newton on distances, with Cauchy's weights and the prior of the radius."""
     radius = expected
     for _ in range(ITERATIONS):
         away = points - centre

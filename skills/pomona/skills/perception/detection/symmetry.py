@@ -18,7 +18,7 @@ STEM_AXIS = np.array([0.0, -1.0, 0.0])
 
 
 def minimal_rotation(source: ArrayLike, target: ArrayLike) -> NDArray[np.float64]:
-    """The rotation by the smallest angle that maps unit vector `source` onto unit vector `target`, (3, 3)."""
+    """Return the rotation by the smallest angle that maps unit vector `source` onto unit vector `target`, (3, 3)."""
     a, b = np.asarray(source, np.float64), np.asarray(target, np.float64)
     cosine = float(a @ b)
     if cosine < -1.0 + 1e-9:

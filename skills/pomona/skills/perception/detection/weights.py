@@ -151,7 +151,7 @@ def _exported(
     outputs: list[str],
     free: dict[str, dict[int, str]],
 ) -> bytes:
-    """A network as ONNX. Its initialisers keep the parameters' names, in half precision, so that it can be learnt on.
+    """Return a network as ONNX. Initialisers keep the parameters' names, in half precision, so that training can go on.
 
     ONNX Runtime folds the casts and normalisations when it loads the graph.
     """
@@ -194,7 +194,7 @@ def _exported(
 
 
 def _initialisers(path: Path | str, content: bytes) -> dict[str, Tensor]:
-    """The parameters of a network that `_exported` wrote."""
+    """Return the parameters of a network that `_exported` wrote."""
     onnx = _onnx()
     try:
         tensors = onnx.load_model_from_string(content).graph.initializer
@@ -222,7 +222,7 @@ def _load_torch(path: Path | str) -> tuple[Finder, CloseLookNetwork, dict[str, s
 
 
 def _built(path: Path | str, content: Mapping[str, Any]) -> tuple[Finder, CloseLookNetwork]:
-    """Both networks in evaluation mode from their widths and tensors."""
+    """Return both networks in evaluation mode from their widths and tensors."""
     try:
         finder: Finder = FinderNetwork()
         if "finder" in content["widths"]:

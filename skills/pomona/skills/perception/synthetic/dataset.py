@@ -38,7 +38,7 @@ def frame_paths(folder: Path, index: int) -> tuple[Path, Path]:
 
 
 def annotate(frame: RenderedFrame, fruit: FruitModel, options: SceneOptions) -> Annotation:
-    """The annotation of a rendered frame."""
+    """Return the annotation of a rendered frame."""
     objects = tuple(
         AnnotatedObject(
             fruit.name,
@@ -98,7 +98,7 @@ def render_dataset(
 def _rendered(
     orders: list[tuple[list[int], int, str, SceneOptions]], workers: int | None, engine: Engine | None
 ) -> Iterator[list[Rendered]]:
-    """The chunks as they are done: in this process when one is enough, else on an engine."""
+    """Yield the chunks as they are done: in this process when one is enough, else on an engine."""
     count = min(workers or one_per_core(), len(orders))
     if engine is None and count <= 1:
         for order in orders:

@@ -64,7 +64,7 @@ def spray(index: int) -> ShadedMesh:
 
 
 def _frame(along: Float64, rng: np.random.Generator) -> Float64:
-    """A rotation that takes +z to `along` (any length), at a random angle about it."""
+    """Return a rotation that takes +z to `along` (any length), at a random angle about it."""
     z = along / np.linalg.norm(along)
     x = np.cross(z, rng.normal(size=3))
     x /= np.linalg.norm(x)

@@ -39,7 +39,7 @@ def draw_lookalike(rng: np.random.Generator) -> Lookalike:
 
 
 def _spread(colour: tuple[float, float, float], rng: np.random.Generator) -> Float64:
-    """A colour's relatives."""
+    """Return a colour's relatives."""
     spread: Float64 = np.array(colour) * np.exp(rng.normal(0.0, 0.15, 3)) * np.exp(rng.normal(0.0, 0.2))
     return spread
 
@@ -70,7 +70,7 @@ def _tomato(rng: np.random.Generator) -> Lookalike:
 
 
 def _orange(rng: np.random.Generator) -> Lookalike:
-    """A ball with pores and a small navel."""
+    """Return a ball with pores and a small navel."""
     shape = shapes.ball()
     _, polar = _angles(shape)
     skin = _spread(((0.72, 0.25, 0.02), (0.75, 0.35, 0.03), (0.7, 0.5, 0.05))[rng.choice(3, p=(0.6, 0.25, 0.15))], rng)
@@ -104,7 +104,7 @@ def _ball(rng: np.random.Generator) -> Lookalike:
 
 
 def _can(rng: np.random.Generator) -> Lookalike:
-    """A cylinder with bright ends and a printed side."""
+    """Return a cylinder with bright ends and a printed side."""
     shape = shapes.cylinder()
     y = shape.vertices[:, 1].astype(np.float64)
     print_ = np.where(np.sin(rng.uniform(0.0, 6.0) + rng.uniform(1.0, 9.0) * y) > 0.0, 1.0, 0.0)
@@ -117,7 +117,7 @@ def _can(rng: np.random.Generator) -> Lookalike:
 
 
 def _post(rng: np.random.Generator) -> Lookalike:
-    """A stake, a pipe or a trunk."""
+    """Return a stake, a pipe or a trunk."""
     shape = shapes.cylinder()
     colour = _spread(((0.14, 0.1, 0.07), (0.4, 0.4, 0.42), (0.5, 0.45, 0.38))[int(rng.integers(3))], rng)
     paint = np.broadcast_to(colour.astype(np.float32), shape.vertices.shape)
@@ -128,7 +128,7 @@ def _post(rng: np.random.Generator) -> Lookalike:
 
 
 def _pot(rng: np.random.Generator) -> Lookalike:
-    """A turned vessel: a bottle, a pot, a handle."""
+    """Return a turned vessel: a bottle, a pot, a handle."""
     shape = shapes.turned_body(rng)
     paint = np.broadcast_to(rng.uniform(0.02, 0.8, 3).astype(np.float32), shape.vertices.shape)
     gloss = (rng.uniform(0.0, 0.6), 10.0 ** rng.uniform(0.7, 2.2), rng.uniform(0.0, 0.15))

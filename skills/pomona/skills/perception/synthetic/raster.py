@@ -37,7 +37,7 @@ def rasterise(
 
 
 def shadow_map(points: Float32, faces: Int32, size: int, far: float) -> Float32:
-    """An orthographic map (size, size) of the nearest depth towards the light, `far` where nothing is.
+    """Return an orthographic map (size, size) of the nearest depth towards the light, `far` where nothing is.
 
     `points` are (n, 3): columns 0 and 1 in map cells, column 2 the distance along the light [m].
     """

@@ -25,7 +25,7 @@ class ShadedMesh:
 
 
 def make_shape(vertices: NDArray[np.float64], faces: NDArray[np.int32], two_sided: bool = False) -> ShadedMesh:
-    """A shape with smooth normals and open everywhere."""
+    """Return a shape with smooth normals and open everywhere."""
     corners = vertices[faces]
     face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = np.zeros_like(vertices)
@@ -109,7 +109,7 @@ def stem(index: int) -> ShadedMesh:
 
 
 def revolved(outline: NDArray[np.float64], around: int = 28) -> ShadedMesh:
-    """A body of revolution about y from points (radius, y); first and last lie on the axis."""
+    """Return a body of revolution about y from points (radius, y); first and last lie on the axis."""
     angle = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)
     inner = outline[1:-1]
     ring = np.stack(
@@ -126,20 +126,20 @@ def revolved(outline: NDArray[np.float64], around: int = 28) -> ShadedMesh:
 
 @lru_cache(maxsize=1)
 def ball() -> ShadedMesh:
-    """A unit sphere."""
+    """Return a unit sphere."""
     polar = np.linspace(0.0, np.pi, 20)
     return revolved(np.stack([np.sin(polar), -np.cos(polar)], axis=1))
 
 
 def swollen_ball(ribs: int, depth: float) -> ShadedMesh:
-    """A unit sphere with so many swellings about y, each higher by `depth` than the furrows between."""
+    """Return a unit sphere with so many swellings about y, each higher by `depth` than the furrows between."""
     x, y, z = ball().vertices.astype(np.float64).T
     swelling = 1.0 + depth * (np.cos(ribs * np.arctan2(z, x)) - 1.0) * np.hypot(x, z)
     return make_shape(np.stack([x * swelling, y, z * swelling], axis=1), ball().faces)
 
 
 def seamed_ball(depth: float) -> ShadedMesh:
-    """A unit sphere with a furrow from one end to the other."""
+    """Return a unit sphere with a furrow from one end to the other."""
     x, y, z = ball().vertices.astype(np.float64).T
     inwards = 1.0 - depth * np.exp(-((np.arctan2(z, x) / 0.25) ** 2)) * np.hypot(x, z) ** 0.5
     return make_shape(np.stack([x * inwards, y, z * inwards], axis=1), ball().faces)
@@ -147,7 +147,7 @@ def seamed_ball(depth: float) -> ShadedMesh:
 
 @lru_cache(maxsize=1)
 def box() -> ShadedMesh:
-    """A cube from -1 to 1 with sharp edges."""
+    """Return a cube from -1 to 1 with sharp edges."""
     vertices: list[NDArray[np.float64]] = []
     normals: list[NDArray[np.float64]] = []
     faces: list[list[int]] = []
@@ -170,7 +170,7 @@ def box() -> ShadedMesh:
 
 @lru_cache(maxsize=32)
 def leaf(index: int) -> ShadedMesh:
-    """A bent, pointed leaf of unit length."""
+    """Return a bent, pointed leaf of unit length."""
     rng = np.random.default_rng((13, index))
     t = np.linspace(0.0, 1.0, 9)
     half_width = rng.uniform(0.2, 0.36) * np.sin(np.pi * t**0.8) ** 0.9
@@ -188,7 +188,7 @@ def leaf(index: int) -> ShadedMesh:
 
 
 def capsule(length: float, radius: float) -> ShadedMesh:
-    """A cylinder of `length` about y with half spheres of `radius` at its ends [m]."""
+    """Return a cylinder of `length` about y with half spheres of `radius` at its ends [m]."""
     polar = np.linspace(0.0, 0.5 * np.pi, 8)
     cap = np.stack([np.sin(polar), -np.cos(polar)], axis=1) * radius
     end = np.array([0.0, 0.5 * length])
@@ -197,7 +197,7 @@ def capsule(length: float, radius: float) -> ShadedMesh:
 
 
 def turned_body(rng: np.random.Generator) -> ShadedMesh:
-    """A random smooth vessel, bulb or pear of about unit radius."""
+    """Return a random smooth vessel, bulb or pear of about unit radius."""
     polar = np.linspace(0.0, np.pi, 22)
     wave = sum(rng.normal(0.0, 0.22 / k) * np.cos(k * polar + rng.uniform(0.0, 6.28)) for k in (1, 2, 3))
     radius = np.sin(polar) * np.exp(wave)
@@ -205,7 +205,7 @@ def turned_body(rng: np.random.Generator) -> ShadedMesh:
 
 
 def cylinder() -> ShadedMesh:
-    """A unit cylinder about y with nearly sharp rims."""
+    """Return a unit cylinder about y with nearly sharp rims."""
     outline = [
         (0.0, -1.0),
         (0.5, -1.0),

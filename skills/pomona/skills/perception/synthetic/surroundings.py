@@ -19,7 +19,7 @@ SHADOW_CELLS = 320
 
 
 def draw_backdrop(fruit: FruitModel, options: SceneOptions, scene: SyntheticScene, rng: np.random.Generator) -> Float32:
-    """The picture behind everything, (h, w, 3) float32."""
+    """Return the picture behind everything, (h, w, 3) float32."""
     index = int(rng.integers(0, 160))
     tree = scene.kind is SceneKind.TREE
     if tree or (scene.kind is SceneKind.ORCHARD and rng.random() < 0.85):
@@ -78,7 +78,7 @@ def cast_shadow(P: Float32, F: NDArray[np.int32], light: Float32, rng: np.random
 
 
 def lay_table(scene: SyntheticScene, T_wc: Float64, rng: np.random.Generator) -> tuple[Float32, Float32, Float32]:
-    """The table's plane (4,), its texture's axes (2, 4) and its paint (4,), in the camera's frame [m]."""
+    """Return the table's plane (4,), its texture's axes (2, 4) and its paint (4,), in the camera's frame [m]."""
     R_cw, eye = T_wc[:3, :3].T, T_wc[:3, 3]
     normal = R_cw[:, 2]
     offset = -float(eye[2]) if scene.table else 0.0

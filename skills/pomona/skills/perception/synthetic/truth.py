@@ -46,7 +46,7 @@ def true_fruit(
     F: NDArray[np.int32],
     owner_of_face: NDArray[np.int32],
 ) -> tuple[FruitTruth, ...]:
-    """The truth about one rendered fruit: pose, keypoints, and how much of it is seen."""
+    """Return the truth about one rendered fruit: pose, keypoints, and how much of it is seen."""
     fx, fy, cx, cy = options.camera
     T_wc = scene.T_world_camera
     R_cw, eye = T_wc[:3, :3].T, T_wc[:3, 3]

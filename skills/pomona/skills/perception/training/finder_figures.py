@@ -36,7 +36,7 @@ LEAST_VISIBILITY = 0.3
 def finder_figures(
     frames: FrameFolder | None, photographs: PhotoSet | None, device: str
 ) -> Callable[[nn.Module], dict[str, float]]:
-    """Figures of a finder on some photographs and on some rendered frames, of those that there are."""
+    """Return figures of a finder on some photographs and on some rendered frames, of those that there are."""
     val = () if photographs is None else photographs.val[:: max(1, len(photographs.val) // WATCHED)]
     scale = fruit_scale(photographs.train) if photographs is not None and val else 1.0
 

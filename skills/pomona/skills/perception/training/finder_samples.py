@@ -62,11 +62,11 @@ class EmptyWindows:
         self._pictures = pictures
 
     def draw(self, rng: np.random.Generator) -> Window:
-        """A part of any of them."""
+        """Return a part of any of them."""
         return _window(self.part(rng), np.empty((0, 4)), np.empty(0, np.bool_), rng)
 
     def part(self, rng: np.random.Generator) -> UInt8:
-        """The part of a picture, as it is, (320, 320, 3)."""
+        """Return the part of a picture, as it is, (320, 320, 3)."""
         photo = _any(self._pictures, rng)
         size = SIDE / max(photo.width, photo.height) * np.exp(rng.uniform(*np.log(EMPTY_JITTER)))
         return _cut(photo.picture(), size, _shift(photo, size, rng.uniform((0.0, 0.0), (photo.width, photo.height))))
@@ -79,7 +79,7 @@ class PhotoWindows:
         self._photographs, self._scale = photographs, fruit_scale(photographs)
 
     def draw(self, rng: np.random.Generator) -> Window:
-        """A part of any of them, at nearly the scale at which the detector searches."""
+        """Return a part of any of them, at nearly the scale at which the detector searches."""
         photo = _any(self._photographs, rng)
         size = self._scale * np.exp(rng.uniform(*np.log(PHOTO_JITTER)))
         around = rng.uniform((0.0, 0.0), (photo.width, photo.height))
@@ -103,7 +103,7 @@ class FrameWindows:
         self._frames, self._empty = frames, EmptyWindows(empty) if empty else None
 
     def draw(self, rng: np.random.Generator) -> Window:
-        """A frame, or a part of it, somewhere in the window."""
+        """Return a frame, or a part of it, somewhere in the window."""
         index = int(rng.integers(len(self._frames)))
         annotation, picture = self._frames.annotation(index), self._frames.picture(index, halved=False)
         size = FRAME_SCALE * 640.0 / annotation.width * np.exp(rng.uniform(*np.log(FRAME_JITTER)))
@@ -150,7 +150,7 @@ class FinderBatches(Dataset[tuple[Tensor, ...]]):
 
 
 def _window(picture: UInt8, boxes: Float64, fruit: NDArray[np.bool_], rng: np.random.Generator) -> Window:
-    """The window as it is learnt from: mirrored or not, its look changed, with targets."""
+    """Return the window as it is learnt from: mirrored or not, its look changed, with targets."""
     if rng.random() < 0.5:
         picture = np.ascontiguousarray(picture[:, ::-1])
         boxes = np.column_stack([SIDE - boxes[:, 0] - boxes[:, 2], boxes[:, 1:]])
@@ -180,7 +180,7 @@ def _shift(photo: Photograph, size: float, around: Float64) -> Float64:
 
 
 def _cut(picture: UInt8, size: float, shift: Float64) -> UInt8:
-    """A window of a picture that is scaled and then moved [px]; outside of the picture it is grey."""
+    """Return a window of a picture that is scaled and then moved [px]; outside of the picture it is grey."""
     while size < 0.6:  # without aliasing
         height, width = picture.shape[:2]
         half = cv2.resize(picture, (width // 2, height // 2), interpolation=cv2.INTER_AREA)

@@ -48,7 +48,7 @@ def photo_places(
     scale: float,
     progress: Callable[[int, int], None] | None = None,
 ) -> JudgedPlaces:
-    """Places in photographs that are shrunk by `scale`; every place without a label counts as no fruit."""
+    """Return places in photographs that are shrunk by `scale`; every place without a label counts as no fruit."""
 
     def judged() -> Iterator[tuple[Float64, NDArray[np.bool_]]]:
         for number, photo in enumerate(photographs):
@@ -64,7 +64,7 @@ def photo_places(
 def frame_places(
     detector: CompactDetector, frames: FrameFolder, progress: Callable[[int, int], None] | None = None
 ) -> JudgedPlaces:
-    """Places in rendered frames; those that overlap a fruit a little are left out."""
+    """Return places in rendered frames; those that overlap a fruit a little are left out."""
 
     def judged() -> Iterator[tuple[Float64, NDArray[np.bool_]]]:
         for index in range(len(frames)):
@@ -92,7 +92,7 @@ def _joined(parts: Iterator[tuple[Float64, NDArray[np.bool_]]]) -> JudgedPlaces:
 
 
 def fit_score(domains: Sequence[JudgedPlaces], seed: int = 0) -> FusedScore | None:
-    """The score under which these places are likeliest; every domain counts the same, however many places it has.
+    """Return the score of largest likelihood; domains count the same, whatever their number of places.
 
     Returns:
         None where a domain has fewer than ten places, or all of them are fruit or none.
@@ -114,7 +114,7 @@ def fit_score(domains: Sequence[JudgedPlaces], seed: int = 0) -> FusedScore | No
 
 
 def _fit_net(z: Float64, y: Float64, w: Float64, rng: np.random.Generator) -> tuple[Float64, Float64]:
-    """Weights (units, 5) and (units + 1,) of one net, by Adam on the weighted cross entropy."""
+    """Return weights (units, 5) and (units + 1,) of one net, by Adam on the weighted cross entropy."""
     hidden, output = rng.normal(0.0, 0.5, (UNITS, FEATURES + 1)), rng.normal(0.0, 0.3, UNITS + 1)
     parts = [hidden, output]
     first, second = [np.zeros_like(part) for part in parts], [np.zeros_like(part) for part in parts]

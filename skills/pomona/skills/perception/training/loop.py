@@ -31,7 +31,7 @@ FALLING = 0.4
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """How long and how fast to learn.
+    """Length and rates of a training.
 
     Attributes:
         steps: optimiser steps in all.
@@ -57,7 +57,7 @@ class Schedule:
     save_every: int = 250
 
     def rate_at(self, step: int) -> float:
-        """Learning rate of one step."""
+        """Return learning rate of one step."""
         if step < self.warm_up:
             return self.rate * (step + 1) / self.warm_up
         if self.fall == "constant":
@@ -172,7 +172,7 @@ def _update_average(average: dict[str, Tensor], network: nn.Module, keep: float)
 
 
 def _averaged(network: nn.Module, average: dict[str, Tensor]) -> nn.Module:
-    """A copy of the network in evaluation mode that holds the averaged weights."""
+    """Return a copy of the network in evaluation mode that holds the averaged weights."""
     twin = copy.deepcopy(network)
     twin.load_state_dict(average)
     return twin.eval()

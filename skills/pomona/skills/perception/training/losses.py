@@ -58,7 +58,7 @@ def _overlaps(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def close_look_loss(output: Tensor, target: Tensor, kind: Tensor, visibility: Tensor) -> Tensor:
-    """Distances of centroid, size and stem axis, likelihood of spreads, cross entropy of kind and visibility.
+    """Return distances of centroid, size and stem axis, likelihood of spreads, cross entropy of kind and visibility.
 
     The spreads learn from residuals that they cannot change: in a joint likelihood the sure centroid drowns the
     unsure axis, and the orientation is hardly learnt. `target` (n, 6) is centroid, log size, axis.
@@ -86,7 +86,7 @@ def close_look_loss(output: Tensor, target: Tensor, kind: Tensor, visibility: Te
 
 
 def dope_loss(stages: list[tuple[Tensor, Tensor]], belief: Tensor, affinity: Tensor) -> Tensor:
-    """The published loss: mean squared error of belief and affinity, summed over the stages."""
+    """Return the published loss: mean squared error of belief and affinity, summed over the stages."""
     total = belief.new_zeros(())
     for stage_belief, stage_affinity in stages:
         total = total + functional.mse_loss(stage_belief.float(), belief)

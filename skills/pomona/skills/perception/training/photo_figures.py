@@ -41,7 +41,7 @@ MOST_FRUIT = 60
 def searching(
     detector: CompactDetector, photo: Photograph, scale: float, least: float | None = None
 ) -> CompactDetector:
-    """The detector as it searches a photograph that is shrunk by `scale`, for places of at least this score."""
+    """Return the detector as it searches a photograph that is shrunk by `scale`, for places of at least this score."""
     options = replace(
         detector.options,
         working_width=max(16, round(scale * photo.width)),
@@ -70,7 +70,7 @@ class Finds:
     cut: NDArray[np.bool_]
 
     def judged(self) -> JudgedPicture:
-        """These against the labels."""
+        """Return these against the labels."""
         return judge(self.boxes, self.scores, self.labelled, self.group)
 
 
@@ -80,7 +80,7 @@ def find_boxes(
     scale: float,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Finds]:
-    """Detections in each photograph, which is shrunk by `scale` for the finder."""
+    """Return detections in each photograph, which is shrunk by `scale` for the finder."""
     found = []
     for number, photo in enumerate(photographs):
         fruit = searching(detector, photo, scale).find(photo.picture(), photo.K)
@@ -118,7 +118,7 @@ def judged(found: Sequence[Finds]) -> tuple[Float64, NDArray[np.bool_]]:
 
 
 def photo_table(found: Sequence[Finds], score: float) -> str:
-    """Figures with 95 % intervals, from groups drawn again, as Markdown."""
+    """Return figures with 95 % intervals, from groups drawn again, as Markdown."""
     pictures = [finds.judged() for finds in found]
     result, bounds = box_figures(pictures), box_intervals(pictures)
     scores, right = judged(found)
@@ -162,7 +162,7 @@ def calibration_error(scores: Float64, right: NDArray[np.bool_], least: float = 
 
 
 def calibration_table(scores: Float64, right: NDArray[np.bool_], least: float = LEAST_SCORE) -> str:
-    """Scores against the ratio of such detections that are right, as Markdown."""
+    """Return scores against the ratio of such detections that are right, as Markdown."""
     error, points = calibration(scores[scores >= least], right[scores >= least])
     lines = [f"Expected calibration error of detections with score ≥ {least}: {error:.3f}.", ""]
     lines += ["| mean score | ratio right | detections |", "|---|---|---|"]

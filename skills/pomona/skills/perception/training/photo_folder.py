@@ -76,7 +76,7 @@ def read_photographs(
 
 
 def read_empty(folder: Path) -> tuple[Photograph, ...]:
-    """All pictures of a folder, in which no fruit is.
+    """Return all pictures of a folder, in which no fruit is.
 
     Raises:
         BadPhotographs: no such folder, none in it, or a file that is no picture.
@@ -113,7 +113,7 @@ def _split(folder: Path, labelled: list[Labelled], photographs: list[Photograph]
 
 
 def _checked(item: Labelled) -> Photograph:
-    """The photograph, once its file and every box have been looked at."""
+    """Return the photograph, once its file and every box have been looked at."""
     path = item.path
     if not path.is_file():
         raise BadPhotographs(path, f"is labelled in {item.says}, but there is no such picture")
@@ -216,7 +216,7 @@ def _both(images: Path, labels: Path, pictures: set[Path], texts: set[Path]) -> 
 
 
 def _yolo_lines(path: Path) -> Iterator[tuple[int, tuple[float, float, float, float]]]:
-    """Class and box (in parts of the picture) of each line; outlines become their boxes."""
+    """Yield class and box (in parts of the picture) of each line; outlines become their boxes."""
     try:
         lines = read_plain_text(path).split("\n")
     except (OSError, ValueError) as error:

@@ -20,7 +20,7 @@ orchard tiles the scale at which recall was highest."""
 
 @dataclass(frozen=True, eq=False)
 class Photograph:
-    """A picture of a file and the boxes that people drew.
+    """A picture file with its labelled boxes.
 
     Attributes:
         path: of the picture.
@@ -75,6 +75,6 @@ class PhotoSet:
 
 
 def fruit_scale(photographs: Sequence[Photograph]) -> float:
-    """The factor by which these photographs are shrunk for the finder."""
+    """Return the factor by which these photographs are shrunk for the finder."""
     longer = [photo.boxes[:, 2:].max(axis=1) for photo in photographs if len(photo.boxes)]
     return FRUIT_IN_INPUT / float(np.median(np.concatenate(longer)))

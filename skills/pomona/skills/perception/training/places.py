@@ -20,7 +20,7 @@ def find_places(
     frames: FrameFolder,
     progress: Callable[[int, int], None] | None = None,
 ) -> dict[str, Float64]:
-    """Places by frame name: rows (u, v, size [px], score), (n, 4).
+    """Return places by frame name: rows (u, v, size [px], score), (n, 4).
 
     Args:
         detector: whose finder is asked.

@@ -42,7 +42,7 @@ class FrameFolder:
         return len(self.pictures)
 
     def name(self, index: int) -> str:
-        """The frame's name in all folders: folder and picture without ending."""
+        """Return the frame's name in all folders: folder and picture without ending."""
         picture = self.pictures[index]
         return f"{picture.parent.name}/{picture.stem}"
 
@@ -80,7 +80,7 @@ def move_boxes(boxes: Float64, size: float, shift: Float64) -> Float64:
 
 
 def cut_boxes(boxes: Float64, width: int, height: int) -> Float64:
-    """The parts of boxes x, y, w, h (n, 4) that lie in a picture."""
+    """Return the parts of boxes x, y, w, h (n, 4) that lie in a picture."""
     limits = np.array([width, height], np.float64)
     low, high = np.clip(boxes[:, :2], 0.0, limits), np.clip(boxes[:, :2] + boxes[:, 2:], 0.0, limits)
     return np.hstack([low, high - low])
@@ -100,7 +100,7 @@ class DopeBatches(_FrameBatches):
         return tuple(torch.from_numpy(np.stack(part)) for part in zip(*samples, strict=True))
 
     def _sample(self, index: int, rng: np.random.Generator) -> Sample:
-        """A square cut at a random place and angle, as DOPE's crop and rotation augmentations do."""
+        """Return a square cut at a random place and angle, as DOPE's crop and rotation augmentations do."""
         annotation, side = self.frames.annotation(index), DOPE_INPUT
         picture = self.frames.picture(index, halved=False)
         height, width = picture.shape[:2]

@@ -186,7 +186,7 @@ def _other_batches(run: TrainingRun, rank: int) -> Dataset[tuple[Tensor, ...]]:
 
 
 def _all_figures(run: TrainingRun) -> Callable[[nn.Module], dict[str, float]]:
-    """Figures on rendered frames and on photographs, of those that the run has."""
+    """Return figures on rendered frames and on photographs, of those that the run has."""
     if run.part == "finder":
         return finder_figures(
             None if run.held_out is None else FrameFolder([run.held_out]), run.photographs, run.device

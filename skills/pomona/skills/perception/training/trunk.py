@@ -34,7 +34,7 @@ def load_trunk(network: FinderNetwork, path: Path) -> None:
 
 
 def _published(key: str) -> str:
-    """The name in the published file of one of the trunk's tensors."""
+    """Return the name in the published file of one of the trunk's tensors."""
     place, name = key.rsplit(".", 1)
     if place.startswith("stem."):
         return f"{'_conv_stem' if place.endswith('conv') else '_bn0'}.{name}"
