@@ -26,6 +26,7 @@ from pomona.executive.recording.plain_file import open_plain
 from pomona.executive.recording.scan import scan
 from pomona.executive.values.plain_text import read_plain_text
 
+_OF_THE_RUN = ("outcome", "code", "tree", "tree_hash", "cell", "cell_kind", "git")
 TAKES = ("largest", "sum", "rate")
 _KEYS = ("hazard", "node", "limit", "unit", "saturates", "measure", "meaning")
 
@@ -185,13 +186,8 @@ def _measure(record: Path, found: Digest, evidence: Evidence) -> None:
             measured.take(record.name, *value, hazard.saturates)
     with open_plain(path) as stream:
         sha256 = hashlib.file_digest(stream, "sha256").hexdigest()  # type: ignore[arg-type]
-    evidence.runs.append(
-        {
-            "run": record.name, "sha256": sha256, "outcome": found.outcome, "code": found.code, "tree": found.tree,
-            "tree_hash": found.tree_hash, "cell": found.cell, "cell_kind": found.cell_kind, "git": found.git,
-            "interventions": run.interventions,
-        }
-    )  # fmt: skip
+    about = {name: getattr(found, name) for name in _OF_THE_RUN}
+    evidence.runs.append({"run": record.name, "sha256": sha256, **about, "interventions": run.interventions})
 
 
 class _Run:

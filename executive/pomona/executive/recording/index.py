@@ -9,10 +9,11 @@ from __future__ import annotations
 import contextlib
 import json
 import sqlite3
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from types import NoneType, UnionType
+from typing import Any, get_args, get_origin, get_type_hints
 
 from pomona.executive.recording.digest import STATES, Digest, digest
 from pomona.executive.recording.folder import EVENTS_FILE, is_being_written
@@ -46,12 +47,17 @@ MIGRATIONS: tuple[str, ...] = (
 every record is read again."""
 
 _COLUMNS = tuple(field.name for field in fields(Digest))
-_AS_JSON = ("parameters", "settings", "codes", "truth", "peaks")
-_OPTIONAL = ("seed", "outcome", "code", "message", "time", "wall", "ticks", "truth")
-_KINDS: dict[str, type] = {
-    **dict.fromkeys(_COLUMNS, str), **dict.fromkeys(_AS_JSON, dict), **dict.fromkeys(("picture", "checked"), bool),
-    **dict.fromkeys(("seed", "attempts", "ticks", "bytes"), int), **dict.fromkeys(("wall_time", "time", "wall"), float),
-}  # fmt: skip
+
+
+def _kind_of(hint: Any) -> type:
+    """Return the type of a column's values, without None."""
+    kinds = [kind for kind in get_args(hint) if kind is not NoneType] if isinstance(hint, UnionType) else [hint]
+    return dict if get_origin(kinds[0]) is Mapping else kinds[0]
+
+
+_HINTS = get_type_hints(Digest)
+_KINDS = {name: _kind_of(_HINTS[name]) for name in _COLUMNS}
+_OPTIONAL = [name for name in _COLUMNS if isinstance(_HINTS[name], UnionType)]
 
 
 class NewerIndexError(sqlite3.DatabaseError):
@@ -148,7 +154,7 @@ def records_in(root: Path) -> list[Path]:
 
 
 def _packed(name: str, value: Any) -> Any:
-    return json.dumps(value) if name in _AS_JSON else value
+    return json.dumps(value) if _KINDS[name] is dict else value
 
 
 def _unpacked(name: str, value: Any) -> Any:
@@ -157,9 +163,9 @@ def _unpacked(name: str, value: Any) -> Any:
     Raises:
         ValueError, TypeError: it does not have the type of this column.
     """
-    if name in _AS_JSON:
+    if _KINDS[name] is dict:
         value = _mapping(name, parse(value))
-    elif name in ("picture", "checked") and value in (0, 1):
+    elif _KINDS[name] is bool and value in (0, 1):
         value = bool(value)
     elif _KINDS[name] is float and isinstance(value, int):
         value = float(value)

@@ -247,15 +247,15 @@ class Recorder:
             (self.folder / name).write_bytes(_coded(text))
         for name, text in {**texts, **event.tree_files, **event.cell_files}.items():
             self._writer.add_attachment(began, 0, _whole(name), "application/yaml", _coded(text))
-        about = {
-            "run": event.run, "tree": event.tree, "tree_hash": event.tree_hash, "cell": event.cell,
-            "cell_kind": event.cell_kind, "cell_hash": hash_of(event.cell_text, *event.cell_files.values()),
+        about = {name: getattr(event, name) for name in ("run", "tree", "tree_hash", "cell", "cell_kind")}
+        about |= {
+            "cell_hash": hash_of(event.cell_text, *event.cell_files.values()),
             "seed": str(event.seed),
             "began": datetime.fromtimestamp(event.wall_time).astimezone().isoformat(timespec="seconds"),
             "settings": json.dumps(plain(event.settings), ensure_ascii=False),
             "parameters": json.dumps(plain(event.parameters), ensure_ascii=False),
             **{f"version.{name}": version for name, version in event.versions.items()},
-        }  # fmt: skip
+        }
         self._writer.add_metadata("pomona.run", {_whole(key): _whole(value) for key, value in about.items()})
 
     def _write_readings(self, t: float, tick: int, readings: Mapping[str, Mapping[str, Any]]) -> None:

@@ -49,45 +49,35 @@ QUATERNION: Json = _object(x=NUMBER, y=NUMBER, z=NUMBER, w=NUMBER)
 POSE: Json = _object(position=XYZ, orientation=QUATERNION)
 COLOUR: Json = _object(r=NUMBER, g=NUMBER, b=NUMBER, a=NUMBER)
 
-COMPRESSED_IMAGE = _foxglove("CompressedImage", timestamp=TIME, frame_id=TEXT, data=BYTES, format=TEXT)
-CAMERA_CALIBRATION = _foxglove(
-    "CameraCalibration", timestamp=TIME, frame_id=TEXT, width=WHOLE, height=WHOLE, distortion_model=TEXT,
-    D=_list(NUMBER), K=_list(NUMBER, minItems=9, maxItems=9), R=_list(NUMBER, minItems=9, maxItems=9),
-    P=_list(NUMBER, minItems=12, maxItems=12),
-)  # fmt: skip
-POSE_IN_FRAME = _foxglove("PoseInFrame", timestamp=TIME, frame_id=TEXT, pose=POSE)
-POSES_IN_FRAME = _foxglove("PosesInFrame", timestamp=TIME, frame_id=TEXT, poses=_list(POSE))
-FRAME_TRANSFORMS = _foxglove(
-    "FrameTransforms",
-    transforms=_list(
-        _object(timestamp=TIME, parent_frame_id=TEXT, child_frame_id=TEXT, translation=XYZ, rotation=QUATERNION)
-    ),
-)
-POINT_CLOUD = _foxglove(
-    "PointCloud", timestamp=TIME, frame_id=TEXT, pose=POSE, point_stride=WHOLE,
-    fields=_list(_object(name=TEXT, offset=WHOLE, type=WHOLE)), data=BYTES,
-)  # fmt: skip
-_LINE = _object(
-    type=WHOLE, pose=POSE, thickness=NUMBER, scale_invariant={"type": "boolean"}, points=_list(XYZ), color=COLOUR,
-    colors=_list(COLOUR), indices=_list(WHOLE),
-)  # fmt: skip
-_TRIANGLES = _object(pose=POSE, points=_list(XYZ), color=COLOUR, colors=_list(COLOUR), indices=_list(WHOLE))
-_NONE: Json = _list(_object())
-SCENE_UPDATE = _foxglove(
-    "SceneUpdate",
-    deletions=_list(_object(timestamp=TIME, type=WHOLE, id=TEXT)),
-    entities=_list(
-        _object(
-            timestamp=TIME, frame_id=TEXT, id=TEXT, lifetime=DURATION, frame_locked={"type": "boolean"},
-            metadata=_list(_object(key=TEXT, value=TEXT)), arrows=_NONE, cubes=_NONE, spheres=_NONE, cylinders=_NONE,
-            lines=_list(_LINE), triangles=_list(_TRIANGLES), texts=_NONE, models=_NONE,
-        )
-    ),
-)  # fmt: skip
-LOG = _foxglove(
-    "Log", timestamp=TIME, level={"type": "integer", "minimum": 0, "maximum": 5}, message=TEXT, name=TEXT, file=TEXT,
-    line={"type": "integer", "minimum": 0},
-)  # fmt: skip
+FLAG: Json = {"type": "boolean"}
+NATURAL: Json = {"type": "integer", "minimum": 0}
+_AT: Mapping[str, Json] = {"timestamp": TIME, "frame_id": TEXT}
+_COLOURS: Mapping[str, Json] = {"color": COLOUR, "colors": _list(COLOUR), "indices": _list(WHOLE)}
+_SIZE: Mapping[str, Json] = {"width": WHOLE, "height": WHOLE}
+
+
+def _matrix(size: int) -> Json:
+    return _list(NUMBER, minItems=size, maxItems=size)
+
+
+COMPRESSED_IMAGE = _foxglove("CompressedImage", **_AT, data=BYTES, format=TEXT)
+_MATRICES = {"D": _list(NUMBER), "K": _matrix(9), "R": _matrix(9), "P": _matrix(12)}
+CAMERA_CALIBRATION = _foxglove("CameraCalibration", **_AT, **_SIZE, distortion_model=TEXT, **_MATRICES)
+POSE_IN_FRAME = _foxglove("PoseInFrame", **_AT, pose=POSE)
+POSES_IN_FRAME = _foxglove("PosesInFrame", **_AT, poses=_list(POSE))
+_TRANSFORM = _object(timestamp=TIME, parent_frame_id=TEXT, child_frame_id=TEXT, translation=XYZ, rotation=QUATERNION)
+FRAME_TRANSFORMS = _foxglove("FrameTransforms", transforms=_list(_TRANSFORM))
+_FIELD = _object(name=TEXT, offset=WHOLE, type=WHOLE)
+POINT_CLOUD = _foxglove("PointCloud", **_AT, pose=POSE, point_stride=WHOLE, fields=_list(_FIELD), data=BYTES)
+_LINE = _object(type=WHOLE, pose=POSE, thickness=NUMBER, scale_invariant=FLAG, points=_list(XYZ), **_COLOURS)
+_TRIANGLES = _object(pose=POSE, points=_list(XYZ), **_COLOURS)
+_DRAWN = {"metadata": _list(_object(key=TEXT, value=TEXT)), "lines": _list(_LINE), "triangles": _list(_TRIANGLES)}
+_EMPTY = {kind: _list(_object()) for kind in ("arrows", "cubes", "spheres", "cylinders", "texts", "models")}
+_ENTITY = _object(**_AT, id=TEXT, lifetime=DURATION, frame_locked=FLAG, **_DRAWN, **_EMPTY)
+_DELETION = _object(timestamp=TIME, type=WHOLE, id=TEXT)
+SCENE_UPDATE = _foxglove("SceneUpdate", deletions=_list(_DELETION), entities=_list(_ENTITY))
+_LEVEL = {"type": "integer", "minimum": 0, "maximum": 5}
+LOG = _foxglove("Log", timestamp=TIME, level=_LEVEL, message=TEXT, name=TEXT, file=TEXT, line=NATURAL)
 
 EVENT = Schema(
     "pomona.Event",

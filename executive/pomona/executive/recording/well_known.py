@@ -156,11 +156,11 @@ def _camera(topic: str, view: ImageView, at: Mapping[str, int]) -> Iterator[Mess
     height, width = view.image.shape[:2]
     fx, fy, cx, cy = pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy
     K = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
-    yield f"/calibration/{topic}", CAMERA_CALIBRATION, {
-        "timestamp": at, "frame_id": f"camera/{topic}", "width": width, "height": height, "distortion_model": "",
-        "D": [], "K": K, "R": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-        "P": [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
-    }  # fmt: skip
+    P = [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]
+    R = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
+    camera = {"timestamp": at, "frame_id": f"camera/{topic}", "width": width, "height": height}
+    lens = {"distortion_model": "", "D": [], "K": K, "R": R, "P": P}
+    yield f"/calibration/{topic}", CAMERA_CALIBRATION, camera | lens
     if pinhole.T_base_camera is not None:
         yield from _transforms({f"camera/{topic}": ("base", pinhole.T_base_camera)}, at)
 
@@ -214,10 +214,8 @@ def _transforms(rooted: Mapping[str, tuple[str, Any]], at: Mapping[str, int]) ->
 def _transform(at: Mapping[str, int], child: str, entry: tuple[str, Any]) -> dict[str, Any]:
     parent, T = entry
     pose = _pose(T)
-    return {
-        "timestamp": at, "parent_frame_id": parent, "child_frame_id": child,
-        "translation": pose["position"], "rotation": pose["orientation"],
-    }  # fmt: skip
+    frames = {"timestamp": at, "parent_frame_id": parent, "child_frame_id": child}
+    return frames | {"translation": pose["position"], "rotation": pose["orientation"]}
 
 
 def _is_pose(T: Any) -> bool:
@@ -241,13 +239,8 @@ def _scene(topic: str, view: SceneView, at: Mapping[str, int]) -> Iterator[Messa
         yield f"/points/{topic}/{plain_name(cloud.label or cloud.style)}", POINT_CLOUD, _cloud(cloud, at)
     if not (view.lines or view.meshes):
         return
-    lines = [
-        {
-            "type": 0, "pose": IDENTITY, "thickness": 3.0, "scale_invariant": True, "points": _points(line.points),
-            "color": _colour(line.style), "colors": [], "indices": [],
-        }
-        for line in view.lines
-    ]  # fmt: skip
+    strip = {"type": 0, "pose": IDENTITY, "thickness": 3.0, "scale_invariant": True, "colors": [], "indices": []}
+    lines = [strip | {"points": _points(line.points), "color": _colour(line.style)} for line in view.lines]
     entity = _entity(topic, "base", at, lines, [_triangles(mesh) for mesh in view.meshes], view.caption)
     yield f"/scene/{topic}", SCENE_UPDATE, {"deletions": [], "entities": [entity]}
 
@@ -260,10 +253,8 @@ def _body(topic: str, number: int, body: Mesh3, at: Mapping[str, int]) -> dict[s
 
 def _moved(topic: str, number: int, pose: list[float], at: Mapping[str, int]) -> dict[str, Any]:
     x, y, z, qx, qy, qz, qw = pose
-    return {
-        "timestamp": at, "parent_frame_id": "base", "child_frame_id": f"{topic}/{number}",
-        "translation": {"x": x, "y": y, "z": z}, "rotation": {"x": qx, "y": qy, "z": qz, "w": qw},
-    }  # fmt: skip
+    frames = {"timestamp": at, "parent_frame_id": "base", "child_frame_id": f"{topic}/{number}"}
+    return frames | {"translation": {"x": x, "y": y, "z": z}, "rotation": {"x": qx, "y": qy, "z": qz, "w": qw}}
 
 
 def _entity(
@@ -275,27 +266,22 @@ def _entity(
     caption: str,
     locked: bool = False,
 ) -> dict[str, Any]:
-    return {
-        "timestamp": at, "frame_id": frame, "id": name, "lifetime": {"sec": 0, "nsec": 0}, "frame_locked": locked,
-        "metadata": [{"key": "caption", "value": caption}] if caption else [], "arrows": [], "cubes": [],
-        "spheres": [], "cylinders": [], "lines": lines, "triangles": triangles, "texts": [], "models": [],
-    }  # fmt: skip
+    about = {"timestamp": at, "frame_id": frame, "id": name, "lifetime": {"sec": 0, "nsec": 0}, "frame_locked": locked}
+    metadata = [{"key": "caption", "value": caption}] if caption else []
+    empty: dict[str, Any] = {kind: [] for kind in ("arrows", "cubes", "spheres", "cylinders", "texts", "models")}
+    return about | {"metadata": metadata, "lines": lines, "triangles": triangles} | empty
 
 
 def _triangles(mesh: Mesh3) -> dict[str, Any]:
-    return {
-        "pose": IDENTITY, "points": _points(mesh.vertices), "color": _colour(mesh.style), "colors": [],
-        "indices": np.ascontiguousarray(mesh.faces).reshape(-1),
-    }  # fmt: skip
+    corners = {"points": _points(mesh.vertices), "indices": np.ascontiguousarray(mesh.faces).reshape(-1)}
+    return {"pose": IDENTITY, **corners, "color": _colour(mesh.style), "colors": []}
 
 
 def _cloud(cloud: Points3, at: Mapping[str, int]) -> dict[str, Any]:
     packed = np.ascontiguousarray(cloud.points, "<f4").reshape(-1, 3)
-    return {
-        "timestamp": at, "frame_id": "base", "pose": IDENTITY, "point_stride": 12,
-        "fields": [{"name": name, "offset": 4 * i, "type": FLOAT32} for i, name in enumerate("xyz")],
-        "data": base64.b64encode(packed.tobytes()).decode(),
-    }  # fmt: skip
+    fields = [{"name": name, "offset": 4 * i, "type": FLOAT32} for i, name in enumerate("xyz")]
+    about = {"timestamp": at, "frame_id": "base", "pose": IDENTITY, "point_stride": 12, "fields": fields}
+    return about | {"data": base64.b64encode(packed.tobytes()).decode()}
 
 
 def _points(points: NDArray[np.float64]) -> list[dict[str, float]]:
