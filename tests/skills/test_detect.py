@@ -204,6 +204,8 @@ def test_a_users_own_weights_and_config_are_what_looks(monkeypatch: pytest.Monke
     monkeypatch.setattr(looking, "find_in_frame", finds)
     assert look(weights="pears/own.weights").status is Status.SUCCESS
     assert asked.pop() == (Path("pears/own.weights"), DetectorOptions())
+    assert look(weights="apple_photographs.weights").status is Status.SUCCESS
+    assert asked.pop()[0] == catalogue.SHIPPED_WEIGHTS / "apple_photographs.weights"
     assert look(weights="epoch_60.pth", config="config_pose.yaml").status is Status.SUCCESS
     assert asked.pop()[1] == DopeFiles(Path("epoch_60.pth"), Path("config_pose.yaml"))
     outcome = look(config="config_pose.yaml")

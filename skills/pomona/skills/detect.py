@@ -74,7 +74,7 @@ class Detect(LookingSkill):
             int, Port(min=64, max=4096, help="width at which the whole picture is searched [px]")
         ] = 320,
         weights: Annotated[
-            str, Port(help="another weights file than the fruit's own; with config, DOPE's full network")
+            str, Port(help="another weights file, or the name of a shipped one; with config, DOPE's full network")
         ] = "",
         config: Annotated[str, Port(help="config_pose.yaml of DOPE's full network with the given weights")] = "",
         boxes: Annotated[str, Port(help="detector of boxes as an ONNX file, which finds the fruit: model.onnx")] = "",

@@ -24,7 +24,7 @@ from pomona.skills.perception.detection.instances import Instance, find_instance
 from pomona.skills.perception.detection.options import BoxModelFile, DetectorOptions, DopeFiles, Search
 from pomona.skills.perception.detection.pose_config import find_entry
 from pomona.skills.perception.detection.weights_file import ENDING, is_torch_file
-from pomona.skills.perception.fruit import FruitModel, load_fruit
+from pomona.skills.perception.fruit import FruitModel, find_weights, load_fruit
 from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS, damage, known_fruits
 from pomona.skills.perception.fruit.errors import FruitError
 
@@ -59,7 +59,7 @@ class LookingSkill(Skill):
             return
         fruit = load_fruit(name)
         if weights:
-            fruit = replace(fruit, weights=Path(weights))
+            fruit = replace(fruit, weights=_weights_file(weights))
         if boxes:
             plain = BoxModelFile(Path(boxes))
             pose = self.known("pose_from") or plain.pose
@@ -116,7 +116,7 @@ class LookingSkill(Skill):
 
         Args:
             fruit: name or path.
-            weights: other weights; empty for the fruit's own.
+            weights: a file, or the name of shipped weights; empty for the fruit's own.
             needs_weights: fail where the fruit has none.
         """
         try:
@@ -124,7 +124,7 @@ class LookingSkill(Skill):
         except FruitError as error:
             raise self.failure("NO_WEIGHTS", str(error), fruit=fruit) from error
         if weights:
-            return replace(model, weights=Path(weights))
+            return replace(model, weights=_weights_file(weights))
         if model.weights is None and needs_weights:
             raise self.failure(
                 "NO_WEIGHTS",
@@ -169,9 +169,14 @@ class LookingSkill(Skill):
             raise self.failure("NO_WEIGHTS", str(error), fruit=model.name) from error
 
 
+def _weights_file(weights: str) -> Path:
+    """Return the file of this path, else the shipped one of this name."""
+    return find_weights(Path(), weights) or Path(weights)
+
+
 def _weights_problems(name: str, fruit: FruitModel, weights: str | None) -> Iterator[Problem]:
     if weights:
-        path = Path(weights)
+        path = _weights_file(weights)
         if not path.is_file():
             yield Problem("weights", f"there is no file {path}")
         elif needs_torch(path):
@@ -213,7 +218,7 @@ def _dope_detector(files: DopeFiles, fruit: str, dimensions: tuple[float, float,
     return DopeDetector.load(files, fruit, dimensions)
 
 
-@lru_cache(maxsize=1)
+@lru_cache(maxsize=4)
 def _box_detector(
     file: BoxModelFile, fruit: str, weights: Path | None, dimensions: tuple[float, float, float]
 ) -> BoxDetector:
