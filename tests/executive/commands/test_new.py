@@ -10,7 +10,9 @@ from pathlib import Path
 import pytest
 
 from pomona.executive.cli import main
+from pomona.executive.kit.package import EMPTY_TREE, OWN_TREE
 from pomona.executive.registry import Registry
+from pomona.executive.values.piece import Piece
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +52,26 @@ def test_every_piece_is_found_by_an_entry_point(kit: Path) -> None:
         'wall_camera = "my_fruit_kit.wall_camera:connect"',
     ):
         assert line in text
+
+
+@pytest.mark.parametrize("piece", [OWN_TREE, EMPTY_TREE], ids=["with skills", "alone"])
+def test_a_tree_passes_the_check_and_runs_dry(piece: Piece, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pomona.executive.commands.new.OWN_TREE", piece)
+    assert main(["new", "tree", "look_around", "--into", str(tmp_path)]) == 0
+    tree = str(tmp_path / "look_around.yaml")
+    assert main(["check", tree]) == 0
+    assert main(["run", tree, "--dry", "--no-record", "--quiet"]) == 0
+
+
+@pytest.mark.parametrize(("kind", "name", "module"), [("skill", "Detect", "pomona.skills"), ("node", "retry", "nodes")])
+def test_a_name_that_is_taken_is_refused(
+    kind: str, name: str, module: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["new", kind, name, "--into", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert f"{kind} '{name}' is installed already" in said
+    assert module in said
+    assert not list(tmp_path.iterdir())
 
 
 def test_cells_and_fruit_are_right(tmp_path: Path) -> None:

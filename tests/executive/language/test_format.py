@@ -160,3 +160,13 @@ def test_the_command(tmp_path, capsys):
     path.write_text("a: [")
     assert main(["fmt", str(path)]) == 2
     assert "Nothing was changed" in capsys.readouterr().err
+
+
+def test_a_time_has_a_space_before_its_unit_and_other_words_stay() -> None:
+    text = "pomona: 1\ntree: t\nroot:\n  Beep: {name: 5s, times: 3}\n  timeout: 5s\n"
+    assert formatted(text) == text.replace("timeout: 5s", "timeout: 5 s")
+
+
+def test_values_in_one_column_stay_aligned() -> None:
+    text = "parameters:\n  height: 1\n  mu:     2\nroot:   x\n"
+    assert formatted(text) == text.replace("root:   x", "root: x")

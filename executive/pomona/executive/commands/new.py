@@ -1,4 +1,4 @@
-"""`pomona new`: a package, or a piece of one such as a skill or a node type: typed, tested, ready to run."""
+"""`pomona new`: a tree, a package, or a piece of one such as a skill or a node type: typed, tested, ready to run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ from string import Template
 from typing import Any
 
 from pomona.executive.errors import UsageError
-from pomona.executive.kit.package import PACKAGE, TREE
+from pomona.executive.kit.package import EMPTY_TREE, OWN_TREE, PACKAGE, TREE
+from pomona.executive.language.declared_skills import declared_skills
+from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.values.installation import elsewhere
 from pomona.executive.values.piece import Piece
 
@@ -25,8 +27,8 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    kinds = sorted({point.name for point in entry_points(group=GROUP)} | {"package"})
-    parser = subparsers.add_parser("new", help="begin a package, or a piece of one such as a skill")
+    kinds = sorted({point.name for point in entry_points(group=GROUP)} | {"package", "tree"})
+    parser = subparsers.add_parser("new", help="begin a tree, a package, or a piece of one such as a skill")
     parser.add_argument("kind", type=_kind, choices=kinds)
     parser.add_argument("name", help="such as Weigh")
     about = "a folder; a package that stands there gets the piece, else a new one is begun"
@@ -54,13 +56,30 @@ def main(options: argparse.Namespace) -> int:
     words = _words(options.name)
     if options.kind == "package":
         written = begin(options.into / words["name"], words["name"])
+    elif options.kind == "tree":
+        written = _write(OWN_TREE if "MoveTo" in declared_skills() else EMPTY_TREE, words, options.into)
     else:
+        _refuse_taken(options.kind, words)
         (point,) = entry_points(group=GROUP, name=options.kind)
         written = put(point.load(), words, options.into)
     for path in written:
         sys.stdout.write(f"{path}\n")
     sys.stderr.write(f"next: {_next(written)}\n")
     return 0
+
+
+def _refuse_taken(kind: str, words: Mapping[str, str]) -> None:
+    """Refuse a name that another package has: a tree that uses it would be refused.
+
+    Raises:
+        UsageError: the name is taken.
+    """
+    name = words["Name"] if kind == "skill" else words["name"]
+    taken = {"skill": declared_skills, "node": NodeTypes.installed}.get(kind)
+    found = None if taken is None else taken().get(name)
+    if found is not None:
+        module = found.__module__ if isinstance(found, type) else type(found).__module__
+        raise UsageError(f"{kind} '{name}' is installed already, in {module}: take another name. Nothing was written.")
 
 
 def _next(written: list[Path]) -> str:

@@ -83,3 +83,38 @@ root:
 """,
     },
 )
+
+OWN_TREE = Piece(
+    "a tree to begin with",
+    {
+        "$name.yaml": """# Move the arm to a pose of the cell and wait there: pomona run $name.yaml
+pomona: 1
+tree: $name
+
+parameters:
+  pause: {type: time, default: 1 s, help: at the pose}
+
+root:
+  sequence:
+    - MoveTo: {pose: observe}
+    - wait: "{pause}"
+""",
+    },
+)
+
+EMPTY_TREE = Piece(
+    "a tree to begin with, where no skill is installed",
+    {
+        "$name.yaml": """# Wait, then end: pomona run $name.yaml --dry
+pomona: 1
+tree: $name
+
+parameters:
+  pause: {type: time, default: 1 s, help: before the end}
+
+root:
+  sequence:
+    - wait: "{pause}"
+""",
+    },
+)

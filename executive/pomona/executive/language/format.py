@@ -1,6 +1,7 @@
 """One way to write a tree file: indentation, spacing and blank lines; words, quotes, columns and comments stay.
 
-    formatted(text)    two spaces a level, lists indented below their key, `{a: 1, b: [2, 3]}`, one blank line at most
+    formatted(text)    two spaces a level, lists indented below their key, `{a: 1, b: [2, 3]}`, one blank line at most,
+                       one space behind a colon unless values are aligned, `5 s` behind `timeout`, `wait` and the like
 
 Lines move as a whole, so that aligned columns stay aligned. The YAML content is the same before and after; otherwise
 the text is not changed (`FormatError`).
@@ -18,6 +19,10 @@ from pomona.executive.errors import PomonaError
 
 STEP = 2
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_TIMED = frozenset(["wait", "timeout", "delay", "cooldown", "within"])
+"""Words whose value is a time."""
+
+_JOINED = re.compile(r"^(\d+(?:\.\d+)?)(ms|s|min|h)$")
 _OPENS = (yaml.FlowMappingStartToken, yaml.FlowSequenceStartToken)
 _CLOSES = (yaml.FlowMappingEndToken, yaml.FlowSequenceEndToken)
 
@@ -32,6 +37,13 @@ def formatted(text: str) -> str:
     Raises:
         FormatError: it is no YAML, or could not be moved safely.
     """
+    found, before = _formatted_once(text), text
+    while found != before:  # values that were aligned may not be so at their new places
+        found, before = _formatted_once(found), found
+    return found
+
+
+def _formatted_once(text: str) -> str:
     lines = [line.rstrip("\r") for line in text.split("\n")]
     try:
         root = yaml.compose("\n".join(lines), Loader=_LOADER)
@@ -147,13 +159,24 @@ def _spaced(lines: list[str]) -> list[str]:
                 cuts.setdefault(end.line, []).append((end.column, start.column, " " * wanted))
 
     tokens = [token for token in yaml.scan("\n".join(lines), Loader=_LOADER) if not _is_empty(token)]
+    begins = {(b.start_mark.line, b.start_mark.column) for a, b in pairwise(tokens) if isinstance(a, yaml.ValueToken)}
+    for key, _, value in zip(tokens, tokens[1:], tokens[2:], strict=False):
+        if isinstance(key, yaml.ScalarToken) and key.value in _TIMED and isinstance(value, yaml.ScalarToken):
+            joined = re.fullmatch(_JOINED, value.value) if value.plain else None
+            if joined is not None:
+                at = value.start_mark.column + joined.end(1)
+                cuts.setdefault(value.start_mark.line, []).append((at, at, " "))
     for one, other in pairwise(tokens):
         if isinstance(other, (yaml.FlowEntryToken, *_CLOSES)) or isinstance(one, _OPENS):
             between(one, other, 0, 0)
         elif isinstance(one, yaml.BlockEntryToken):
             between(one, other, 1, 1)
-        elif isinstance(one, (yaml.FlowEntryToken, yaml.ValueToken)):
+        elif isinstance(one, yaml.FlowEntryToken):
             between(one, other, 1, None)
+        elif isinstance(one, yaml.ValueToken):
+            line, column = other.start_mark.line, other.start_mark.column
+            aligned = {(line - 1, column), (line + 1, column)} & begins
+            between(one, other, 1, None if aligned else 1)
         elif isinstance(other, yaml.ValueToken):
             between(one, other, 0, 0)
     out = []
@@ -184,7 +207,7 @@ def _meaning(text: str) -> object:
     """Return the content that a YAML reader finds in a text, quotes included, marks excluded."""
     kinds = (yaml.ScalarEvent,)
     return [
-        (type(event).__name__, event.value, event.style if isinstance(event, kinds) else None)
+        (type(event).__name__, _JOINED.sub(r"\1 \2", event.value), event.style if isinstance(event, kinds) else None)
         if isinstance(event, kinds)
         else (type(event).__name__, getattr(event, "flow_style", None), getattr(event, "tag", None))
         for event in yaml.parse(text, Loader=_LOADER)
