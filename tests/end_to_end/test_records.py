@@ -64,7 +64,7 @@ def test_a_pick_is_explained_in_sentences(record: Path, capsys: pytest.CaptureFi
 def test_the_frames_of_a_pick_are_measured_again_by_another_cell(
     record: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    said(capsys, "runs", "frames", str(record), str(tmp_path / "out"))
+    said(capsys, "runs", "export", str(record), str(tmp_path / "out"), "--to", "frames")
     assert (tmp_path / "out" / "fingers.csv").stat().st_size > 100_000
     frames = ["--cell", "frames", "--set", f"folder={tmp_path / 'out' / 'frames'}", "--no-record", "--quiet"]
     assert main(["run", "measure_fruit", *frames]) == 0

@@ -124,7 +124,7 @@ def test_whatever_events_say_no_command_ends_in_a_traceback(
         for command in (
             ["runs", "list"], ["runs", "show", record], ["explain", record], ["replay", record], ["rerun", record],
             ["runs", "compare", record, record], ["runs", "export", record, f"{record}.jsonl"],
-            ["runs", "frames", record], ["runs", "repair", record],
+            ["runs", "export", record, "--to", "frames"], ["runs", "repair", record],
         ):  # fmt: skip
             assert main(command) in (0, 1, 2)
             said = capsys.readouterr()

@@ -180,7 +180,9 @@ def test_frames_and_export_say_what_they_wrote(capsys: pytest.CaptureFixture[str
     assert "one.zip" in say(capsys, "runs", "export", "one")
     assert "one.jsonl" in say(capsys, "runs", "export", "one", "one.jsonl")
     assert "exists, and nothing" in say(capsys, "runs", "export", "one", status=2)
-    assert "one_frames" in say(capsys, "runs", "frames", "one")
+    assert "one_frames" in say(capsys, "runs", "export", "one", "--to", "frames")
+    assert "one.html" in say(capsys, "runs", "export", "one", "one.html")
+    assert ".html (a page)" in say(capsys, "runs", "export", "one", "one.csv", status=2)
 
 
 def test_prune_lists_asks_and_spares(capsys: pytest.CaptureFixture[str]) -> None:
@@ -198,7 +200,7 @@ def test_prune_lists_asks_and_spares(capsys: pytest.CaptureFixture[str]) -> None
 @pytest.mark.parametrize(
     "command",
     [
-        ("runs", "show"), ("runs", "export"), ("runs", "frames"), ("runs", "repair"), ("replay",), ("rerun",),
+        ("runs", "show"), ("runs", "export"), ("runs", "repair"), ("replay",), ("rerun",),
         ("explain",), ("runs", "compare", "a"),
     ],
 )  # fmt: skip
@@ -216,9 +218,7 @@ def test_a_speed_that_is_none_is_refused_in_words(capsys: pytest.CaptureFixture[
 
 
 @pytest.mark.parametrize("content", [b"", b"not an mcap file", b"\x89MCAP0\r\n" + b"\xff" * 100, b"\x89MCAP0\r\n"])
-@pytest.mark.parametrize(
-    "command", [("runs", "show"), ("runs", "frames"), ("replay",), ("rerun",), ("explain",), ("runs", "export")]
-)
+@pytest.mark.parametrize("command", [("runs", "show"), ("replay",), ("rerun",), ("explain",), ("runs", "export")])
 def test_a_foreign_or_broken_file_gets_words_and_no_traceback(
     capsys: pytest.CaptureFixture[str], command: tuple[str, ...], content: bytes
 ) -> None:

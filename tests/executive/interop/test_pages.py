@@ -82,7 +82,7 @@ def test_a_full_disk_leaves_no_half_page(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Path, "write_text", full)
-    for command in (["page", "one", "one.html"], ["failures", "one.html"]):
+    for command in (["export", "one", "one.html"], ["failures", "one.html"]):
         monkeypatch.chdir(tmp_path)
         assert main(["runs", *command]) == 2
         assert "one.html: No space left on device" in capsys.readouterr().err
@@ -104,7 +104,7 @@ def test_a_run_becomes_a_page_with_its_tables_and_what_was_drawn_over_each_pictu
     picture = b"\x89PNG of the run"
     (runs / "one" / "picture.png").write_bytes(picture)
     page = tmp_path / "one.html"
-    assert main(["runs", "page", "one", str(page), "--record", str(runs)]) == 0
+    assert main(["runs", "export", "one", str(page), "--record", str(runs)]) == 0
     text = page.read_text()
     assert text.count("<h1>Events of one</h1>") == 1
     brief, rest = text.split("<details><summary>Every moment</summary>")
@@ -119,9 +119,9 @@ def test_a_run_becomes_a_page_with_its_tables_and_what_was_drawn_over_each_pictu
     assert "<td>&lt;script&gt;" in text
     assert "<script" not in text.lower()
     before = page.read_bytes()
-    assert main(["runs", "page", "one", str(page), "--record", str(runs)]) == 2
+    assert main(["runs", "export", "one", str(page), "--record", str(runs)]) == 2
     assert page.read_bytes() == before
-    assert main(["runs", "frames", "one", str(tmp_path / "frames"), "--record", str(runs)]) == 0
+    assert main(["runs", "export", "one", str(tmp_path / "frames"), "--to", "frames", "--record", str(runs)]) == 0
     assert (tmp_path / "frames" / "table_measured.csv").read_text().splitlines() == [
         "fruit,not measured", "1,", f"2,{EVIL}",
     ]  # fmt: skip

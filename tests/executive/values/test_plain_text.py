@@ -61,7 +61,7 @@ FILES = {
     [
         *(["check", "pick_apple", "--cell", "cell.yaml"], ["test", "scenario.yaml"], ["campaign", "campaign.yaml"]),
         *(["check", LONG], ["run", LONG], ["check", "pick_apple", "--cell", LONG], ["explain", LONG]),
-        *(["check", "pick_apple", "--set", f"fruit={LONG}"], ["runs", "page", LONG], ["fmt", LONG]),
+        *(["check", "pick_apple", "--set", f"fruit={LONG}"], ["runs", "export", LONG], ["fmt", LONG]),
     ],
     ids=lambda command: "_".join(word[:12] for word in command),
 )

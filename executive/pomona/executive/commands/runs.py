@@ -52,21 +52,16 @@ def add(subparsers: Any) -> None:
     exporting.add_argument("run", help=RUN)
     exporting.add_argument(
         "file", nargs="?", type=Path,
-        help="default: RUN.zip here. The ending selects the format:  "
-        + ", ".join(f"{ending} {what}" for ending, (_write, what) in FORMATS.items()),
+        help="default: RUN.zip here. The ending selects the format: "
+        + ", ".join(f"{ending} {what}" for ending, (_write, what) in FORMATS.items())
+        + ", .html a page that can be sent",
     )  # fmt: skip
-    exporting.add_argument("--to", choices=tuple(FOLDERS), help="instead of one file, the folder of another tool")
+    exporting.add_argument(
+        "--to", choices=tuple(FOLDERS), help="a folder: images and tables (frames), or of another tool"
+    )
     exporting.add_argument("--with", nargs="+", default=[], metavar="RUN", dest="more", help="lerobot: more episodes")
     exporting.add_argument("--rate", type=_positive, metavar="HZ", help="lerobot: steps a second (default: 10)")
     exporting.add_argument("--task", default="", metavar="WORDS", help="lerobot: the task (default: the tree)")
-
-    frames = _command(commands, "frames", _frames, "images, wrenches, joints, paths as PNG, CSV and JSON")
-    frames.add_argument("run", help=RUN)
-    frames.add_argument("folder", nargs="?", type=Path, help="default: RUN_frames here")
-
-    page = _command(commands, "page", _page, "one run with its tables and pictures as a page that can be sent")
-    page.add_argument("run", help=RUN)
-    page.add_argument("file", nargs="?", type=Path, metavar="FILE.html", help="default: RUN.html here")
 
     failures = _command(commands, "failures", _failures, "failed runs with pictures as one page that can be sent")
     failures.add_argument(
@@ -174,7 +169,7 @@ def _summary(record: Path) -> Summary:
     return summary
 
 
-# ------------------------------------------------------------------------------------------ export, frames
+# ------------------------------------------------------------------------------------------------ export
 
 
 def _export(options: argparse.Namespace) -> int:
@@ -184,6 +179,8 @@ def _export(options: argparse.Namespace) -> int:
     if options.to is not None:
         return FOLDERS[options.to](options, record)
     target = options.file or Path(f"{_name(record)}.zip")
+    if target.suffix == ".html":
+        return _write_page(record, target)
     export(record, target)
     Screen().print(f"{target}  {size(target.stat().st_size)}")
     return 0
@@ -206,6 +203,18 @@ def _export_lerobot(options: argparse.Namespace, record: Path) -> int:
     return 0
 
 
+def _export_frames(options: argparse.Namespace, record: Path) -> int:
+    from pomona.executive.recording.extract import extract
+
+    folder = options.file or Path(f"{_name(record)}_frames")
+    written = extract(record, folder)
+    console = Screen()
+    console.print(f"{folder}", style="bold")
+    for name, what in written.items():
+        console.print(f"  {name:<18} {what}", soft_wrap=True)
+    return 0
+
+
 def _say_folder(folder: Path, written: Mapping[str, str]) -> None:
     console = Screen()
     console.print(f"{folder}", style="bold")
@@ -216,21 +225,9 @@ def _say_folder(folder: Path, written: Mapping[str, str]) -> None:
 FOLDERS: Mapping[str, Callable[[argparse.Namespace, Path], int]] = {
     "rosbag2": _export_rosbag2,
     "lerobot": _export_lerobot,
+    "frames": _export_frames,
 }
-"""Exports of `--to`, by names of other tools."""
-
-
-def _frames(options: argparse.Namespace) -> int:
-    from pomona.executive.recording.extract import extract
-
-    record = find_record(options.run, options.record)
-    folder = options.folder or Path(f"{_name(record)}_frames")
-    written = extract(record, folder)
-    console = Screen()
-    console.print(f"{folder}", style="bold")
-    for name, what in written.items():
-        console.print(f"  {name:<18} {what}", soft_wrap=True)
-    return 0
+"""Exports of `--to`, by name."""
 
 
 def _failures(options: argparse.Namespace) -> int:
@@ -248,11 +245,9 @@ def _failures(options: argparse.Namespace) -> int:
     return 0
 
 
-def _page(options: argparse.Namespace) -> int:
+def _write_page(record: Path, file: Path) -> int:
     from pomona.executive.interop.pages import write_run
 
-    record = find_record(options.run, options.record)
-    file = options.file or Path(f"{_name(record)}.html")
     write_run(record, file)
     Screen().print(f"{file}  {size(file.stat().st_size)}", soft_wrap=True)
     return 0

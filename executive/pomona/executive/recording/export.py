@@ -55,6 +55,7 @@ def export(record: Path, target: Path) -> None:
     """
     if target.suffix not in FORMATS:
         known = ", ".join(f"{ending} ({what})" for ending, (_write, what) in FORMATS.items())
+        known += ", .html (a page). Tables and images: --to frames FOLDER"
         raise UsageError(f"{target}: the suffix selects the format: {known}")
     write, _what = FORMATS[target.suffix]
     with made_whole(target) as place:

@@ -136,7 +136,9 @@ def _measurements(record: Path, folder: Path) -> dict[str, str]:
             columns = {name: values for name, values in reading.items() if name not in ("t", "tick")}
             rows[plain_name(topic.removeprefix(DEVICES))].extend(_by_row(columns))
         elif topic.startswith(SERIES_TOPIC):
-            rows[f"series_{plain_name(topic.removeprefix(SERIES_TOPIC))}"].append(parse_object(content))
+            rows[f"series_{plain_name(topic.removeprefix(SERIES_TOPIC))}"].append(
+                {"stamp_s" if name == "t" else name: value for name, value in parse_object(content).items()}
+            )
     for name, samples in rows.items():
         _write_csv(folder / f"{name}.csv", samples)
     return {f"{name}.csv": f"{len(samples)} samples of {_quantities(samples[0])}" for name, samples in rows.items()}
@@ -148,7 +150,7 @@ def _by_row(columns: Mapping[str, Any]) -> Iterable[Mapping[str, Any]]:
 
 
 def _quantities(sample: Mapping[str, Any]) -> str:
-    names = [name for name in sample if name not in ("t", "stamp_s")]
+    names = [name for name in sample if name != "stamp_s"]
     return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
 
