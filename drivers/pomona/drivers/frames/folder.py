@@ -3,7 +3,7 @@
 121804_color.jpg        colour image, 8 bit
 121804_depth_mm.png     depth registered to it, uint16 [mm], 0 = no measurement
 intrinsics.yaml         fx, fy, cx, cy [px], width, height (optional: the cell file may hold them instead)
-frames.json             label and T_base_camera (4 x 4) of each frame (optional), as `pomona runs export --to frames` does
+frames.json             label and T_base_camera (4 x 4) of each frame (optional), as `pomona runs export` writes it
 """
 
 from __future__ import annotations

@@ -75,8 +75,12 @@ def _refuse_taken(kind: str, words: Mapping[str, str]) -> None:
         UsageError: the name is taken.
     """
     name = words["Name"] if kind == "skill" else words["name"]
-    taken = {"skill": declared_skills, "node": NodeTypes.installed}.get(kind)
-    found = None if taken is None else taken().get(name)
+    taken: Mapping[str, object] = {}
+    if kind == "skill":
+        taken = declared_skills()
+    elif kind == "node":
+        taken = NodeTypes.installed()
+    found = taken.get(name)
     if found is not None:
         module = found.__module__ if isinstance(found, type) else type(found).__module__
         raise UsageError(f"{kind} '{name}' is installed already, in {module}: take another name. Nothing was written.")
