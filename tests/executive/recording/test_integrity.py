@@ -323,3 +323,31 @@ def test_a_file_that_is_no_valid_record_is_refused_in_one_line(
     assert captured.out == ""
     assert captured.err.count("\n") == 1
     assert ("damaged" if name == "damaged" else "not a record of a run") in captured.err
+
+
+def test_an_index_that_names_a_chunk_many_times_is_refused(tmp_path: Path) -> None:
+    content = record(tmp_path, run_of(3)).read_bytes()
+    footer = content[-29 - len(MAGIC) : -len(MAGIC)]
+    start = int.from_bytes(footer[9:17], "little")
+    summary = content[start : -29 - len(MAGIC)]
+    at = 0
+    while summary[at] != 0x08:  # the first chunk index
+        at += HEAD.size + int.from_bytes(summary[at + 1 : at + 9], "little")
+    end = at + HEAD.size + int.from_bytes(summary[at + 1 : at + 9], "little")
+    forged = summary[:end] + 1000 * summary[at:end] + summary[end:]
+    head = footer[:17] + bytes(8)
+    crc = struct.pack("<I", zlib.crc32(forged + head))
+    (tmp_path / EVENTS_FILE).write_bytes(content[:start] + forged + head + crc + MAGIC)
+    assert examine(tmp_path / EVENTS_FILE).state == "whole"
+    assert digest(tmp_path).state == "damaged"
+    with pytest.raises(DamagedRecordError, match="overlap"):
+        list(read_events(tmp_path))
+
+
+@pytest.mark.parametrize("start", [1, 2**31, 2**63, 2**64 - 1])
+def test_a_footer_that_points_nowhere_is_damage(tmp_path: Path, start: int) -> None:
+    path = record(tmp_path, run_of(3))
+    content = path.read_bytes()
+    place = len(content) - len(MAGIC) - 20
+    path.write_bytes(content[:place] + struct.pack("<Q", start) + content[place + 8 :])
+    assert examine(path).state == "damaged"

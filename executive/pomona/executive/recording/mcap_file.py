@@ -150,6 +150,8 @@ def raw_record_at(stream: BinaryIO, at: int, size: int | None = None) -> RawReco
         DamagedError: no record has this opcode, or it is too large.
     """
     size = size_of(stream) if size is None else size
+    if not 0 <= at <= size:
+        raise CutError(at)
     stream.seek(at)
     head = stream.read(HEAD.size)
     if len(head) < HEAD.size:

@@ -216,10 +216,14 @@ def _untrusted(path: Path, why: str) -> DamagedRecordError:
 def _trusted_records(stream: BinaryIO, verdict: Verdict, begin: int, end: int) -> Iterator[RawRecord]:
     """Yield the chunks of an interval of time [ns] by the index; without one, every record up to `verdict.good`."""
     if verdict.chunks is not None:
-        size = size_of(stream)
+        size, read = size_of(stream), 0
         for chunk in verdict.chunks:
             if chunk.oldest <= end and chunk.newest >= begin:
-                yield raw_record_at(stream, chunk.at, size)
+                if chunk.at < read:  # a forged index must not multiply the cost of reading
+                    raise DamagedError(chunk.at, "the chunks of the index overlap")
+                raw = raw_record_at(stream, chunk.at, size)
+                read = raw.end
+                yield raw
         return
     for raw in raw_records(stream) if verdict.good > len(MAGIC) else ():
         if raw.opcode in (Opcode.CHUNK, Opcode.CHANNEL, Opcode.MESSAGE):
