@@ -1,4 +1,4 @@
-"""What holds for all tests."""
+"""Configuration of all tests."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def pytest_collection_finish() -> None:
-    """What was imported and collected stays: looking through it again at each collection of garbage took 6 % of the
-    time of all tests, half a second at once in the middle of whichever test came then.
+    """Exclude imported and collected objects from garbage collection: scans of them took 6 % of the time of all tests,
+    half a second at once in the middle of a random test.
     """
     gc.collect()
     gc.freeze()
@@ -38,8 +38,8 @@ def pytest_collection_finish() -> None:
 
 @pytest.hookimpl(tryfirst=True)  # before -m chooses
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What needs a browser or is a whole pick is slow, whatever it says. Tutorials come first: they take up to a minute
-    each, and whichever test comes last is waited for by one of two workers alone.
+    """Mark tests with a browser or a whole pick as slow. Tutorials come first: they take up to a minute each, and one
+    worker would wait for a late one.
     """
     for item in items:
         if item.get_closest_marker("browser") is not None or "end_to_end" in item.path.parts:

@@ -1,4 +1,4 @@
-"""What is public says what it is for, its arrays' shapes and its errors; what overrides may leave it to the other."""
+"""Public objects document their purpose, their arrays' shapes and their errors; overrides may inherit this."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SAID_BY_PY_TREES = {"tick", "update", "initialise", "terminate", "setup"}
 
 @dataclass
 class Class:
-    """A class as its text says it: where, bases by name, and which methods have a docstring."""
+    """A class from its text: place, bases by name, and its documented methods."""
 
     place: str
     package: str
@@ -55,7 +55,7 @@ def is_public(name: str) -> bool:
 
 
 def inherited(classes: dict[str, list[Class]], found: Class, method: str) -> bool:
-    """Whether a class above it says what the method does."""
+    """Return True if a base class documents the method."""
     for base in found.bases:
         for above in classes.get(base, ()):
             if above.methods.get(method, (False, ""))[0] or inherited(classes, above, method):

@@ -9,10 +9,10 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 
 SEEN_FROM_BOTH_SIDES = {"Cell", "CellFile", "CellFiles", "FaultSwitch"}
-"""The executive's Protocols, and what of the drivers fulfils them: one thing on both sides of a wall."""
+"""The executive's Protocols, and the drivers' classes that fulfil them: one object on both sides of a wall."""
 
 WITH_THEIR_MODULE = {"Condition", "Ports", "Words"}
-"""What may stand behind a word of the tree language: always written with its module, `takes.Condition`."""
+"""Values of words of the tree language: always written with their module, `takes.Condition`."""
 
 
 def test_a_public_class_has_a_name_of_its_own() -> None:

@@ -21,7 +21,7 @@ WITHOUT_OMPL = ("windows amd64",)
 
 
 def resolve(system: str, requirements: list[str], target: Path) -> str:
-    """Return what pip complains of; empty when each requirement has a wheel."""
+    """Return pip's complaints; empty when each requirement has a wheel."""
     platforms = [word for name in SYSTEMS[system] for word in ("--platform", name)]
     command = [sys.executable, "-m", "pip", "install", "--quiet", "--dry-run", "--no-deps", "--only-binary", ":all:"]
     done = subprocess.run(

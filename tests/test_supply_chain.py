@@ -1,4 +1,4 @@
-"""The bill of materials and the lock file say what is there."""
+"""The bill of materials and the lock file list the installed packages."""
 
 from __future__ import annotations
 

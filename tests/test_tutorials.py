@@ -1,7 +1,7 @@
 """docs/tutorials and docs/how_to: every page runs as it is written, in an empty folder.
 
 A fence with a `title="file"` writes a file, the lines of `bash` are typed (`exit=2`: they end so, `exit=any`: anyhow),
-and those of `text` are, in this order, within what the commands before them printed. What a page marks `long=yes` is
+and those of `text` are, in this order, within the output of the commands before them. Fences marked `long=yes` are
 typed by `make test-long`, as are the how-to pages and the two tutorials that make whole campaigns of picks.
 """
 
@@ -38,7 +38,7 @@ def test_a_page_runs_as_it_is_written_with_all_that_takes_long(page: Path, tmp_p
 
 
 def follow(page: Path, folder: Path, long: bool) -> int:
-    """Do what a page says; how many commands were typed."""
+    """Type the commands of a page; return their number."""
     text, printed, typed = page.read_text("utf-8"), "", 0
     here = str(folder / "site-packages")  # what a page installs stays in its folder
     environment = os.environ | {

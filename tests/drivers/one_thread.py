@@ -1,4 +1,4 @@
-"""For thread-race stress tests: what must be used by one thread alone says so, and callers that hammer a device."""
+"""Thread-race stress tests: an object that reports use by a second thread, and callers that hammer a device."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class OneThread:
 
 
 def hammer(calls: dict[str, Callable[[np.random.Generator], object]], rounds: int = 250, threads: int = 4) -> list[str]:
-    """Make random calls from several threads at once; what went wrong, but for refusals, which are answers.
+    """Make random calls from several threads at once; return the errors, except refusals, which are answers.
 
     Every thread has its own seed; how their calls fall together is the machine's affair.
     """

@@ -1,4 +1,4 @@
-"""A depth model from balls and walls: against sensors whose errors are known, and data that cannot tell."""
+"""A depth model from balls and walls: against sensors of known errors, and insufficient data."""
 
 import argparse
 from pathlib import Path

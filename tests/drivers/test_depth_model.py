@@ -1,4 +1,4 @@
-"""How depth errs: against its formulas, and what a file may say of it."""
+"""Error models of depth: against their formulas, and their files."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -24,7 +24,7 @@ class Fingers:
         self.said: list[str] = []
 
     def run(self, seconds: float, speed: float = 0.0) -> list[str]:
-        """What was said while the fingers moved with a speed [m/s]."""
+        """Return the reports while the fingers moved with a speed [m/s]."""
         began = len(self.said)
         for _ in range(round(seconds / PERIOD)):
             self.now += PERIOD

@@ -1,4 +1,4 @@
-"""What is kept of a hand between two connections, and what becomes of a file that is damaged or cannot be written."""
+"""State of a hand between two connections, and a file of it that is damaged or cannot be written."""
 
 from __future__ import annotations
 

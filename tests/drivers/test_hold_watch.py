@@ -1,4 +1,4 @@
-"""What is said to be between the fingers, when they press, hardly press, open and close."""
+"""Contact between the fingers when they press, hardly press, open and close."""
 
 from __future__ import annotations
 

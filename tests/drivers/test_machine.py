@@ -1,4 +1,4 @@
-"""What is missing on a machine is said, with how to get it."""
+"""Missing parts of a machine are reported, with their installation."""
 
 from __future__ import annotations
 

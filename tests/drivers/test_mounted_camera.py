@@ -1,4 +1,4 @@
-"""What somebody else may have written into the file of the camera's pose."""
+"""Foreign files of the camera's pose."""
 
 from __future__ import annotations
 

@@ -142,7 +142,7 @@ def test_closing_makes_the_calls_that_are_left(served: Served) -> None:
 
 
 class TurnClock(ManualClock):
-    """Gives a thread that runs when somebody lets time pass."""
+    """Provides a thread that runs when time passes."""
 
     class Turns:
         def __init__(self, run: Callable[[], None]) -> None:

@@ -1,4 +1,4 @@
-"""What a cell's devices measured reaches the record once, in order, with names that carry units."""
+"""Measurements of a cell's devices reach the record once, in order, with names that carry units."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Meshes of a scene: read, refused with what to do, and cut into parts that contain them."""
+"""Meshes of a scene: read, refused with a remedy, and cut into parts that contain them."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ def streamed(q: tuple[float, ...] = (0.0, 0.5, -1.0), watchdog: float = 0.3) -> 
 
 
 def steps(motion: StreamedMotion, count: int, aim: object = None) -> tuple[np.ndarray, np.ndarray]:
-    """What the arm is told at each step, positions and velocities."""
+    """Return the arm's set-points at each step, positions and velocities."""
     told = []
     for _ in range(count):
         if aim is not None:

@@ -1,4 +1,4 @@
-"""Which samples of a device are let through, and what is told of the others."""
+"""Accepted samples of a device, and the reports about the others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a cell file says about the surroundings of the arm."""
+"""Surroundings of the arm in a cell file."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ CELL = "kind: mock\nworkspace:\n  lower: -1 -1 -1 m\n  upper: 1 1 1 m\n{}\ndevic
 
 @pytest.fixture
 def judge(tmp_path):
-    """The workspace that a cell file with these lines has, and what is found wrong with it."""
+    """Return the workspace of a cell file with these lines, and its findings."""
 
     def judged(lines):
         path = tmp_path / "cell.yaml"

@@ -1,4 +1,4 @@
-"""What holds for whole picks."""
+"""Configuration of whole picks."""
 
 from __future__ import annotations
 

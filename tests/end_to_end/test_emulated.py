@@ -17,7 +17,7 @@ def pick(seed: int, received: list[Event], cell: str = "emulated") -> Executed:
 
 
 def story(received: list[Event]) -> list[str]:
-    """All but what the wall's clock has to do with."""
+    """Return the parts that do not depend on the wall clock."""
     return [
         repr(e) for e in received if type(e).__name__ in ("NodeChanged", "AttemptEnded", "StateChanged", "LinkChanged")
     ]

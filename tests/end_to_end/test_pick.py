@@ -65,7 +65,7 @@ def test_the_json_line_has_what_a_program_needs(tmp_path: Path, capsys: pytest.C
 
 
 def story(executed_events: list[Event]) -> str:
-    """Everything that must be the same from run to run: all but what the wall's clock has to do with."""
+    """Return the parts that must be equal in every run: all that do not depend on the wall clock."""
     kept = [e for e in executed_events if type(e).__name__ in ("NodeChanged", "AttemptEnded", "StateChanged")]
     return "\n".join(repr(event) for event in kept)
 

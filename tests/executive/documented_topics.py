@@ -36,7 +36,7 @@ def row_of(topic: str) -> str:
 
 
 def definitions() -> dict[str, str]:
-    """Definitions of our own types, as files say them, without comments: `pomona_msgs/msg/Sample`."""
+    """Return definitions of Pomona's own types from their files, without comments: `pomona_msgs/msg/Sample`."""
     found: dict[str, list[str]] = {}
     name = ""
     for line in TEXT.splitlines():

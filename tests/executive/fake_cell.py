@@ -1,4 +1,4 @@
-"""A cell with one device that moves, on a manual clock: enough to see what the runner does to a cell."""
+"""A cell with one device that moves, on a manual clock: enough to test the runner's actions on a cell."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Wheel:
 
 
 class FakeCell:
-    """What `pomona.executive.running.cell.Cell` asks for."""
+    """The interface `pomona.executive.running.cell.Cell`."""
 
     name, kind = "fake", "mock"
     record_required = False

@@ -142,7 +142,7 @@ def write(folder: Path, events: tuple[Event, ...]) -> Path:
 
 
 def foreign(folder: Path, *events: bytes) -> Path:
-    """A record whose checksums are right and whose events are whatever somebody wrote."""
+    """Write a record with correct checksums and arbitrary events."""
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / EVENTS_FILE).open("wb") as stream:
         writer = new_writer(stream, CompressionType.NONE)
@@ -180,4 +180,4 @@ HOSTILE: dict[str, bytes] = {
     "an_image": b'{"event":"Published","t":0,"tick":0,"node":"a","topic":"b","value":{"type":"ImageView","lines":7}}',
     "bytes": b'{"event":"RunStarted"\xff\xfe\x00',
 }
-"""Events that nobody would write, by what is odd about them."""
+"""Malformed events, by their defect."""

@@ -119,11 +119,11 @@ DRAWN = """async () => {
     const next = () => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
     do await next(); while (page.dirty || page.drawing);
 }"""
-"""Waits in the page until it has drawn what it has been told."""
+"""Waits in the page until it has drawn the latest messages."""
 
 
 class Wire:
-    """What lies between a page and its server; `open` says whether anything passes."""
+    """The connection between a page and its server; data pass while `open` is True."""
 
     def __init__(self, page: Any) -> None:
         self.open = True
@@ -201,7 +201,7 @@ class Show:
         return runner, recorder.close
 
     def close(self) -> None:
-        """End what still runs."""
+        """End running processes."""
         GATE.set()
         runner = self.dashboard.control.runner
         if runner is not None:

@@ -61,7 +61,7 @@ def project(folder: Path) -> dict[str, Any]:
 
 
 def required(names: Mapping[str, None]) -> Iterator[Distribution]:
-    """Installed distributions of these names, and what they require."""
+    """Yield installed distributions of these names, and their requirements."""
     waiting, seen = list(names), set[str]()
     while waiting:
         name = waiting.pop()

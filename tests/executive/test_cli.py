@@ -1,4 +1,4 @@
-"""What a person gets for unusable input: one clear message, exit status 2, no traceback, nothing moved."""
+"""Unusable input gives one clear message, exit status 2, no traceback, and no motion."""
 
 from __future__ import annotations
 

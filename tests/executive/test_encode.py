@@ -1,4 +1,4 @@
-"""The record's compiled encoder writes what the standard one writes."""
+"""The record's compiled encoder writes the same as the standard one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Orders: what is set before a run begins."""
+"""Orders: settings before a run begins."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Trees and cells by name, and what is taken when nobody names one."""
+"""Trees and cells by name, and their defaults."""
 
 from pathlib import Path
 

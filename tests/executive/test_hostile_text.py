@@ -1,4 +1,4 @@
-"""Nothing that a tree, a record or a name says does anything in a terminal but be read."""
+"""No text of a tree, a record or a name controls a terminal."""
 
 from __future__ import annotations
 

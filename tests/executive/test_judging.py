@@ -1,4 +1,4 @@
-"""Tree, cell and what skills need are judged together, at their places, and nothing is connected for it."""
+"""Tree, cell and the requirements of skills are checked together, at their places, without a connection."""
 
 from __future__ import annotations
 

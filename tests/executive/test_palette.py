@@ -1,4 +1,4 @@
-"""One palette: what Python draws has the colours of the operator's page in its light scheme."""
+"""One palette: Python's graphics have the colours of the operator's page in its light scheme."""
 
 import re
 from pathlib import Path

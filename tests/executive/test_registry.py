@@ -1,4 +1,4 @@
-"""Skills are found by entry point; what cannot be used is reported and does not stop the others."""
+"""Skills are found by entry point; an unusable one is reported and does not stop the others."""
 
 from __future__ import annotations
 

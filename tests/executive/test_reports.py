@@ -1,4 +1,4 @@
-"""What a report says of attempts and figures is what happened."""
+"""Attempts and figures of a report are those of the run."""
 
 from __future__ import annotations
 

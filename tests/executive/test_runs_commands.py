@@ -47,7 +47,7 @@ def inside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def say(capsys: pytest.CaptureFixture[str], *arguments: str, status: int = 0) -> str:
-    """What a command prints, with its line breaks taken out."""
+    """Return the output of a command, without its line breaks."""
     capsys.readouterr()
     assert main(list(arguments)) == status
     captured = capsys.readouterr()

@@ -1,4 +1,4 @@
-"""A port is said once, in the signature of `run`; a mistake is an error when the class is made."""
+"""A port is declared once, in the signature of `run`; a mistake is an error when the class is made."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A saved tree is checked, its changes are told, and it runs again only when it can."""
+"""A saved tree is checked, its changes are reported, and it runs again only when it can."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TREE = "pomona: 1\ntree: t\nroot:\n  sequence:\n    - wait: 1 s\n"
 
 
 def watched(path: Path, saves: list[Callable[[], object]]) -> tuple[int, str]:
-    """Runs and what was told, while the file is saved as in `saves`, one between two looks."""
+    """Return the runs and reports while the file is saved as in `saves`, one between two checks."""
     runs: list[int] = []
     told = io.StringIO()
     script = iter(saves)

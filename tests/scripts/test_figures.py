@@ -1,5 +1,6 @@
-"""scripts/figures.py and pictures.py: figures show what the code computes today, and no picture is older than what it
-was made from."""
+"""scripts/figures.py and pictures.py: figures show the present results of the code, and no picture is older than its
+sources.
+"""
 
 from __future__ import annotations
 

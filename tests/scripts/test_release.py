@@ -1,4 +1,4 @@
-"""scripts/release.py: what keeps a version from being released is said, before anything is built."""
+"""scripts/release.py: obstacles to a release are reported before anything is built."""
 
 from __future__ import annotations
 

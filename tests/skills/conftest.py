@@ -30,7 +30,7 @@ CLOSE_UP = Intrinsics(610.6, 610.6, 161.3, 119.6, 320, 240)
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What a camera saw, what a detector said about it, and the truth."""
+    """A camera's frame, a detector's output for it, and the truth."""
 
     depth: NDArray[np.float32]
     intrinsics: Intrinsics

@@ -22,7 +22,7 @@ Ball = tuple[float, float, float, float]
 
 
 def depth_of(*balls: Ball) -> np.ndarray:
-    """What it measures, shape (240, 320) [m]."""
+    """Return its measured depth, shape (240, 320) [m]."""
     v, u = np.indices((LENS.height, LENS.width))
     rays = np.stack([(u - LENS.cx) / LENS.fx, (v - LENS.cy) / LENS.fy, np.ones(u.shape)], axis=-1)
     depth = np.full(u.shape, T_BASE_CAMERA[2, 3] - TABLE_Z)
@@ -66,7 +66,7 @@ def frame(stamp: float, *balls: Ball) -> Frame:
 
 
 class Overhead:
-    """A camera that is asked for depth alone; `balls` are what it sees from the next frame on.
+    """A camera that delivers depth alone; `balls` are visible from the next frame on.
 
     Attributes:
         untrue: a failure code; its frames are then those of `untrue_frame`.

@@ -1,4 +1,4 @@
-"""A table with an apple, the shipped robot and mock devices: what the tests of moving skills share."""
+"""A table with an apple, the shipped robot and mock devices, for the tests of moving skills."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -108,7 +108,7 @@ class PickingScene:
         self.clock.advance(0.01)
 
     def arm_trouble(self, code: str) -> Callable[[int], None]:
-        """For `drive(each_tick=…)`: what makes a skill that moves the arm fail with a code of `MOTION_FAILURES`."""
+        """Return a function for `drive(each_tick=…)` that provokes a failure code of `MOTION_FAILURES`."""
         if code == "REFUSED":
             self.arm.refuse_next("servo off")
         elif code == "MOTION_FAILED":

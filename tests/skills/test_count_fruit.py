@@ -37,7 +37,9 @@ def frame(label: str, placed: bool = True) -> Frame:
 
 
 def looked(label: str, apples: dict[int, int], placed: bool = True, lost: tuple[int, ...] = ()):
-    """What was found in a frame: the paper's apples by number, each at its place of the table; `lost` not measured."""
+    """Return the detections in a frame: the paper's apples by number, each at its place of the table; `lost` not
+    measured.
+    """
     shown = frame(label, placed)
     sightings, detections = [], []
     for number, place in apples.items():

@@ -50,7 +50,7 @@ def instance(x: float, z: float, score: float = 0.9, visibility: float = 1.0, po
 
 @pytest.fixture
 def scripted(monkeypatch: pytest.MonkeyPatch, tmp_path: object) -> list[Instance]:
-    """What the detector will say, instead of running networks."""
+    """Script the detector's output, instead of running networks."""
     instances: list[Instance] = []
     monkeypatch.setattr(looking, "find_in_frame", lambda _frame, _fruit, _options: list(instances))
     apple = replace(load_fruit("apple"), weights=Path("apple.weights"))

@@ -42,7 +42,7 @@ def instance(score: float, posed: bool = True) -> Instance:
 
 @pytest.fixture
 def scripted(monkeypatch: pytest.MonkeyPatch) -> list[Instance]:
-    """What the detector will say, instead of running networks."""
+    """Script the detector's output, instead of running networks."""
     instances: list[Instance] = []
     monkeypatch.setattr(looking, "find_in_frame", lambda _frame, _fruit, _options: list(instances))
     apple = replace(load_fruit("apple"), weights=Path("apple.weights"))

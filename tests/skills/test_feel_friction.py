@@ -1,4 +1,4 @@
-"""The skill FeelFriction on mock devices: what it feels, what it leaves behind, and every failure code."""
+"""The skill FeelFriction on mock devices: its measurement, its effects, and every failure code."""
 
 from __future__ import annotations
 

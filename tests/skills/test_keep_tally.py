@@ -1,4 +1,4 @@
-"""What became of every fruit: one entry a fruit, however often it is tried; those that are left are named."""
+"""The outcome for every fruit: one entry a fruit, for any number of tries; those that are left are named."""
 
 from dataclasses import replace
 from typing import Any

@@ -1,4 +1,4 @@
-"""The skill OpenFingers on mock devices: it opens where open fingers fit, leaves it where they do not, and says why."""
+"""The skill OpenFingers on mock devices: it opens where open fingers fit, refuses elsewhere, and gives the reason."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A learned policy moves the arm within its limits, or says why it does not; a file that holds none moves nothing."""
+"""A learned policy moves the arm within its limits, or gives the reason; a file without one moves nothing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The skills SlipAvoidGrasp and Pivot on mock devices: success, every failure code, interruption, what comes after."""
+"""The skills SlipAvoidGrasp and Pivot on mock devices: success, every failure code, interruption, later nodes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""UpdateMap fuses the right look, checks where the camera was, and says why it could not."""
+"""UpdateMap fuses the right frame, checks the camera's pose, and gives the reason of a failure."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Mutation fuzzer of cell files: whatever is wrong is a finding with a place, never a traceback, and nothing connects.
+"""Mutation fuzzer of cell files: every error is a finding with a place, never a traceback, and nothing connects.
 
 python tests/drivers/cell/fuzz_cells.py --cases 100000 --seed 1
 """
@@ -44,7 +44,7 @@ def shipped_cells() -> dict[Path, str]:
 
 
 def fuzz(cases: int, seed: int) -> list[str]:
-    """Try so many cases; the texts that broke something, with what happened."""
+    """Try a number of cases; return the texts that broke something, with the error."""
     mutations, cells = load_mutations(), shipped_cells()
     paths, texts, broken = list(cells), list(cells.values()), []
     for case in range(cases):

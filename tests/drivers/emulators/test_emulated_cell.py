@@ -23,7 +23,7 @@ PATIENT = {
 
 
 def free_ports(folder: Path) -> dict[str, str]:
-    """Addresses that nobody uses."""
+    """Return free addresses."""
     while True:
         servers = [socket.create_server(("127.0.0.1", 0)) for _ in range(3)]
         arm, gripper, camera = (server.getsockname()[1] for server in servers)

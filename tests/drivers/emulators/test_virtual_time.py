@@ -95,7 +95,7 @@ def test_an_owner_under_it_carries_out_nothing_before_time_passes_and_everything
 
 
 class Echo:
-    """Answers what it receives."""
+    """Sends back its input."""
 
     def __init__(self):
         self.peers = []

@@ -1,4 +1,4 @@
-"""Mock devices do what their scripts say, on one clock."""
+"""Mock devices follow their scripts, on one clock."""
 
 import numpy as np
 import pytest

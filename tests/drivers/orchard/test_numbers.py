@@ -6,7 +6,9 @@ from pomona.drivers.orchard.numbers import read_numbers
 from .conftest import NUMBERS
 
 FROZEN = "23f4d04c376ffbbe"
-"""What the skills are tuned against. Change it only with a new comparison with the measured pulls in docs/decisions."""
+"""Digest of the numbers that the skills are tuned for. Change it only with a new comparison with the measured pulls in
+docs/decisions.
+"""
 
 
 def test_the_numbers_are_those_that_were_frozen(numbers):

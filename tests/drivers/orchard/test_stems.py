@@ -14,7 +14,7 @@ WEIGHT = 0.17 * 9.81
 
 
 class Pulled:
-    """One fruit, loaded at its stem's seat on the spur by what grows slowly."""
+    """One fruit, with a slowly growing load at its stem's seat on the spur."""
 
     def __init__(self, built):
         self.built, self.data = built, mujoco.MjData(built.model)
@@ -58,7 +58,7 @@ def test_a_twist_breaks_it_at_its_strength(numbers):
 
 
 def test_a_bend_breaks_it_at_its_strength_though_the_fruits_weight_helps_to_hold(numbers):
-    """The moment in the stem is what is applied, less the weight's lever arm at the angle that it is bent."""
+    """The moment in the stem is the applied one, less the weight's lever arm at the bending angle."""
     pulled = Pulled(one_fruit(numbers, only(bend=0.12)))
     share = pulled.until_broken(moment=(0.05, 0.0, 0.0))
     angle = 0.12 / 2.0

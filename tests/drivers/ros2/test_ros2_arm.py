@@ -1,4 +1,4 @@
-"""An arm behind ros2_control: it follows, it stops, and what happens when the other side lies, goes or floods."""
+"""An arm behind ros2_control: following, stopping, and a peer with false data, without answers, or with floods."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ STEP = 0.005
 class Controller:
     """A joint_trajectory_controller and a joint_state_broadcaster, on a wire that the test holds.
 
-    As the real one it joins points by cubics, replaces what it does by what comes, refuses what ends in the past or
-    does not end at rest, and holds its last position.
+    As the real one it joins points by cubics, replaces its trajectory by a new one, refuses one that ends in the past
+    or not at rest, and holds its last position.
     """
 
     def __init__(self, clock: ManualClock) -> None:

@@ -1,4 +1,4 @@
-"""A camera that is a topic of ROS 2: its pixels, and what happens when it is lost, frozen, floods or sends nonsense."""
+"""A camera on ROS 2 topics: its pixels, and its behaviour when it is lost, frozen, floods or sends nonsense."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ TOPICS = CameraTopics(("/colour", IMAGE), ("/depth", IMAGE), ("/info", INFO), 0.
 
 
 class Wire:
-    """A peer that hands over what the test publishes."""
+    """A peer that passes on the test's messages."""
 
     def __init__(self) -> None:
         self.takers: dict[str, Callable[[bytes], None]] = {}

@@ -1,4 +1,4 @@
-"""A gripper behind ros2_control: moves, streamed speeds, and what happens when the other side does not do its part."""
+"""A gripper behind ros2_control: moves, streamed speeds, and a failing peer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Many threads call an arm and a gripper of ROS 2 at once; one of them alone may say something on the wire."""
+"""Many threads call an arm and a gripper of ROS 2 at once; only one of them may write to the wire."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ FAR = np.array([0.05, -0.04, 0.03])
 
 
 class LiveController(Controller, OneThread):
-    """Follows in real time what it is told, in a thread of its own as the wire has one."""
+    """Follows its commands in real time, in a thread of its own as the wire has one."""
 
     def __init__(self) -> None:
         OneThread.__init__(self)
@@ -63,7 +63,7 @@ class Standing(SystemClock):
     """Time passes by itself."""
 
     def advance(self, duration: float) -> None:
-        """Nobody waits."""
+        """Do not wait."""
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""The simulated arm follows within limits, stops and pauses on its path, and refuses what it must not do."""
+"""The simulated arm follows within limits, stops and pauses on its path, and refuses invalid commands."""
 
 import numpy as np
 import pytest

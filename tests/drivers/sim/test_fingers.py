@@ -159,7 +159,7 @@ CANNOT_BE = {
     "early": "stamps its samples 10 s in the future",
     "repeated": "repeats its sample 10",
 }
-"""Lies that show in the stream itself, and how they are told; the others show only beside other signals."""
+"""Faults that the stream itself shows, with their messages; the others show only beside other signals."""
 
 
 @pytest.mark.parametrize("listening", [True, False])

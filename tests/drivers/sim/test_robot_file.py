@@ -1,4 +1,4 @@
-"""The robot's file: kinematics of the manufacturer, frames where the interfaces say, limits of every joint."""
+"""The robot's file: kinematics of the manufacturer, frames as in the interfaces, limits of every joint."""
 
 import os
 import shutil

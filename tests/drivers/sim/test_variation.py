@@ -1,4 +1,4 @@
-"""What a campaign varies in the simulated cell changes that, and nothing else."""
+"""Options of a campaign change their part of the simulated cell, and nothing else."""
 
 import numpy as np
 import pytest

@@ -288,7 +288,7 @@ def test_it_streams_over_real_pseudo_terminals(terminals: tuple[str, str]) -> No
 
 
 def told(rig: Rig, limit: float = 0.05) -> str:
-    """What is wrong, within so many seconds."""
+    """Return the problem within a time [s]."""
     end = rig.clock.now() + limit
     while rig.fingers.link() == "ok" and rig.clock.now() < end:
         rig.fingers.step()
@@ -355,7 +355,7 @@ def pressing(fingers: SunTouchFingers) -> float:
 
 
 class Hand:
-    """A rig whose fingers a gripper moves, and what is kept from one process to the next."""
+    """A rig with a gripper, and the state kept from one process to the next."""
 
     def __init__(self, width: float, record: HandRecord | None = None) -> None:
         self.rig, self.memory = Rig(), HandMemory(None, record)

@@ -1,7 +1,7 @@
-"""The fingers' driver under random commands, faults and passing time, against what the emulated pads truly feel.
+"""The fingers' driver under random commands, faults and passing time, against the true wrenches of the emulated pads.
 
-Whatever comes: a sample that is delivered is true and of its time, a fault that lasts is told and stops the gripper
-once, what was wrong stays so until somebody has acknowledged it, and when the faults are over samples flow again.
+In every case a delivered sample is true and of its time. A lasting fault is reported and stops the gripper once. A
+problem stays until it is acknowledged, and when the faults are over samples flow again.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pomona.drivers.suntouch.driver import RECONNECT
 from tests.drivers.suntouch.test_driver import Line, Rig
 
 TOLD = 0.1
-"""A fault that has lasted so long is told [s]; 40 ms of silence, and the answers that are waited for."""
+"""Duration after which a fault is reported [s]; 40 ms of silence, and the answers that are waited for."""
 NEAR = 8.0 * NOISE * np.sqrt(TAXELS) + 0.03
 """The test's calibration sums the voltages: noise, the bias's own noise, and 12 bits of 3.3 V."""
 FAULTS = ("silent", "stuck", "dead", "restless", "cut")
@@ -113,7 +113,7 @@ class FingersMachine(RuleBasedStateMachine):
 
     @rule(side=st.sampled_from([0, 1]), kind=st.sampled_from(FAULTS))
     def break_for_a_while(self, side: int, kind: str) -> None:
-        """What matters most, often: it must still be told when all is well again."""
+        """Break a finger for a while, the most important case: the fault must still be reported when it is over."""
         self.something_breaks(side, kind)
         self.serve(TOLD + 0.01)
         self.mend()

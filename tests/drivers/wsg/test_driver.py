@@ -26,7 +26,7 @@ OFFSET = 0.035
 
 
 class Wire:
-    """Both ends of a wire, and time that passes only while somebody listens."""
+    """Both ends of a wire; time passes only during reads."""
 
     def __init__(self) -> None:
         self.clock = ManualClock(100.0)

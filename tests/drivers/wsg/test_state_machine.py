@@ -1,7 +1,7 @@
 """The gripper's driver under random commands, faults and passing time, against the emulated gripper's truth.
 
-Whatever comes: a gripper that was stopped does not move, one that was lost or stopped stays so until somebody has
-acknowledged, nobody says that moving fingers have settled, and when the faults are over it works again.
+In every case a stopped gripper does not move. A lost or stopped one stays so until it is acknowledged, moving fingers
+never count as settled, and when the faults are over it works again.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ OBEYED = 0.15
 DISOBEYED = 1.0
 """Fingers that run away are found, stopped, found to go on, and stopped by force within this time [s]."""
 SEEN = 0.05
-"""What the fingers do is known to the driver after this time [s]."""
+"""Delay after which the driver knows the fingers' motion [s]."""
 
 
 FAULTS = ("silent", "cut", "busy", "hot", "current", "fast stop", "obstacle", "opens", "closes")
@@ -166,7 +166,7 @@ class GripperMachine(RuleBasedStateMachine):
 
     @rule(width=st.sampled_from([0.036, 0.102]), by=st.sampled_from(("safe stop", "pause", "stream", *FAULTS)))
     def interrupt_a_move(self, width: float, by: str) -> None:
-        """What matters most, often: something happens to a move that is well under way."""
+        """Interrupt a move in progress, the most important case."""
         self.mend(acknowledge=True)
         self.move(width, 0.03)
         if by == "safe stop":

@@ -17,7 +17,7 @@ from tests.drivers.one_thread import PATIENCE, OneThread, hammer
 
 
 class LiveWire(OneThread):
-    """An emulated gripper that lives whenever somebody listens to it; in real time, without a socket."""
+    """An emulated gripper that steps during reads; in real time, without a socket."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -101,7 +101,7 @@ def test_can_interfaces_are_found_by_their_hardware_type(tmp_path: Path) -> None
 
 
 def test_another_process_stops_it_over_its_own_end_of_the_bus() -> None:
-    """Whoever moved it is gone; its supervisor opens the bus anew, and the fingers stay where they are."""
+    """The process that moved it is gone; its supervisor opens the bus anew, and the fingers stay at their place."""
     hand = FreeGripper(time.monotonic, width=0.060)
     device = WsgEmulator(hand)
     port = CanPort(device, can.Bus("wsg-outside", interface="virtual"), reply_id=7)

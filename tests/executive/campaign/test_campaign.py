@@ -1,4 +1,4 @@
-"""Campaign files, what survives a kill, and what a report says."""
+"""Campaign files, results after a kill, and the contents of a report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a campaign survives: its own death, and that of a worker on a Ray cluster."""
+"""A campaign survives its own death, and that of a worker on a Ray cluster."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def start() -> Iterator[Start]:
 
 
 def read_until(process: subprocess.Popen[str], part: str) -> str:
-    """What the process says up to the line that holds `part`."""
+    """Return the process's output up to the line that holds `part`."""
     said = ""
     assert process.stdout is not None
     for line in process.stdout:
@@ -79,7 +79,7 @@ def read_until(process: subprocess.Popen[str], part: str) -> str:
 
 
 PASSING = ("crc32", "wall_s", "compute_s", "record", "commit")
-"""What of a result depends on the machine."""
+"""Parts of a result that depend on the machine."""
 
 
 def lines(folder: Path) -> list[dict[str, Any]]:

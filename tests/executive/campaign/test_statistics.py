@@ -1,4 +1,4 @@
-"""Intervals against what they promise."""
+"""Intervals against their nominal coverage."""
 
 from __future__ import annotations
 

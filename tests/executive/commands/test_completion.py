@@ -1,4 +1,4 @@
-"""Completion and the manual page say what the parsers say; every example is taken by its parser."""
+"""Completion and the manual page agree with the parsers; every example is accepted by its parser."""
 
 from __future__ import annotations
 

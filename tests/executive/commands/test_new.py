@@ -1,4 +1,4 @@
-"""What `pomona new` writes runs: its tests pass, `pomona check` finds nothing (types: scripts/check_kit.py)."""
+"""The files of `pomona new` work: their tests pass, `pomona check` finds nothing (types: scripts/check_kit.py)."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def chromium() -> Iterator[Any]:
 
 
 def failures(request: Any) -> list[str]:
-    """What failed in a request: nothing where the page itself was left before the answer came."""
+    """Return the failed requests, except those that the page itself left before the answer."""
     return [] if request.failure == "net::ERR_ABORTED" else [f"{request.url}: {request.failure}"]
 
 

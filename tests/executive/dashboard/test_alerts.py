@@ -27,7 +27,7 @@ LONG = 60.0
 
 
 class Hook:
-    """A local HTTP server that keeps what is posted; `silent` makes it answer nothing."""
+    """A local HTTP server that keeps the posted messages; `silent` makes it answer nothing."""
 
     def __init__(self) -> None:
         self.posted: list[dict[str, Any]] = []
@@ -54,7 +54,7 @@ class Hook:
                 self.end_headers()
 
             def log_message(self, format: str, *args: Any) -> None:
-                """Say nothing."""
+                """Print nothing."""
 
         self.go = threading.Event()
         self.server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)

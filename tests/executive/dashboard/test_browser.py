@@ -1,4 +1,4 @@
-"""The page in a real browser: what an operator sees and does, from the start of a run to its explanation."""
+"""The page in a real browser: an operator's view and actions, from the start of a run to its explanation."""
 
 from __future__ import annotations
 

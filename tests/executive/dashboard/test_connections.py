@@ -1,4 +1,4 @@
-"""Whoever connects and says nothing, or too slowly, keeps nobody out."""
+"""Silent or slow clients keep no other client out."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pomona.executive.dashboard import connections, server
 from pomona.executive.errors import UsageError
 
 LONG = 60.0
-"""Seconds that a busy machine may take; whoever is kept out waits longer."""
+"""Time that a busy machine may take [s]; a client that is kept out waits longer."""
 
 HALF = b"POST /api/act HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\nContent-Length: 9\r\n\r\n{"
 """A request without the rest of its body, which the page that sends it never sends."""

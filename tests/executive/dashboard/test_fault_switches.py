@@ -1,4 +1,4 @@
-"""What holds control can let a simulated cell fail; a real cell has nothing that could be made to fail."""
+"""The holder of control can inject faults into a simulated cell; a real cell has none."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ def started() -> RunStarted:
 
 
 def waiting(viewer: Viewer) -> list[dict[str, Any]]:
-    """What waits for a viewer, without the greeting."""
+    """Return the waiting messages of a viewer, without the greeting."""
     messages = [json.loads(line) for batch in viewer.waiting for line in batch.split("\n")]
     return [message for message in messages if message["event"] != "Hello"]
 
@@ -145,7 +145,7 @@ def test_what_a_wire_takes_at_once_never_overtakes_what_waits() -> None:
 
 
 class Evil:
-    """Raises in whatever looks at it."""
+    """Raises at every access."""
 
     def __repr__(self) -> str:
         raise SystemExit("evil")

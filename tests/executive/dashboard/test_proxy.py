@@ -1,4 +1,4 @@
-"""The page works through what lies between: another port, a path of its own, whole answers only, no WebSockets."""
+"""The page works through proxies: another port, a path of its own, whole answers only, no WebSockets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A record as messages: the same as the live stream's, whoever wrote the record and however it ended."""
+"""A record as messages: equal to the live stream's, for every writer and every end of the record."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Curves in a real browser: a long run keeps its peaks, and what is thinned says so."""
+"""Curves in a real browser: a long run keeps its peaks, and thinned curves are marked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whatever state a run is in, at four sizes everything that is said is in sight, and SAFE STOP can be pressed.
+"""In every state of a run, at four sizes, all texts are in sight, and SAFE STOP can be pressed.
 
 `make screens` leaves a picture of each state at each size in runs/screens.
 """
@@ -31,7 +31,7 @@ def expect(locator: Any) -> Any:
 
 
 def in_sight(page: Any, state: str) -> list[str]:
-    """What is wrong at each size."""
+    """Return the problems at each size."""
     problems = []
     for size, (width, height) in SIZES.items():
         page.set_viewport_size({"width": width, "height": height})

@@ -1,4 +1,4 @@
-"""Another address than this machine's own, for real: TLS with a certificate of our own, and what is refused without it.
+"""Another address than this machine's own: TLS with a test certificate, and the refusals without it.
 
 127.0.0.2 is not this machine's usual name, so the rules for other addresses hold there; no packet leaves the machine.
 """

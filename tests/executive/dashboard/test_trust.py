@@ -1,4 +1,4 @@
-"""In a real browser: what the page does not know is not shown as the present, what nobody confirmed not as done."""
+"""In a real browser: unknown states are not shown as present, unconfirmed actions not as done."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""LeRobot itself reads what we write, in its own environment and without a network; its checker finds nothing wrong."""
+"""LeRobot itself reads Pomona's datasets, in its own environment and without a network; its checker finds no errors."""
 
 from __future__ import annotations
 

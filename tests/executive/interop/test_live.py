@@ -30,7 +30,7 @@ BEGAN = 10**18
 
 
 class Shown:
-    """A sink that keeps what it gets."""
+    """A sink that keeps its input."""
 
     def __init__(self) -> None:
         self.messages: list[tuple[str, str, Any, int]] = []
@@ -112,7 +112,7 @@ def test_a_view_that_fails_is_left_alone_and_the_others_go_on(caplog: pytest.Log
 
 
 class Evil:
-    """Raises in whatever looks at it."""
+    """Raises at every access."""
 
     def __repr__(self) -> str:
         raise SystemExit("evil")

@@ -70,7 +70,7 @@ class Listening:
 
 
 class Robot:
-    """What control acts on: notes what it is told."""
+    """A recorder of the actions of control."""
 
     def __init__(self) -> None:
         self.told: list[tuple[object, ...]] = []

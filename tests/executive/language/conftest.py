@@ -71,7 +71,7 @@ class Planner(Enum):
 
 
 class Scripted(Skill):
-    """Ends as `script` says: an entry per start, a failure code or None; the last one stays."""
+    """Ends as in `script`: an entry per start, a failure code or None; the last one stays."""
 
     script: tuple[str | None, ...] = (None,)
 
@@ -177,7 +177,7 @@ class SlipAvoidGrasp(Scripted):
 
 
 class Lift(Scripted):
-    """Lift what is held."""
+    """Lift the held fruit."""
 
     inputs = Ports(height=Port(LENGTH, default="100 mm", min="0 mm"), hold=Hold)
     devices = (Arm,)
@@ -287,7 +287,7 @@ def findings_of(skills: Registry) -> Callable[..., list[Finding]]:
 
 @dataclass
 class Running:
-    """A built tree and what it needs to be ticked."""
+    """A built tree with the parts needed to tick it."""
 
     tree: BuiltTree
     context: BenchContext

@@ -2,7 +2,7 @@
 
     python tests/executive/language/fuzz.py --cases 100000 --seed 1
 
-Each case takes a good file, breaks it, and reads it. Whatever is wrong must be a finding: no traceback, no hang.
+Each case takes a good file, breaks it, and reads it. Every error must be a finding: no traceback, no hang.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ def try_scenario(text: str, skills: Registry, folder: Path) -> None:
 
 
 def try_xml(text: str) -> None:
-    """XML; what comes out is a tree file again."""
+    """Try XML; the result is a tree file again."""
     translated, _ = import_groot(text, "tree.xml")
     if translated:
         read(translated, "tree.yaml")
@@ -140,7 +140,7 @@ def try_xml(text: str) -> None:
 def fuzz(
     cases: int, seed: int, trees: list[str], skills: Registry, attempt: Callable[[str], None], slow: float = math.inf
 ) -> list[str]:
-    """Try so many cases; the texts that broke something, or took more than `slow` seconds, with what happened."""
+    """Try a number of cases; return the texts that failed, or took more than `slow` seconds, with the error."""
     broken = []
     for case in range(cases):
         rng = random.Random(f"{seed}/{case}")

@@ -33,7 +33,7 @@ Event = tuple[int, str, str]
 
 @dataclass
 class World:
-    """Time, the value that conditions look at, who holds which device, and what happened."""
+    """Time, the value of conditions, the owner of each device, and the events."""
 
     tick: int = 0
     held: dict[str, Leaf] = field(default_factory=dict)
@@ -53,7 +53,7 @@ class World:
 
 
 class Node:
-    """A node; `running` says whether its last tick left it running."""
+    """A node; `running` is True after a tick that left it running."""
 
     running = False
 
@@ -75,7 +75,7 @@ class Node:
             self.forget()
 
     def forget(self) -> None:
-        """A start of what is around begins afresh: no success that a rate counts from is left."""
+        """Forget the success that a rate counts from: an outer node begins afresh."""
         for child in self.children():
             child.forget()
 
@@ -585,7 +585,7 @@ def subtrees_of(written: list[str]) -> str:
 
 
 class Context(RunContext):
-    """A real run's context, on a cell without devices; it notes what happens to leaves."""
+    """A real run's context, on a cell without devices; it notes the events of leaves."""
 
     def __init__(self) -> None:
         super().__init__(DryCell(), Computations(lambda *_: None), 0, lambda *_: None)
@@ -600,7 +600,7 @@ class Gripper: ...
 
 
 class Job(Skill):
-    """Does what the interpreter's leaf of the same name does."""
+    """Behaves as the interpreter's leaf of the same name."""
 
     failures = ("NO",)
     leaf: Leaf
@@ -634,9 +634,8 @@ JOBS = Registry(
 
 
 def differs(seed: str, through: Callable[[str], str] | None = None) -> str:
-    """What the executive does otherwise than the interpreter, for one random tree; an empty text when nothing.
-
-    The executive gets the tree `through` something that must not change what it means.
+    """Return the difference between executive and interpreter for one random tree; empty without one. The executive
+    gets the tree `through` a conversion that must not change its meaning.
     """
     rng = random.Random(seed)
     case = Case(rng, files={} if through is None else None)

@@ -1,4 +1,4 @@
-"""Every kind of mistake is found, at its place, with what to write instead."""
+"""Every kind of mistake is found, at its place, with the correction."""
 
 from __future__ import annotations
 
@@ -425,7 +425,7 @@ def test_a_finding_reads_like_a_compilers(findings_of):
 
 
 def test_a_file_of_a_thousand_nodes_takes_its_share_of_work_and_not_the_square_of_it(findings_of):
-    """Work is counted in calls of functions: how busy the machine is says nothing about the checker."""
+    """Work is counted in calls of functions, independent of the load of the machine."""
     node = '{fallback: [{MoveTo: {pose: a}, retry: 2}, {MoveTo: {pose: b}, when: "failure.code == NO_PATH"}]}'
 
     def calls(nodes: int) -> int:
@@ -532,7 +532,7 @@ def measuring(skills):
         pair: tuple[Annotated[float, FORCE], Annotated[float, FORCE]]
 
     class Measure(Skill):
-        """Says something with units."""
+        """Returns values with units."""
 
         outputs = Ports(m=Measured)
 

@@ -1,4 +1,4 @@
-"""What changed between two versions of a tree is told in words."""
+"""Changes between two versions of a tree are described in words."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What skills declare is known without importing them, and never from yesterday's sources."""
+"""Declarations of skills are known without an import, and never from outdated sources."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ def test_every_row_of_a_table_with_proofs_has_one():
 
 
 def test_every_rule_names_its_proof():
-    """Paragraphs, points and rows; but not headings, examples and what leads to a table or an example."""
+    """Paragraphs, points and rows; but not headings, examples and the text before a table or an example."""
     rules = re.split(r"\n\n|\n(?=- |\|)", re.sub(r"```.*?```", "", PAGE.partition("\n## ")[2], flags=re.DOTALL))
     rows = re.compile(r"\||#|$")
     bare = [rule for rule in rules if "test_" not in rule and not rows.match(rule) and not rule.endswith(":")]

@@ -1,4 +1,4 @@
-"""`pomona fmt` writes one way: what the text says stays, comments too, and a second time changes nothing."""
+"""`pomona fmt` has one form: content and comments stay, and a second run changes nothing."""
 
 from __future__ import annotations
 

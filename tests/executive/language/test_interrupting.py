@@ -1,4 +1,4 @@
-"""What is interrupted lets go: over several ticks if it must, and only once."""
+"""An interrupted node halts: over several ticks if necessary, and only once."""
 
 from __future__ import annotations
 

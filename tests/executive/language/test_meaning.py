@@ -1,4 +1,4 @@
-"""Trees mean what a plain recursive reading of them says: compared with an interpreter that knows nothing of ticks."""
+"""Trees mean their plain recursive reading: compared with an interpreter without ticks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Random trees with leaves that take time and claim devices do, tick by tick, what the language page says."""
+"""Random trees with leaves that take time and claim devices follow the language page, tick by tick."""
 
 from __future__ import annotations
 

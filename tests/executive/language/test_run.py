@@ -1,4 +1,4 @@
-"""What each word of the language does when the tree runs."""
+"""Behaviour of each word of the language in a running tree."""
 
 from __future__ import annotations
 

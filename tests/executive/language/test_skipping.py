@@ -1,4 +1,4 @@
-"""What is skipped neither succeeds nor fails, as BehaviorTree.CPP's SKIPPED; and in which order a parallel decides."""
+"""A skipped node neither succeeds nor fails, as BehaviorTree.CPP's SKIPPED; and the decisive child of a parallel."""
 
 from __future__ import annotations
 

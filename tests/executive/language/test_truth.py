@@ -1,4 +1,4 @@
-"""Conditions that can never hold, and those that contradict what has held before, are told; all others are not."""
+"""Conditions that can never hold, and those that contradict earlier ones, are reported; all others are not."""
 
 from __future__ import annotations
 

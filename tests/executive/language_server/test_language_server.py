@@ -1,4 +1,4 @@
-"""What an editor is told: completion fits the place, names are found and renamed; over a real protocol, too."""
+"""Services for editors: completion fits the place, names are found and renamed; over a real protocol, too."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def cursor(text: str) -> tuple[str, int, int]:
 
 
 def offered(service: TreeService, old: str, new: str) -> list[str]:
-    """What is offered at the `|` after this replacement."""
+    """Return the offers at the `|` after this replacement."""
     text, row, column = cursor(TREE.replace(old, new, 1))
     service.update(text)
     return [offer.word for offer in service.complete(row, column)]
@@ -212,7 +212,7 @@ class TestALongFile:
 
 
 class Editor(LanguageClient):
-    """A client that keeps what it is told."""
+    """A client that keeps its messages."""
 
     def __init__(self) -> None:
         super().__init__("test", "1")

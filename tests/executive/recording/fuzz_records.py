@@ -4,10 +4,10 @@
     python tests/executive/recording/fuzz_records.py messages --cases 1000000 --seed 1
 
 A case of `records` breaks the bytes of a good file: most of them as they come, so that checksums must find it, some
-within a chunk whose checksum is made right again, so that everything behind it must bear whatever is written there.
-Files stand in memory: the readers' one way to open a record's file is replaced.
-A case of `messages` breaks one request to act or to start, or one message of a record on its way to a browser. Whatever
-happens must be an error in words; an event that was not recorded must never be read from a file with wrong checksums.
+within a chunk whose checksum is corrected, so that the code behind it must bear any contents. Files stand in memory:
+the readers' one way to open a record's file is replaced. A case of `messages` breaks one request to act or to start, or
+one message of a record on its way to a browser. The result must be an error in words; an event that was not recorded
+must never be read from a file with wrong checksums.
 """
 
 from __future__ import annotations
@@ -134,7 +134,7 @@ def changed(content: bytes, rng: random.Random, begin: int = 0, end: int | None 
 
 
 class Records:
-    """Damaged files through what every command reads them with."""
+    """Damaged files through the readers of every command."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -276,7 +276,7 @@ class Messages:
 
 
 class Desk:
-    """What pages send: presses to a run that waits at a question, and orders to start one."""
+    """Messages of pages: presses to a run that waits at a question, and orders to start one."""
 
     def __init__(self) -> None:
         document = read(ASKING, "asking.yaml")
@@ -338,7 +338,7 @@ def _no_constant(word: str) -> None:
 
 
 def fuzz(kind: str, cases: int, seed: int, folder: Path) -> Iterator[str]:
-    """Try so many cases; what broke, with the case that repeats it."""
+    """Try a number of cases; return the failures, with the case that repeats each."""
     with contextlib.ExitStack() as stack:
         tried = {"records": Records, "messages": Messages}[kind](folder)
         if isinstance(tried, Messages):

@@ -1,4 +1,4 @@
-"""What is left when the process is killed, or the disk is full: a real kill, a real limit."""
+"""Remains after the process is killed, or the disk is full: a real kill, a real limit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What leaves a record: exported files, extracted images and tables, records that are thrown away."""
+"""Exports of a record: files, images and tables; and deleted records."""
 
 from __future__ import annotations
 

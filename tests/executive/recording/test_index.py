@@ -1,4 +1,4 @@
-"""The index says what the records say, whatever happens to it."""
+"""The index agrees with the records, after any damage."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A record is believed as a whole or not at all: every byte is checked, and what is wrong is said."""
+"""A record is accepted as a whole or not at all: every byte is checked, and every problem is reported."""
 
 from __future__ import annotations
 
@@ -246,7 +246,7 @@ def test_zeros_at_the_end_are_a_loss_of_power_and_no_damage(tmp_path: Path) -> N
 
 
 def chunked(records: bytes, compression: str, packed: bytes, size: int | None = None) -> bytes:
-    """A file of one chunk, whose head says what a test wants."""
+    """Return a file of one chunk with a given head."""
     head = struct.pack("<QQQII", 0, 0, len(records) if size is None else size, zlib.crc32(records), len(compression))
     chunk = head + compression.encode() + struct.pack("<Q", len(packed)) + packed
     header = HEAD.pack(1, 8) + bytes(8)

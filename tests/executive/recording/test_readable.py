@@ -1,4 +1,4 @@
-"""A record that is written can be read: the writer refuses what the reader would, and a required one is read once."""
+"""A written record can be read: the writer refuses the same as the reader, and a required one is read once."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ ANY: Any = 5  # stands where a text is expected
 
 
 class Evil:
-    """Raises in whatever looks at it."""
+    """Raises at every access."""
 
     def __str__(self) -> str:
         raise SystemExit("evil")
@@ -223,7 +223,7 @@ def test_a_required_record_that_is_damaged_once_it_is_closed_makes_an_error_of_a
 
 
 class Mumble(Skill):
-    """Set its feedback as py_trees' own behaviours do, to what is no text."""
+    """Set its feedback as py_trees' own behaviours do, to an object that is no text."""
 
     def run(self) -> Work[None]:
         self.feedback_message = ANY
@@ -232,7 +232,7 @@ class Mumble(Skill):
 
 
 class Yielding(Skill):
-    """Yield what is no text."""
+    """Yield an object that is no text."""
 
     def run(self) -> Work[None]:
         yield ANY
@@ -240,7 +240,7 @@ class Yielding(Skill):
 
 
 class Failing(Skill):
-    """Fail with what is no text."""
+    """Fail with an object that is no text."""
 
     failures = ("LOST",)
 

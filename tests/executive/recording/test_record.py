@@ -1,4 +1,4 @@
-"""Recorder and reader: what goes in comes out, also when the file was cut off."""
+"""Recorder and reader: the output equals the input, also when the file was cut off."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The next run knows that the last one on its cell was cut, and what may be in the gripper."""
+"""The next run knows that the last one on its cell was cut off, and the state of the gripper."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What other tools find in a record: every message obeys its schema, frames hang together, poses are right."""
+"""A record for other tools: every message obeys its schema, frames are connected, poses are right."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from pomona.executive.views import ImageView
 
 
 def strict(schema: Any) -> Any:
-    """The schema with nothing allowed beside what it names, so that a misspelt field is seen."""
+    """Return the schema without additional properties, so that a misspelt field is found."""
     if isinstance(schema, dict):
         closed = {key: strict(value) for key, value in schema.items()}
         if schema.get("type") == "object" and schema.get("properties"):

@@ -1,4 +1,4 @@
-"""A skill that blocks is told as such, also where a time limit stood around it and on a simulated clock."""
+"""A blocking skill is reported as such, also inside a time limit and on a simulated clock."""
 
 from __future__ import annotations
 

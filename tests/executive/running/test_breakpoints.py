@@ -18,7 +18,7 @@ SIDES: tuple[Side, ...] = ("before", "after")
 
 
 class Step(Leaf):
-    """Ends as it is told, after some ticks; notes its ticks in a log that all share."""
+    """Ends with a given status, after some ticks; notes its ticks in a common log."""
 
     def __init__(self, name: str, log: list[str], ticks: int = 1, end: Status = Status.SUCCESS) -> None:
         super().__init__(name)

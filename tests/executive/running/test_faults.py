@@ -1,4 +1,4 @@
-"""Whatever is raised, wherever: the cell ends in its safe state, at rest, and record and people learn what it was."""
+"""After any exception the cell ends in its safe state, at rest, and record and operator get the cause."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def raising(error: BaseException, ticks: int = 3, letting_go: bool = False) -> R
     """Skills of a tree: Turn, and Raise, which raises after so many ticks, or while it lets go."""
 
     class Raise(Skill):
-        """Raises what it is told to."""
+        """Raises a given exception."""
 
         def run(self) -> Work:
             try:
@@ -55,7 +55,7 @@ def errors(events: list[Event]) -> list[ErrorRaised]:
 
 
 def is_safe(runner: Runner, cell: FakeCell, events: list[Event]) -> bool:
-    """Latched, at rest, and everybody was told the end."""
+    """Return True if the cell is latched, at rest, and the end was reported."""
     still = not cell.wheel.turning and not cell.wheel.coasting
     told = any(isinstance(event, SafeStopped) for event in events)
     return still and told and cell.latched is not None and isinstance(events[-1], RunEnded) and runner.state.ended
@@ -90,7 +90,7 @@ class Leave(Skill):
 @pytest.mark.parametrize("said", [5, b"text", object(), Reason])
 def test_a_line_of_feedback_that_is_no_text_is_a_fault_of_its_skill(said: Any) -> None:
     class Say(Skill):
-        """Yields what nobody can show."""
+        """Yields an object that cannot be shown."""
 
         def run(self) -> Work[None]:
             yield said
@@ -195,7 +195,7 @@ def test_a_watcher_that_ends_the_process_ends_the_run_safely(error: BaseExceptio
 @pytest.mark.parametrize("isolated", [False, True])
 def test_a_computation_that_ends_the_process_ends_the_run_safely(isolated: bool) -> None:
     class Raise(Skill):
-        """Computes what leaves."""
+        """Runs a computation that leaves the process."""
 
         def run(self) -> Work:
             yield from self.compute(leave, isolated=isolated)

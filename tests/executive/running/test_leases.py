@@ -91,7 +91,7 @@ def test_a_thread_that_outlives_the_last_skill_begins_no_motion_behind_the_end()
 
 @contextmanager
 def moving_after_the_end(cell: FakeCell) -> Iterator[None]:
-    """What no skill commands begins to move as soon as the run has found everything at rest."""
+    """Start a motion without a command as soon as the run has found everything at rest."""
     settled, looks = cell.settled, [0]
 
     def look() -> bool:
@@ -122,7 +122,7 @@ def test_a_motion_that_begins_behind_the_end_ends_the_run_in_the_safe_state(end:
 
 def test_a_skill_that_commands_what_it_only_looks_at_ends_the_run_in_the_safe_state() -> None:
     class Look(Skill):
-        """Says that it moves nothing."""
+        """Declares no motion."""
 
         devices = (Wheel,)
         moves = ()

@@ -1,4 +1,4 @@
-"""Questions and breakpoints of a tree file in a run: who is there answers and goes on, and nothing waits for nobody."""
+"""Questions and breakpoints of a tree file in a run: an operator answers and resumes, and without one nothing waits."""
 
 from __future__ import annotations
 

@@ -427,7 +427,7 @@ def test_two_runs_give_the_same_events() -> None:
 
 
 def latched_run(*acts: Callable[[Runner], Any]) -> tuple[FakeCell, list[Event]]:
-    """A run that was safe-stopped, and what is asked for while it holds its latched state."""
+    """Return a run that was safe-stopped, and the requests while it holds its latched state."""
     runner, cell, events = make(TURN, {4: lambda runner, _cell: runner.safe_stop("hand in the cell", "ada")})
     runner.run()
     for act in acts:

@@ -26,7 +26,7 @@ LONG = "pomona: 1\ntree: t\nroot: {Turn: {duration: 9 s}}"
 
 @pytest.fixture(autouse=True)
 def received() -> Iterator[None]:
-    """As in a process that was started from a terminal, whatever started the tests."""
+    """Receive signals as in a process started from a terminal."""
     before = {number: signal.getsignal(number) for number in module.WORDS}
     for number in before:
         signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
@@ -59,7 +59,7 @@ def test_while_nothing_moves_a_signal_raises(number: int, status: int) -> None:
 @pytest.mark.parametrize("number", list(module.WORDS))
 @pytest.mark.parametrize("early", [True, False])
 def test_a_signal_that_a_library_swallowed_ends_what_was_to_begin(number: signal.Signals, early: bool) -> None:
-    """As ctypes does with what is raised in a callback: compiling with LLVM calls back."""
+    """Swallow an exception in a callback as ctypes does: compiling with LLVM calls back."""
     runner, cell, events = make(LONG, Registry({"Turn": Turn}), {})
 
     def swallow() -> None:
@@ -83,7 +83,7 @@ def test_a_signal_that_a_library_swallowed_ends_what_was_to_begin(number: signal
 
 @pytest.mark.parametrize("number", list(module.WORDS))
 def test_a_signal_that_was_swallowed_in_a_callback_ends_whatever_goes_on(number: signal.Signals) -> None:
-    """ctypes hands what is raised in a callback to the unraisable hook, and goes on."""
+    """ctypes passes an exception in a callback to the unraisable hook, and continues."""
     call_back = ctypes.CFUNCTYPE(None)(lambda: send(number))
     went_on: list[bool] = []
 
@@ -100,7 +100,7 @@ def test_a_signal_that_was_swallowed_in_a_callback_ends_whatever_goes_on(number:
 
 
 def test_what_fails_because_a_library_swallowed_a_signal_is_still_that_signal() -> None:
-    """As a compiler does, which then misses what was to be compiled."""
+    """As in a compiler, which then misses its input."""
 
     def prepare() -> None:
         with RunSignals():
@@ -241,7 +241,7 @@ def test_a_terminated_process_is_an_interrupted_one_to_whoever_waits() -> None:
 
 
 def test_a_signal_that_broke_the_loading_of_a_compiled_module_is_still_a_signal() -> None:
-    """As MuJoCo's modules, made with pybind11, tell it."""
+    """As MuJoCo's modules, made with pybind11, report it."""
     error = ImportError("initialization failed")
     error.__cause__ = ImportError("initialization failed")
     error.__cause__.__cause__ = Terminated(signal.SIGTERM)

@@ -1,4 +1,4 @@
-"""How fast the arm goes: what the operator, the tree and the skill say, and when each counts."""
+"""Speed of the arm: settings of the operator, the tree and the skill, and the time from which each applies."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_a_speed_that_a_tree_computes_wrongly_fails_the_node_before_anything_mov
 
 
 def test_who_asks_for_more_too_late_does_not_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A tick that hung may be over when nobody looks any more; less speed is never too late."""
+    """A tick that hung may be over without supervision; less speed is never too late."""
 
     def ask(runner: Runner, _cell: FakeCell) -> None:
         runner._speeds.put((0.2, "ada", -10.0 * LATE))

@@ -1,6 +1,5 @@
-"""Random commands, faults and ticks against the runner on a fake cell: what must hold, holds in every step.
-
-The runner is driven step by step in this thread: each look at the cell hands control to the machine.
+"""Random commands, faults and ticks against the runner on a fake cell: the invariants hold in every step. The runner is
+driven step by step in this thread: each check of the cell passes control to the machine.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ CLICKS = (
     ("change", "duration = 50 ms ← t/Turn"), ("change", "duration = 1 kg ← t/Turn"), ("change", "duration = 1 s ← t"),
     ("break", "t"), ("break_after", "t/A"), ("unbreak", "t/Turn"), ("fail", "arm lost"), ("dance", ""),
 )  # fmt: skip
-"""What two pages ask for, sensible or not."""
+"""Requests of two pages, sensible or not."""
 PATIENCE = 20.0
 """Seconds within which the runner must reach its next look at the cell, or its end."""
 

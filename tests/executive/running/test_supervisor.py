@@ -49,7 +49,7 @@ supervisor.close()
 
 
 def supervised(folder: Path, way: str, number: int | None = None) -> tuple[int, str, float]:
-    """A process that is supervised, what it ended with, what was said, and how long that took."""
+    """Return a supervised process's exit status, its output, and its duration."""
     command = [sys.executable, "-c", SUPERVISED, str(folder), way]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None

@@ -38,7 +38,7 @@ PROMPT, PAUSED = "? Is it ripe? [ripe/not yet]", "paused: Enter goes on"
 
 @dataclass
 class Terminal:
-    """A pseudo-terminal, the operator's end of it, and what the screen has shown."""
+    """A pseudo-terminal, the operator's end of it, and the screen's contents so far."""
 
     lines: io.TextIOWrapper
     keyboard: int

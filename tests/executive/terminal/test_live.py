@@ -21,7 +21,7 @@ NODES = (
 
 
 def shown(running: int, width: int = 80, height: int = 24, odd: str = "") -> list[str]:
-    """What a terminal shows while this leaf runs; `odd` stands in every name and in the feedback."""
+    """Return the terminal's contents while this leaf runs; `odd` stands in every name and in the feedback."""
     nodes = tuple(node | {"name": f"{node['name']}{odd}"} for node in NODES)
     live = LiveTree(Screen(quiet=True))
     live.on_event(

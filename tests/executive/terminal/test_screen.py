@@ -1,4 +1,4 @@
-"""executive/pomona/executive/terminal/screen.py: what is drawn on a terminal is not drawn anew where nothing can be."""
+"""executive/pomona/executive/terminal/screen.py: nothing is redrawn on a terminal that cannot redraw."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from pomona.executive.values.plain_arrays import MOST_BYTES, UnreadableArraysErr
 
 
 def packed(header: str) -> bytes:
-    """A file with one array whose header says this."""
+    """Return a file with one array and this header."""
     written = io.BytesIO()
     text = header.ljust(117) + "\n"
     with ZipFile(written, "w") as archive:

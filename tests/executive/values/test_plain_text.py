@@ -1,4 +1,4 @@
-"""Whoever names a device, a pipe or an endless file as a text is told so at once, by every command."""
+"""A device, a pipe or an endless file in place of a text is refused at once, by every command."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pushes of a fruit on a LuGre contact that shares no code with what is calibrated from them."""
+"""Pushes of a fruit on a LuGre contact that shares no code with the calibration."""
 
 from __future__ import annotations
 

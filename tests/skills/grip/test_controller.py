@@ -140,7 +140,7 @@ def test_pivoting_turns_the_fruit_until_it_hangs_plumb_and_hardly_lets_it_slide(
 
 
 def now_and_then(change: Callable[[int, float, np.ndarray], list[tuple[int, float, np.ndarray]]], at: int) -> Corrupt:
-    """Good samples until the `at`-th after the grip was made, then whatever `change` makes of each."""
+    """Deliver good samples until the `at`-th after the grip was made, then each changed by `change`."""
     count = 0
 
     def corrupt(sequence: int, stamp: float, wrenches: np.ndarray) -> list[tuple[int, float, np.ndarray]]:
@@ -275,7 +275,7 @@ def test_a_dead_finger_is_reported_and_the_other_one_counts() -> None:
 
 
 def test_a_finger_that_says_too_little_does_not_let_the_other_one_press_beyond_the_limit() -> None:
-    """The pads give as springs; the left finger's signal shows half of what presses on it, and the load needs 12 N."""
+    """The pads give as springs; the left finger's signal shows half of its load, and the fruit needs 12 N."""
     controller, wrenches = holding()
     wrenches[:, 0] = 3.6
     pressed = 1.1

@@ -70,7 +70,9 @@ def test_a_jump_shows_within_ten_milliseconds_in_spite_of_noise() -> None:
 
 
 def follow_closing_fingers(told: float, noise: float = 0.0) -> float:
-    """Largest error of the sensed grasp force [N] while it rises with 20 N/s and `told` of that is expected."""
+    """Return the largest error of the estimated grip force [N] while it rises with 20 N/s and `told` of that is
+    expected.
+    """
     made, rng = calibrated(noise)
     wrenches, worst = np.full((2, 6), 0.1), 0.0
     wrenches[:, 2] -= 2.0

@@ -12,7 +12,7 @@ APPROACH = np.array([0.0, 0.0, -1.0])
 
 
 def wrench_on_pad(normal: np.ndarray, point: np.ndarray, force: np.ndarray, torque: np.ndarray) -> np.ndarray:
-    """What a pad with this outward normal feels, in its own frame, of a force at a point and a free torque."""
+    """Return the wrench of a force at a point and a free torque on a pad with this normal, in its frame."""
     R = np.column_stack([APPROACH, np.cross(normal, APPROACH), normal])
     return np.concatenate([R.T @ force, R.T @ (np.cross(point, force) + torque)])
 

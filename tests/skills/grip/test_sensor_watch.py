@@ -36,7 +36,7 @@ def carrying(noise: float = 0.04, load: float = 2.0, seconds: float = 3.2, **set
 
 
 def lie(change: Change, noise: float = 0.04, most: int = 100) -> tuple[GripController, int]:
-    """Go on with samples that are changed; after how many of them SENSOR_FAULT was said, or -1."""
+    """Continue with changed samples; return their number at SENSOR_FAULT, or -1."""
     controller, rng, wrenches, count = carrying(noise)
     before = wrenches + noise * NOISE * rng.normal(0.0, 1.0, (2, 6))
     for i in range(count, count + most):

@@ -1,4 +1,4 @@
-"""Friction from two slides: what is found, and when nothing may be said."""
+"""Friction from two slides: results, and refusals."""
 
 from __future__ import annotations
 

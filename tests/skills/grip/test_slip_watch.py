@@ -1,4 +1,4 @@
-"""Slip is seen by where the fruit touches and how it hangs, whatever friction was told."""
+"""Slip is measured by the fruit's contact and tilt, independent of the configured friction."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ APPLE = Fruit(mass=0.24, width=0.075, mu=0.5, offset=(0.004, 0.004))
 
 
 def lift(fruit: Fruit, told: float, **changes: object) -> tuple:
-    """Lift a fruit whose friction is told `told` times too high: the result, the controller, what it said and when."""
+    """Lift a fruit whose configured friction is `told` times too high: result, controller, reports and their times."""
     contact = SoftContact(told * fruit.mu, fruit.delta, fruit.gamma, fruit.k)
     settings = GripSettings(
         contact=contact, mu_uncertainty=0.15, offset=0.015, initial_force=4.0, loop=ForceLoopSettings(max_force=40.0)
@@ -47,7 +47,7 @@ def test_friction_that_was_told_too_high_is_corrected_by_the_slip_that_it_causes
 
 
 def test_the_fruit_is_lost_when_slip_is_not_watched() -> None:
-    """The same lift under the paper's static law: what is told is believed."""
+    """The same lift under the paper's static law, which uses the configured friction."""
     result, _, seen = lift(HEAVY, 1.5, law=ForceLaw.STATIC)
     assert not result.held
     assert "SLIPPED" in seen or "LOST" in seen

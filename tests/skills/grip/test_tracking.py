@@ -1,4 +1,4 @@
-"""What the fingers' own motion does to the grasp force."""
+"""Effect of the fingers' own motion on the grip force."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What cannot be true of a frame: which statement is wrong, with numbers and a remedy."""
+"""Implausible frames: the wrong statement, with numbers and a remedy."""
 
 from __future__ import annotations
 

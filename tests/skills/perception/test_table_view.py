@@ -1,4 +1,4 @@
-"""The table in a depth image: its height and tilt, and what else may stand on it."""
+"""The table in a depth image: its height and tilt, and other objects on it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A fruit hangs when its weight is on the fingers, whatever the normal forces say."""
+"""A fruit hangs when its weight is on the fingers, independent of the normal forces."""
 
 from __future__ import annotations
 

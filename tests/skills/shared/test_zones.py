@@ -1,4 +1,4 @@
-"""Nothing of the robot, and nothing that it holds, enters a zone of the cell, whoever moves."""
+"""Neither the robot nor a held fruit enters a zone of the cell, under any skill."""
 
 from __future__ import annotations
 

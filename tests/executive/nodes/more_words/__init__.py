@@ -1,4 +1,4 @@
-"""A package of somebody else's that adds two words to the tree language, as its README would tell it to."""
+"""A foreign package that adds two words to the tree language, as its README would describe."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class TakeTurnsType(Composite):
 
 
 class Paced(Wrapper):
-    """Ticks what is inside so many times a second at most; in between it is what it was."""
+    """Limits the ticks of its child per second; in between the status stays."""
 
     def __init__(self, name: str, child: Behaviour, rate: Callable[[], float], now: Callable[[], float]) -> None:
         super().__init__(name, child)
@@ -107,7 +107,7 @@ class Broken(PacedType):
 
 
 class Signed(Question, Wrapper):
-    """Wants a signature before what is inside starts."""
+    """Requires a signature before its child starts."""
 
     choices = ("signed",)
 

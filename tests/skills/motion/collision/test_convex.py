@@ -1,4 +1,4 @@
-"""What stands for a part of a mesh contains it, and is no larger than it must be where it has faces."""
+"""The convex hull of a mesh part contains it, and is no larger than necessary at its faces."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The collision world says who hits what, lets nothing slip through along a path, and keeps a margin for each body."""
+"""The collision world names colliding bodies, misses nothing along a path, and keeps a margin for each body."""
 
 import pickle
 from dataclasses import replace

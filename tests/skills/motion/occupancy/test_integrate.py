@@ -1,4 +1,4 @@
-"""What a look says about the cells: free in front, occupied on surfaces, hidden behind them, silent elsewhere."""
+"""Effect of a frame on the cells: free in front, occupied on surfaces, hidden behind them, unchanged elsewhere."""
 
 import numpy as np
 import pytest

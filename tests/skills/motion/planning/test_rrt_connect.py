@@ -1,4 +1,4 @@
-"""This project's RRT-Connect among real shapes: what it gives is free and ends at a goal; what it cannot, it says."""
+"""This project's RRT-Connect among real shapes: its paths are free and end at a goal; failures are reported."""
 
 from itertools import pairwise
 from pathlib import Path

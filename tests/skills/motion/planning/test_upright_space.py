@@ -1,4 +1,4 @@
-"""What is carried stays upright on the whole way, not only at its ends."""
+"""A carried load stays upright on the whole path, not only at its ends."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ UP = ROBOT_MODEL.tcp(START)[2, :3]
 
 
 def tilts(path: np.ndarray, per_segment: int = 20) -> np.ndarray:
-    """Angles between what was up and up, along straight segments, by another way than the space takes."""
+    """Return the angles between the load's up and the world's along straight segments, computed independently."""
     found = []
     for a, b in itertools.pairwise(path):
         for share in np.linspace(0.0, 1.0, per_segment):

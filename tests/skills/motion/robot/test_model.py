@@ -1,4 +1,4 @@
-"""The robot model says what its file says, for any arm, and refuses what it cannot be."""
+"""The robot model agrees with its file, for any arm, and refuses invalid ones."""
 
 import shutil
 from pathlib import Path

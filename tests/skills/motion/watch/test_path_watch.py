@@ -1,4 +1,4 @@
-"""The watch over a path: what is new stops the arm where it would get at it, and nothing else does."""
+"""The watch over a path: a new obstacle stops the arm if it could be hit, and nothing else does."""
 
 from __future__ import annotations
 

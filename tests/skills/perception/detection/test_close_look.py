@@ -1,4 +1,4 @@
-"""The look is a camera turned to a fruit: what it shows and what its labels say agree with the real camera."""
+"""The look is a camera turned to a fruit: its pictures and labels agree with the real camera."""
 
 import cv2
 import numpy as np

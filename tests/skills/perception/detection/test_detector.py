@@ -117,7 +117,7 @@ def test_pictures_of_another_type_are_refused(detector: CompactDetector) -> None
 
 
 def is_whole(fruit: FoundFruit, picture: np.ndarray) -> bool:
-    """Return True if no border cuts the fruit: the first look at one that is cut is aimed at what is visible."""
+    """Return True if no border cuts the fruit: the first look at a cut one is aimed at its visible part."""
     assert fruit.box is not None
     low, high = fruit.box[:2], fruit.box[:2] + fruit.box[2:]
     return bool((low > 4.0).all() and (high < np.array(picture.shape[1::-1]) - 4.0).all())

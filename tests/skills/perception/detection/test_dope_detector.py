@@ -33,7 +33,7 @@ def write_config(folder: Path, cm: str = "[9.756, 8.539, 9.590]") -> Path:
 
 
 class Drawn(DopeNetwork):
-    """Says the maps that a perfect network would say of one cuboid in a picture shrunk by a half."""
+    """Returns the maps of a perfect network for one cuboid in a picture shrunk by a half."""
 
     def __init__(self, keypoints: np.ndarray) -> None:
         torch.nn.Module.__init__(self)

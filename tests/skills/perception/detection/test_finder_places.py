@@ -14,7 +14,7 @@ from pomona.skills.perception.training.targets import finder_targets
 
 
 def maps_of(boxes: np.ndarray, height: int = 60, width: int = 80) -> np.ndarray:
-    """What a perfect finder answers, with boxes x, y, w, h [px]."""
+    """Return the maps of a perfect finder, with boxes x, y, w, h [px]."""
     wanted = finder_targets(boxes / 4.0, np.ones(len(boxes), np.bool_), height, width)
     maps = np.zeros((6, height, width), np.float32)
     heat = np.clip(wanted[targets.HEAT], 1e-4, 0.99)

@@ -1,4 +1,4 @@
-"""ONNX Runtime finds what PyTorch finds, with the same weights."""
+"""ONNX Runtime finds the same as PyTorch, with the same weights."""
 
 from collections.abc import Callable
 from pathlib import Path

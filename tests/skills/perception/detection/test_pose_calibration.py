@@ -24,7 +24,7 @@ COVARIANCE = np.diag([0.01, 0.01, 0.01, 4e-6, 2e-6, 9e-5]) + np.pad(np.full((3, 
 
 
 def drawn(seed: int, wider: float = 1.0) -> list[PoseErrors]:
-    """Errors of poses whose truth is scattered as the covariance says, or so many times wider."""
+    """Return errors of poses whose truth is scattered by the covariance, or `wider` times as much."""
     rng = np.random.default_rng(seed)
     errors = []
     for off in rng.multivariate_normal(np.zeros(6), wider**2 * COVARIANCE, 800):

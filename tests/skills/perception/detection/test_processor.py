@@ -1,4 +1,4 @@
-"""Which numbers the networks are carried out in, by what the processor says of itself."""
+"""Number formats of the networks, by the processor's features."""
 
 from pathlib import Path
 

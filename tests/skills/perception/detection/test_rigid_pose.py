@@ -1,4 +1,4 @@
-"""Centre, size and stem axis of a fruit are its pose; what is doubted of them is the pose's covariance."""
+"""Centre, size and stem axis of a fruit are its pose; their uncertainties are the pose's covariance."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ APPLE = np.array([0.09756, 0.08539, 0.09590])
 
 
 def seen(T: np.ndarray, visibility: float = 1.0) -> FoundFruit:
-    """What a perfect close look would say about a CAD-sized fruit."""
+    """Return a perfect close look at a CAD-sized fruit."""
     p = T[:3, 3]
     centre = p[:2] / p[2] * (K[0, 0], K[1, 1]) + (K[0, 2], K[1, 2])
     size = K[0, 0] * REFERENCE_LENGTH / p[2]

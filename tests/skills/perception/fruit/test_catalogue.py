@@ -1,4 +1,4 @@
-"""The catalogue's apple is what the paper's refinement needs, and bad entries are refused in words."""
+"""The catalogue's apple fits the paper's refinement, and bad entries are refused in words."""
 
 import shutil
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Sizes of a kind: against draws of the model that they say, and what too few fruit tell."""
+"""Sizes of a kind: against draws of the model, and with too few fruit."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ MODEL = 0.88
 
 
 def drawn(count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """True sizes, what is shown, its deviations, sines: as the module says that they come about."""
+    """Return true sizes, shown sizes, their deviations, and sines, drawn by the module's model."""
     rng = np.random.default_rng(seed)
     ln_width = np.log(KIND.width) + KIND.width_deviation * rng.normal(size=count)
     ln_ratio = np.log(KIND.height_over_width) + KIND.height_over_width_deviation * rng.normal(size=count)

@@ -18,7 +18,7 @@ HERE = np.eye(4)
 
 
 def seen(x: float, measured: bool = True, width_mm: float = 80.0, number: int = 1) -> Sighting:
-    """A fruit at (x, 0, 0) m, 80 mm wide unless it says more; guessed along the y axis where it was not measured."""
+    """Return a fruit at (x, 0, 0) m, 80 mm wide by default; an unmeasured one is guessed along the y axis."""
     size, deviation = np.array([width_mm, 70.0, width_mm]) * 1e-3, 2e-3
     place = deviation**2 * np.eye(3) if measured else np.diag([deviation**2, 0.2**2, deviation**2])
     return Sighting(

@@ -1,4 +1,4 @@
-"""Where the camera went, from what two frames show."""
+"""Motion of the camera, from the contents of two frames."""
 
 import re
 

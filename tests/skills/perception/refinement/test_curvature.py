@@ -1,4 +1,4 @@
-"""What is no fruit: walls, posts and leaves that agree with a part of its model, beside fruit that is seen in part."""
+"""Other objects: walls, posts and leaves that agree with a part of the model, beside partly visible fruit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What refine makes of scenes whose truth is known."""
+"""Refinement of scenes with known truth."""
 
 from __future__ import annotations
 

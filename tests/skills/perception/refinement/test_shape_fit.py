@@ -68,7 +68,7 @@ def test_rigid_priors_leave_one_scale_and_the_axis():
 
 
 def test_hidden_height_is_as_uncertain_as_its_prior_says():
-    """Only the cap around the stem is seen: the height is mostly what one knows of apples."""
+    """Only the cap around the stem is visible: the height follows mostly from the prior."""
     from_above = transform(rot_x(-np.pi / 2), (0.0, 0.0, 0.6))
     cap = seen_points(from_above, np.ones(3))
     cap = cap.chosen(cap.points[:, 2] < 0.58)

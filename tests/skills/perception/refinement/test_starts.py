@@ -1,4 +1,4 @@
-"""Where a fit starts anew: poses with another axis of the stem, and what refine makes of them."""
+"""Restarts of a fit: poses with another axis of the stem, and their refinement."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The generator of test scenes does what it says of itself."""
+"""The generator of test scenes agrees with its description."""
 
 from __future__ import annotations
 

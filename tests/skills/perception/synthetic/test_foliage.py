@@ -1,4 +1,4 @@
-"""Trees: leaves hide fruit, never all of it everywhere; the truth follows what is left to see."""
+"""Trees: leaves hide fruit, never all of it everywhere; the truth follows the visible part."""
 
 from __future__ import annotations
 

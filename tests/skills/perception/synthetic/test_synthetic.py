@@ -1,4 +1,4 @@
-"""Rendered frames: reproducible, and labelled with what is in the picture."""
+"""Rendered frames: reproducible, and labelled with their contents."""
 
 from pathlib import Path
 

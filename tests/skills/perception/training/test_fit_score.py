@@ -6,7 +6,7 @@ from pomona.skills.perception.training.fit_score import JudgedPlaces, fit_score
 
 
 def domain(rng: np.random.Generator, count: int, column: int) -> JudgedPlaces:
-    """Places whose fruit only one of the logits tells; the quality tells the domain."""
+    """Return places whose fruit only one of the logits shows; the quality shows the domain."""
     right = rng.random(count) < 0.5
     features = rng.normal(0.0, 0.3, (count, 4))
     features[:, column] = np.where(right, 2.0, -2.0) + rng.normal(0.0, 1.0, count)

@@ -1,4 +1,4 @@
-"""Weights learnt on from proposals: kept when no figure is worse, and what is refused."""
+"""Weights learnt on from proposals: kept when no figure is worse; and the refusals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Folders of labelled photographs: every layout says the same, and every mistake is named in one line."""
+"""Folders of labelled photographs: every layout gives the same, and every mistake is named in one line."""
 
 import json
 from collections.abc import Callable

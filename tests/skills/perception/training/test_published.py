@@ -1,4 +1,4 @@
-"""MinneApple's and KFuji's folders as their archives unpack, and what can be wrong with them."""
+"""MinneApple's and KFuji's folders as their archives unpack, and their errors."""
 
 from collections.abc import Callable
 from pathlib import Path

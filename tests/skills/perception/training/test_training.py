@@ -1,4 +1,4 @@
-"""Training: resumes exactly, refuses what does not belong together, and learns."""
+"""Training: resumes exactly, refuses inconsistent parts, and learns."""
 
 import copy
 import dataclasses
