@@ -219,7 +219,7 @@ def test_a_package_begun_here_requires_neither_distribution_and_its_kinds_are_th
     begun = tomllib.loads((alone.folder / "weigh" / "pyproject.toml").read_text("utf-8"))["project"]
     assert begun["dependencies"] == []
     helped = alone.pomona("new", "--help").stdout
-    assert "{node,package,skill}" in helped
+    assert "{node,package,skill,tree}" in helped
     assert not [word for word in ("driver", "fruit", "camera") if word in helped]
     assert alone.pomona("skills").stdout.startswith("No skill is installed here")
 

@@ -74,7 +74,7 @@ def start(place: Path, lines: str) -> list[str]:
 def test_the_first_start_is_announced_with_its_duration_and_no_later_one(tmp_path: Path) -> None:
     begin = "[c.begin_first(Path('robot.xml')) for _ in 'ab']; c.wait_for_first(); print(c._beside, file=sys.stderr)"
     said, helper = start(tmp_path, begin)
-    assert re.fullmatch(rf"compiling the motion kernels, once, about \d\d s; kept in {tmp_path}", said)
+    assert re.fullmatch(r"compiling the motion kernels, once, about \d\d s", said)
     assert "returncode: 0" in helper or (len(os.sched_getaffinity(0)) < 2 and helper == "None")
     (tmp_path / "fingers").mkdir()
     (tmp_path / "fingers" / "fingers.pad_wrench-26.py311.nbi").touch()  # a driver compiles it when the cell connects
@@ -107,7 +107,7 @@ def test_the_helper_compiles_its_half_for_the_process_that_waits(tmp_path: Path)
 @pytest.mark.parametrize(
     ("place", "says", "is_ok"),
     [
-        ("kept", "kept in ", True),
+        ("kept", "none yet in ", True),
         ("cache/pomona/compiled-1", "since the installation is read-only; NUMBA_CACHE_DIR names another folder", True),
         ("file/compiled-1", "does not last; set NUMBA_CACHE_DIR to a folder that is writable and stays", False),
         ("temporary/compiled-1", "does not last; set NUMBA_CACHE_DIR", False),

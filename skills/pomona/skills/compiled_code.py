@@ -74,15 +74,15 @@ def is_compiled() -> bool:
 
 
 def first_sentence() -> str:
-    """Return the announcement of the compilation: its duration, and where the code is kept."""
+    """Return the announcement of the compilation: its duration, and the folder where it is an unusual one."""
     place = Path(os.environ[PLACE])
     seconds = FIRST_ONE if _cores() < 2 else FIRST_TWO
-    kept = f"compiling the motion kernels, once, about {seconds} s; kept in {place}"
+    once = f"compiling the motion kernels, once, about {seconds} s"
     if place.is_relative_to(TEMPORARY) or not is_writable(place):
         return f"compiling the motion kernels, about {seconds} s, again and again: {place} does not last; {KEEP}"
     if place.parent == _users_cache():
-        return f"{kept}, since the installation is read-only; {PLACE} names another folder"
-    return kept
+        return f"{once}; kept in {place}, since the installation is read-only; {PLACE} names another folder"
+    return once
 
 
 def examine() -> ReportLine:
@@ -91,7 +91,7 @@ def examine() -> ReportLine:
     if is_compiled():
         return ReportLine("compiled code", True, f"kept in {place}")
     is_kept = is_writable(place) and not place.is_relative_to(TEMPORARY)
-    return ReportLine("compiled code", is_kept, f"none yet; the first run: {first_sentence()}", KEEP)
+    return ReportLine("compiled code", is_kept, f"none yet in {place}; the first run: {first_sentence()}", KEEP)
 
 
 def begin_first(description: Path) -> None:
