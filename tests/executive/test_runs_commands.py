@@ -214,7 +214,9 @@ def test_a_speed_that_is_none_is_refused_in_words(capsys: pytest.CaptureFixture[
     write(Path("runs/a"), SUCCEEDED)
     with pytest.raises(SystemExit, match="2"):
         main(["replay", "a", "--speed", speed])
-    assert f"'{speed}' is no speed: write a number from 0.001 to 1000" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "argument --speed: " in said
+    assert "is not a number" in said or "must be between 0.001 and 1000" in said
 
 
 @pytest.mark.parametrize("content", [b"", b"not an mcap file", b"\x89MCAP0\r\n" + b"\xff" * 100, b"\x89MCAP0\r\n"])

@@ -108,7 +108,7 @@ def test_a_folder_that_is_there_is_left_alone_and_what_does_not_fit_is_named(
     assert "100000000 steps a second: it must be 1 to 1000" in capsys.readouterr().err
     with pytest.raises(SystemExit):
         main([*export, str(tmp_path / "never"), "--to", "lerobot", "--rate", "0"])
-    assert "'0' is no whole number of at least 1" in capsys.readouterr().err
+    assert "it is 0, but must be at least 1" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["blind"]
     assert main([*export, str(tmp_path / "good"), "--to", "lerobot", "--rate", "5"]) == 0
     assert "observation.state" in capsys.readouterr().out

@@ -9,6 +9,10 @@ from pathlib import Path
 
 from pomona.executive.dashboard.alerts import AlertRule, Alerts
 from pomona.executive.recording.index import RunIndex
+from pomona.executive.values.kinds import Measure
+from pomona.executive.values.units import RATIO
+
+SHARE = Measure(RATIO, low="0 %", high="100 %")
 
 
 def add_alerts(parser: argparse.ArgumentParser) -> None:
@@ -17,7 +21,11 @@ def add_alerts(parser: argparse.ArgumentParser) -> None:
         "--alert-to", metavar="URL", help="post a JSON object there when fewer of the last runs succeed than should"
     )
     parser.add_argument(
-        "--alert-below", type=_share, default=0.8, metavar="SHARE", help="of runs that should succeed (default: 80%%)"
+        "--alert-below",
+        type=SHARE.option,
+        default=0.8,
+        metavar="SHARE",
+        help="success rate of the last runs (default: 80%%)",
     )
     parser.add_argument(
         "--alert-over", type=int, default=20, metavar="N", help="the last runs that count (default: 20)"
@@ -39,7 +47,3 @@ def outcomes_in(records: Path, most: int) -> list[tuple[bool, str]]:
     """Of the newest recorded runs that have ended, oldest first: whether each succeeded, and its code if not."""
     ended = (run for run in RunIndex(records).read() if run.outcome is not None)
     return [(run.outcome == "success", run.code or "") for run in islice(ended, max(most, 0))][::-1]
-
-
-def _share(text: str) -> float:
-    return float(text.removesuffix("%")) / 100.0 if text.endswith("%") else float(text)

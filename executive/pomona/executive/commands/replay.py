@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import time
 from typing import Any
 
@@ -15,6 +14,7 @@ from pomona.executive.terminal.live import LiveTree
 from pomona.executive.terminal.run_list import UNCHECKED, ending, how
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.summary import Summary
+from pomona.executive.values.kinds import Number
 
 SLOWEST, FASTEST = 1e-3, 1e3
 """Range of `--speed`: seconds of the run per second of the clock."""
@@ -26,16 +26,12 @@ def add(subparsers: Any) -> None:
     parser.add_argument("run", help="a record's folder, its name below --record, or 'last'")
     add_records_folder(parser)
     parser.add_argument(
-        "--speed", type=_speed, metavar="FACTOR", help="1 is real time; without it as fast as it can be shown"
+        "--speed",
+        type=Number(SLOWEST, FASTEST).option,
+        metavar="FACTOR",
+        help="1 is real time (default: as fast as possible)",
     )
     parser.set_defaults(main=main)
-
-
-def _speed(text: str) -> float:
-    with contextlib.suppress(ValueError):
-        if SLOWEST <= (speed := float(text)) <= FASTEST:
-            return speed
-    raise argparse.ArgumentTypeError(f"'{text}' is no speed: write a number from {SLOWEST:g} to {FASTEST:g}")
 
 
 def main(options: argparse.Namespace) -> int:

@@ -19,6 +19,7 @@ from pomona.executive.recording.scan import is_whole
 from pomona.executive.terminal.filtered import write_json
 from pomona.executive.terminal.run_list import how, print_comparison, print_list, size, wide_console
 from pomona.executive.terminal.screen import Screen
+from pomona.executive.values.kinds import Whole
 
 if TYPE_CHECKING:  # readers of whole records are imported on use, so that a list does not wait for them
     from pomona.executive.terminal.summary import Summary
@@ -36,7 +37,7 @@ def add(subparsers: Any) -> None:
     listing = _command(commands, "list", _list, "the recorded runs, newest first")
     listing.add_argument("words", nargs="*", help="only runs with all of these words in name, cell, settings or code")
     listing.add_argument("--failed", action="store_true", help="only runs that did not succeed")
-    listing.add_argument("--limit", type=_positive, default=30, metavar="N", help="maximum number (default: 30)")
+    listing.add_argument("--limit", type=Whole(1).option, default=30, metavar="N", help="maximum number (default: 30)")
     listing.add_argument("--all", action="store_true", help="no limit")
     listing.add_argument("--rebuild", action="store_true", help="make the index afresh from the records")
     listing.add_argument("--json", action="store_true", help="one JSON object a line")
@@ -60,7 +61,7 @@ def add(subparsers: Any) -> None:
         "--to", choices=tuple(FOLDERS), help="a folder: images and tables (frames), or of another tool"
     )
     exporting.add_argument("--with", nargs="+", default=[], metavar="RUN", dest="more", help="lerobot: more episodes")
-    exporting.add_argument("--rate", type=_positive, metavar="HZ", help="lerobot: steps a second (default: 10)")
+    exporting.add_argument("--rate", type=Whole(1).option, metavar="HZ", help="lerobot: steps a second (default: 10)")
     exporting.add_argument("--task", default="", metavar="WORDS", help="lerobot: the task (default: the tree)")
 
     failures = _command(commands, "failures", _failures, "failed runs with pictures as one page that can be sent")
@@ -71,7 +72,7 @@ def add(subparsers: Any) -> None:
 
     prune = _command(commands, "prune", _prune, "throw away old records; asks first, spares a run that is going on")
     prune.add_argument("--older", type=pruning.AGE.option, metavar="AGE", help="older than this: 30 d, 12 h, 4 w")
-    prune.add_argument("--keep", type=_positive, metavar="N", help="all but the newest N")
+    prune.add_argument("--keep", type=Whole(1).option, metavar="N", help="all but the newest N")
     prune.add_argument(
         "--total", type=pruning.SIZE.option, metavar="SIZE", help="the oldest, until the rest fits into this: 20 GB"
     )
@@ -87,12 +88,6 @@ def _command(commands: Any, name: str, main: Any, text: str) -> argparse.Argumen
     add_records_folder(parser)
     parser.set_defaults(main=main)
     return parser
-
-
-def _positive(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"'{text}' is no whole number of at least 1")
-    return int(text)
 
 
 # --------------------------------------------------------------------------------------------------- list

@@ -59,6 +59,17 @@ class ScalarKind(Kind[T]):
     def plain_schema(self) -> Schema:
         """Return the schema of the text itself."""
 
+    def option(self, text: str) -> T:
+        """Parse a value of the command line: the `type` of an argument.
+
+        Raises:
+            argparse.ArgumentTypeError: the text is not of this kind; the message names the allowed values.
+        """
+        try:
+            return self.parse(text)
+        except Unfit as error:
+            raise argparse.ArgumentTypeError("; ".join(filter(None, (error.message, error.hint)))) from None
+
     def read(self, node: YamlNode, reader: Reader) -> T:
         found = reader.filled(node)
         if not isinstance(found, YamlScalar):
@@ -167,18 +178,6 @@ class Measure(ScalarKind[float]):
             limits = f"between {low} and {high}" if low and high else f"at least {low}" if low else f"at most {high}"
             raise Unfit(f"it is {text.strip()}, but must be {limits}", code="range")
         return value
-
-    def option(self, text: str) -> float:
-        """Parse a value from the command line, as the `type` of an argument.
-
-        Raises:
-            argparse.ArgumentTypeError: its unit is missing or unknown, or it is out of range; the text names the
-            allowed values.
-        """
-        try:
-            return self.parse(text)
-        except Unfit as error:
-            raise argparse.ArgumentTypeError(str(error)) from None
 
     def plain_schema(self) -> Schema:
         return quantity_schema(self.quantity)

@@ -15,6 +15,7 @@ import numpy as np
 from pomona.executive.running.signals import raise_again
 from pomona.executive.values.arrays import UInt8
 from pomona.executive.values.image_bytes import is_cut_off
+from pomona.executive.values.kinds import Number
 from pomona.executive.values.plain_text import is_file
 
 if TYPE_CHECKING:
@@ -46,7 +47,9 @@ def add(subparsers: Any) -> None:
         help="another weights file, or the name of a shipped one: apple.weights is that of the simulated cell (the "
         "fruit's photo_weights, else its weights)",
     )
-    parser.add_argument("--score", type=_share, default=0.5, help="least belief that it is fruit, 0 to 1 (0.5)")
+    parser.add_argument(
+        "--score", type=Number(0, 1).option, default=0.5, help="lowest score of a detection, 0 to 1 (0.5)"
+    )
     parser.add_argument("--width", type=int, default=1280, help="width at which a picture is searched [px] (1280)")
     parser.add_argument("--out", type=Path, default=Path("detected"), help="new folder for all of it (detected)")
     parser.set_defaults(main=main)
@@ -95,13 +98,6 @@ def main(options: argparse.Namespace) -> int:
         raise
     sys.stdout.write(f"written to {options.out}: {TABLE}, and each picture with its boxes\n")
     return 2 if unusable else 0
-
-
-def _share(text: str) -> float:
-    value = float(text)
-    if not 0.0 <= value <= 1.0:
-        raise argparse.ArgumentTypeError(f"{text} does not lie in 0 … 1")
-    return value
 
 
 def _files(given: Sequence[Path]) -> Iterator[Path]:

@@ -14,6 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from pomona.executive.engine import add_engine_options, open_engine
 from pomona.executive.extras import need
+from pomona.executive.values.kinds import Number
 
 
 def add_data(subparsers: Any) -> None:
@@ -26,7 +27,7 @@ def add_data(subparsers: Any) -> None:
     detect.add_argument("--seed", type=int, default=1, help="seed of the data set (1)")
     detect.add_argument(
         "--kinds",
-        type=_chance,
+        type=Number(0).option,
         nargs=4,
         metavar=("TABLE", "HEAP", "LEAVES", "TREE"),
         help="how often each kind of scene appears (0.4 0.25 0.1 0.25)",
@@ -239,16 +240,6 @@ def _photographs(options: argparse.Namespace, console: Console) -> Any:
         counts.append(f"{len(photographs.empty)} pictures without fruit")
     console.print(", ".join(counts))
     return photographs
-
-
-def _chance(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0.0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is not a number of at least 0")
-    return value
 
 
 def _train_dope(options: argparse.Namespace, work: Path, console: Console) -> int:
