@@ -19,8 +19,8 @@ from pomona.skills.grip.monitors import (
     SaturationMonitor,
     SensorFaultMonitor,
     SlipMonitor,
-    counted_force,
     first_problem,
+    has_dead_finger,
     hold_monitors,
 )
 from pomona.skills.grip.reference_modes import ReferenceMode
@@ -41,8 +41,8 @@ def pressing(left: float = 1.5, right: float = 1.5, **changes: Any) -> GripEstim
 def state(estimate: GripEstimate | None = None, **changes: Any) -> GripState:
     """A sound grip of a carried fruit, but for the changes."""
     sample = GripSample(1.0, 1, PERIOD, np.zeros((2, 6)))
-    sound = GripState(sample, estimate or pressing(), ReferenceMode.CARRIED, 0.07, 2.0, 1.5)
-    return sound._replace(**changes)
+    sound = GripState(sample, estimate or pressing(), ReferenceMode.CARRIED, 0.07, 2.0, 1.5)._replace(**changes)
+    return sound._replace(has_dead_finger=has_dead_finger(sound.estimate, sound.mode, LIMITS))
 
 
 def samples_until(monitor: Monitor, now: GripState, most: int = 500) -> int:
@@ -120,8 +120,8 @@ def test_a_turning_fruit_needs_the_force_for_its_weight_only() -> None:
 
 
 def test_twice_the_other_finger_counts_when_one_reads_nothing() -> None:
-    assert counted_force(pressing(0.1, 2.0), ReferenceMode.CARRIED, LIMITS) == 4.0
-    assert counted_force(pressing(1.0, 2.0), ReferenceMode.CARRIED, LIMITS) == 2.0
+    assert state(pressing(0.1, 2.0)).counted_force == 4.0
+    assert state(pressing(1.0, 2.0)).counted_force == 2.0
 
 
 def test_the_most_serious_problem_comes_first_and_all_timers_run() -> None:

@@ -28,7 +28,6 @@ from pomona.skills.grip.monitors import (
     Monitor,
     SaturationMonitor,
     SlipMonitor,
-    counted_force,
     first_problem,
     has_dead_finger,
     hold_monitors,
@@ -128,7 +127,7 @@ class GripController:
         estimate, watch = self.estimate, self.settings.watch
         if self.mode is ReferenceMode.SLIDING:
             return max(estimate.f_n, estimate.stronger - watch.apart)
-        return counted_force(estimate, self.mode, watch)
+        return 2.0 * estimate.stronger if has_dead_finger(estimate, self.mode, watch) else estimate.f_n
 
     @property
     def is_carried(self) -> bool:
@@ -288,8 +287,9 @@ class GripController:
                 self._learn_friction()
 
     def _now(self, sample: GripSample) -> GripState:
-        reference = self._reference
-        return GripState(sample, self.estimate, self.mode, self.width, reference.wanted, reference.for_weight)
+        reference, estimate = self._reference, self.estimate
+        is_dead = has_dead_finger(estimate, reference.mode, self.settings.watch)
+        return GripState(sample, estimate, reference.mode, self.width, reference.wanted, reference.for_weight, is_dead)
 
     def _watch_hold(self, now: GripState) -> None:
         self.problem = first_problem(self._while_holding, now)
@@ -303,8 +303,7 @@ class GripController:
             return
         # Both fingers together show the lack of force: a fruit presses on both alike, a drifting sensor does not.
         estimate, loop = now.estimate, self.settings.loop
-        is_dead = has_dead_finger(estimate, now.mode, self.settings.watch)
-        force_sum = 2.0 * estimate.stronger if is_dead else max(estimate.force_sum, 0.0)
+        force_sum = 2.0 * estimate.stronger if now.has_dead_finger else max(estimate.force_sum, 0.0)
         coming = -self.speed * loop.lag * loop.stiffness.slope(force_sum)
         self._reference.follow(estimate, force_sum + coming, now.sample.elapsed)
 

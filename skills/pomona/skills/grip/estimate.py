@@ -8,11 +8,12 @@ import numpy as np
 
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.estimate_kernel import (
+    Allowance,
     FrictionModel,
     GripEstimate,
     GripModel,
     NoiseModel,
-    Weights,
+    Rates,
     estimate_sample,
 )
 from pomona.skills.grip.limit_surface import SoftContact, surface_table
@@ -40,14 +41,14 @@ class Estimator:
 
     def calibrate(self, samples: Float64) -> None:
         """Learn bias and noise from samples with nothing touching, shape (n, 2, 6)."""
-        weights, share = self._model.weights, self._filters.noise_stds
+        rates, share = self._model.rates, self._filters.noise_stds
         right = MIRROR * samples[:, 1]
         modes = 0.5 * np.stack([samples[:, 0] + right, samples[:, 0] - right], axis=1)
-        fast_std = math.sqrt(weights.fast / (2.0 - weights.fast))
-        variance = modes.var(axis=0).sum(axis=0) * weights.load / (2.0 - weights.load)
-        apart = float(modes[:, 1, 2].var()) * weights.normal / (2.0 - weights.normal)
+        fast_std = math.sqrt(rates.fast / (2.0 - rates.fast))
+        variance = modes.var(axis=0).sum(axis=0) * rates.load / (2.0 - rates.load)
+        apart = float(modes[:, 1, 2].var()) * rates.normal / (2.0 - rates.normal)
         of_mean = samples.var(axis=0).sum(axis=0) / len(samples)
-        normal_variance = float(modes[:, :, 2].var(axis=0).sum()) * weights.normal / (2.0 - weights.normal)
+        normal_variance = float(modes[:, :, 2].var(axis=0).sum()) * rates.normal / (2.0 - rates.normal)
         noise = NoiseModel(
             bias=samples.mean(axis=0),
             band=share * modes.std(axis=0) * fast_std,
@@ -71,26 +72,35 @@ class Estimator:
 
     def advance(self, raw: Float64, periods: int = 1, expected: float = 0.0, is_carried: bool = False) -> GripEstimate:
         """Take one raw sample; the arguments are those of `estimate_sample`."""
-        self.estimate = estimate_sample(self.estimate.memory, raw, periods, expected, is_carried, self._model)
+        self.estimate = estimate_sample(self.estimate.memory, raw, periods, expected, is_carried, *self._model)
         return self.estimate
 
 
 def _model_of(settings: GripSettings) -> GripModel:
-    filters, rate = settings.filters, settings.rate
-    slow = (filters.normal_lag, filters.load_lag, filters.centre_lag, filters.rise_lag, filters.calm_lag)
-    substeps = steps_in_a_sample(rate)
+    filters, period = settings.filters, 1.0 / settings.rate
+    substeps = steps_in_a_sample(settings.rate)
+
+    def weight(lag: float) -> float:
+        return 1.0 - math.exp(-1.0 / (settings.rate * lag))
+
     return GripModel(
         noise=NoiseModel(np.zeros((2, 6)), np.zeros((2, 6)), np.zeros(6), *(0.0,) * 4),
-        weights=Weights(*(1.0 - math.exp(-1.0 / (rate * lag)) for lag in (filters.fast_lag, *slow))),
+        rates=Rates(
+            fast=weight(filters.fast_lag),
+            normal=weight(filters.normal_lag),
+            load=weight(filters.load_lag),
+            centre=weight(filters.centre_lag),
+            rise=weight(filters.rise_lag),
+            calm=weight(filters.calm_lag),
+            period=period,
+            substeps=substeps,
+            step=period / substeps,
+        ),
         friction=_friction_of(settings.contact),
         filters=filters,
         observer=settings.observer,
         dynamic=settings.dynamic,
-        lever=settings.offset,
-        reserve=settings.reserve,
-        period=1.0 / rate,
-        substeps=substeps,
-        step=1.0 / rate / substeps,
+        allowance=Allowance(settings.offset, settings.reserve),
     )
 
 

@@ -41,8 +41,14 @@ class NoiseModel(NamedTuple):
     push: float
 
 
-class Weights(NamedTuple):
-    """Weight of a new sample in each low-pass filter, 0 … 1; the fields are the lags of `FilterSettings`."""
+class Rates(NamedTuple):
+    """Constants that depend on the sample rate.
+
+    Attributes:
+        fast, normal, load, centre, rise, calm: weight of a new sample in the low-pass with the lag of this name, 0 … 1.
+        period: between two samples [s].
+        substeps, step: integration steps of the observer in a period, and their length [s].
+    """
 
     fast: float
     normal: float
@@ -50,6 +56,9 @@ class Weights(NamedTuple):
     centre: float
     rise: float
     calm: float
+    period: float
+    substeps: int
+    step: float
 
 
 class FrictionModel(NamedTuple):
@@ -65,28 +74,28 @@ class FrictionModel(NamedTuple):
     load: Float64
 
 
-class GripModel(NamedTuple):
-    """Constants of a grip between two samples.
+class Allowance(NamedTuple):
+    """Loads beyond the measured ones that the grip allows for.
 
     Attributes:
-        filters, observer, dynamic: settings.
         lever: of the fruit's centre about the fingers' axis, until the fruit is carried [m].
         reserve: tangential force on top of the load [N].
-        period: of the samples [s].
-        substeps, step: integration steps of the observer in a period, and their length [s].
     """
 
+    lever: float
+    reserve: float
+
+
+class GripModel(NamedTuple):
+    """Constants of a grip between two samples."""
+
     noise: NoiseModel
-    weights: Weights
+    rates: Rates
     friction: FrictionModel
     filters: FilterSettings
     observer: ObserverSettings
     dynamic: DynamicSettings
-    lever: float
-    reserve: float
-    period: float
-    substeps: int
-    step: float
+    allowance: Allowance
 
 
 class Memory(NamedTuple):
@@ -210,7 +219,9 @@ class _FingerLoads(NamedTuple):
 
 
 @njit(cache=True)
-def estimate_sample(memory, raw, periods, expected, is_carried, model):  # type: ignore[no-untyped-def]
+def estimate_sample(  # type: ignore[no-untyped-def]
+    memory, raw, periods, expected, is_carried, noise, rates, friction, filters, observer, dynamic, allowance
+):
     """Return the estimate after one raw sample.
 
     Args:
@@ -219,30 +230,31 @@ def estimate_sample(memory, raw, periods, expected, is_carried, model):  # type:
         periods: sample periods since the last estimate.
         expected: change of the grip force in each of them by the fingers' own motion [N].
         is_carried: the fruit hangs in the fingers: a load that grows fast is a push.
-        model: constants.
+        noise, rates, friction, filters, observer, dynamic, allowance: the parts of `GripModel`; numba takes them faster
+            one by one.
     """
-    noise, weights, filters = model.noise, model.weights, model.filters
     fast, slow, smoothed = memory.fast.copy(), memory.slow.copy(), np.empty((2, 6))
-    shares = (weights.fast, weights.normal, weights.load)
+    shares = (rates.fast, rates.normal, rates.load)
     for _ in range(periods):
         smooth(raw, noise.bias, MIRROR, noise.band, fast, slow, smoothed, shares, expected)
-    push, push_lever = _remaining_reserve(memory, model)
-    left = _loads_of(smoothed[0], noise.variance, model, push, push_lever)
-    right = _loads_of(smoothed[1], noise.variance, model, push, push_lever)
-    is_started, omega, z, integral, centre, f_nd = _observe(left, right, periods, model, memory)
+    push, push_lever = _remaining_reserve(memory, filters, allowance)
+    unknown = (allowance.lever, push, push_lever, filters.farthest_centre)
+    left = _loads_of(smoothed[0], noise.variance, friction, unknown)
+    right = _loads_of(smoothed[1], noise.variance, friction, unknown)
+    omega, z, integral, centre, f_nd = _observe(left, right, periods, rates, observer, dynamic, memory)
 
     load = (left.f_x + right.f_x, left.f_y + right.f_y)
     f_t = math.hypot(left.f_x + right.f_x, left.f_y + right.f_y)
     tau_n = left.tau_n + right.tau_n
     f_least = left.least + right.least
-    f_coulomb = left.f_t / model.friction.mu + right.f_t / model.friction.mu
-    rise_share = min(periods * weights.rise, 1.0)
+    f_coulomb = left.f_t / friction.mu + right.f_t / friction.mu
+    rise_share = min(periods * rates.rise, 1.0)
     f_t_before = memory.f_t_before + rise_share * (f_t - memory.f_t_before)
     f_least_before = memory.f_least_before + rise_share * (f_least - memory.f_least_before)
     push_now = 0.0
     if is_carried:
         push_now = max(f_t - (1.0 + filters.push_ratio) * f_t_before - noise.push, 0.0)
-    f_t_calm, tau_calm, push_left = _calm_load(f_t, tau_n, push_now, periods, memory, model)
+    f_t_calm, tau_calm, push_left = _calm_load(f_t, tau_n, push_now, periods, memory, rates, filters)
 
     shear_jump, press_jump_of_one, contact_jump = _jumps_of_one_finger(fast, slow, noise.band, filters.aside)
     press_jump_of_both = 0.0
@@ -262,21 +274,8 @@ def estimate_sample(memory, raw, periods, expected, is_carried, model):  # type:
     rise, cautious, reserved = f_least - f_least_before, left.cautious + right.cautious, left.reserved + right.reserved
     twist = min(max(f_least / max(f_coulomb, 0.1) - 1.0, 0.0), filters.twist_bound)
     slip_speed = abs(omega) * centre
-    memory = Memory(
-        fast,
-        slow,
-        is_started,
-        omega,
-        z,
-        integral,
-        centre,
-        f_t,
-        f_t_before,
-        f_least_before,
-        f_t_calm,
-        tau_calm,
-        push_left,
-    )
+    averages = (f_t, f_t_before, f_least_before, f_t_calm, tau_calm, push_left)
+    memory = Memory(fast, slow, True, omega, z, integral, centre, *averages)
     jumps = (shear_jump, press_jump_of_one, press_jump_of_both, contact_jump, one_presses_more)
     forces = (left.f_n, right.f_n, f_n, f_t, load, tau_n, tau_std, f_least, f_least_std, rise, f_coulomb, cautious)
     others = (reserved, twist, f_nd, slip_speed, push_now)
@@ -284,40 +283,40 @@ def estimate_sample(memory, raw, periods, expected, is_carried, model):  # type:
 
 
 @njit(cache=True)
-def _remaining_reserve(memory, model):  # type: ignore[no-untyped-def]
+def _remaining_reserve(memory, filters, allowance):  # type: ignore[no-untyped-def]
     """Reserve that is left [N] and its lever [m].
 
     A measured push is subtracted, so that it is not counted twice. The lever is that of the calm load: a push at the
     fruit's centre is many times the weight of a light fruit, whose lever is below the noise of a sample.
     """
-    if model.reserve == 0.0 or memory.f_t_calm < LEVER_LOAD:
-        return model.reserve, model.lever
+    if allowance.reserve == 0.0 or memory.f_t_calm < LEVER_LOAD:
+        return allowance.reserve, allowance.lever
     pushed = max(memory.f_t - memory.f_t_calm, 0.0) if memory.push_left > 0.0 else 0.0
-    return max(model.reserve - pushed, 0.0), memory.tau_calm / memory.f_t_calm
+    return max(allowance.reserve - pushed, 0.0), memory.tau_calm / memory.f_t_calm
 
 
 @njit(cache=True)
-def _calm_load(f_t, tau_n, push_now, periods, memory, model):  # type: ignore[no-untyped-def]
+def _calm_load(f_t, tau_n, push_now, periods, memory, rates, filters):  # type: ignore[no-untyped-def]
     """Averages of load and moment while nothing pushes [N, N·m], and the time for which a push may last [s].
 
     A push ends when the load is back; one that lasts longer than `longest_push` counts as load.
     """
     push_left = memory.push_left
     if push_now > 0.0:
-        push_left = model.filters.longest_push
-    elif f_t < (1.0 + model.filters.push_ratio) * memory.f_t_calm:
+        push_left = filters.longest_push
+    elif f_t < (1.0 + filters.push_ratio) * memory.f_t_calm:
         push_left = 0.0
     if push_left > 0.0:
-        return memory.f_t_calm, memory.tau_calm, push_left - periods * model.period
-    share = min(periods * model.weights.calm, 1.0)
+        return memory.f_t_calm, memory.tau_calm, push_left - periods * rates.period
+    share = min(periods * rates.calm, 1.0)
     f_t_calm = memory.f_t_calm + share * (f_t - memory.f_t_calm)
     return f_t_calm, memory.tau_calm + share * (abs(tau_n) - memory.tau_calm), push_left
 
 
 @njit(cache=True)
-def _loads_of(wrench, variance, model, push, push_lever):  # type: ignore[no-untyped-def]
+def _loads_of(wrench, variance, friction, unknown):  # type: ignore[no-untyped-def]
     """Loads of one finger, and the grip forces that they need."""
-    friction, farthest = model.friction, model.filters.farthest_centre
+    lever_of_centre, push, push_lever, farthest = unknown
     mu, torsion, gamma = friction.mu, friction.torsion, friction.gamma
     f, tau, load = friction.f, friction.tau, friction.load
     f_n, f_x, f_y, tau_n = loads_of_finger(wrench)
@@ -334,7 +333,7 @@ def _loads_of(wrench, variance, model, push, push_lever):  # type: ignore[no-unt
     worst_case_f_t = f_t + 0.5 * push
     pushed_tau = abs(tau_n) + 0.5 * push * push_lever
     reserved = least_force_of_finger(worst_case_f_t, pushed_tau, mu, torsion, gamma, f, tau, load)[0]
-    worst_case_tau = max(abs(tau_n), f_t * model.lever)
+    worst_case_tau = max(abs(tau_n), f_t * lever_of_centre)
     cautious = least_force_of_finger(worst_case_f_t, worst_case_tau, mu, torsion, gamma, f, tau, load)[0]
     # Centre of rotation at the onset of sliding, and the friction there.
     pressing = max(f_n, 0.05)
@@ -351,18 +350,16 @@ def _loads_of(wrench, variance, model, push, push_lever):  # type: ignore[no-unt
     centre = min(centre, farthest)
     friction_torque = torsion * pressing ** (gamma + 1.0) * tau_tilde
     friction_force = mu * pressing * f_tilde
-    return _FingerLoads(
-        f_n, f_x, f_y, f_t, tau_n, least, least_variance, cautious, reserved, centre, friction_torque, friction_force
-    )
+    at_centre = (centre, friction_torque, friction_force)
+    return _FingerLoads(f_n, f_x, f_y, f_t, tau_n, least, least_variance, cautious, reserved, *at_centre)
 
 
 @njit(cache=True)
-def _observe(left, right, periods, model, memory):  # type: ignore[no-untyped-def]
-    """(is_started, omega, z, integral, centre, dynamic term [N]) after the periods of a sample."""
-    observer, dynamic = model.observer, model.dynamic
+def _observe(left, right, periods, rates, observer, dynamic, memory):  # type: ignore[no-untyped-def]
+    """(omega, z, integral, centre, dynamic term [N]) after the periods of a sample."""
     centre = 0.5 * left.centre + 0.5 * right.centre
     if memory.is_started:
-        centre = memory.centre + min(periods * model.weights.centre, 1.0) * (centre - memory.centre)
+        centre = memory.centre + min(periods * rates.centre, 1.0) * (centre - memory.centre)
     y = abs(left.tau_n) + abs(right.tau_n) + centre * (left.f_t + right.f_t)
     g = left.friction_torque + right.friction_torque + centre * (left.friction_force + right.friction_force)
     omega, z, integral = memory.omega, memory.z, memory.integral
@@ -371,13 +368,13 @@ def _observe(left, right, periods, model, memory):  # type: ignore[no-untyped-de
     J = observer.inertia + observer.mass * (centre + observer.offset) ** 2
     before = omega
     f_nd = 0.0
-    for _ in range(periods * model.substeps):
-        omega, z = observe(omega, z, y, g, J, observer.sigma0, observer.beta, observer.gain, model.step)
+    for _ in range(periods * rates.substeps):
+        omega, z = observe(omega, z, y, g, J, observer.sigma0, observer.beta, observer.gain, rates.step)
         integral, f_nd = answer_slip(
-            integral, before, omega, dynamic.kp, dynamic.ki, dynamic.kdc, dynamic.bound, model.step
+            integral, before, omega, dynamic.kp, dynamic.ki, dynamic.kdc, dynamic.bound, rates.step
         )
         before = omega
-    return True, omega, z, integral, centre, f_nd
+    return omega, z, integral, centre, f_nd
 
 
 @njit(cache=True)

@@ -29,7 +29,7 @@ class GripPhase(Enum):
     ENDED = "ended"
 
 
-IN_HAND = frozenset({GripPhase.HOLDING, GripPhase.PIVOTING, GripPhase.SLIDING})
+IN_HAND = (GripPhase.HOLDING, GripPhase.PIVOTING, GripPhase.SLIDING)
 """Phases of a held fruit."""
 
 

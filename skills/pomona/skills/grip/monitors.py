@@ -29,6 +29,7 @@ class GripState(NamedTuple):
         width: opening between the pads' faces [m].
         f_wanted: grip force that the load needs by the law [N].
         f_for_weight: the same without the load's moment [N].
+        has_dead_finger: True when one finger reads nothing while the other one presses.
     """
 
     sample: GripSample
@@ -37,6 +38,12 @@ class GripState(NamedTuple):
     width: float
     f_wanted: float
     f_for_weight: float
+    has_dead_finger: bool = False
+
+    @property
+    def counted_force(self) -> float:
+        """Measured grip force [N]; if one sensor reads nothing, twice the other finger's force."""
+        return 2.0 * self.estimate.stronger if self.has_dead_finger else self.estimate.f_n
 
     def problem(self, code: str, message: str, **data: float) -> GripProblem:
         """Return a problem of this moment."""
@@ -76,11 +83,6 @@ def has_dead_finger(estimate: GripEstimate, mode: ReferenceMode, limits: WatchSe
     return is_dead and mode not in (ReferenceMode.SLIDING, ReferenceMode.RAMP)
 
 
-def counted_force(estimate: GripEstimate, mode: ReferenceMode, limits: WatchSettings) -> float:
-    """Return the measured grip force [N]; if one sensor reads nothing, twice the other finger's force."""
-    return 2.0 * estimate.stronger if has_dead_finger(estimate, mode, limits) else estimate.f_n
-
-
 class SensorFaultMonitor:
     """SENSOR_FAULT: readings that cannot be right."""
 
@@ -105,7 +107,7 @@ class SaturationMonitor:
         if self._saturated.update(any(now.sample.saturated), now.sample.elapsed) <= self._limits.saturated_after:
             return None
         message = "a finger's channel is at the end of its range; the force is neither raised nor lowered"
-        return now.problem("SENSOR_SATURATED", message, force_n=counted_force(now.estimate, now.mode, self._limits))
+        return now.problem("SENSOR_SATURATED", message, force_n=now.counted_force)
 
 
 class GoneMonitor:
@@ -129,8 +131,7 @@ class DeadFingerMonitor:
         self._limits, self._dead = limits, Timer()
 
     def check(self, now: GripState) -> GripProblem | None:
-        is_dead = has_dead_finger(now.estimate, now.mode, self._limits)
-        if self._dead.update(is_dead, now.sample.elapsed) <= self._limits.gone_after:
+        if self._dead.update(now.has_dead_finger, now.sample.elapsed) <= self._limits.gone_after:
             return None
         left, right = now.estimate.left, now.estimate.right
         message = f"one finger reads no force any more ({left:.2f} N, {right:.2f} N); the grip is kept"
@@ -152,7 +153,7 @@ class SlipMonitor:
     def check(self, now: GripState) -> GripProblem | None:
         limits, estimate, elapsed = self._limits, now.estimate, now.sample.elapsed
         slides, pivots = now.mode is ReferenceMode.SLIDING, now.mode is ReferenceMode.PIVOTING
-        f_n = counted_force(estimate, now.mode, limits)
+        f_n = now.counted_force
         needed = estimate.f_coulomb if pivots else estimate.f_least
         beyond = self._beyond.update(needed > limits.beyond * f_n and not slides, elapsed)
         if needed > limits.slipping * f_n and not slides:

@@ -24,10 +24,10 @@ from pomona.skills.grip.reference_modes import (
 )
 from pomona.skills.grip.settings import GripSettings
 
-REQUESTED = frozenset({ReferenceMode.PIVOTING, ReferenceMode.SLIDING})
+REQUESTED = (ReferenceMode.PIVOTING, ReferenceMode.SLIDING)
 """Modes that a skill starts and ends."""
 
-HANGING = frozenset({ReferenceMode.CARRIED, ReferenceMode.CATCHING})
+HANGING = (ReferenceMode.CARRIED, ReferenceMode.CATCHING)
 """Modes of a fruit that hangs in the fingers."""
 
 
@@ -125,6 +125,7 @@ class ForceReference:
             elapsed: time since the last call [s].
         """
         self.mode = self._modes[self.mode].next_mode(estimate)
-        f_ref = self._modes[self.mode].follow(estimate, force_coming, elapsed)
-        self.mode = self._modes[self.mode].next_mode(estimate)
+        law = self._modes[self.mode]
+        f_ref = law.follow(estimate, force_coming, elapsed)
+        self.mode = law.next_mode(estimate)
         self.f_ref = min(f_ref, self._levels.limit, self._levels.settings.loop.max_force)

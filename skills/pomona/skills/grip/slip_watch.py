@@ -34,7 +34,7 @@ class SlipWatch:
         self._shares = 1.0 - np.exp(-1.0 / (rate * self._lags))
         self._period = 1.0 / rate
         self._torque_std = 0.0
-        self._means = np.zeros((3, 5))
+        self._means, self._places = np.zeros((3, 5)), np.zeros((3, 2))
         self._lever_fast = self._lever_slow = 0.0
         self._samples = 0
         self._carried_for = 0.0
@@ -63,11 +63,12 @@ class SlipWatch:
             is_carried: the fruit hangs in the fingers.
         """
         self._samples += periods
-        _average(estimate.unfiltered, self._samples, min(periods, 10), self._shares, self._means)
-        pressing = self._means[:, 0]
-        if pressing.min() < LEAST_FORCE:
+        weakest = _average(
+            estimate.unfiltered, self._samples, min(periods, 10), self._shares, self._means, self._places
+        )
+        if weakest < LEAST_FORCE:
             return False
-        places = self._means[:, 1:3] / pressing[:, None]
+        pressing, places = self._means[:, 0], self._places
         if math.isnan(self._origin[0]) and self._samples * self._period > self._lags[1]:
             self._origin[:] = places[1]
         elif not math.isnan(self._origin[0]):
@@ -119,12 +120,13 @@ class SlipWatch:
         return self._carried_for > s.lever_after and moved > least
 
 
-@njit(cache=True)
-def _average(wrench, samples, periods, shares, means):  # type: ignore[no-untyped-def]
-    """Update the averages with three time constants, shape (3, 5), by the mean wrench of both fingers.
+@njit(cache=True, error_model="numpy")
+def _average(wrench, samples, periods, shares, means, places):  # type: ignore[no-untyped-def]
+    """Update averages and places by the mean wrench of both fingers, and return the smallest normal force [N].
 
-    Columns: normal force, that times the centre of pressure (x, y), tangential force (x, y). Each average is a plain
-    mean until its time constant has passed.
+    Columns of `means`, shape (3, 5), one row a time constant: normal force, that times the centre of pressure (x, y),
+    tangential force (x, y). Each average is a plain mean until its time constant has passed. `places` are the
+    centres of pressure, shape (3, 2).
     """
     for k in range(3):
         share = max(min(periods * shares[k], 1.0), 1.0 / samples)
@@ -133,3 +135,6 @@ def _average(wrench, samples, periods, shares, means):  # type: ignore[no-untype
         means[k, 2] += share * (-wrench[3] - means[k, 2])
         means[k, 3] += share * (wrench[0] - means[k, 3])
         means[k, 4] += share * (wrench[1] - means[k, 4])
+        places[k, 0] = means[k, 1] / means[k, 0]
+        places[k, 1] = means[k, 2] / means[k, 0]
+    return means[:, 0].min()
