@@ -24,6 +24,7 @@ from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS
 from pomona.skills.perception.synthetic.options import SceneOptions
 from pomona.skills.perception.synthetic.scene import render_scene
+from tests.skills.perception.detection.onnx_boxes import red_square_model
 
 
 def run(*arguments: object) -> int:
@@ -115,6 +116,21 @@ def test_weights_for_photographs_are_taken_where_the_fruit_has_them(
         assert run(pictures, "--fruit", fruit, "--out", tmp_path / fruit) == 0
     assert loaded == ["apple_photographs.weights", "lemon.weights"]
     assert (load_fruit("apple").weights or Path()).name == "apple.weights"  # a run keeps these
+
+
+def test_a_detector_of_boxes_takes_the_place_of_weights(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture = np.full((480, 640, 3), 40, np.uint8)
+    picture[120:200, 400:520] = (20, 20, 250)
+    cv2.imwrite(str(tmp_path / "red.png"), picture)
+    model = red_square_model(tmp_path / "model.onnx", [1, 3, 240, 320])
+    assert run(tmp_path / "red.png", "--boxes", model, "--out", tmp_path / "out") == 0
+    (row,) = csv.DictReader((tmp_path / "out" / "found.csv").read_text().splitlines())
+    box = [float(row[key]) for key in ("left_px", "top_px", "width_px", "height_px")]
+    assert np.allclose(box, (400, 120, 120, 80), atol=4.0)
+    assert row["visible"] == ""
+    assert run(tmp_path / "red.png", "--boxes", model, "--weights", "apple.weights", "--out", tmp_path / "two") == 2
+    assert "--boxes and --weights: name one of them" in capsys.readouterr().err
+    assert not (tmp_path / "two").exists()
 
 
 def test_the_shipped_weights_for_photographs_find_an_apple_and_none_where_there_is_none() -> None:

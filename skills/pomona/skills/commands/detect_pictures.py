@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 import csv
+import math
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -19,6 +20,7 @@ from pomona.executive.values.kinds import Number
 from pomona.executive.values.plain_text import is_file
 
 if TYPE_CHECKING:
+    from pomona.skills.perception.detection.box_model import ScoredBox
     from pomona.skills.perception.detection.compact_detector import CompactDetector
     from pomona.skills.perception.detection.found_fruit import FoundFruit
 
@@ -31,6 +33,10 @@ MOST = 200
 """Places that are looked at closely in one picture."""
 COLOUR = (46, 176, 255)
 """Of boxes and numbers, BGR: `pomona.executive.palette.OVERLAY["found"]`."""
+
+
+Search = Callable[[UInt8], "Sequence[FoundFruit | ScoredBox]"]
+"""Finds the fruit in a picture (h, w, 3) uint8 RGB."""
 
 
 class UnusableInput(Exception):
@@ -47,6 +53,7 @@ def add(subparsers: Any) -> None:
         help="another weights file, or the name of a shipped one: apple.weights is that of the simulated cell (the "
         "fruit's photo_weights, else its weights)",
     )
+    parser.add_argument("--boxes", type=Path, help="a detector of boxes as an ONNX file, instead of weights")
     parser.add_argument(
         "--score", type=Number(0, 1).option, default=0.5, help="lowest score of a detection, 0 to 1 (0.5)"
     )
@@ -64,10 +71,7 @@ def main(options: argparse.Namespace) -> int:
     Raises:
         KeyboardInterrupt: it was interrupted; the table holds the pictures that were done.
     """
-    from pomona.skills.perception.detection.compact_detector import CompactDetector
-    from pomona.skills.perception.detection.errors import BadWeights, DetectError
-    from pomona.skills.perception.detection.options import DetectorOptions
-    from pomona.skills.perception.fruit import find_weights, load_fruit
+    from pomona.skills.perception.detection.errors import DetectError
     from pomona.skills.perception.fruit.errors import FruitError
 
     table = options.out / TABLE
@@ -77,18 +81,10 @@ def main(options: argparse.Namespace) -> int:
         if table.exists():
             raise UnusableInput(f"{table} is there already: name another folder with --out")
         files = list(_files(options.pictures))
-        fruit = load_fruit(options.fruit)
-        weights = fruit.photo_weights or fruit.weights
-        if options.weights is not None:
-            weights = find_weights(Path(), options.weights)
-            if weights is None:
-                raise BadWeights(options.weights, "is neither a file nor the name of shipped weights")
-        if weights is None:
-            raise BadWeights(options.fruit, f"train some: pomona train detect --fruit {options.fruit}")
-        detector = CompactDetector.load(weights, DetectorOptions(working_width=options.width, most_fruit=MOST))
+        search = _search(options)
         options.out.mkdir(parents=True, exist_ok=True)
         with table.open("x", newline="", encoding="utf-8") as stream:
-            unusable = _all(files, detector, options.score, options.out, stream)
+            unusable = _all(files, search, options.score, options.out, stream)
     except (UnusableInput, DetectError, FruitError, OSError) as error:
         sys.stderr.write(f"pomona detect: {error}\n")
         return 2
@@ -117,7 +113,35 @@ def _is_picture(name: str) -> bool:
     return name.lower().endswith(ENDINGS) and not name.startswith(".") and not name.endswith(DEPTH)
 
 
-def _all(files: Sequence[Path], detector: CompactDetector, score: float, out: Path, stream: TextIO) -> int:
+def _search(options: argparse.Namespace) -> Search:
+    """Return the search of one picture, by a detector of boxes or by weights.
+
+    Raises:
+        UnusableInput, DetectError, FruitError: the options do not go together, or a file cannot be used.
+    """
+    from pomona.skills.perception.detection.box_model import BoxModel
+    from pomona.skills.perception.detection.compact_detector import CompactDetector
+    from pomona.skills.perception.detection.errors import BadWeights
+    from pomona.skills.perception.detection.options import DetectorOptions
+    from pomona.skills.perception.fruit import find_weights, load_fruit
+
+    fruit = load_fruit(options.fruit)
+    if options.boxes is not None:
+        if options.weights is not None:
+            raise UnusableInput("--boxes and --weights: name one of them")
+        return BoxModel(options.boxes, fruit.name, options.width).find
+    weights = fruit.photo_weights or fruit.weights
+    if options.weights is not None:
+        weights = find_weights(Path(), options.weights)
+        if weights is None:
+            raise BadWeights(options.weights, "is neither a file nor the name of shipped weights")
+    if weights is None:
+        raise BadWeights(options.fruit, f"train some: pomona train detect --fruit {options.fruit}")
+    detector = CompactDetector.load(weights, DetectorOptions(working_width=options.width, most_fruit=MOST))
+    return lambda colour: find_fruit(detector, colour)
+
+
+def _all(files: Sequence[Path], search: Search, score: float, out: Path, stream: TextIO) -> int:
     """Return each picture with its line on the screen and its rows in the table; how many could not be used."""
     table = csv.writer(stream)
     table.writerow(COLUMNS)
@@ -129,14 +153,14 @@ def _all(files: Sequence[Path], detector: CompactDetector, score: float, out: Pa
             sys.stderr.write(f"pomona detect: {file} cannot be read as a picture\n")
             unusable += 1
             continue
-        found = [fruit for fruit in find_fruit(detector, picture[:, :, ::-1]) if fruit.score >= score]
+        found = [fruit for fruit in search(picture[:, :, ::-1]) if fruit.score >= score]
         drawn = out / f"{number + 1:04d}_{file.stem}.jpg"
         if not cv2.imwrite(str(drawn), _draw(picture, found)):
             raise UnusableInput(f"{drawn} cannot be written")
         height, width = picture.shape[:2]
         table.writerows(
             (file, k + 1, f"{fruit.score:.3f}", *(f"{value:.1f}" for value in fruit.outline(width, height)),
-             f"{fruit.visibility:.2f}")
+             "" if math.isnan(fruit.visibility) else f"{fruit.visibility:.2f}")
             for k, fruit in enumerate(found)
         )  # fmt: skip
         stream.flush()
@@ -165,7 +189,7 @@ def find_fruit(detector: CompactDetector, colour: UInt8) -> list[FoundFruit]:
     return detector.find(np.ascontiguousarray(colour), K)
 
 
-def _draw(picture: Any, found: Sequence[FoundFruit]) -> Any:
+def _draw(picture: Any, found: Sequence[FoundFruit | ScoredBox]) -> Any:
     drawn = picture.copy()
     height, width = picture.shape[:2]
     thick = max(1, round(width / 800))

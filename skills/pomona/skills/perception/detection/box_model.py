@@ -50,10 +50,21 @@ LAYOUTS = "boxes (n, 4) and scores (n,), or one output (1, 4 + classes, n)"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoredBox:
-    """One box: x, y, w, h (4,) [px of the picture], and its score, 0..1."""
+    """One box.
+
+    Attributes:
+        box: x, y, w, h (4,) [px of the picture].
+        score: 0..1.
+        visibility: NaN, since boxes have no estimate of it.
+    """
 
     box: Float64
     score: float
+    visibility: float = float("nan")
+
+    def outline(self, width: int, height: int) -> Float64:
+        """Return the box; it lies in the picture."""
+        return self.box
 
 
 class BoxModel:
