@@ -25,7 +25,7 @@ def constant(value: Any) -> Getter:
 
 @dataclass(frozen=True, slots=True)
 class InstanceScope:
-    """Meaning of names for the nodes of one instance of a definition (a `RunScope`).
+    """Meaning of names for the nodes of one instance of a definition.
 
     Attributes:
         prefix: of the keys that its nodes write, ending in '/'.
@@ -74,7 +74,7 @@ def getter(value: Value, scope: InstanceScope) -> Getter:
     """Reads a value of a port or a modifier."""
     if isinstance(value, Given):
         return constant(value.value)
-    compiled = compile_expression(value.expression, scope)
+    compiled = compile_expression(value.expression, scope.getter)
     return lambda: plain(compiled())
 
 
@@ -86,7 +86,7 @@ def condition(value: Value, scope: InstanceScope) -> Condition:
     for name, shown in (("retry", "attempt"), ("repeat", "round"), ("for_each", "index"), ("failure", "code")):
         if name in names:
             reads[f"{name}.{shown}"] = _field(scope.getter(name), shown)
-    return Condition(value.text, compile_condition(value.expression, scope), reads)
+    return Condition(value.text, compile_condition(value.expression, scope.getter), reads)
 
 
 def _field(get: Getter, name: str) -> Getter:

@@ -20,7 +20,7 @@ from pomona.executive.language.expression import (
     Unary,
     references,
 )
-from pomona.executive.language.expression_run import Getter, compile_expression
+from pomona.executive.language.expression_run import compile_expression
 from pomona.executive.nodes.facts import MAX_CASES, Case, Fact, Plain, Possible
 from pomona.executive.reasons import NoValue
 from pomona.executive.values.findings import Located
@@ -140,17 +140,6 @@ def _merged(one: Case, other: Case) -> Case:
     return both
 
 
-class _Known:
-    """Names whose value is known (a `RunScope`)."""
-
-    def __init__(self, values: Mapping[str, Any]) -> None:
-        self.values = values
-
-    def getter(self, name: str) -> Getter:
-        value = self.values[name]
-        return lambda: value
-
-
 def _fold(expression: Expression, known: Mapping[str, Any]) -> Any:
     """Return its value, if that is known before the run; else an object that equals nothing."""
     if isinstance(expression, Constant):
@@ -158,7 +147,7 @@ def _fold(expression: Expression, known: Mapping[str, Any]) -> Any:
     if not all(reference.name in known for reference in references(expression)):
         return _UNKNOWN
     try:
-        return compile_expression(expression, _Known(known))()
+        return compile_expression(expression, lambda name: lambda: known[name])()
     except NoValue:
         return _UNKNOWN
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Mapping
 from enum import Enum
-from typing import Any, Protocol, assert_never
+from typing import Any, assert_never
 
 from pomona.executive.language.expression import (
     Binary,
@@ -23,13 +23,8 @@ from pomona.executive.reasons import NoValue
 Getter = Callable[[], Any]
 
 
-class RunScope(Protocol):
-    """Where a compiled expression stands."""
-
-    def getter(self, name: str) -> Getter:
-        """Reads the name's value; raises NoValue when there is none."""
-        ...
-
+GetterOf = Callable[[str], Getter]
+"""Returns the getter of a name; the getter raises NoValue without a value."""
 
 _ARITHMETIC: Mapping[str, Callable[[Any, Any], Any]] = {
     "+": operator.add,
@@ -49,7 +44,7 @@ _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
 }
 
 
-def compile_expression(expression: Expression, scope: RunScope) -> Getter:
+def compile_expression(expression: Expression, names: GetterOf) -> Getter:
     """Return a function that gives the expression's value now.
 
     The function raises NoValue when there is none.
@@ -59,32 +54,32 @@ def compile_expression(expression: Expression, scope: RunScope) -> Getter:
             value = expression.value
             return lambda: value
         case Reference():
-            return scope.getter(expression.name)
+            return names(expression.name)
         case Member():
-            return _field(compile_expression(expression.of, scope), expression.name)
+            return _field(compile_expression(expression.of, names), expression.name)
         case Index():
-            return _apply(operator.getitem, expression.of, expression.index, scope)
+            return _apply(operator.getitem, expression.of, expression.index, names)
         case Items():
-            getters = [compile_expression(item, scope) for item in expression.items]
+            getters = [compile_expression(item, names) for item in expression.items]
             return lambda: [get() for get in getters]
         case Unary(operator="not"):
-            operand = compile_condition(expression.operand, scope)
+            operand = compile_condition(expression.operand, names)
             return lambda: not operand()
         case Unary():
-            return _negated(compile_expression(expression.operand, scope))
+            return _negated(compile_expression(expression.operand, names))
         case Call():
             function = _FUNCTIONS[expression.function]
-            arguments = [compile_expression(argument, scope) for argument in expression.arguments]
+            arguments = [compile_expression(argument, names) for argument in expression.arguments]
             return _guarded(lambda: function(*(get() for get in arguments)))
         case Binary():
-            return _binary(expression, scope)
+            return _binary(expression, names)
         case _:
             assert_never(expression)
 
 
-def compile_condition(expression: Expression, scope: RunScope) -> Callable[[], bool]:
+def compile_condition(expression: Expression, names: GetterOf) -> Callable[[], bool]:
     """Like `compile_expression`, for an expression that must be true or false."""
-    get = compile_expression(expression, scope)
+    get = compile_expression(expression, names)
 
     def condition() -> bool:
         value = get()
@@ -97,23 +92,23 @@ def compile_condition(expression: Expression, scope: RunScope) -> Callable[[], b
     return condition
 
 
-def _binary(expression: Binary, scope: RunScope) -> Getter:
+def _binary(expression: Binary, names: GetterOf) -> Getter:
     if expression.operator in ("and", "or"):
-        left, right = compile_condition(expression.left, scope), compile_condition(expression.right, scope)
+        left, right = compile_condition(expression.left, names), compile_condition(expression.right, names)
         return (lambda: left() and right()) if expression.operator == "and" else (lambda: left() or right())
     if expression.operator in ("==", "!="):
         wanted = expression.operator == "=="
-        return _apply(lambda a, b: _equal(a, b) is wanted, expression.left, expression.right, scope)
+        return _apply(lambda a, b: _equal(a, b) is wanted, expression.left, expression.right, names)
     if expression.operator in ("in", "not in"):
         wanted = expression.operator == "in"
         return _apply(
-            lambda a, b: any(_equal(a, item) for item in b) is wanted, expression.left, expression.right, scope
+            lambda a, b: any(_equal(a, item) for item in b) is wanted, expression.left, expression.right, names
         )
-    return _apply(_ARITHMETIC[expression.operator], expression.left, expression.right, scope)
+    return _apply(_ARITHMETIC[expression.operator], expression.left, expression.right, names)
 
 
-def _apply(function: Callable[[Any, Any], Any], left: Expression, right: Expression, scope: RunScope) -> Getter:
-    get_left, get_right = compile_expression(left, scope), compile_expression(right, scope)
+def _apply(function: Callable[[Any, Any], Any], left: Expression, right: Expression, names: GetterOf) -> Getter:
+    get_left, get_right = compile_expression(left, names), compile_expression(right, names)
     return _guarded(lambda: function(get_left(), get_right()))
 
 

@@ -76,9 +76,8 @@ def assignments_of(script: str, keys: KeyNames) -> list[tuple[str, str]]:
     return found
 
 
-class _NoPorts:
-    def getter(self, name: str) -> Callable[[], Any]:
-        raise NoValue(name)
+def _no_port(name: str) -> Callable[[], Any]:
+    raise NoValue(name)
 
 
 def _literal(value: str) -> str:
@@ -90,7 +89,7 @@ def _literal(value: str) -> str:
     if re.fullmatch(r"'[^']*'", value):
         return value[1:-1]
     try:
-        computed = compile_expression(parse_expression(value), _NoPorts())
+        computed = compile_expression(parse_expression(value), _no_port)
         return scalar(computed())
     except (NoValue, ExpressionSyntaxError):
         raise ScriptError(f"computes '{value}' without any port") from None
