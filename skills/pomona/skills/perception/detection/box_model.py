@@ -63,7 +63,7 @@ class ScoredBox:
     visibility: float = float("nan")
 
     def outline(self, width: int, height: int) -> Float64:
-        """Return the box; it lies in the picture."""
+        """Return the box, (4,) [px]: it lies in the picture."""
         return self.box
 
 
