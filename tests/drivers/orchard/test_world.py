@@ -156,6 +156,7 @@ def test_a_break_that_unloads_the_pads_is_a_grips_for_fifty_milliseconds(cell, s
     world.state.time += since
     score.look(2)
     assert score.fruits[2].how == how
+    assert score.report()["gripped"] == 1
 
 
 def test_wind_moves_fruit_and_a_calm_wall_stands(cell):

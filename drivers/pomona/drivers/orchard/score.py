@@ -154,6 +154,7 @@ class WallScore:
         return {
             "apples": len(stories),
             "reachable": sum(reachable) if reachable is not None else None,
+            "gripped": int(np.isfinite(self._gripped).sum()),
             "detached": len(taken),
             "picked": sum(picked),
             "all_picked": all(picked),

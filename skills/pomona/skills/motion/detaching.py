@@ -16,7 +16,7 @@ from pomona.executive.values.arrays import Float64
 
 GRAVITY = 9.81  # [m/s²]
 
-BRUISE_FORCE, BRUISE_DIAMETER = 8.0, 0.076
+BRUISE_FORCE, BRUISE_DIAMETER = 7.4, 0.076
 """Pad force at which the flesh of a fruit of this diameter browns [N, m]; it grows with the square (Hertz)."""
 
 
@@ -54,17 +54,20 @@ class DetachSettings:
         grip_share, grip_ceiling: share of the bruising force that the mean and the larger pad may reach.
         grip_gain: closing speed per missing force [m/s per N]; grip_decay, carried_decay: rates at which
             the force comes down before and after the break [N/s].
-        carry_acceleration: acceleration that a carried fruit must withstand [m/s²]; carry_factor: reserve on it.
+        carry_share: share of the bruising force with which a detached fruit is carried: the fingers stand meanwhile,
+            and a fruit that turns in the pads by 10° changes its width by up to 1 mm, which is 1 N.
         loaded: stem force that must have been measured before a fall of it counts as a break [N].
         broken_share, broken_force: a stem has broken when its force falls below this share of its recent maximum and
             below this force [N].
         recent: time over which that maximum is remembered [s].
+        quiet_time: time below `broken_force`, after the stem was loaded, that shows a break which was not noticed [s].
         jam_force: net force of the pads that no stem needs [N]; jam_force_saturated: difference of the pads' pressing
             forces that shows wood at one finger while its sensor is at the end of its range [N]; jam_time: time that
             either may last [s].
         slip_width: loss of opening since the grip at which a fruit is slipping out [m].
         lost_force: mean pad force below which the fruit is lost [N]; lost_time: duration of that [s].
-        let_back_force: pads' force at which a branch that was drawn has come back [N].
+        let_back_force: pads' force at which a branch that was drawn has come back [N]; borne_share: share of the
+            weight that a stem which holds bears at least when the hand has stopped drawing.
         back_distance, back_speed, back_acceleration: of the way to the robot after the break [m, m/s, m/s²].
         closing_patience, patience: longest time of closing, and of all phases together [s].
     """
@@ -87,14 +90,14 @@ class DetachSettings:
     mu: float = 0.6
     grip_factor: float = 1.3
     grip_offset: float = 0.3
-    grip_share: float = 0.8
-    grip_ceiling: float = 0.88
+    grip_share: float = 0.72
+    grip_ceiling: float = 0.8
     grip_gain: float = 0.012
     grip_decay: float = 2.0
     carried_decay: float = 10.0
-    carry_acceleration: float = 4.0
-    carry_factor: float = 1.4
+    carry_share: float = 0.6
     loaded: float = 1.2
+    quiet_time: float = 0.16
     broken_share: float = 0.5
     broken_force: float = 1.0
     recent: float = 0.12
@@ -105,6 +108,7 @@ class DetachSettings:
     lost_force: float = 0.15
     lost_time: float = 0.06
     let_back_force: float = 0.5
+    borne_share: float = 0.4
     back_distance: float = 0.12
     back_speed: float = 0.25
     back_acceleration: float = 1.0
@@ -184,7 +188,7 @@ class DetachController:
         self._width_gripped = 0.0
         self._lever = np.zeros(3)  # from the knuckle to the TCP, in the TCP's frame [m]
         self._recent: list[tuple[float, float]] = []
-        self._jammed = self._empty = 0.0
+        self._jammed = self._empty = self._quiet = 0.0
         self._moved_back = self._speed_back = 0.0
         self._ending: DetachProblem | None = None
 
@@ -254,9 +258,10 @@ class DetachController:
         elif self.phase in DRAWING:
             self.stem_peak = max(self.stem_peak, self.stem_force)
             most = max(each for _, each in self._recent)
-            if most > s.loaded and self.stem_force < min(s.broken_share * most, s.broken_force):
-                self.broke_at, self.roll_at_break = self._time, self.roll
-                self._enter(DetachPhase.BACK)
+            self._quiet = self._quiet + dt if self.stem_force < s.broken_force else 0.0
+            falls = most > s.loaded and self.stem_force < min(s.broken_share * most, s.broken_force)
+            if falls or (self.phase is not DetachPhase.DRAW and self._quiet > s.quiet_time):
+                self._break()
             elif width < self._width_gripped - s.slip_width:
                 self._let_back(DetachProblem("SLIPPED", f"the opening fell by {1e3 * s.slip_width:.0f} mm"))
             elif self._time > s.patience:
@@ -265,6 +270,10 @@ class DetachController:
             self.broke_at = None
             self._moved_back = self._speed_back = 0.0
             self._enter(DetachPhase.ROLL)
+
+    def _break(self) -> None:
+        self.broke_at, self.roll_at_break = self._time, self.roll
+        self._enter(DetachPhase.BACK)
 
     # --------------------------------------------------------------------------------------------- motions
 
@@ -287,7 +296,7 @@ class DetachController:
 
     def _move(self, dt: float, force: Float64, T_base_tcp: Float64) -> Float64:
         s, since = self.settings, self._time - self._since
-        outwards, drawn = np.array(s.outwards), self._without_weight(force)
+        outwards = np.array(s.outwards)
         if self.phase is DetachPhase.BACK:
             self._turn(dt, 0.0)
             left = s.back_distance - self._moved_back
@@ -301,8 +310,15 @@ class DetachController:
         if self.phase is DetachPhase.LET_BACK:
             pull = 0.0
             self._turn_to(dt, 0.0)
-            if (np.linalg.norm(drawn) < s.let_back_force and abs(self.roll) < 0.1) or since > s.closing_patience:
+            if np.linalg.norm(force) < s.let_back_force and abs(self.roll) < 0.1:
                 self._end(self._ending)
+            elif since > s.closing_patience:
+                # A stem that holds carries the weight by now; pads that still carry all of it hold a free fruit.
+                weight = GRAVITY * self._fruit.mass
+                if max(each for _, each in self._recent) < s.borne_share * weight:
+                    self._break()
+                else:
+                    self._end(self._ending)
         elif self.phase is DetachPhase.DRAW and since > s.roll_after:
             self._enter(DetachPhase.ROLL)
         elif self.phase is DetachPhase.ROLL:
@@ -321,16 +337,9 @@ class DetachController:
                 self._let_back(DetachProblem("NOTHING_BROKE", words))
         spin = self._rate * T_base_tcp[:3, 2]
         carried = np.cross(spin, T_base_tcp[:3, :3] @ self._lever)
-        velocity = s.admittance * (pull * outwards - drawn)
+        velocity = s.admittance * (pull * outwards - force)
         together: Float64 = _shortened(velocity, s.speed_max) + _shortened(carried, s.speed_max)
         return together
-
-    def _without_weight(self, force: Float64) -> Float64:
-        """Return the pads' force along the stem, once they carry the fruit while the branch swings back."""
-        if self.phase is not DetachPhase.LET_BACK:
-            return force
-        borne = min(max(float(force[2]), 0.0), GRAVITY * self._fruit.mass)
-        return np.asarray(force - np.array([0.0, 0.0, borne]), np.float64)
 
     def _turn_to(self, dt: float, goal: float) -> None:
         left = goal - self.roll
@@ -349,8 +358,7 @@ class DetachController:
         sideways = float(np.hypot(wrenches[:, 0], wrenches[:, 1]).max())
         needed = max(s.grip_factor * sideways / s.mu + s.grip_offset, s.first_grip)
         if self.broke_at is not None:
-            weight = self._fruit.mass * (GRAVITY + s.carry_acceleration)
-            needed = max(needed, s.carry_factor * weight / (2.0 * s.mu))
+            needed = max(needed, s.carry_share * self._fruit.bruise_force)
         needed = min(needed, self.grip_limit)
         decay = s.grip_decay if self.broke_at is None else s.carried_decay
         self._target = max(needed, self._target - decay * dt)
