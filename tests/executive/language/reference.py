@@ -176,7 +176,7 @@ class InOrder(Branch):
 
 
 class Parallel(Branch):
-    def __init__(self, needed: list[int] | None, *nodes: Node) -> None:
+    def __init__(self, needed: list[int] | int, *nodes: Node) -> None:
         super().__init__(*nodes)
         self.needed = needed
         self.done: set[int] = set()
@@ -192,8 +192,8 @@ class Parallel(Branch):
             if status == FAILURE:
                 return FAILURE
             (self.done if status == SUCCESS else skipped if status == SKIPPED else set()).add(index)
-            if self.needed is None:
-                if self.done:
+            if isinstance(self.needed, int):
+                if len(self.done) >= self.needed:
                     return SUCCESS
             elif set(self.needed) <= self.done | skipped:
                 return SUCCESS
@@ -525,7 +525,10 @@ class Case:
         text = f"{word}: [{', '.join(texts)}]"
         if word == "parallel":
             if self.rng.random() < 0.4:
-                return f"{text}, success_on: one", Parallel(None, *nodes)
+                return f"{text}, success_on: one", Parallel(1, *nodes)
+            if self.rng.random() < 0.4:
+                least = self.rng.randint(1, len(nodes))
+                return f"{text}, success_on: {least}", Parallel(least, *nodes)
             return text, Parallel(list(range(len(nodes))), *nodes)
         if word == "recovery":
             total = self.rng.randint(1, 3)
