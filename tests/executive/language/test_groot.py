@@ -505,3 +505,14 @@ def test_a_decorator_with_another_number_of_children_is_refused_with_its_place(t
     text = f'<root BTCPP_format="4"><BehaviorTree ID="T">\n{element}</BehaviorTree></root>'
     found = import_groot(text, "t.xml")[1]
     assert [(f.path, f.line) for f in found if f"{count} children" in f.message] == [("t.xml", 2)]
+
+
+def test_a_subtree_that_hands_values_out_keeps_its_name_where_it_is_inlined() -> None:
+    call = '<SubTree ID="MoveRobot" target="{goal}" result="{out}"/>'
+    text = (
+        f'<root BTCPP_format="4" main_tree_to_execute="a"><BehaviorTree ID="a"><Sequence>{call}{call}</Sequence>'
+        '</BehaviorTree><BehaviorTree ID="MoveRobot"><Sequence><Beep times="{target}"/>'
+        '<SetBlackboard output_key="result" value="done"/></Sequence></BehaviorTree></root>'
+    )
+    root = read(import_groot(text, "x.xml")[0], "x.yaml").main.main.root
+    assert [child.name.text for child in root.children] == ["MoveRobot", "MoveRobot 2"]

@@ -7,6 +7,7 @@ import contextlib
 import logging
 import signal
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,6 +34,9 @@ from pomona.executive.terminal.screen import Screen, stay_open
 
 if TYPE_CHECKING:
     from pomona.executive.interop.live import Live
+
+WAITING = 0.05
+"""Time between two looks for a page [s]."""
 
 EXIT = {"success": 0, "failure": 1, "stopped": 3, "error": 3}
 
@@ -94,6 +98,9 @@ def _add_views(parser: argparse.ArgumentParser) -> None:
         help="show the run in the browser, too; in a terminal the page stays until Ctrl-C",
     )  # fmt: skip
     parser.add_argument(
+        "--wait-for-page", action="store_true", help="with --dashboard: begin when the page is open in a browser"
+    )
+    parser.add_argument(
         "--foxglove", nargs="?", const=0, type=int, metavar="PORT", help="show the run in Foxglove (default port: 8765)"
     )
     parser.add_argument(
@@ -129,6 +136,8 @@ def main(options: argparse.Namespace) -> int:
             *((name, "after") for name in options.break_after),
         ),
     )
+    if options.wait_for_page and not options.dashboard:
+        raise UsageError("--wait-for-page needs --dashboard")
     if order.breaks and not order.attended:
         raise UsageError("nobody could resume after a breakpoint: add --dashboard")
     alerts = alerts_of(options, outcomes_in(options.record, options.alert_over) if options.alert_to else ())
@@ -202,6 +211,10 @@ def _serve(options: argparse.Namespace, console: Screen, stack: contextlib.ExitS
     dashboard.start()
     stack.callback(dashboard.close)
     console.print(f"dashboard: {dashboard.access.link}", soft_wrap=True)
+    if options.wait_for_page:
+        console.print("The run begins when the page is open.")
+        while not dashboard.viewers:
+            time.sleep(WAITING)
     return dashboard
 
 

@@ -221,7 +221,8 @@ class _Importer:
         found = self.node(tree.children[0])
         self.inside.pop()
         self.keys = outer
-        return {"sequence": [found]}
+        named = {} if element.get("name") else {"name": self.label(called)}
+        return {"sequence": [found], **named}
 
     def uses_keys(self, tree: XmlElement) -> bool:
         """Return True if anything in a tree reads or writes a blackboard key."""
