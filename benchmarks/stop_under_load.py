@@ -44,7 +44,7 @@ ARM_EVERY = 10
 PRESS = """async ({ preparing, tree, dry, run, wait }) => {
   const load = (name) => import(`/static/${name}.js`), pause = (ms) => new Promise((next) => setTimeout(next, ms));
   const [{ page }, { link, press }, { startRun }] = await Promise.all(["page", "link", "runs"].map(load));
-  const until = async (done, limit = 60000) => {
+  const until = async (done, limit = 150000) => {
     const end = performance.now() + limit;
     while (!done()) { if (performance.now() > end) throw new Error(`waited for ${done}`); await pause(10); }
   };

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from shown_runs import Show
+from shown_runs import HOLD, Show
 
 pytestmark = pytest.mark.browser
 
@@ -138,10 +138,13 @@ def test_statistics_of_the_shown_runs_say_rate_force_time_and_why_they_failed(
     fails = "pomona: 1\ntree: bad\nroot:\n  sequence:\n    - Jam: {}\n"
     for day, tree in (("2026-11-20", fails), ("2026-11-21", fails), ("2026-11-21", LOOK)):
         show.record(tree, f"{day}_{len(list(show.records.iterdir()))}")
+    show.run(HOLD, "2026-11-20_stop").stop()
     page = open_page(viewport={"width": 1280, "height": 720})
+    expect(page.locator("#state")).to_have_text("■ stopped")
     page.get_by_role("button", name="Runs").click()
     page.get_by_role("button", name="Statistics").click()
     expect(page.locator("#statistics .figure").first).to_contain_text("33 %")
+    expect(page.locator("#statistics .figure").first).to_contain_text("1 stopped by an operator not counted")
     expect(page.locator("#statistics .codes tbody tr")).to_have_text(["JAMMED2 of 32026-11-21_12026-11-20_0"])
     page.get_by_role("button", name="2026-11-21 · 2").click()
     expect(page.locator("#statistics .figure").first).to_contain_text("1 of 2")

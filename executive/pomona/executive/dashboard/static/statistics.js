@@ -8,11 +8,14 @@ import { recordAddress } from "./record.js";
 const WINDOW = 20; // runs over which a rate is taken
 const MOST_PICTURES = 4; // of one code
 const CHARTS = [
-  { title: `success, of the last ${WINDOW} runs`, unit: "%", line: true, of: (_run, i, ended) => { const some = ended.slice(Math.max(0, i + 1 - WINDOW), i + 1); return (100 * some.filter((r) => r.outcome === "success").length) / some.length; } },
+  { title: `success, of the last ${WINDOW} runs`, unit: "%", line: true, of: (_run, i, ended) => { const some = judged(ended.slice(0, i + 1)).slice(-WINDOW); return some.length ? (100 * some.filter((r) => r.outcome === "success").length) / some.length : null; } },
   { title: "peak force", unit: "N", of: (run) => known(run.truth?.peak_force_n) ?? known(Object.entries(run.peaks ?? {}).find(([name]) => name.endsWith("[N]"))?.[1]) },
   { title: "time of the run", unit: "s", of: (run) => known(run.time) },
 ];
 let charts = [];
+
+// An operator's stop says nothing of the task.
+function judged(ended) { return ended.filter((run) => run.outcome !== "stopped"); }
 
 function known(v) { return typeof v === "number" && Number.isFinite(v) ? v : null; }
 
@@ -23,9 +26,9 @@ export function drawStatistics(runs, filter) {
   const ended = runs.filter((run) => run.outcome).sort((a, b) => a.wall_time - b.wall_time || (a.run < b.run ? -1 : 1));
   if (!ended.length) { panel.replaceChildren(h("p", { class: "empty" }, "No run that has ended.")); return; }
   const good = ended.filter((run) => run.outcome === "success").length;
-  const [low, high] = wilson(good, ended.length);
+  const { length } = judged(ended), stops = ended.length - length, [low, high] = wilson(good, Math.max(1, length));
   const figures = [
-    ["success", `${((100 * good) / ended.length).toFixed(0)} %`, `${good} of ${ended.length}; 95 % interval ${low.toFixed(0)} to ${high.toFixed(0)} %`],
+    ["success", length ? `${((100 * good) / length).toFixed(0)} %` : "–", `${good} of ${length}; 95 % interval ${low.toFixed(0)} to ${high.toFixed(0)} %${stops ? `; ${stops} stopped by an operator not counted` : ""}`],
     ["peak force", figure(median(ended.map(CHARTS[1].of)), "N"), "median; the true one of simulated cells, of others the first measured force"],
     ["time", figure(median(ended.map(CHARTS[2].of)), "s"), "median of a run"],
   ];
@@ -33,8 +36,8 @@ export function drawStatistics(runs, filter) {
   panel.replaceChildren(
     h("div", { class: "days", role: "group", "aria-label": "days" }, days(runs).map(([day, count]) => h("button", { class: "quiet", "aria-pressed": filter.value.includes(day), onclick: () => { filter.value = filter.value.includes(day) ? filter.value.replace(day, "").trim() : `${filter.value.replace(/\d{4}-\d\d-\d\d/, "")} ${day}`.trim(); filter.dispatchEvent(new Event("input")); } }, `${day} · ${count}`))),
     h("div", { class: "figures" }, figures.map(([what, value, words]) => h("div", { class: "figure" }, h("span", { class: "muted" }, what), h("b", {}, value), h("span", { class: "muted" }, words)))),
-    h("div", { class: "trends" }, CHARTS.map((chart, i) => h("section", {}, h("h3", {}, `${chart.title} [${chart.unit}]`), boxes[i]))),
-    failures(ended));
+    h("div", { class: "trends" }, CHARTS.map((chart, i) => h("section", {}, h("h3", {}, `${chart.title} [${chart.unit}], by run`), boxes[i]))),
+    failures(judged(ended)));
   CHARTS.forEach((chart, i) => charts.push(draw(chart, ended, boxes[i])));
 }
 
@@ -51,7 +54,7 @@ function draw(chart, ended, box) {
   return new uPlot({
     width: box.clientWidth || 300, height: 120, padding: [8, 12, 0, 0], legend: { show: false }, cursor: { sync: { key: "runs" }, drag: { x: false, y: false } },
     scales: { x: { time: false }, y: { range: chart.unit === "%" ? [0, 100] : (_u, low, high) => [0, (high ?? 1) * 1.1 || 1] } },
-    axes: [{ ...axis, size: 24, values: (_u, v) => v.map((x) => (Number.isInteger(x) ? `${x}.` : "")) }, { ...axis, size: 44 }],
+    axes: [{ ...axis, size: 24, values: (_u, v) => v.map((x) => (Number.isInteger(x) ? String(x) : "")) }, { ...axis, size: 44 }],
     series: [{}, { stroke: colour("--s1"), width: chart.line ? 1.75 : 0, points: { show: !chart.line || ended.length < 3, size: 5, fill: colour("--s1") } }],
   }, [ended.map((_run, i) => i + 1), values], box);
 }
