@@ -66,7 +66,7 @@ def test_data_renders_the_kinds_that_are_asked_for(tmp_path: Path, capsys: pytes
     for wrong in ("nan", "many"):
         with pytest.raises(SystemExit):
             run(*arguments, "0", wrong, "0", "1")
-        assert f"{wrong} is not a number of at least 0" in capsys.readouterr().err
+        assert f"argument --kinds: '{wrong}' is not a number" in capsys.readouterr().err
 
 
 @pytest.mark.long
