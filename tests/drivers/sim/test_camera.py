@@ -234,3 +234,27 @@ def test_asking_when_the_camera_was_heard_takes_no_picture(open_cell):
     camera.inject_fault("lost")
     cell.clock.advance(0.2)
     assert cell.last_seen()["camera"] < cell.clock.now()
+
+
+def test_viewers_see_the_world_while_they_ask_and_no_look_changes(open_cell, monkeypatch):
+    monkeypatch.setattr("pomona.drivers.sim.camera.SHOWN", 0.0)
+    asked, alone = open_cell(seed=3), open_cell(seed=3)
+    camera = asked.device(Camera)
+    asked.check()
+    assert asked.pictures() == {}  # nobody has asked, nothing was rendered
+    for _ in range(3):
+        asked.pictures()
+        for cell in (asked, alone):
+            cell.clock.advance(0.1)
+            cell.check()
+    picture, stamp = asked.pictures()["camera"]
+    assert picture.shape == (240, 320, 3)
+    assert picture.std() > 5.0
+    assert stamp == asked.clock.now()
+    assert np.array_equal(camera.latest().colour, alone.device(Camera).latest().colour)
+    assert np.array_equal(camera.latest().depth, alone.device(Camera).latest().depth)
+    camera.inject_fault("lost")
+    asked.clock.advance(1.0)
+    with pytest.raises(DeviceLost):
+        asked.check()
+    assert asked.pictures()["camera"][1] == stamp  # what a lost camera sees is not shown

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from dataclasses import replace
 from typing import Any
 
@@ -18,12 +20,15 @@ from pomona.drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
 from pomona.drivers.sim.stereo_depth import Stereo, measure_depth
 from pomona.drivers.sim.world import PhysicsWorld
 from pomona.drivers.streams import FrameGuard
-from pomona.executive.values.arrays import Float64
+from pomona.executive.values.arrays import Float64, UInt8
 
 SILENCE = 0.5
 """A camera of which no frame can be believed for so long, or that shows the same one, is lost [s]; as a real one."""
 LIES = {"old": -30.0, "early": 10.0, "repeated": 0.0, "depth_stale": 0.0}
 """Faults of a camera that goes on sending, and by how much its stamps are wrong [s]."""
+
+SHOWN, ASKED = 1.0, 2.0
+"""Shortest time between two pictures for viewers, and for how long one is rendered after it was asked for [s]."""
 
 SILENT = ("freeze", "lost")
 """Faults of a camera that sends nothing new."""
@@ -68,6 +73,8 @@ class SimCamera(FaultyDevice):
         self._changer = FrameChanger()
         self._fault_since, self._judged = 0.0, 0
         self._guard = FrameGuard(world.clock, SILENCE)
+        self._asked = self._shown = -math.inf
+        self._picture: tuple[UInt8, float] | None = None
 
     def latest(self) -> Frame | None:
         """The view of this moment. Two calls within one frame period get the same frame."""
@@ -122,7 +129,21 @@ class SimCamera(FaultyDevice):
             return self._world.clock.now()
         return None if self._frame is None else self._frame.stamp
 
+    def picture(self) -> tuple[UInt8, float] | None:
+        """Return what the camera saw at most a second ago, once it has been asked for before. From any thread."""
+        self._asked = time.monotonic()
+        return self._picture
+
+    def _take_picture(self) -> None:
+        """Render for viewers in the tick's thread, since no other may read the world; never a look that is scored."""
+        now = time.monotonic()
+        if now - self._asked < ASKED and now - self._shown >= SHOWN:
+            self._picture = in_gl_thread(self._render_colour)[::2, ::2].copy(), self._world.clock.now()
+            self._shown = time.monotonic()
+
     def check(self) -> None:
+        if self.fault is None:
+            self._take_picture()
         if self.fault in LIES:
             self._judge()
             self._guard.check(self.name)
@@ -181,14 +202,19 @@ class SimCamera(FaultyDevice):
 
     def _render(self) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """Ideal colour and z-depth [m]; the far plane counts as nothing seen."""
-        renderer = self._open_renderer()
-        renderer.disable_depth_rendering()
-        self._aim(renderer, self._intrinsics)
-        colour = renderer.render().copy()
+        colour, renderer = self._render_colour().copy(), self._open_renderer()
         renderer.enable_depth_rendering()
         depth = renderer.render().copy()
         depth[depth > 5.0] = 0.0
         return colour, depth
+
+    def _render_colour(self) -> NDArray[np.uint8]:
+        """Ideal colour."""
+        renderer = self._open_renderer()
+        renderer.disable_depth_rendering()
+        self._aim(renderer, self._intrinsics)
+        colour: NDArray[np.uint8] = renderer.render()
+        return colour
 
     def _render_depth(self, intrinsics: Intrinsics) -> NDArray[np.float32]:
         """Ideal z-depth [m] of an image of another size; 0 where nothing is near."""
