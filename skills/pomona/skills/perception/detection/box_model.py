@@ -84,7 +84,9 @@ class BoxModel:
         if not path.is_file():
             raise BadWeights(path, "no such file")
         try:
-            self._session: Any = onnxruntime.InferenceSession(path, single_thread(), providers=["CPUExecutionProvider"])
+            self._session: Any = onnxruntime.InferenceSession(
+                str(path), single_thread(), providers=["CPUExecutionProvider"]
+            )
         except Exception as error:  # ONNX Runtime's errors have no common root
             raise BadWeights(path, f"cannot be read as ONNX: {type(error).__name__}") from error
         self._read_input(working_width)
