@@ -129,7 +129,7 @@ def test_where_what_everything_stands_on_is_missing_the_doctor_speaks_and_the_ot
 
     done = typed("doctor")
     assert done.returncode == 1, done.stderr
-    assert f"cannot be looked at before what is missing is there: import of {module} halted" in done.stdout
+    assert f"not examined, since a requirement is missing: import of {module} halted" in done.stdout
     assert "Traceback" not in done.stderr
     done = typed(*words)
     assert done.returncode == 2

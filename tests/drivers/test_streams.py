@@ -139,8 +139,8 @@ def test_how_far_samples_are_believed_is_a_setting() -> None:
 def test_a_reason_of_the_drivers_own_is_a_fault_when_nothing_else_comes(sensor: Sensor) -> None:
     for _ in range(round(SILENCE / PERIOD) + 1):
         sensor.clock.advance(PERIOD)
-        sensor.stream.leave_out("says nothing but spikes")
-    assert sensor.told() == "says nothing but spikes"
+        sensor.stream.leave_out("reports only spikes")
+    assert sensor.told() == "reports only spikes"
 
 
 def test_single_samples_that_are_left_out_are_no_fault(sensor: Sensor) -> None:

@@ -16,9 +16,9 @@ from pomona.executive.values.findings import place_of
 from pomona.executive.values.report_line import ReportLine
 
 WATCHED = 1.0
-"""Streams are watched for so long [s]."""
+"""Duration for which streams are watched [s]."""
 ENOUGH = 0.95
-"""A rate below this share of what it should be is reported."""
+"""Ratio of the measured rate to the nominal one below which it is reported."""
 SLOWEST_CAMERA, SLOWEST_ARM = 2.0, 20.0
 """Rates that a camera and an arm should have at least [Hz]."""
 
@@ -55,7 +55,7 @@ def _refused(name: str, error: DriverError) -> list[ReportLine]:
 
 @dataclass(slots=True)
 class _Watched:
-    """What came from a device while it was watched."""
+    """Data received from a device while it was watched."""
 
     stamps: int = 0
     gaps: int = 0
@@ -63,7 +63,7 @@ class _Watched:
 
 
 def _watch(cell: Cell) -> dict[str, _Watched]:
-    """Count what comes from each device for a while."""
+    """Count the data from each device for a while."""
     watched = {name: _Watched() for name in cell.devices}
     subscriptions = []
     for name, device in cell.devices.items():
@@ -105,7 +105,7 @@ def _newest_stamp(device: Device) -> float | None:
         if Arm in device.interfaces and isinstance(device, Arm):
             return device.state().stamp
     except DriverError:
-        return None  # its link says so
+        return None  # its link reports it
     return None
 
 
@@ -117,7 +117,7 @@ def _device(name: str, device: Device, watched: _Watched, cell: Cell) -> Iterato
     identity = getattr(device, "identity", None)
     if is_dataclass(identity) and not isinstance(identity, type):
         words = ", ".join(f"{key} {_short(value)}" for key, value in asdict(identity).items())
-        yield ReportLine(f"{name} says", True, words)
+        yield ReportLine(f"{name} reports", True, words)
     try:
         if Camera in device.interfaces and isinstance(device, Camera):
             yield from _camera(name, device.latest(), watched, cell)

@@ -179,7 +179,7 @@ def calibrate_folder(folder: Path, board: Chessboard) -> HandEye:
 
 
 def _starts_black(grey: NDArray[np.uint8], corners: Float64) -> bool:
-    """Whether the first inner square is darker than the next one: tells a board from itself turned by 180°."""
+    """Return True if the first inner square is darker than the next one, unlike on a board turned by 180°."""
     first, second = (corners[:2, i : i + 2].reshape(4, 2).mean(axis=0) for i in (0, 1))
     dark, light = (float(cv2.getRectSubPix(grey, (3, 3), (float(x), float(y))).mean()) for x, y in (first, second))
     return dark < light

@@ -1,6 +1,6 @@
 """Looks over a machine before a run: Python, packages, extras, graphics, a browser, the folder of records.
 
-Nothing but Python's own library is imported before a package is looked for: what is missing is said even where most is.
+Before the search for a package only Python's standard library is imported, so that the report works with few packages.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ EXTRAS = {
     "ray": ("ray",),
     "lsp": ("pygls",),
 }
-"""What is installed only for who asks for it, and the packages that it brings."""
+"""Optional features with the packages that each installs."""
 CHECKS = "pomona.checks"
 """Entry point group of further checks: functions without arguments that return a ReportLine."""
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
@@ -48,7 +48,7 @@ ROOM = 1e9
 
 
 def examine_machine(records: Path) -> Iterator[ReportLine]:
-    """Look over what every run on this machine needs.
+    """Check the requirements of every run on this machine.
 
     Args:
         records: the folder in which runs leave their records; it need not be there.

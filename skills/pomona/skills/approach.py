@@ -67,7 +67,7 @@ class Approach(MovingSkill):
     def run(
         self,
         grasp: Grasp,
-        map: Annotated[OccupancyMap | None, Port(help="what is in the way; the target is left out of it")] = None,
+        map: Annotated[OccupancyMap | None, Port(help="obstacles, without the target")] = None,
         speed: Annotated[Speed, Port(min="1 mm/s", max="1 m/s")] = SPEED("0.25 m/s"),
         acceleration: Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")] = ACCELERATION("1 m/s²"),
         contact: Annotated[Force, Port(min="0.3 N", help="change of force that counts as a touch")] = FORCE("1.5 N"),

@@ -301,7 +301,7 @@ def told(rig: Rig, limit: float = 0.05) -> str:
 def test_a_finger_whose_every_sample_is_a_spike_is_a_fault_within_50_ms(rig: Rig) -> None:
     rig.run(0.1)
     rig.left.device.restless = 0.2
-    assert told(rig) == "the left finger says nothing but spikes: a taxel jumps by more than 0.05 V each time"
+    assert told(rig) == "the left finger reports only spikes: a taxel jumps by more than 0.05 V each time"
 
 
 def test_a_stuck_finger_is_a_fault_within_50_ms(rig: Rig) -> None:

@@ -52,7 +52,7 @@ def _examined(options: argparse.Namespace, overrides: dict[str, str]) -> Iterato
     try:
         from pomona.drivers.doctor import examine
     except ImportError as error:
-        yield ReportLine("cell", False, f"cannot be looked at before what is missing is there: {error}")
+        yield ReportLine("cell", False, f"not examined, since a requirement is missing: {error}")
     else:
         yield from examine(find_cell(options.cell), overrides)
 

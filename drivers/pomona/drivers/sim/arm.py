@@ -20,23 +20,24 @@ from pomona.executive.values.arrays import Float64
 AT_REST = 5e-3
 """No joint moves faster than this when the arm rests [rad/s]."""
 PRESSES_FOR = 0.05
-"""An arm beside the set-point at which it was stopped, for so long, presses on something [s]."""
+"""Time beside the set-point of a stop after which the arm presses on an obstacle [s]."""
 PRESSES_BEYOND = START_TOLERANCE / 2.0
-"""An arm that was stopped and is further than this from its set-point presses on something [rad]: half of what the next
-motion may start beside, since what still gives way moves a pressed arm a little more (in a slow approach onto a fruit
-2.0 mrad were left, and the way back was refused)."""
+"""Distance to the set-point of a stop beyond which the arm presses on an obstacle [rad]: half of the tolerance at the
+start of the next motion, since a pressed arm moves on a little as the obstacle yields (after a slow approach onto a
+fruit 2.0 mrad were left, and the path back was refused).
+"""
 LIES = ("nan", "wild", "jump", "frozen")
-"""Faults of what the arm says, not of what it does."""
+"""Faults of the arm's feedback, not of its motion."""
 JUMP = 0.6
-"""What the fault `jump` adds to the first joint's position [rad]."""
+"""Step that the fault `jump` adds to the first joint's position [rad]."""
 
 
 class SimArm(FaultyDevice):
     """The robot's arm joints, in the order of the robot file's actuators.
 
     Faults: `alarm` (the controller decelerates and reports a fault), `lost` (the same, and no answer), `nan`, `wild`,
-    `jump` (feedback that cannot be true), `frozen` (the same feedback for ever), `stuck` (the joints stand still,
-    whatever is commanded), `stall` (the controller does not go on with a motion, and says nothing).
+    `jump` (implausible feedback), `frozen` (the same feedback for ever), `stuck` (the joints stand still at any
+    command), `stall` (the controller interrupts a motion without a report).
     """
 
     interfaces = (Arm, StreamedArm)
@@ -72,7 +73,7 @@ class SimArm(FaultyDevice):
         world.after_step.append(self._watch)
 
     def state(self) -> ArmState:
-        """What it says of its joints now; the last that could be true, when that cannot."""
+        """Reported state of its joints; if that is implausible, the last plausible one."""
         measured = self._measure()
         if self.fault not in LIES and np.isfinite(measured.q).all():
             self._state = measured
@@ -127,7 +128,7 @@ class SimArm(FaultyDevice):
         """Release the latch.
 
         Raises:
-            DeviceLost: the arm still says what cannot be true.
+            DeviceLost: the feedback is still implausible.
         """
         if self.fault in LIES:
             raise DeviceLost(self.name, f"is still lost: {self._problem.message if self._problem else self.fault}")
@@ -165,7 +166,7 @@ class SimArm(FaultyDevice):
         return ArmState(self._world.clock.now(), q, qd, not self.settled())
 
     def _said(self) -> tuple[Float64, Float64]:
-        """Positions and velocities as the arm tells them, lies included."""
+        """Return positions and velocities as the arm reports them, with injected faults."""
         measured = self._measure()
         match self.fault:
             case "nan":
@@ -196,7 +197,7 @@ class SimArm(FaultyDevice):
                 self._hold_here()
 
     def _hold_here(self) -> None:
-        """What a controller does that is told to stop: the set-point goes where the arm is."""
+        """Move the set-point to the arm's position, as a controller does at a stop."""
         self._gives_way = True
         self._set_point = self._measure().q
         self._world.state.ctrl[self._actuators] = self._set_point
@@ -212,12 +213,12 @@ class SimArm(FaultyDevice):
             self._rests_since = np.inf
 
     def _settle(self, motion: PathMotion | StreamedMotion, long: bool) -> None:
-        """The set-point rests, `long` or just now: the arm comes to rest, too. What it was stopped by is let go."""
+        """Bring the arm to rest at a resting set-point, `long` or recent; release a stop's obstacle."""
         state = self._world.state
         beside = float(np.abs(state.qpos[self._qpos] - self._set_point).max())
         resting = bool(np.abs(state.qvel[self._qvel]).max() < AT_REST)
         presses = motion.phase is Phase.BRAKING and beside > PRESSES_BEYOND
         motion.look(resting and not presses, beside, float(state.time))
         if presses and long:
-            self._hold_here()  # again and again: what presses back moves it on
+            self._hold_here()  # repeatedly: an elastic obstacle moves it on
             self._rests_since = np.inf

@@ -1,4 +1,4 @@
-"""The simulated RGB-D camera, on the gripper or fixed in the cell: pictures are rendered when somebody looks."""
+"""The simulated RGB-D camera, on the gripper or fixed in the cell: pictures are rendered on request."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from pomona.drivers.streams import FrameGuard
 from pomona.executive.values.arrays import Float64, UInt8
 
 SILENCE = 0.5
-"""A camera of which no frame can be believed for so long, or that shows the same one, is lost [s]; as a real one."""
+"""Time without a valid or new frame after which the camera is lost [s]; as for a real one."""
 LIES = {"old": -30.0, "early": 10.0, "repeated": 0.0, "depth_stale": 0.0}
 """Faults of a camera that goes on sending, and by how much its stamps are wrong [s]."""
 

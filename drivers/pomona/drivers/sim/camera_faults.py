@@ -1,6 +1,6 @@
 """Frames of a camera whose calibration or depth is wrong, for tests and `make faults`.
 
-The camera, its colour and its timestamps are sound: only what the frame states of them is wrong.
+The camera, its colour and its timestamps are sound: only the frame's data about them is wrong.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ FOCAL, DEPTH = 0.05, 0.03
 """Relative errors of the focal length and of the depth."""
 
 Change = Callable[[Frame, Frame], Frame]
-"""Maps a frame, and an earlier frame of the same size, to what the camera delivers instead."""
+"""Maps a frame, and an earlier frame of the same size, to the delivered frame."""
 
 
 def _posed(axis: int, shift: float, turn: float) -> Change:

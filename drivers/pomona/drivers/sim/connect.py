@@ -116,12 +116,12 @@ class CameraOptions(InWorld):
     size: tuple[int, ...] | None = value(
         Counts(2, 1, LARGEST), None, "width and height of the images; the intrinsics are scaled to it"
     )
-    intrinsics: IntrinsicsSection = value(Section(IntrinsicsSection), help="of the camera, at the size that they say")
+    intrinsics: IntrinsicsSection = value(Section(IntrinsicsSection), help="of the camera, for the size in them")
     baseline: float = value(Measure(LENGTH, "1 mm", "500 mm"), "50 mm", "distance of the two imagers")
     disparity_noise: float = value(
         Measure(PIXELS, "0 px", "2 px"), "0.08 px", "depth errs by z² · disparity_noise / (f · baseline)"
     )
-    nearest: float = value(Measure(LENGTH, "0 mm", "1 m"), "180 mm", "what is nearer has no depth")
+    nearest: float = value(Measure(LENGTH, "0 mm", "1 m"), "180 mm", "distance below which there is no depth")
     rate: float = value(Measure(RATE, "1 Hz", "1 kHz"), "30 Hz", "frames per second")
     fixed: FixedSection | None = value(
         Section(FixedSection), None, "where it is fixed in the cell; without it, it rides on the gripper"

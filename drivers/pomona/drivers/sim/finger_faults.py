@@ -1,4 +1,4 @@
-"""How a force sensor lies: what its samples become while a fault lasts, for tests and `make faults`."""
+"""Faults of a force sensor: its samples during a fault, for tests and `make faults`."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ DRIFT = 0.5
 STEP = 0.5
 """Of a force that is measured coarsely [N]."""
 COPIES = 10
-"""So many samples in a row of fingers that measure slowly are one measurement: 50 Hz of 500 Hz."""
+"""Number of successive samples with one measurement of slow fingers: 50 Hz of 500 Hz."""
 LATE, EARLY = 0.5, 10.0
 """How old, and how far in the future, wrong stamps are [s]."""
 
 Lie = Callable[[WrenchSample, WrenchSample], WrenchSample]
-"""What arrives instead of a sample, given the one from before the fault."""
+"""Maps a sample, and the last one before the fault, to the delivered sample."""
 
 
 def _changed(change: Callable[[Float64, Float64], None]) -> Lie:

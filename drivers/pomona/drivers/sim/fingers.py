@@ -25,7 +25,7 @@ _NOISE_ROWS = 8192
 
 @numba.njit(cache=True)
 def pad_wrench(contact: Float64, site_position: Float64, site_rotation: Float64, wrench: Float64) -> None:
-    """What the fruit exerts on a pad, in the pad's frame, from the engine's net contact.
+    """Compute the wrench of the fruit on a pad, in the pad's frame, from the engine's net contact.
 
     Args:
         contact: net force [N], torque [N·m] and their point [m] that the pad exerts, shape (9,), in the base frame.
@@ -62,7 +62,7 @@ class SimFingers(FaultyDevice):
         rng = np.random.default_rng([world.seed, 3])
         scale = np.array([1.0, 1.0, 1.0, LEVER, LEVER, LEVER])
         offset = rng.uniform(-bias, bias, (2, 6)) * scale
-        # A long ring of noise, indexed by the sample's number: the same whoever listens, and no generator in the loop.
+        # A long ring of noise, indexed by the sample's number: independent of listeners, and fast.
         self._errors = offset + rng.normal(0.0, noise, (_NOISE_ROWS, 2, 6)) * scale
         self._contacts = [world.sensor(f"wrench_{pad}") for pad in PADS]
         sites = [world.model.site(pad).id for pad in PADS]
@@ -72,7 +72,7 @@ class SimFingers(FaultyDevice):
         self._lost: WrenchSample | None = None
         self._before: WrenchSample | None = None
         self._line: deque[WrenchSample] = deque()
-        self._passed = -1  # the step whose sample was measured last
+        self._passed = -1  # the step of the last measured sample
         world.after_step.append(self._stream)
 
     def latest(self) -> WrenchSample | None:
@@ -94,12 +94,12 @@ class SimFingers(FaultyDevice):
         return super().link() if problem is None else problem.message
 
     def acknowledge(self) -> None:
-        """Accept what was wrong with the samples.
+        """Acknowledge the fault of the samples.
 
         Raises:
-            DeviceFault: it still is.
+            DeviceFault: it persists.
         """
-        self._pass_on()  # where nobody listens, nobody has heard that they are well again
+        self._pass_on()  # without listeners the recovery of the samples has not been noted
         self._passing.acknowledge(self.name)
 
     def inject_fault(self, kind: str) -> None:

@@ -1,4 +1,4 @@
-"""The meshes of a fruit's model, as a simulated world needs them: what a fruit.yaml calls `mesh` and `stem`."""
+"""Meshes of a fruit's model for a simulated world: `mesh` and `stem` of a fruit.yaml."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def _load(path: Path, _changed: int) -> tuple[Float64, Faces]:
     try:
         loaded: Any = trimesh.load_mesh(path, process=False)
         vertices, faces = np.asarray(loaded.vertices, np.float64), np.asarray(loaded.faces, np.int32)
-    except Exception as error:  # trimesh raises whatever the format's reader meets
+    except Exception as error:  # trimesh's readers may raise any exception
         words = str(error).strip().strip("'") or type(error).__name__
         raise UnusableModel(f"{path.name} is no mesh that can be read ({words})") from error
     if len(faces) == 0 or not np.all(np.isfinite(vertices)) or np.ptp(vertices, axis=0).min() <= 0.0:

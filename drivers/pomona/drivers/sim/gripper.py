@@ -28,7 +28,7 @@ PATIENCE = 0.05
 STALE = 0.045
 """A state that is older than this is none [s]; as of a WSG."""
 RUNAWAY, FAST_STOP = 0.03, 0.2
-"""Speed of fingers that run away [m/s]; so long after a safe stop a fast stop ends that [s], as a real driver does."""
+"""Speed of runaway fingers [m/s], and time from a safe stop to the fast stop that ends it [s]."""
 
 ENCODER_NOISE = 2e-5
 """Noise of a width that sticks [m]: without it each reading would repeat the last one exactly."""
@@ -59,7 +59,7 @@ class GripperMove:
         self.end(MotionState.STOPPED)
 
     def end(self, state: MotionState, problem: str = "") -> None:
-        """End the move, once, with its state and what went wrong."""
+        """End the move, once, with its state and its problem."""
         if not self.settled:
             self.state, self.problem, self.settled = state, problem, True
 
@@ -71,8 +71,8 @@ class SimGripper(FaultyDevice):
     """Two fingers that move alike.
 
     Faults: `jam` (the fingers stand still), `lost` (no answer; they stop), `busy` (a move never begins nor ends),
-    `runaway` (the fingers open whatever they are told, until a safe stop has lasted a moment), `frozen` (the state
-    stays what it was), `sticks` (the width stays what it was, but for noise), `not_a_number` (the width is none).
+    `runaway` (the fingers open at any command, until a safe stop has lasted a moment), `frozen` (the state does not
+    change), `sticks` (the width does not change, except for noise), `not_a_number` (the width is none).
     """
 
     interfaces = (Gripper,)

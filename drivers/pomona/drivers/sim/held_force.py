@@ -1,4 +1,4 @@
-"""How hard a fruit was pressed while it hung in the fingers, beside the least force that would have held it."""
+"""Grip force on a hanging fruit relative to the minimum force that would have held it."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 END = 0.1
-"""The last so many seconds of a hold are its end [s]."""
+"""Length of the end of a grip [s]."""
 LEAST = 0.2
-"""Below this least force [N] a ratio to it says nothing."""
+"""Minimum grip force below which the ratio to it is not computed [N]."""
 
 
 @dataclass(slots=True)

@@ -1,8 +1,7 @@
-"""A person's hand that comes into the simulated cell: cameras see it, it presses on nothing, and how near it came is
-known.
+"""A person's hand in the simulated cell: visible to cameras, without contact forces, with a recorded minimum distance.
 
-A world file that says `intruder:` has one. It comes by itself when the file says `after:`, else when its switch is
-turned to `reach`; it goes along a straight line at an even speed, stays, and goes back the same way.
+A world file with `intruder:` has one. It starts at the time `after:`, or when its switch is turned to `reach`. It moves
+along a straight line at a constant speed, stays, and returns the same way.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ BODY = "intruder"
 PALM, FOREARM = (0.045, 0.020, 0.095), (0.040, 0.150)
 """Half axes of the hand, an ellipsoid; radius and half length of the forearm behind it, a capsule [m]: an adult's."""
 STILL = 0.02
-"""A robot none of whose joints is faster than this stands [rad/s]."""
+"""Speed of the joints below which the robot rests [rad/s]."""
 FAR = 1.0
 """Distances are measured up to this [m]."""
 
@@ -59,7 +58,7 @@ class Intruder(FaultSwitch):
     """The hand of a world; switch it to `reach`, and it comes.
 
     Attributes:
-        nearest: the smallest distance between it and the robot so far [m]; 1 m and more are told as 1 m.
+        nearest: the smallest distance between it and the robot so far [m]; at most 1 m.
         nearest_moving: the same while the robot moved.
     """
 
@@ -126,7 +125,7 @@ class Intruder(FaultSwitch):
             self.nearest_moving = min(self.nearest_moving, distance)
 
     def truth(self) -> dict[str, object]:
-        """What a report says of it [mm]."""
+        """Return its entries of the report [mm]."""
         return {
             "intruder_distance_mm": round(1e3 * self.nearest, 1),
             "intruder_distance_moving_mm": round(1e3 * self.nearest_moving, 1),

@@ -1,4 +1,4 @@
-"""What stands where in the simulated cell, as the cell file says and the seed draws."""
+"""Positions of all objects in the simulated cell, from the cell file and the seed."""
 
 from __future__ import annotations
 
@@ -73,8 +73,8 @@ class Layout:
     Attributes:
         robot: MJCF of the robot.
         table_z: height of the table's surface in the base frame [m].
-        fruits, distractors: what stands on it.
-        fixed: what the cell file's workspace says is fixed: the robot's pedestal, a crate.
+        fruits, distractors: the objects on it.
+        fixed: fixed obstacles of the cell file's workspace: the robot's pedestal, a crate.
         friction: sliding friction of the pads.
         torsion: torsional friction of the pads [m].
         intruder: a person's hand that comes into the cell, or None.
@@ -109,14 +109,12 @@ class CellFruitSection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorldOptions:
-    """MuJoCo's world: a robot, a table, and what lies on it."""
+    """MuJoCo's world: a robot, a table, and the objects on it."""
 
     robot: Path = value(PathTo("file"), help="MJCF of the robot")
     table_z: float = value(Measure(LENGTH), help="height of the table's surface in the base frame")
     start: str = value(Text(), help="pose of the workspace in which the arm stands")
-    fruits: Mapping[str, CellFruitSection] = value(
-        MappingOf(Section(CellFruitSection)), help="what may lie on the table"
-    )
+    fruits: Mapping[str, CellFruitSection] = value(MappingOf(Section(CellFruitSection)), help="fruit for the table")
     places: Mapping[str, tuple[float, ...]] = value(
         MappingOf(Row(Measure(LENGTH), 2)), help="where it may lie: x, y in the base frame"
     )
@@ -162,14 +160,14 @@ class WorldOptions:
 
 
 def draw_layout(said: WorldOptions, seed: int, fixed: tuple[Box, ...] = ()) -> Layout:
-    """Draw what the `world:` section of a cell file leaves to chance.
+    """Draw the random parts of the `world:` section of a cell file.
 
     Args:
         said: the section.
         seed: of the draws.
         fixed: obstacles of the cell's workspace; the world has them too.
     """
-    # One generator per matter, so that changing one option leaves what was drawn for the others.
+    # One generator per subject, so that a changed option keeps the draws of the others.
     drawn = {matter: np.random.default_rng([seed, 1, i]) for i, matter in enumerate(("places", "scatter", "friction"))}
     rng = drawn["places"]
     spots = [np.array(xy) for xy in said.places.values()]
@@ -177,7 +175,7 @@ def draw_layout(said: WorldOptions, seed: int, fixed: tuple[Box, ...] = ()) -> L
     free = [i for i in rng.permutation(len(spots)) if i != place][: said.others]
     target = said.fruits[said.fruit]
     alike = [name for name, kind in said.fruits.items() if name != said.fruit and kind.model == target.model]
-    names = alike or [said.fruit]  # what else lies there is fruit of the same kind
+    names = alike or [said.fruit]  # the other fruit are of the same kind
     picked = [said.fruit] + [
         names[i % len(names)] for i in rng.permutation(max(said.others, len(names)))[: said.others]
     ]
@@ -186,7 +184,7 @@ def draw_layout(said: WorldOptions, seed: int, fixed: tuple[Box, ...] = ()) -> L
         kind = said.fruits[name]
         rng = np.random.default_rng([seed, 2, i])
         drawn_mass = kind.mass * rng.uniform(*said.weight)
-        skin = str(rng.choice(APPLES))  # drawn for every fruit, so that what is drawn next stays the same
+        skin = str(rng.choice(APPLES))  # drawn for every fruit, so that later draws stay the same
         width, height = np.random.default_rng([seed, 6, i]).uniform(1.0 - said.spread, 1.0 + said.spread, 2)
         fruits.append(
             FruitOnTable(

@@ -1,4 +1,4 @@
-"""What a robot's file must have to be simulated."""
+"""Requirements of a robot's file for the simulation."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NEEDED = {
     "actuator": ("gripper",),
     "numeric": ("arm_velocity", "arm_acceleration", "arm_jerk"),
 }
-"""What a robot's file must have to be simulated, beside its arm's joints with an actuator each."""
+"""Required parts of a robot's file, in addition to its arm's joints with an actuator each."""
 
 
 def read_robot(path: Path) -> Any:

@@ -21,14 +21,14 @@ TIMESTEP = 0.002
 
 TABLE_FRICTION = (0.6, 0.005, 0.0005)
 LINING = (0.8, 0.02, 0.01)
-"""Friction of what is fixed in the cell: a crate is lined with foam, on which fruit does not roll."""
+"""Friction of fixed objects in the cell: a crate is lined with foam, on which fruit does not roll."""
 OFFSCREEN = (1280, 960)
 """Width and height of the largest image that can be drawn [px]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SimScene:
-    """The compiled model and what is needed to read it. Fruit bodies are named fruit_0, fruit_1, …"""
+    """The compiled model with the indices of its parts. Fruit bodies are named fruit_0, fruit_1, …"""
 
     model: Any
     fruits: tuple[FruitOnTable, ...]
@@ -228,7 +228,7 @@ def add_material(mujoco: Any, spec: Any, name: str, picture: Float64, repeat: tu
 
 
 def fixed_names(fixed: tuple[Box, ...]) -> tuple[str, ...]:
-    """Names of what is fixed, each once, in order."""
+    """Return the names of fixed objects, each once, in order."""
     return tuple(dict.fromkeys(box.name for box in fixed))
 
 
@@ -252,7 +252,7 @@ def container_of(fixed: tuple[Box, ...], p: Float64, radius: float) -> str:
 
 
 def _add_contact_sensors(mujoco: Any, spec: Any, layout: Layout) -> None:
-    """Net contact wrenches, summed by the engine: pads with all, fruit with what carries it, the robot with others."""
+    """Add net contact sensors, summed by the engine: pads with all, fruit with its support, the robot with others."""
     geom, body, subtree = mujoco.mjtObj.mjOBJ_GEOM, mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_XBODY
     force, torque, found, pos = 2, 4, 1, 16
     net = 3  # reduce: one wrench for all contacts, in the global frame

@@ -1,4 +1,4 @@
-"""The world's own account of a run, for reports only: what was lifted, how it slipped, how hard it was pressed."""
+"""The world's score of a run, for reports only: lift, slip and forces of the fruit."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ TOUCH = 0.05
 REGAINED = 0.5
 """A fruit that both pads touch again within this time is still in the same grip [s]."""
 SLID_OUT = 10e-3
-"""A grip that ends after the fruit slid by more than this has lost it; pads that open slide by far less. A fruit that
-the pads let go has left them when it is so far from where they held it: a jolt makes stiff contacts part for some
-milliseconds, again and again, without that [m]."""
+"""Slip at the end of a grip beyond which the fruit is lost [m]; opening pads cause far less. It is also the distance
+from the gripped position at which the pads have released a fruit: a jolt interrupts stiff contacts for some
+milliseconds repeatedly without that.
+"""
 REST = 3e-3
 """The tool is at rest below this speed [m/s]."""
 
@@ -37,8 +38,8 @@ class Grip:
         point: the fruit's material point between the pads at that time, in its own frame [m].
         slip: largest motion of that point along the pads [m]; turn: largest rotation against the tool [rad].
         peak: largest force, summed over both fingers [N].
-        least: largest value of the least force that the contact model needs for the load while the fruit hung free [N].
-        hung: whether the fruit was clear of what it stood on.
+        least: largest minimum grip force of the contact model for the load while the fruit hung free [N].
+        hung: whether the fruit was clear of its support.
         held: the fingers' normal forces, over time.
         lost: the fruit slid out of it, or fell.
     """
@@ -56,10 +57,10 @@ class Grip:
 
 @dataclass(slots=True)
 class FruitRecord:
-    """What happened to one fruit; bumps are touches by the robot while it held another one.
+    """Events of one fruit; bumps are touches by the robot while it held another one.
 
-    `ending`: where in the tool the fruit was when the last grip's contact went, which may come back yet; `fell`: it
-    hung then, and nothing carried it.
+    `ending`: position of the fruit in the tool when the last grip lost contact, which may return; `fell`: it hung then,
+    and had no support.
     """
 
     rest: Float64
@@ -147,7 +148,7 @@ class Scorer:
                 self._watch_grip(i, record, sensors)
 
     def note_look(self) -> None:
-        """A camera looks now, perhaps many times a second; what is between the fingers is not measured any more."""
+        """Note an exposure, perhaps many times a second; later, a fruit between the fingers is not measured."""
         for i, record in enumerate(self._fruits):
             if record.grip is None:
                 record.looked = self._pose(i)
@@ -215,9 +216,8 @@ class Scorer:
         return tuple(abs(float(face @ pad[1:4])) for face, pad in zip(faces, sensors.pads, strict=True))
 
     def _least_force(self) -> float:
-        """Force of both fingers at which the ellipsoidal limit surface of the contact model just holds this load [N].
-
-        The load is what both pads together carry along their faces, and about the closing axis where they touch.
+        """Return the force of both fingers at which the contact model's ellipsoidal limit surface just holds the load
+        [N]. The load is the force of both pads along their faces, and the torque about the closing axis.
         """
         shear, twist = np.zeros(3), 0.0
         for pad, wrench, side in zip(PADS, self._wrenches, (1.0, -1.0), strict=True):

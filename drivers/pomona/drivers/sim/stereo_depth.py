@@ -1,4 +1,4 @@
-"""What a stereo camera makes of true depth: correlated disparity noise, shadows, holes at grazing edges, steps."""
+"""Model of a stereo camera's depth: correlated disparity noise, shadows, holes at grazing edges, steps."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ class Stereo:
     nearest: float
 
     def depth_model(self) -> DepthModel:
-        """What such a camera would say of itself; without noise the steps of the disparity remain."""
+        """Error model of such a camera; without noise the steps of the disparity remain."""
         noise = max(self.disparity_noise, SUBPIXEL / np.sqrt(12.0))
         return replace(SIMULATED, disparity=noise, baseline=self.baseline)
 
 
 def measure_depth(true_depth: Float32, stereo: Stereo, rng: np.random.Generator) -> Float32:
-    """Depth as measured.
+    """Simulate the measured depth.
 
     The deviation is z² · disparity_noise / (f · b). Pixels that the second imager does not see, surfaces seen at a
-    grazing angle, and what is nearer than `nearest` give 0.
+    grazing angle, and those nearer than `nearest` give 0.
 
     Args:
-        true_depth: z-depth, shape (h, w) [m]; 0 where nothing is hit.
+        true_depth: z-depth, shape (h, w) [m]; 0 without a surface.
     """
     shape = true_depth.shape
     hit = true_depth > 0.0

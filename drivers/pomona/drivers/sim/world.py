@@ -18,7 +18,7 @@ from pomona.drivers.sim.score import Scorer
 from pomona.executive.values.arrays import Float64
 
 SETTLING = 1.0
-"""Time for what was put on the table to come to rest before the run starts [s]."""
+"""Time for the objects on the table to come to rest before the run starts [s]."""
 
 
 class SimClock:
@@ -35,7 +35,7 @@ class SimClock:
         return self.steps * TIMESTEP
 
     def advance(self, duration: float) -> None:
-        """Step the world; what is shorter than a step is kept for the next call."""
+        """Step the world; a rest shorter than a step is kept for the next call."""
         self._owed += max(duration, 0.0)
         count = int(self._owed / TIMESTEP + 1e-6)
         self._owed -= count * TIMESTEP
@@ -46,7 +46,7 @@ class SimClock:
 class PhysicsWorld(Device, ABC):
     """MuJoCo's model and state, and the clock that steps them; a robot with its devices lives in it.
 
-    What a run is judged by is a subclass's: `truth`, `looked`, and `watch`, which every fifth step calls.
+    A subclass scores a run: `truth`, `looked`, and `watch`, which every fifth step calls.
 
     Attributes:
         description: the robot's file.
@@ -76,7 +76,7 @@ class PhysicsWorld(Device, ABC):
         """A camera looks now."""
 
     def watch(self) -> None:
-        """Look at what happens, 100 times a second."""
+        """Observe the world, 100 times a second."""
 
     def sensor(self, name: str) -> Float64:
         """A live view of a sensor's numbers, as many as it has and in its own units, shape (n,)."""
@@ -128,7 +128,7 @@ class SimWorld(PhysicsWorld):
 
     @property
     def switches(self) -> Mapping[str, FaultSwitch]:
-        """What can be made to happen in the world, beside its devices."""
+        """Events that can be caused in the world, beside its devices' faults."""
         return {} if self.intruder is None else {"intruder": self.intruder}
 
     def truth(self) -> Mapping[str, object]:

@@ -37,12 +37,12 @@ class FingerCalibration:
     """The network of one finger.
 
     Attributes:
-        finger: which finger it was made for, in words; left or right among them are compared with the cell file's.
+        finger: the finger that it was made for, in words; a left or right among them is compared with the cell file's.
         mean, components: of the PCA, shapes (25,) [V] and (k, 25).
         in_low, in_high: least and greatest of every component in the recording, shape (k,): mapped to −1 … 1.
         layers: weights (m, n) and offsets (m,) of every layer; tansig after each but the last.
-        out_low, out_high: least and greatest wrench of the recording, shape (6,) [N, N·m]: what −1 … 1 is mapped to.
-        error_n: root mean square error of the force's components on the part of the recording that was kept aside [N].
+        out_low, out_high: least and greatest wrench of the recording, shape (6,) [N, N·m]: the range of −1 … 1.
+        error_n: root mean square error of the force's components on the held-out part of the recording [N].
     """
 
     finger: str
@@ -72,7 +72,7 @@ class FingerCalibration:
         return hashlib.sha256(b"".join(array.tobytes() for array in arrays)).hexdigest()[:16]
 
     def other_than(self, side: str) -> bool:
-        """Whether its name says that it was made for the finger across from this side (left, right), and not for it."""
+        """Return True if its name has the opposite side (left, right) of the finger, and not this one."""
         words = re.split(r"[^a-z]+", self.finger.lower())
         return side not in words and ("left" if side == "right" else "right") in words
 

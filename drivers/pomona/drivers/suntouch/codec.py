@@ -1,7 +1,7 @@
 """The finger's bytes: the host sends 'a', the finger answers 25 voltages as 25 × u16LE. No header, no checksum.
 
-Where an answer begins is known only from when it was asked for: `Assembler.expect` marks that moment, and whatever is
-left of an earlier answer is dropped.
+Only the time of the request marks the beginning of an answer: `Assembler.expect` notes it, and drops the rest of an
+earlier answer.
 """
 
 from __future__ import annotations
@@ -76,17 +76,17 @@ class Assembler:
         self._answered = True
 
     def expect(self) -> None:
-        """An answer is asked for now: what comes next is its beginning."""
+        """Note a request: the next bytes are the beginning of its answer."""
         if not self._answered:
             self.damaged += 1
         self._buffer.clear()
         self._answered = False
 
     def decode(self, chunk: bytes) -> FingerReading | None:
-        """The reading when it is complete with these bytes.
+        """Return the reading if these bytes complete it.
 
         Raises:
-            Malformed: more bytes came than an answer has, so nobody knows which are the answer.
+            Malformed: more bytes arrived than an answer has, so the answer cannot be located.
         """
         self._buffer += chunk
         if len(self._buffer) > SIZE or (self._answered and chunk):

@@ -22,7 +22,7 @@ from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import RATE, TIME
 
 BAUDS = ("1000000", "500000", "115200")
-"""What the fingers know [bit/s]."""
+"""Baud rates of the fingers [bit/s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,8 +1,8 @@
-"""Two SUNTouch fingers as a `ForceSensor`: asked together 500 times a second by one thread.
+"""Two SUNTouch fingers as a `ForceSensor`: polled together 500 times a second by one thread.
 
-A sample that one finger did not answer, that holds a spike or that cannot be true (`pomona.drivers.streams`) is left
-out and leaves a gap in the sequence. A finger that is lost or not to be believed stops the gripper and stays latched; a
-lost one is opened again in the background.
+A sample without an answer of one finger, with a spike or with implausible values (`pomona.drivers.streams`) is left out
+and leaves a gap in the sequence. A lost or faulty finger stops the gripper and stays latched; a lost one is reopened in
+the background.
 
 The bias, the voltages without contact, is taken when nothing can be between the fingers; otherwise the last one stays
 in force, which `pomona.drivers.hand_memory` keeps from one connection to the next.
@@ -33,7 +33,7 @@ RECONNECT = 0.5
 FIRST_SAMPLE = 1.0
 """Deadline of the first sample after opening [s]."""
 ANSWER = 0.004
-"""A late answer is still a sample; after so long it is given up and the line started over [s]."""
+"""Deadline of an answer [s]; a late answer is still a sample, but after this time the line is restarted."""
 CATCH_UP = 2
 """Periods that this thread may oversleep and still ask for each of them, one right after the other."""
 DROPPED, AVERAGED = 10, 100
@@ -65,7 +65,7 @@ class SunTouchFingers(Device):
     ) -> None:
         """
         Args:
-            on_lost: called once when the stream is lost or not to be believed, by the owner: stops the gripper.
+            on_lost: called once when the stream is lost or faulty, by the owner: stops the gripper.
             gripper: moves the fingers; its opening shows whether they can hold something. None: nothing moves them.
             memory: keeps the bias and the state of the hand; by default for as long as this object lives.
         """
@@ -245,14 +245,14 @@ class SunTouchFingers(Device):
             self._deliver(asked, left, right)
 
     def _flaw(self, readings: tuple[FingerReading, FingerReading]) -> str:
-        """Why the readings cannot be believed; empty when they can."""
+        """Return why the readings are rejected; empty for valid ones."""
         believed = [f.spikes.accept(reading.volts) for f, reading in zip(self.fingers, readings, strict=True)]
         for side, reading in zip(SIDES, readings, strict=True):
             if reading.dead:
                 return f"{side} has every taxel at the end of its range"
         for side, good in zip(SIDES, believed, strict=True):
             if not good:
-                return f"{side} says nothing but spikes: a taxel jumps by more than {JUMP:g} V each time"
+                return f"{side} reports only spikes: a taxel jumps by more than {JUMP:g} V each time"
         return ""
 
     def _await_period(self) -> None:
@@ -322,7 +322,7 @@ class SunTouchFingers(Device):
         """Accept that the stream had been lost.
 
         Raises:
-            DeviceError: it still is, or still cannot be believed.
+            DeviceError: it is still lost or faulty.
         """
         if not self._streaming:
             raise DeviceLost(self.name, f"is still lost: {_words(self._problem)}")

@@ -87,7 +87,7 @@ class Finger:
         return self._link
 
     def _empty(self) -> None:
-        """Drop what is on its way, until the line has been quiet for a moment."""
+        """Drop bytes in transit, until the line has been quiet for a moment."""
         end = self._clock.now() + FLUSHING
         while self._line.receive(0.25 * FLUSHING) and self._clock.now() < end:
             pass

@@ -34,12 +34,12 @@ class UnusableRecording(DriverError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FitReport:
-    """How well the calibration does on what was kept aside.
+    """Errors of the calibration on the held-out part.
 
     Attributes:
-        samples: recorded pairs, those kept aside included.
+        samples: recorded pairs, held-out ones included.
         rms, worst: error of each component, shape (6,) [N, N·m].
-        within: share of the pairs whose force is right to 0.2 N in every component.
+        within: ratio of the pairs with a force error below 0.2 N in every component.
     """
 
     samples: int
@@ -101,8 +101,8 @@ def fit_calibration(
 
     Args:
         volts: voltages without their bias, shape (n, 25) [V]; a whole recording, in the order of time.
-        wrenches: what a reference sensor measured meanwhile, in the pad's frame, shape (n, 6) [N, N·m].
-        finger: which finger it is, for people.
+        wrenches: simultaneous measurements of a reference sensor, in the pad's frame, shape (n, 6) [N, N·m].
+        finger: name of the finger.
         components: of the PCA that are kept.
         hidden: sizes of the tansig layers.
         epochs: times `STEPS` steps of L-BFGS; ends earlier when the error on the samples kept aside no longer falls.

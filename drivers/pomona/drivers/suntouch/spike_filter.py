@@ -18,7 +18,7 @@ class SpikeFilter:
         self._suspect: NDArray[np.float64] | None = None
 
     def accept(self, volts: NDArray[np.float64]) -> bool:
-        """Whether a reading, shape (25,) [V], may be believed. A step is believed one reading late."""
+        """Return True for a valid reading, shape (25,) [V]. A step is accepted one reading late."""
         usual = self._accepted is None or self._near(volts, self._accepted)
         confirmed = self._suspect is not None and self._near(volts, self._suspect)
         if usual or confirmed:
@@ -29,7 +29,7 @@ class SpikeFilter:
         return False
 
     def forget(self) -> None:
-        """Believe the next reading whatever it is: after a gap everything may have changed."""
+        """Accept the next reading in any case: after a gap all values may have changed."""
         self._accepted = self._suspect = None
 
     def _near(self, a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:

@@ -13,7 +13,7 @@ class SerialLink:
     """A serial port that is read as soon as something is there; POSIX only."""
 
     def __init__(self, port: str, baud: int) -> None:
-        """Open the port for nobody else, 8N1.
+        """Open the port exclusively, 8N1.
 
         Raises:
             OSError: it cannot be opened.
@@ -26,7 +26,7 @@ class SerialLink:
         """Hand bytes to the port.
 
         Raises:
-            OSError: the port is gone, or its buffer is full because nobody takes anything.
+            OSError: the port is gone, or its buffer is full because the device does not read.
         """
         # Not `Serial.write`: its timeout also strikes when this thread was held up after the bytes had gone.
         if os.write(self._descriptor, chunk) != len(chunk):
@@ -46,7 +46,7 @@ class SerialLink:
 
 
 def serial_ports() -> list[str]:
-    """Serial ports of this machine, with what is plugged in where that is known."""
+    """Return the serial ports of this machine, with the names of connected devices if known."""
     return [
         port.device if port.description in ("", "n/a") else f"{port.device} ({port.description})"
         for port in list_ports.comports()

@@ -1,7 +1,7 @@
 """The WSG's binary command set: requests and replies as frozen dataclasses.
 
 Wire units are mm, mm/s, mm/s² and N; the dataclasses are in SI units. `pomona.drivers.wsg.frame.FrameDecoder` finds
-frames in a stream of bytes, `decode_reply` and `decode_request` say what a frame means.
+frames in a stream of bytes, `decode_reply` and `decode_request` interpret a frame.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class Status(IntEnum):
 
 
 class GraspState(IntEnum):
-    """What the gripper's own grasp function does."""
+    """State of the gripper's own grasp function."""
 
     IDLE = 0
     GRASPING = 1
@@ -155,7 +155,7 @@ class Move:
 
 @dataclass(frozen=True, slots=True)
 class GraspCommand:
-    """GRASP a part of a width [m] with a speed [m/s], or RELEASE it (`command` says which)."""
+    """GRASP a part of a width [m] with a speed [m/s], or RELEASE it, selected by `command`."""
 
     width: float
     speed: float
@@ -283,12 +283,12 @@ class Reply:
     """An answer, or an automatic update.
 
     Attributes:
-        command: what is answered.
-        status: SUCCESS, CMD_PENDING for a motion that began, or why not.
+        command: the answered command.
+        status: SUCCESS, CMD_PENDING for a motion that began, or an error.
         values: by command, in SI units: WIDTH, SPEED, FORCE and every GET their numbers; SYSTEM_STATE and GRASP_STATE
             the bits or the code; SCRIPT_* width and speed; INFO type, hardware, firmware, serial; LIMITS stroke, speeds
             (least, most), accelerations (least, most), forces (least, nominal, overdrive). Empty unless SUCCESS.
-        payload: what LOOP sent back.
+        payload: the bytes that LOOP sent back.
     """
 
     command: Command

@@ -1,8 +1,4 @@
-"""The WSG gripper as a `Gripper`, to be called from any thread; what its owner does is in `pomona.drivers.wsg.jaws`.
-
-A lost gripper stays latched, as one that was stopped: nothing moves until somebody has acknowledged it and starts a new
-motion.
-"""
+"""The WSG gripper as a `Gripper`, to be called from any thread; its owner is in `pomona.drivers.wsg.jaws`."""
 
 from __future__ import annotations
 
@@ -34,11 +30,11 @@ class WsgGripper(Device):
         self._jaws = Jaws(self, open_link, clock, options or WsgOptions())
         self._clock = clock
         self._owner = Owner(name, self._jaws.step, self._jaws.lose, clock)
-        self._asked: GripperMotion | None = None  # the last that was asked for, before the owner is told of it
+        self._asked: GripperMotion | None = None  # the last requested one, before the owner gets it
 
     @property
     def identity(self) -> WsgIdentity | None:
-        """What the gripper said of itself in the last handshake."""
+        """Identity that the gripper reported in the last handshake."""
         return self._jaws.identity
 
     def connect(self) -> None:
@@ -65,7 +61,7 @@ class WsgGripper(Device):
         return self._jaws.limits
 
     def state(self) -> GripperState:
-        """As the Protocol says.
+        """See the Protocol.
 
         Raises:
             DeviceLost: there is no fresh state.
@@ -92,10 +88,10 @@ class WsgGripper(Device):
         self._owner.post(lambda: self._jaws.stop_motion(motion))
 
     def set_speed(self, speed: float) -> None:
-        """As the Protocol says; while latched the fingers may close and hold but not open.
+        """See the Protocol; while latched the fingers may close and hold but not open.
 
         Raises:
-            DeviceLost: the gripper is lost, or was and nobody has acknowledged it.
+            DeviceLost: the gripper is lost, or an earlier loss is not acknowledged.
             DeviceFault: it has no finger script for streamed speeds, or is in fast stop.
         """
         self._need_link()
@@ -132,7 +128,7 @@ class WsgGripper(Device):
         self._owner.check()
 
     def safe_stop(self, reason: str) -> None:
-        """Latch, and send a stop whatever the gripper reports; a gripper that does not obey it gets a fast stop."""
+        """Latch, and send a stop in any reported state; a gripper that does not obey it gets a fast stop."""
         if self._jaws.latched is None:
             self._jaws.latched = reason
         self._owner.post(lambda: self._jaws.stop_safely(reason))
@@ -159,8 +155,8 @@ class WsgGripper(Device):
     def settled(self) -> bool:
         """Whether the fingers were measured to rest, and a stop was obeyed.
 
-        Streamed speeds do not count as motion: force control may go on for hours. Of a lost gripper nobody knows more
-        than when its last command must have ended.
+        Streamed speeds do not count as motion: force control may go on for hours. For a lost gripper only the latest
+        end of its last command is known.
         """
         if self._jaws.session is None:
             return self._clock.now() > self._jaws.supervisor.rest_by
@@ -169,7 +165,7 @@ class WsgGripper(Device):
         return ended and self._jaws.obeys()
 
     def close(self) -> None:
-        """Stop the fingers where they are and say goodbye: a gripper that is left without it makes a fast stop."""
+        """Stop the fingers at their place and close the session: a gripper that loses its client makes a fast stop."""
         self.safe_stop("closed")
         self._owner.close()
         session, self._jaws.session = self._jaws.session, None

@@ -16,7 +16,7 @@ from swallowing the frames behind it."""
 
 @dataclass(frozen=True, slots=True)
 class WireFrame:
-    """One frame whose checksum is right."""
+    """One frame with a valid checksum."""
 
     command: int
     payload: bytes

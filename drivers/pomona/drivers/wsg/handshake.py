@@ -1,4 +1,4 @@
-"""What a WSG gripper must be told and must say before it is used: the same at every connection, but for motions."""
+"""Handshake with a WSG gripper before its use: the same at every connection, except for motions."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ HOMING = 20.0
 
 @dataclass(frozen=True, slots=True)
 class WsgOptions:
-    """What the cell file says of the gripper.
+    """Options of the gripper in the cell file.
 
     Attributes:
         finger_offset: opening between the pads' faces when the jaws' width is 0 [m].
@@ -42,7 +42,7 @@ class WsgOptions:
             a reconnection.
         tare: tare the force sensor at the first connection.
         watchdog: a streamed speed that is not renewed within this time becomes zero [s].
-        silence: without a reply for so long the gripper is lost [s].
+        silence: time without a reply after which the gripper is lost [s].
         period: of the automatic updates of state, width and speed [s].
         supervision: how closely the gripper must follow its commands; None for the defaults.
     """
@@ -62,7 +62,7 @@ class WsgOptions:
 
 @dataclass(frozen=True, slots=True)
 class WsgIdentity:
-    """What a gripper said of itself: firmware, limits of the hardware, and settings read back [SI units]."""
+    """Data that a gripper reported: firmware, limits of the hardware, and settings read back [SI units]."""
 
     kind: int
     hardware: int

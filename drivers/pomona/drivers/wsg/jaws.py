@@ -37,7 +37,7 @@ ARRIVED, ARRIVAL = 2e-3, 0.1
 """Position tolerance at the end of a move [m], and the deadline for measuring it [s]: updates take 10 ms."""
 
 UPDATES = (Command.WIDTH, Command.SPEED, Command.SYSTEM_STATE)
-"""What the gripper sends unasked, and must keep sending."""
+"""Automatic updates of the gripper; their absence is a fault."""
 
 FAULTS: dict[SystemState, str] = {
     SystemState.FAST_STOP: "is in fast stop; find out why, then acknowledge",
@@ -53,13 +53,13 @@ class Jaws:
     """The owner's side of a gripper. Only the owner calls its methods; others read the attributes.
 
     Attributes:
-        identity: what the gripper said of itself in the last handshake.
+        identity: reported by the gripper in the last handshake.
         session: None while the gripper is lost.
         limits: the narrower of the hardware's and the cell file's.
         state: newest measurement.
         bits: newest system state that the gripper has reported.
         supervisor: compares the fingers' motion with their commands.
-        problem: what is wrong, until it is acknowledged.
+        problem: a fault, until it is acknowledged.
         estranged: lost since the last acknowledgement: nothing may move.
         latched: reason of a safe stop, until it is acknowledged.
     """
@@ -83,7 +83,7 @@ class Jaws:
         self._waiting: GripperMotion | None = None  # to be started when the stop before it is answered
         self._wanted, self._sent_at, self._sent = 0.0, -math.inf, 0.0
         self._watchdog = Watchdog(options.watchdog)
-        self._arriving: float | None = None  # the gripper says it has arrived; deadline for its width to confirm it
+        self._arriving: float | None = None  # the gripper reports arrival; deadline for its width to confirm it
         self._grace_until = -math.inf
         self._obey_by: float | None = None  # deadline for coming to rest after a stop
 
@@ -209,7 +209,7 @@ class Jaws:
             self._send_speed(wanted)
 
     def stop_safely(self, reason: str) -> None:
-        """Latch and stop, in whatever state."""
+        """Latch and stop, in any state."""
         if self.latched is None:
             self.latched = reason
         if self._motion is not None:
@@ -262,7 +262,7 @@ class Jaws:
             self.lose(error)
 
     def _halt(self) -> None:
-        """Command the fingers to stand still, whatever they do and whatever the gripper reports."""
+        """Command the fingers to stand still, in any reported state."""
         self._waiting, self._wanted = None, 0.0
         if self.session is None:
             return
@@ -351,7 +351,7 @@ class Jaws:
         self.send(Plain(Command.FAST_STOP), Command.FAST_STOP)
 
     def _fail(self, words: str) -> None:
-        """The gripper misbehaves: its move has failed, and it is told to stop."""
+        """Handle a fault of the gripper: fail its move, and stop it."""
         if self.problem is None:
             self.problem = DeviceFault(self.name, words)
         if self._motion is not None:

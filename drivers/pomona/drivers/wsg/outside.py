@@ -21,7 +21,7 @@ def stop(host: str, port: int) -> None:
     """Stop a gripper on TCP.
 
     Raises:
-        OSError: nobody answers there, or somebody else holds the connection.
+        OSError: there is no answer, or another client holds the connection.
     """
     _stop(TcpLink(host, port, ANSWER))
 
@@ -30,7 +30,7 @@ def stop_on_can(interface: str, channel: str, bitrate: int, send_id: int, reply_
     """Stop a gripper on a CAN bus.
 
     Raises:
-        OSError: the bus cannot be opened, or nobody answers there.
+        OSError: the bus cannot be opened, or there is no answer.
     """
     _stop(CanLink.open(interface, channel, bitrate, send_id, reply_id))
 

@@ -13,7 +13,7 @@ from pomona.executive.clock import Clock
 ANSWER = 0.1
 """A request that is not answered within this time means that the gripper is lost [s]."""
 QUIET = 0.02
-"""After so long without a byte, an unfinished frame is given up [s]."""
+"""Time without a byte after which an unfinished frame is dropped [s]."""
 
 
 class GripperSession:
@@ -63,7 +63,7 @@ class GripperSession:
         for reply in replies:
             self._awaited.pop(reply.command, None)
         for command, due in self._awaited.items():
-            # An answer may lie behind what was just read, when this thread itself was held up; but not for long.
+            # An answer may lie behind the bytes just read, if this thread itself was delayed; but not for long.
             if now > (due + ANSWER if chunk else due):
                 self._complain(f"{command.name} was not answered within {1e3 * ANSWER:.0f} ms")
         return replies

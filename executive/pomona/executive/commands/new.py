@@ -87,7 +87,7 @@ def _refuse_taken(kind: str, words: Mapping[str, str]) -> None:
 
 
 def _next(written: list[Path]) -> str:
-    """What to do with it: an installed package's new names are found when it is installed once more."""
+    """Return the next step: the new names of an installed package are found after it is installed again."""
     code = next((path for path in written if path.suffix == ".py"), None)
     if code is not None:
         project = next(folder for folder in code.parents if (folder / "pyproject.toml").is_file())

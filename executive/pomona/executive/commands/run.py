@@ -56,13 +56,13 @@ def add(subparsers: Any) -> None:
     )
     parser.add_argument(
         "--speed", default="100 %", metavar="SHARE",
-        help="the arm goes at this share of what is commanded, 10 %% to 100 %%; the page and ROS 2 change it",
+        help="speed of the arm relative to the commanded one, 10 %% to 100 %%; the page and ROS 2 change it",
     )  # fmt: skip
     add_records_folder(parser)
     parser.add_argument("--no-record", action="store_true", help="leave no record")
     parser.add_argument(
         "--dry", nargs="?", const="", metavar="MOCKS",
-        help="run without a cell: mocks replace all skills, as a mock file says",
+        help="run without a cell: the mocks of a file replace all skills",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print one JSON object as the last line")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
@@ -75,7 +75,7 @@ def add(subparsers: Any) -> None:
 
 
 def _add_beginnings(parser: argparse.ArgumentParser) -> None:
-    """Where a run waits for somebody, and how it begins after one that was cut."""
+    """Add the options for waiting at the start, and for a start after a run that was cut off."""
     for side in ("before", "after"):
         parser.add_argument(
             f"--break-{side}", action="append", default=[], metavar="NODE",
@@ -87,7 +87,7 @@ def _add_beginnings(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--cleared", action="store_true",
-        help="somebody has checked the cell: start although the last run was cut off, or something is in the gripper",
+        help="the cell was checked: start although the last run was cut off, or something is in the gripper",
     )  # fmt: skip
 
 
@@ -139,7 +139,7 @@ def main(options: argparse.Namespace) -> int:
     if options.wait_for_page and not options.dashboard:
         raise UsageError("--wait-for-page needs --dashboard")
     if order.breaks and not order.attended:
-        raise UsageError("nobody could resume after a breakpoint: add --dashboard")
+        raise UsageError("without an operator no run resumes after a breakpoint: add --dashboard")
     alerts = alerts_of(options, outcomes_in(options.record, options.alert_over) if options.alert_to else ())
     with contextlib.ExitStack() as stack:
         if alerts is not None:
@@ -168,7 +168,7 @@ def _speed(text: str) -> float:
 
 
 def _answers_here(options: argparse.Namespace, console: Screen) -> bool:
-    """Whether somebody sits at this terminal, answers questions and goes on after breakpoints."""
+    """Return True if an operator at this terminal answers questions and resumes after breakpoints."""
     return not (options.dashboard or options.quiet or options.json) and console.is_terminal and sys.stdin.isatty()
 
 
@@ -192,7 +192,7 @@ def _run_once(
             executed = execute(order, listeners, starting=live.starting(), readers=readers)
         else:
             executed = _execute(order, listeners, readers, dashboard, control, console)
-    with contextlib.suppress(OSError):  # nobody reads any more: the exit status says it all the same
+    with contextlib.suppress(OSError):  # the reader is gone: the exit status still has the result
         executed.summary.print(console, executed.record)
         if executed.problem:
             console.print(executed.problem, style="red")
@@ -221,7 +221,7 @@ def _serve(options: argparse.Namespace, console: Screen, stack: contextlib.ExitS
 def _live_views(
     options: argparse.Namespace, console: Screen, dashboard: PageProcess | None, stack: contextlib.ExitStack
 ) -> tuple[Live | None, ControlLock | None]:
-    """The run's viewers that were asked for, and what they act with; nothing of them is imported otherwise."""
+    """Return the requested viewers of the run, and their controls; other viewers are not imported."""
     if options.foxglove is None and options.rerun is None and options.ros2 is None:
         return None, None
     from pomona.executive.interop.live import Live, Sink
@@ -280,7 +280,7 @@ def _execute(
 
 
 def _hold(runner: Runner, dashboard: PageProcess, console: Screen) -> None:
-    """Keep the cell in its safe state while there is somebody who can reset it; Ctrl-C lets go, too."""
+    """Keep the cell in its safe state while an operator can reset it; Ctrl-C ends that, too."""
     if not dashboard.viewers and not sys.stdin.isatty():
         return
     console.print(f"safe state: {runner.latched}. Reset it on the page, or leave with Ctrl-C.", style="red")
