@@ -209,7 +209,7 @@ def test_what_is_not_there_is_named(alone: Alone, words: tuple[str, ...], says: 
 @pytest.mark.slow
 def test_an_image_that_cannot_be_coded_is_a_problem_of_the_record_that_names_the_extra(alone: Alone) -> None:
     said = alone.python("-c", PICTURE).stdout
-    assert said.startswith("the record lacks what happened at 0.50 s of the run")
+    assert said.startswith("the record lacks an event at 0.50 s of the run")
     assert "-m pip install 'pomona-executive[pictures]'" in said
 
 

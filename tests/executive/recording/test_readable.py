@@ -90,7 +90,7 @@ def test_what_cannot_be_read_again_stands_as_an_error_that_names_it(tmp_path: Pa
     assert (told.t, told.tick, told.error) == (0.5, 7, "UnencodableError")
     assert told.message.startswith(f"{name} cannot be encoded: "), told.message
     assert after == AFTER
-    assert recorder.problem == f"the record lacks what happened at 0.50 s of the run: {told.message}"
+    assert recorder.problem == f"the record lacks an event at 0.50 s of the run: {told.message}"
     assert not recorder.has_ended or recorder._whole
 
 

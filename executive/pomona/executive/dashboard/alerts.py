@@ -1,4 +1,4 @@
-"""Tells another program, by a webhook, when fewer runs succeed than should. A run never waits for it."""
+"""Alerts: call a webhook when the success rate of runs falls below a limit. A run never waits for it."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ TRIES = 3
 
 @dataclass(frozen=True, slots=True)
 class AlertRule:
-    """When somebody is told.
+    """Condition and target of an alert.
 
     Attributes:
         address: of the webhook, http or https; a JSON object is posted there.
-        below: share of runs that succeed, 0 to 1, below which it is told.
-        over: the last runs of which the share is taken; nothing is told before there were so many.
+        below: success rate, 0 to 1, below which an alert is sent.
+        over: number of the last runs for the rate; no alert before this number is reached.
     """
 
     address: str
@@ -49,13 +49,13 @@ class AlertRule:
 
 
 class Alerts:
-    """Counts the outcomes of runs. Subscribe `on_event` to their streams; tells once when the share falls below."""
+    """Counts the outcomes of runs. Subscribe `on_event` to their streams; sends one alert when the rate falls below."""
 
     def __init__(self, rule: AlertRule, before: Iterable[tuple[bool, str]] = ()) -> None:
         """
         Args:
-            rule: when somebody is told.
-            before: of the runs before, oldest first: whether each succeeded, and its code if not.
+            rule: condition and target of an alert.
+            before: earlier runs, oldest first: success of each, and its code if it failed.
         """
         self._rule = rule
         self._outcomes: deque[tuple[bool, str]] = deque(before, maxlen=rule.over)
@@ -68,7 +68,7 @@ class Alerts:
         self.take(event)
 
     def take(self, event: Event) -> threading.Thread | None:
-        """The same; gives the thread that tells, if there is something to tell."""
+        """Take an event; return the thread that sends an alert, if there is one to send."""
         if isinstance(event, RunStarted):
             self._run, self._counted = event.run, False
         if not isinstance(event, RunEnded):
@@ -82,7 +82,7 @@ class Alerts:
         return self.count(event.outcome == "success", "" if leaf is None else leaf.code, self._run)
 
     def count(self, good: bool, code: str, run: str) -> threading.Thread | None:
-        """Count one more run; gives the thread that tells, if there is something to tell."""
+        """Count one more run; return the thread that sends an alert, if there is one to send."""
         self._outcomes.append((good, "" if good else code))
         low = self._is_low()
         tells, self._told = low and not self._told, low
@@ -124,7 +124,7 @@ class Alerts:
             except HTTPError as error:
                 error.close()  # it holds the connection
                 problem = error
-            except (OSError, HTTPException, ValueError) as error:  # whatever it answers, it may be no HTTP at all
+            except (OSError, HTTPException, ValueError) as error:  # the answer may be no HTTP at all
                 problem = error
         logger.warning("the alert was not taken by %s: %s", self._rule.address, problem)
 
@@ -140,7 +140,7 @@ _OPENER = urllib.request.build_opener(_NoRedirect)
 
 
 def _unusable(address: str) -> str:
-    """What is wrong with an address; empty when a request can go there."""
+    """Return why an address cannot be used; empty for a usable one."""
     try:
         parts = urlsplit(address)
         usable = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0

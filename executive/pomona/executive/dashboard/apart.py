@@ -1,6 +1,5 @@
-"""The page in a process of its own: what keeps the run's process busy keeps neither a viewer nor a stop waiting there.
-
-Messages go to that process encoded; what its pages ask for comes back as calls of the run's `ControlLock`.
+"""The page in a process of its own: a busy run delays neither a viewer nor a stop there. Messages go to that process
+encoded; its pages' requests come back as calls of the run's `ControlLock`.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ GOODBYE = 5.0
 """Time that it may take to end [s]."""
 
 HEARTBEAT = 0.25
-"""Period in which the page's process is told how things stand [s]."""
+"""Period of the run's status messages to the page's process [s]."""
 
 PICTURES = 2
 """Heartbeats from one picture of a camera to the next."""
@@ -46,14 +45,14 @@ NEVER_LATE = frozenset({"require", "release", "safe_stop", "judge"})
 
 
 class PageLostError(PomonaError):
-    """The page's process ended while a run was shown: nobody can stop the run there any more."""
+    """The page's process ended during a run: the run cannot be stopped there any more."""
 
     def __init__(self) -> None:
         super().__init__("the process that serves the page has ended: the run can be neither seen nor stopped there")
 
 
 class PageProcess:
-    """Starts the page's process, hands it events, and carries out what its pages ask for."""
+    """Starts the page's process, sends it events, and carries out the requests of its pages."""
 
     def __init__(self, access: Access, records: Path) -> None:
         self.access, self.records = access, records
@@ -179,7 +178,7 @@ class PageProcess:
             value = self._call(name, arguments, time.monotonic() - asked)
         except PomonaError as error:
             refusal = str(error)
-        except Exception as error:  # whatever it is, the page gets an answer
+        except Exception as error:  # after any error the page gets an answer
             refusal = f"{type(error).__name__}: {error}"
         self._send(("answer", number, value, refusal, self.control.standing))
 

@@ -1,4 +1,4 @@
-"""The trees and cells that the page may start, and what can be set on them."""
+"""The trees and cells that the page may start, and their settings."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ StartRun = Callable[[dict[str, Any]], str]
 """Starts a run from the page's form and returns its tree's name."""
 
 JudgeForm = Callable[[dict[str, Any]], dict[str, str]]
-"""Says of the settings of the page's form which cannot be used, and why, by their names."""
+"""Returns the unusable settings of the page's form with the reasons, by their names."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ MOST_PIXELS = 25_000_000
 """Of an image that is unpacked."""
 
 FARTHEST = 3.0
-"""Metres: what is farther away would make everything else small."""
+"""Distance beyond which points are not drawn [m], since they would make the rest small."""
 
 
 def cloud_of(view: ImageView) -> dict[str, str] | None:

@@ -1,4 +1,4 @@
-"""Connections that cannot be used up: whoever says nothing, or too slowly, makes room for whoever comes."""
+"""Limits of connections: silent or slow clients are closed in favour of new ones."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ REQUEST_DEADLINE = 5.0
 
 
 class PatientHttp(H11Protocol):
-    """uvicorn's protocol, with deadlines and with an end to what idle connections take."""
+    """uvicorn's protocol, with deadlines and with closing of idle connections."""
 
     _since = 0.0
     _deadline: asyncio.TimerHandle | None = None
@@ -82,8 +82,8 @@ class PatientHttp(H11Protocol):
 class LiveWire(WebSocketsSansIOProtocol):
     """uvicorn's protocol, which also takes frames that are made already.
 
-    What two hundred viewers are told is made a frame once. Through the application's own way, a task and a frame for
-    each of them, a batch took the loop 60 ms, and a press that came meanwhile waited so long.
+    A message to two hundred viewers is encoded as a frame once. With the application's own method, a task and a frame
+    for each, a batch took the loop 60 ms and delayed a press by as much.
     """
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -111,7 +111,7 @@ class LiveWire(WebSocketsSansIOProtocol):
 
 
 def hang_up(connections: Iterable[Any]) -> None:
-    """End connections at once, whatever their peers still have to say.
+    """End connections at once, without waiting for their peers.
 
     The socket, too: a TLS transport that was closed twice has forgotten its protocol, and aborting it does nothing.
     """
@@ -125,7 +125,7 @@ WIRE = "wire"
 
 
 def wire_of(state: Mapping[str, Any]) -> LiveWire | None:
-    """What takes frames for a stream, or None where another server carries it."""
+    """Return the wire that takes frames for a stream, or None under another server."""
     found = state.get(WIRE)
     return found if isinstance(found, LiveWire) else None
 

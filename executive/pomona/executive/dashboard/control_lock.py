@@ -1,4 +1,4 @@
-"""One operator at a time: who holds control, and what is done with it."""
+"""Control by one operator at a time: its holder, and the actions on the run."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ class RefusedError(PomonaError):
 
 @dataclass(frozen=True, slots=True)
 class Holder:
-    """Who holds control now; empty when nobody does.
+    """The holder of control; empty without one.
 
     `viewer` is known to that page and the server only; `grant` counts how often control has changed hands, so that
-    every page can tell whether the newest grant is its own.
+    every page knows whether the newest grant is its own.
     """
 
     who: str = ""
@@ -42,13 +42,13 @@ class Holder:
 
 @dataclass(frozen=True, slots=True)
 class ControlStatus:
-    """Everything that pages are told of control and of the run.
+    """Status of control and of the run for the pages.
 
     Attributes:
         holder: of control.
-        start: the run that is being prepared, or why the last one did not begin.
+        start: the run in preparation, or the reason why the last one did not begin.
         is_preparing: whether a run is being prepared.
-        known_faults: faults that the run in progress can be given.
+        known_faults: faults that can be injected into the run.
         signs: of a run's life: its time, tick, state and the ages of its devices; None without a run.
     """
 
@@ -60,7 +60,7 @@ class ControlStatus:
 
 
 class RunControl(Protocol):
-    """What the page's server asks of the run, which may be in another process. Methods are called from any thread."""
+    """Requests of the page's server to the run, which may be in another process. Methods are called from any thread."""
 
     @property
     def standing(self) -> ControlStatus:
@@ -144,7 +144,7 @@ class ControlLock:
 
     @property
     def start(self) -> dict[str, Any] | None:
-        """The run that is being prepared, or why the last one did not begin, as the page is told."""
+        """The run in preparation, or the reason why the last one did not begin, for the page."""
         if self._starting is None:
             return self._problem
         tree, starting = self._starting
@@ -158,7 +158,7 @@ class ControlLock:
 
     @property
     def known_faults(self) -> dict[str, tuple[str, ...]]:
-        """What can be made to fail in the run in progress, and how; nothing without one, and on a real cell."""
+        """Faults that can be injected into the run, with their modes; nothing without a run, and on a real cell."""
         runner = self._runner
         return {} if runner is None or runner.state.ended else runner.known_faults
 
@@ -181,7 +181,7 @@ class ControlLock:
         return starting
 
     def clear(self, problem: str = "") -> None:
-        """Nothing runs and nothing is being prepared any more; `problem` says why it did not begin."""
+        """Note that nothing runs or is in preparation any more; `problem` is the reason why a run did not begin."""
         if self._starting is not None and problem:
             self._problem = {"tree": self._starting[0], "problem": problem}
         self._starting = None
@@ -195,10 +195,10 @@ class ControlLock:
         self._changed()
 
     def take(self, viewer: str, who: str) -> None:
-        """Take control; it is taken visibly, also from somebody else.
+        """Take control, visibly, also from another operator.
 
         Raises:
-            RefusedError: the viewer does not say who it is.
+            RefusedError: the viewer has no name.
         """
         if not viewer:
             raise RefusedError("a viewer has an id of its own")
@@ -220,10 +220,10 @@ class ControlLock:
         self._changed()
 
     def require(self, viewer: str) -> str:
-        """The name of the operator who holds control with this viewer.
+        """Return the name of the operator who holds control with this viewer.
 
         Raises:
-            RefusedError: somebody else does, or nobody.
+            RefusedError: another operator does, or none.
         """
         held = self._held
         if not viewer or held.viewer != viewer:
@@ -243,10 +243,10 @@ class ControlLock:
         return True
 
     def safe_stop(self, who: str) -> str:
-        """Stop now. Nobody needs control for this; what is only being prepared does not begin.
+        """Stop now. This needs no control; a run in preparation does not begin.
 
         Returns:
-            what is confirmed: the cell is in its safe state when this returns, as the run has taken it.
+            the confirmation: the cell is in its safe state when this returns.
 
         Raises:
             RefusedError: the cell did not take it.
@@ -295,7 +295,7 @@ class ControlLock:
         if action not in (*ACTIONS, *BREAK_ACTIONS, "answer", "fail", "change", "speed"):
             raise RefusedError(f"'{action}' is no action")
         latched = action == "fail" and self._runner is not None and self._runner.latched is not None
-        if self._runner is None or (self._runner.state.ended and not latched):  # what was broken can be mended
+        if self._runner is None or (self._runner.state.ended and not latched):  # a broken device may be repaired
             raise RefusedError("nothing is running")
         if action == "answer":
             choice, _, path = detail.rpartition(" ← ")

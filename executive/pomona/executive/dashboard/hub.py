@@ -36,7 +36,7 @@ LASTING |= {"SafeStopped", "RunEnded", "TableView", "BodiesView", "PosesView", "
 """Kinds of messages of which the last one of each key describes the present."""
 
 URGENT = (OperatorActed, StateChanged, SafeStopped, type(None))
-"""Nothing is gathered after these: somebody has pressed a button and waits to see it taken."""
+"""Events after which messages are sent at once: an operator waits for the effect of a press."""
 
 CHUNK = 500_000
 """Characters of one batch of old messages."""
@@ -55,7 +55,7 @@ class Word(NamedTuple):
         seq: its number.
         text: the message.
         slot: "start" for a run's first one, "picture" where only the newest of a key is worth keeping, else "".
-        key: what the event tells the state of; None: nothing that outlives the history.
+        key: the subject of the event's state; None: without state beyond the history.
     """
 
     seq: int
@@ -79,7 +79,7 @@ class Encoder:
         self._incoming.put(event)
 
     def close(self) -> None:
-        """Stop encoding; what came before is still delivered."""
+        """Stop encoding; earlier events are still delivered."""
         self._incoming.put(None)
         self._thread.join(5.0)
 
@@ -97,7 +97,7 @@ class Encoder:
                 self._deliver(words)
 
     def _word(self, event: Event) -> Word:
-        """Encode an event, or what stands in its place: nothing that a skill publishes may end this thread."""
+        """Encode an event, or its replacement: no published object may end this thread."""
         self._seq += 1
         try:
             return _word_of(event, self._seq)
@@ -114,7 +114,7 @@ class Viewer:
         self.news = asyncio.Event()
         self.lagged = False
         self.armed = False
-        """Whether the page has shown the token: what it presses is carried out."""
+        """Whether the page has shown the token: its presses are carried out."""
         self.page, self.last_seen = "", 0.0
         """The page's own id, and when it asked last whether it is heard."""
 
@@ -183,16 +183,16 @@ class Hub:
         self._deliver("\n".join(word.text for word in words))
 
     def announce(self, **control: Any) -> None:
-        """Tell every viewer, and those who come later, who holds control. From any thread."""
+        """Send every viewer, present or future, the holder of control. From any thread."""
         self._control = message("Control", **control)
         self._deliver(self._control)
 
     def tell(self, event: str, **fields: Any) -> None:
-        """Tell the viewers of this moment, and none who come later. From any thread."""
+        """Send a message to the present viewers, and to none that connect later. From any thread."""
         self._deliver(message(event, **fields))
 
     def close(self) -> None:
-        """Stop encoding; what came before is still sent."""
+        """Stop encoding; earlier events are still sent."""
         self._encoder.close()
 
     # -------------------------------------------------------------------------------------- in the loop
@@ -272,7 +272,7 @@ class Hub:
     def _hand_out(self, batch: str) -> None:
         frame = frame_of(batch)
         with self._lock:
-            viewers = sorted(self._viewers, key=lambda viewer: not viewer.armed)  # who may act is told first
+            viewers = sorted(self._viewers, key=lambda viewer: not viewer.armed)  # viewers that may act come first
         for viewer in viewers:
             viewer.hand(batch, frame)
 

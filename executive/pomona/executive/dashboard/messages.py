@@ -35,10 +35,10 @@ def message(event: str, **fields: Any) -> str:
 
 
 def encode(event: Event, seq: int) -> str:
-    """One event as the text of one message.
+    """Encode one event as the text of one message.
 
     Raises:
-        PomonaError: it is larger than `MOST_TEXT`. What cannot be encoded may raise anything.
+        PomonaError: it is larger than `MOST_TEXT`. An event that cannot be encoded may raise any exception.
     """
     return numbered(fields_of(event), seq).decode()
 

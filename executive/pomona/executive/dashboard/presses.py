@@ -17,7 +17,7 @@ from pomona.executive.recording.json_text import is_deep
 from pomona.executive.running.requests import LATE
 
 SAFE_STOP_PATIENCE = 10.0
-"""Seconds for which a page tries to deliver a safe stop. What comes later is refused: nobody waits for it any more."""
+"""Time for which a page tries to deliver a safe stop [s]. A later one is refused as outdated."""
 
 PATIENCE = LATE
 """The same for everything else."""
@@ -31,8 +31,8 @@ class TooLateError(RefusedError):
 
 
 class Presses:
-    """What pages ask for. A press comes over the live stream, as a request, and again and again until it is answered:
-    its `press`, an id, makes them one. Use it in the server's loop."""
+    """Requests of pages. A press arrives over the live stream, or as a request, repeatedly until it is answered: its id
+    `press` makes them one. Use it in the server's loop."""
 
     def __init__(self, lock: RunControl) -> None:
         self._lock = lock
@@ -45,7 +45,7 @@ class Presses:
         """Carry a press out, unless it was already.
 
         Returns:
-            who holds control, and what is confirmed.
+            the holder of control, and the confirmation.
 
         Raises:
             RefusedError: it is not carried out.
@@ -85,7 +85,7 @@ class Presses:
 
 
 def now() -> float:
-    """The server's clock [s], which pages are told and in which they say when something was pressed."""
+    """Return the server's clock [s], to which the timestamps of presses refer."""
     return time.monotonic()
 
 

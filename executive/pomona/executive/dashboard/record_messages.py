@@ -94,7 +94,8 @@ def between(folder: Path, images: str, begin: float, end: float) -> Iterator[byt
 
 
 def moment(folder: Path, images: str, begin: float, end: float) -> Iterator[bytes]:
-    """Yield what an overview omits: the state at the beginning of a part of the time, and the messages in it.
+    """Yield the messages that an overview omits: the state at the beginning of a part of the time, and the messages in
+    it.
 
     It begins up to one interval of the overview earlier, since the overview knows the last message of each interval.
     """

@@ -1,8 +1,8 @@
-"""Who may talk to the dashboard, and who may act.
+"""Access to the dashboard: reading and acting.
 
 A page on another site can make a browser send requests here (DNS rebinding, cross-site requests). So: the Host header
-must name us, the Origin of anything that is not a plain read must be ours, and whatever acts carries the token of this
-start.
+must name this server, the Origin of a request other than a plain read must be its own, and a request that acts carries
+the token of this start.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Access:
         may_act: False when it is bound to another address without TLS and without the explicit insecure flag.
         certificate, key: files for TLS, or None.
         names: further names under which this machine is reached, for `--host 0.0.0.0`.
-        token: must accompany everything that acts.
+        token: required for requests that act.
         reading: on another address than this machine's, it or the token must accompany everything that reads. It stands
             in addresses that a page opens by itself (downloads, the stream), and acts on nothing.
     """
@@ -106,7 +106,7 @@ class Access:
         return frozenset(name.lower() for name in self.names)
 
     def knows_reader(self, query: str) -> bool:
-        """Whether an address carries what reads: such a viewer is no stranger."""
+        """Return True if an address carries the reading token: such a viewer is known."""
         return _same(query, self.reading)
 
     def acts_with(self, token: str) -> bool:
@@ -114,7 +114,7 @@ class Access:
         return self.may_act and self._is_token(token)
 
     def may_read(self, scope: Scope, headers: Headers) -> bool:
-        """Whether a request may see runs. An address may carry what reads, and never what acts."""
+        """Return True if a request may see runs. An address may carry the reading token, and never the acting one."""
         if self.local or not scope["path"].startswith(("/api", "/live")):
             return True
         query = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
@@ -167,7 +167,7 @@ class RequestGuard:
 
         headers = Headers(scope=scope)
         refusal = ""
-        is_public = scope["path"].startswith("/static/")  # the page's own files say nothing of a run
+        is_public = scope["path"].startswith("/static/")  # the page's own files hold nothing of a run
         if not self._access.knows_host(headers) or not (is_public or self._access.knows_origin(headers)):
             refusal = "this host or origin is not served: --served-as NAME adds the name by which browsers reach it"
         elif not self._access.may_read(scope, headers):

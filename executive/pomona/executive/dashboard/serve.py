@@ -44,7 +44,7 @@ class RemoteControl:
         return time.monotonic() - self._heard
 
     def hear(self, standing: ControlStatus) -> bool:
-        """Take how things stand; True if pages must be told."""
+        """Take the status; return True if pages must be informed."""
         before, self._standing, self._heard = self._standing, standing, time.monotonic()
         told = (before.holder, before.start, before.known_faults)
         return told != (standing.holder, standing.start, standing.known_faults)
@@ -121,7 +121,7 @@ class ServedDashboard(Dashboard):
         super().__init__(access, records, remote)
 
     def announce(self) -> None:
-        """As a dashboard's; the run's process is told how many watch."""
+        """Announce as a dashboard does, and report the number of viewers to the run's process."""
         super().announce()
         if self.hub.viewers != self._told:
             self._told = self.hub.viewers
@@ -162,7 +162,7 @@ def main(line: Connection, permit: Permit) -> None:
 def _serve(
     access: Access, records: Path, choices: Choices, starts: bool, remote: RemoteControl
 ) -> ServedDashboard | None:
-    """A dashboard that serves; None after the run's process was told why not."""
+    """Return a dashboard that serves; None after the reason was reported to the run's process."""
     dashboard = ServedDashboard(access, records, remote)
     if starts:
         dashboard.allow_starts(

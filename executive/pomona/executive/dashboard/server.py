@@ -45,7 +45,7 @@ MOST_RUNS = 2000
 """The newest ones are listed."""
 MOST_BODY = 16_384
 LAST_WORDS = 1.0
-"""Seconds that viewers have to receive what is left when the server closes."""
+"""Time that viewers have to receive the rest when the server closes [s]."""
 
 KNOWN_VIEWERS = 50
 """Viewers served in addition if they have the reading token: strangers cannot lock an operator out."""
@@ -60,7 +60,7 @@ BODY_DEADLINE = 5.0
 """Seconds within which the body of an acting request must arrive."""
 
 PAGE_SILENT = 4.0
-"""Seconds without a ping from the page that holds control, after which everybody is told."""
+"""Time without a ping from the page that holds control after which every page is informed [s]."""
 
 MAX_CLOSING_TURNS = 8
 """Turns of the event loop in which remaining connections can notice that they are closed."""
@@ -72,7 +72,7 @@ BEAT = 0.5
 """Period of a run's heartbeat [s]."""
 
 SILENT = 1.0
-"""Time without a word from the run's process after which every page is told [s]; it speaks four times a second."""
+"""Time without a message from the run's process after which every page is informed [s]; it sends four a second."""
 
 
 SWITCH = 0.0005
@@ -80,7 +80,7 @@ SWITCH = 0.0005
 
 
 class Dashboard:
-    """Serves the page, the live stream, the records, and what operators do."""
+    """Serves the page, the live stream, the records, and the operators' actions."""
 
     def __init__(self, access: Access, records: Path, remote: RunControl | None = None) -> None:
         """
@@ -138,7 +138,7 @@ class Dashboard:
         return self.access.link
 
     def announce(self) -> None:
-        """Tell every page who holds control and what is being prepared. From any thread."""
+        """Send every page the holder of control and the run in preparation. From any thread."""
         standing = self._control.standing
         holder = standing.holder
         self._holder_here = self._is_here(holder.viewer)
@@ -418,7 +418,7 @@ class _Server(uvicorn.Server):
 
 
 async def _feed(stream: WebSocket, viewer: Viewer, gone: asyncio.Future[None]) -> None:
-    """Send what waits for a viewer, until it leaves or lags."""
+    """Send the waiting messages of a viewer, until it leaves or lags."""
     while not gone.done():
         upcoming = asyncio.ensure_future(viewer.next())
         both: set[asyncio.Future[Any]] = {upcoming, gone}
@@ -434,17 +434,17 @@ async def _feed(stream: WebSocket, viewer: Viewer, gone: asyncio.Future[None]) -
 
 
 def _listen_on(host: str, port: int) -> socket.socket:
-    """A socket that listens.
+    """Return a socket that listens.
 
     Raises:
-        UsageError: there is no such port or address, or somebody else has it.
+        UsageError: there is no such port or address, or another program has it.
     """
     where = f"{host}:{port}"
     if not 0 <= port <= 65535:
         raise UsageError(f"--port {port}: a port is a number from 0 to 65535")
     try:
         family, *_rest, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
-        # The protocol must be named: asyncio switches Nagle's delay (40 ms) off only for sockets that say TCP.
+        # The protocol must be named: asyncio switches Nagle's delay (40 ms) off only for sockets with the protocol TCP.
         listening = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     except OSError as error:
         raise UsageError(f"the dashboard cannot listen on {where}: {error.strerror or error}") from error

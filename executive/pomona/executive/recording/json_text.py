@@ -33,7 +33,7 @@ def parse(content: bytes | str) -> Any:
     if is_deep(coded):
         raise ValueError(f"objects within objects, more than {MOST_DEPTH} deep")
     with contextlib.suppress(ValueError):
-        return orjson.loads(coded)  # it refuses whatever the lines below repair
+        return orjson.loads(coded)  # it refuses the cases that the lines below repair
     hooks: dict[str, Any] = {"parse_float": _finite} if _HUGE.search(coded) else {}
     try:
         value = json.loads(coded.decode(errors="replace"), parse_constant=lambda _name: None, parse_int=_whole, **hooks)

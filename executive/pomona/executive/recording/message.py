@@ -19,7 +19,7 @@ VIEW, PART = 4_000_000, 48
 the joint solutions of thirty candidates would be half of a pick's record."""
 
 Key = tuple[str, ...]
-"""Kind of a message, or of its view, and what it is about."""
+"""Kind of a message, or of its view, and its subject."""
 
 
 def message_of(event: Event, views: int = VIEW) -> dict[str, Any]:

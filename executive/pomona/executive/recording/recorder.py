@@ -220,7 +220,7 @@ class Recorder:
     def _refuse(self, taken: Any, error: BaseException) -> ErrorRaised:
         refused = refuse(taken, error)
         told = in_place_of(taken, refused)
-        self._lacks = self._lacks or f"the record lacks what happened at {told.t:.2f} s of the run: {refused}"
+        self._lacks = self._lacks or f"the record lacks an event at {told.t:.2f} s of the run: {refused}"
         return told
 
     def _messages(self, event: Event, stamp: int) -> Iterator[tuple[str, Schema, Any]]:

@@ -1,4 +1,4 @@
-"""The record of one run, whatever goes wrong with it.
+"""The record of one run, with all its errors.
 
 A run whose record cannot be opened does not begin. When the record is lost later, the run goes on unrecorded, or ends
 in the safe state where the cell's file says `record: required`; both are reported. A required record that is lost after
