@@ -1,4 +1,4 @@
-"""What presses a fruit so that its flesh browns: static pressure and impact, by Hertz's contact of a ball."""
+"""Loads that bruise a fruit: static pressure and impact, by Hertz's contact of a ball."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ def peak_pressure(force: float, radius: float, modulus: float) -> float:
 
 @numba.njit(cache=True)
 def impact_force(impulse: float, mass: float, radius: float, modulus: float) -> float:
-    """Largest force while a ball of this mass is stopped by an impulse: (4/3·E·√R)^(2/5)·(5/4·m·v²)^(3/5) [N].
+    """Return the largest force while an impulse stops a ball of this mass: (4/3·E·√R)^(2/5)·(5/4·m·v²)^(3/5) [N].
 
-    The engine's contacts are stiffer or softer than fruit is, so their peaks mean nothing; what they change in the
-    fruit's momentum is true.
+    The engine's contacts are stiffer or softer than fruit, so their peaks are meaningless; the change of the fruit's
+    momentum is correct.
 
     Args:
         impulse: [N·s]; mass: [kg]; radius: [m]; modulus: of contact [Pa].

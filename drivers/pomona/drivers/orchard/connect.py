@@ -32,7 +32,7 @@ class FruitWallOptions:
     """A fruit wall before a robot, drawn by the run's seed."""
 
     robot: Path = value(PathTo("file"), help="MJCF of the robot")
-    numbers: Path = value(PathTo("file"), help="what wood, stems, fruit, leaves and wind are like")
+    numbers: Path = value(PathTo("file"), help="properties of wood, stems, fruit, leaves and wind")
     model: Path = value(PathTo("folder"), help="folder of the fruit, with its fruit.yaml")
     start: str = value(Text(), help="pose of the workspace in which the arm stands")
     distance: float = value(Measure(LENGTH, "300 mm", "3 m"), "680 mm", "of the trunk from the arm's axis, along -y")

@@ -2,7 +2,7 @@
 
 Wood: hinge chains of `wood.hinge_chain`. A stem: three stiff slides and a ball joint where it sits on the spur; stem
 and fruit are one body, and the break sets these joints' stiffness and damping to zero. A leaf: a plate on one hinge.
-Whatever bends has its springs set so that the drawn shape is the equilibrium.
+The springs of bending parts are set so that the drawn shape is the equilibrium.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ WOOD_CONTACT = {"solref": (0.004, 1.0), "solimp": (0.99, 0.999, 0.001, 0.5, 2.0)
 """With the engine's defaults a bar passed through a light branch at 10 N."""
 FRUIT_CONTACT = {"solref": (0.006, 1.0), "solimp": (0.95, 0.99, 0.001, 0.5, 2.0)}
 ROBOT, FRUIT = 2, 1
-"""Bits of what collides: wood and wires with both, leaves with the robot alone."""
+"""Collision bits: wood and wires collide with both, leaves with the robot alone."""
 BARK = (0.36, 0.27, 0.20, 1.0)
 LEAF_THICKNESS = 3e-3
-"""Of what the hand touches of a leaf; thinner plates would let it through in one step [m]."""
+"""Thickness of a leaf for contacts with the hand [m]; thinner plates would pass through it in one step."""
 LEAF_SIZES = 4
 """Meshes that leaves share."""
 
@@ -72,7 +72,7 @@ class WallModel:
 
 @dataclass(slots=True)
 class _Building:
-    """What the parts of the model need of each other."""
+    """State shared by the parts of the model."""
 
     mujoco: Any
     spec: Any
@@ -96,7 +96,7 @@ def build_wall_model(
         shapes: of its fruit.
         spec: of the robot that stands before it, which is added to; without one the wall is alone.
         fixed: boxes around the robot: its pedestal, the bin.
-        scenery: what is only seen: neighbours' foliage, the sky.
+        scenery: visible objects without contacts: neighbours' foliage, the sky.
     """
     mujoco = load_mujoco()
     alone = spec is None

@@ -1,4 +1,4 @@
-"""The numbers of a simulated fruit wall: one file, in which each says its unit, its source and how it stands."""
+"""The numbers of a simulated fruit wall: one file, with unit, source and standing of each."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _lengths() -> Span:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WallNumbers:
-    """What wood, stems, fruit, leaves and wind are like, in SI units; the file says more of each."""
+    """Properties of wood, stems, fruit, leaves and wind, in SI units; the file documents each."""
 
     wood_modulus: float = value(Measure(MODULUS))
     wood_density: float = value(Measure(DENSITY))
@@ -96,7 +96,7 @@ class WallNumbers:
         return replace(self, **{name: changed})
 
     def digest(self) -> str:
-        """Tells whether the numbers are the same: the first 16 hexadecimal digits of a SHA-256 over all values."""
+        """Return an identifier of the numbers: the first 16 hexadecimal digits of a SHA-256 over all values."""
         text = ";".join(f"{field.name}={getattr(self, field.name)!r}" for field in fields(self))
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 

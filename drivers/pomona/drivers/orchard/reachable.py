@@ -35,8 +35,8 @@ def find_reachable(built: WallModel, robot: Path) -> tuple[bool, ...]:
     """Return for each fruit at rest whether a grasp and the motion that rolls it off exist. Leaves may be pushed.
 
     A grasp is tried from 20 directions with 6 turns of the hand. The hand must be free at the fruit, with its fingers
-    `SPARE` wider than the fruit, `BEFORE` it, and during the motion. What is not found is called unreachable, so the
-    count is a lower bound.
+    `SPARE` wider than the fruit, `BEFORE` it, and during the motion. A fruit without a found grasp counts as
+    unreachable, so the count is a lower bound.
     """
     search = GraspSearch(built, robot)
     return tuple(search.reaches(i) for i in range(len(built.fruit_bodies)))

@@ -1,4 +1,4 @@
-"""What is only seen: a leaf's shape, the neighbours' foliage behind the wall, the sky."""
+"""Visible objects without contacts: a leaf's shape, the neighbours' foliage behind the wall, the sky."""
 
 from __future__ import annotations
 

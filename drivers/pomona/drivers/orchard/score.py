@@ -1,4 +1,4 @@
-"""The wall's own account of a run, for reports only: what became of every fruit, and what the branches bore."""
+"""The wall's score of a run, for reports only: the fate of every fruit, and the loads on the branches."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ STEADY = 0.05
 GRIPPED = 0.05
 """Both pads held a fruit that comes off if they touched it within this time [s]: a break can unload one of them."""
 HIT = 0.5
-"""The robot strikes wood, a wire or what is fixed when it presses it by more than this [N]."""
+"""Force above which the robot strikes wood, a wire or a fixed object [N]."""
 
 
 @dataclass(slots=True)
 class FruitStory:
-    """What became of one fruit.
+    """The fate of one fruit.
 
     Attributes:
         came_off: when its stem broke [s], and how: "gripped", "knocked" or "fell".
         stem_force: largest force of its stem up to the break [N].
         pressure: largest static pressure on its skin [Pa]; impact: largest force of an impact [N].
-        looked: T_base_fruit when a camera last looked.
+        looked: T_base_fruit at the last exposure of a camera.
     """
 
     looked: Float64

@@ -1,4 +1,4 @@
-"""Stems at work: the load on every stem after each step, and the break when the law says so."""
+"""Stems under load: the load on every stem after each step, and its break by the law of strength."""
 
 from __future__ import annotations
 
@@ -53,12 +53,12 @@ def _look(
 class Stems:
     """Watches the stems of a wall and breaks them.
 
-    A step breaks one stem at most: what tears at two stems loads the other anew once the first is gone.
+    A step breaks one stem at most: a load on two stems acts on the other alone once the first has broken.
 
     Attributes:
         state: HANGS, AT_SPUR or TORN, of each fruit.
         loads: force [N] and moment [N·m] at the spur in the stem's frame, z along it, shape (n, 6); of broken stems the
-            last. The moment is what exceeds that of the rest in which the stem grew.
+            last. The moment is the excess over that of the rest in which the stem grew.
         peak: largest force so far, shape (n,) [N].
     """
 
@@ -98,6 +98,6 @@ class Stems:
         joints = model.dof_jntid[[a, a + 1, a + 2, b]]
         model.jnt_stiffness[joints] = 0.0
         model.dof_damping[a : a + 3] = model.dof_damping[b : b + 3] = 0.0
-        if self.state[i] == TORN:  # what is left at the spur, and no more at the fruit
+        if self.state[i] == TORN:  # the stem is left at the spur, not at the fruit
             for label, alpha in (("stem", 0.0), ("torn", 1.0)):
                 model.geom(f"fruit_{i}_{label}").rgba[3] = alpha

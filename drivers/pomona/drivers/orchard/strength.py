@@ -1,4 +1,4 @@
-"""How a stem breaks: the load on it in pull, twist and bend together, beside what this fruit's stem bears."""
+"""Break of a stem: the combined load in pull, twist and bend, relative to the strength of this fruit's stem."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pomona.executive.values.arrays import Float64
 
 @dataclass(frozen=True, slots=True)
 class Strength:
-    """What one fruit's stem bears.
+    """Strength of one fruit's stem.
 
     Attributes:
         pull: at the spur [N]; twist: about the stem [N·m]; bend: across it [N·m].

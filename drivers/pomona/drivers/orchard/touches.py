@@ -1,4 +1,4 @@
-"""Contacts of a step, sorted by what they mean for fruit, wood and wires: normal forces and closing speeds."""
+"""Contacts of a step, sorted by their partners, for fruit, wood and wires: normal forces and closing speeds."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Touches:
 
     @property
     def fixed(self) -> float:
-        """Largest normal force of the robot on what is fixed [N]."""
+        """Largest normal force of the robot on fixed objects [N]."""
         return float(self._others[2])
 
     def look(self) -> None:

@@ -62,8 +62,8 @@ class HangingFruit:
         anchor: where the stem sits on the spur [m].
         T_base_fruit: object frame, y down along the stem; dimensions (d_x, d_y, d_z) [m]; mass [kg].
         stem: length of the visible stem [m].
-        strength: what the stem bears.
-        cluster: how many hang on the spur.
+        strength: of the stem.
+        cluster: number of fruit on the spur.
     """
 
     spur: int
@@ -127,10 +127,10 @@ def draw_wall(
     """Draw a wall.
 
     Args:
-        numbers: what it is made of.
+        numbers: properties of its parts.
         seed: of everything; the wood and the fruit do not depend on how many leaves there are.
         distance: of the trunk before the arm's axis, along -y [m].
-        fruit: how many; drawn without it. Fewer hang where no more fit.
+        fruit: number of fruit; drawn if omitted. Fewer hang if no more fit.
         leaves: share of the full foliage.
     """
     rng = np.random.default_rng([seed, 11])

@@ -33,7 +33,7 @@ class FruitWallWorld(PhysicsWorld):
         self.after_step.append(self._break)
 
     def truth(self) -> Mapping[str, object]:
-        """The wall's own score; see `score.WallScore.report`. What could be reached is found out once."""
+        """Return the wall's own score; see `score.WallScore.report`. The reachable fruit are determined once."""
         if self._reachable is None:
             self._reachable = find_reachable(self.built, self.description)
         return self.score.report(self._reachable)

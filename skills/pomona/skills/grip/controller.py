@@ -44,7 +44,7 @@ from pomona.skills.grip.tracking import ForceTracker
 class GripController:
     """Steps a grip from bias to slip avoidance.
 
-    A problem before HOLDING ends in phase FAILED with the fingers at rest; while HOLDING the grip is kept whatever the
+    A problem before HOLDING ends in phase FAILED with the fingers at rest; while HOLDING the grip is kept with any
     problem.
 
     Attributes:
@@ -141,12 +141,12 @@ class GripController:
 
     @property
     def has_settled(self) -> bool:
-        """True when the force has come down to what the load needs."""
+        """True when the force has fallen to the requirement of the load."""
         return self._reference.has_settled
 
     @property
     def is_at_rest(self) -> bool:
-        """True for a carried fruit without a problem, when the force has come down to what it needs."""
+        """True for a carried fruit without a problem, when the force has fallen to its requirement."""
         is_held = self.phase is GripPhase.HOLDING and self.problem is None
         return is_held and self.is_carried and self.has_settled
 

@@ -146,7 +146,7 @@ class GripEstimate(NamedTuple):
         twist: relative excess of `f_least` over `f_coulomb`, 0 … `twist_bound`.
         f_nd: dynamic term of the grip force [N].
         slip_speed: of the fruit along the pads [m/s].
-        push: growth of a carried load beyond noise and lifting [N]: a lower bound of what hit the fruit.
+        push: growth of a carried load beyond noise and lifting [N]: a lower bound of the impact.
         shear_jump: jump of one finger's tangential force beyond noise while the other finger is quiet [N]; 0 where the
             whole load of the finger has come or gone in proportion.
         press_jump_of_one: the same of its normal force [N].

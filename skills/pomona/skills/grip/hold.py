@@ -118,12 +118,12 @@ class Hold:
 
     @property
     def has_settled(self) -> bool:
-        """True when the force has come down to what the load needs."""
+        """True when the force has fallen to the requirement of the load."""
         return self._controller.has_settled
 
     @property
     def is_at_rest(self) -> bool:
-        """True for a carried fruit without a problem, when the force has come down to what it needs."""
+        """True for a carried fruit without a problem, when the force has fallen to its requirement."""
         return self._controller.is_at_rest
 
     @property

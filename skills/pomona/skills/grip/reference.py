@@ -90,7 +90,7 @@ class ForceReference:
         self._standing.start(load)
 
     def slide(self, force: float | None) -> None:
-        """Keep this grip force [N] whatever the load, or resume the mode before."""
+        """Keep this grip force [N] under any load, or resume the mode before."""
         if force is not None:
             self._sliding.force = force
         self._request(ReferenceMode.SLIDING, force is not None)

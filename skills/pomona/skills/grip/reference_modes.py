@@ -292,7 +292,7 @@ class PivotingMode(Mode):
 
 
 class SlidingMode(Mode):
-    """The skill's force, whatever the load: it rises with `sliding_rate` and falls as in the other modes."""
+    """The skill's force under any load: it rises with `sliding_rate` and falls as in the other modes."""
 
     mode = ReferenceMode.SLIDING
     force = 0.0
