@@ -64,7 +64,7 @@ def examine_machine(records: Path) -> Iterator[ReportLine]:
 
 
 def _packages() -> Iterator[ReportLine]:
-    """Every package that Pomona declares, and an import of those that are more than Python."""
+    """Check every package that Pomona declares, with an import of compiled ones."""
     try:
         declared = requires("pomona") or []
     except PackageNotFoundError:

@@ -58,6 +58,6 @@ def _examined(options: argparse.Namespace, overrides: dict[str, str]) -> Iterato
 
 
 def find_cell(name: str) -> Path:
-    """A cell file by its path, or an installed cell by its name."""
+    """Return a cell file by its path, or an installed cell by its name."""
     path, installed = Path(name), CELLS / f"{name}.yaml"
     return installed if not path.exists() and installed.is_file() else path

@@ -7,7 +7,7 @@ import numba
 
 @numba.njit(cache=True)
 def peak_pressure(force: float, radius: float, modulus: float) -> float:
-    """Largest pressure of a ball pressed against a flat body: (6·F·E²/(π³·R²))^(1/3) [Pa].
+    """Return the largest pressure of a ball pressed against a flat body: (6·F·E²/(π³·R²))^(1/3) [Pa].
 
     Args:
         force: [N]; radius: of the fruit [m]; modulus: of contact, 1/E = (1-ν₁²)/E₁ + (1-ν₂²)/E₂ [Pa].

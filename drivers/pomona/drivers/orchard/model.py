@@ -142,7 +142,7 @@ def _add_trunk(mujoco: Any, spec: Any, wall: Wall) -> Any:
 
 
 def _capsule(body: Any, name: str, start: Any, end: Any, radius: float, friction: float, mass: float = 0.0) -> Any:
-    """A piece of wood that touches robot and fruit."""
+    """Return a piece of wood that touches robot and fruit."""
     geom = body.add_geom(name=name, type=load_mujoco().mjtGeom.mjGEOM_CAPSULE, fromto=[*start, *end], rgba=BARK)
     geom.size = [radius, 0.0, 0.0]
     geom.mass, geom.contype, geom.conaffinity, geom.condim = mass, 0, ROBOT | FRUIT, 3
@@ -365,7 +365,7 @@ def _finished(mujoco: Any, model: Any, wall: Wall, shapes: tuple[FruitShape, ...
 
 
 def _along(direction: Float64) -> Float64:
-    """A rotation whose x axis is the direction."""
+    """Return a rotation whose x axis is the direction."""
     side = np.cross([0.0, 0.0, 1.0], direction)
     side = side / np.linalg.norm(side) if np.linalg.norm(side) > 1e-6 else np.array([0.0, 1.0, 0.0])
     return np.stack([direction, side, np.cross(direction, side)], axis=1)

@@ -90,7 +90,7 @@ class WallNumbers:
     modulus_hard: float = value(Measure(MODULUS))
 
     def scaled(self, name: str, factor: float) -> WallNumbers:
-        """The same numbers but one, or both ends of a range, times `factor`: for sensitivities."""
+        """Return the same numbers but one, or both ends of a range, times `factor`: for sensitivities."""
         number = getattr(self, name)
         changed: Any = tuple(factor * n for n in number) if isinstance(number, tuple) else factor * number
         return replace(self, **{name: changed})
@@ -111,7 +111,7 @@ class Provenance:
 
 
 def read_numbers(path: Path) -> tuple[WallNumbers, Mapping[str, Provenance]]:
-    """The numbers of a file, and where each comes from.
+    """Return the numbers of a file, and where each comes from.
 
     Raises:
         CellFileError: something is missing or wrong; all of it is in the error.
@@ -125,7 +125,7 @@ def read_numbers(path: Path) -> tuple[WallNumbers, Mapping[str, Provenance]]:
 
 
 def _values(root: YamlMapping) -> YamlMapping:
-    """The mapping with each entry's value in its place."""
+    """Return the mapping with each entry's value in its place."""
     return replace(root, entries={name: (key, _value(node)) for name, (key, node) in root.entries.items()})
 
 

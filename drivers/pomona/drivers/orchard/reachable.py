@@ -217,14 +217,14 @@ def rolled_poses(T: Float64, way: float) -> Iterator[Float64]:
 
 
 def _frames(positions: Float64, turns: Float64) -> Float64:
-    """Poses (…, 4, 4) from positions (…, 3) and rotations (…, 9)."""
+    """Return poses (…, 4, 4) from positions (…, 3) and rotations (…, 9)."""
     T = np.zeros((*positions.shape[:-1], 4, 4))
     T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = turns.reshape(*positions.shape[:-1], 3, 3), positions, 1.0
     return T
 
 
 def _ancestors(model: Any, body: int) -> set[int]:
-    """A body and all that carry it."""
+    """Return a body and all that carry it."""
     found = {body}
     while body:
         body = int(model.body_parentid[body])

@@ -17,7 +17,7 @@ GREENS = ((0.16, 0.30, 0.10, 1.0), (0.22, 0.36, 0.13, 1.0), (0.12, 0.24, 0.09, 1
 
 
 def leaf_mesh(length: float, width_share: float) -> tuple[Float64, NDArray[np.int32]]:
-    """A blade along x from 0, folded a little at its midrib and curved down: vertices (n, 3) [m], faces (m, 3).
+    """Return a blade along x from 0, folded a little at its midrib and curved down: vertices (n, 3) [m], faces (m, 3).
 
     Both sides have faces, since a face is seen from its front only.
     """

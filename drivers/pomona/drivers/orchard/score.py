@@ -128,7 +128,7 @@ class WallScore:
     # ------------------------------------------------------------------------------------------ reporting
 
     def bruised(self, i: int) -> bool:
-        """Whether a fruit's skin is damaged."""
+        """Return True if a fruit's skin is damaged."""
         numbers, story = self.built.wall.numbers, self.fruits[i]
         return story.pressure > numbers.bruise_pressure or story.impact > numbers.bruise_impact
 
@@ -145,7 +145,7 @@ class WallScore:
         return "ground" if self.touches.grounded[i] else "lies"
 
     def report(self, reachable: tuple[bool, ...] | None = None) -> dict[str, object]:
-        """The score as plain values."""
+        """Return the score as plain values."""
         stories, states = self.fruits, self.stems.state
         places = [self.place(i) for i in range(len(stories))]
         picked = [p not in ("hangs", "hand", "ground", "lies") for p in places]

@@ -224,7 +224,7 @@ def _draw_spur(numbers: WallNumbers, laterals: tuple[Lateral, ...], on: int, rng
 def _hang_cluster(
     numbers: WallNumbers, spur: Spur, index: int, size: int, rng: np.random.Generator
 ) -> list[HangingFruit]:
-    """Fruit around the spur's end: alone with a small lean, together as far apart as their bodies ask for."""
+    """Return fruit around the spur's end: alone with a small lean, together as far apart as their bodies ask for."""
     azimuth = rng.uniform(-np.pi, np.pi)
     diameter = rng.uniform(*numbers.fruit_diameter, size)
     fruits = []
@@ -264,7 +264,7 @@ def _is_clear(
     wood: list[tuple[Float64, Float64, float]],
     own: tuple[Float64, Float64, float],
 ) -> bool:
-    """Whether nothing overlaps the fruit, as a ball of its largest diameter."""
+    """Return True if nothing overlaps the fruit, as a ball of its largest diameter."""
     p = fruit.T_base_fruit[:3, 3]
     if abs(p[0]) > HALF_WIDTH + 0.1:
         return False
@@ -274,7 +274,7 @@ def _is_clear(
 
 
 def _beside(p: Float64, a: Float64, b: Float64, radius: float) -> float:
-    """Distance of a point from a capsule [m]."""
+    """Return the distance of a point from a capsule [m]."""
     along = np.clip((p - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
     return float(np.linalg.norm(p - a - along * (b - a))) - radius
 

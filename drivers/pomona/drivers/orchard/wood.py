@@ -66,7 +66,7 @@ def second_moment(diameter: float | Float64) -> Float64:
 
 
 def hinge_chain(length: float, diameters: tuple[float, float], modulus: float, count: int) -> Chain:
-    """A branch as `count` hinge pairs at the middles of as many elements."""
+    """Return a branch as `count` hinge pairs at the middles of as many elements."""
     h = length / count
     hinges = np.asarray((np.arange(count) + 0.5) * h, np.float64)
     base, tip = diameters
@@ -80,5 +80,5 @@ def spur_stiffness(length: float, diameter: float, modulus: float) -> float:
 
 
 def bending_stress(moment: float, diameter: float) -> float:
-    """Largest stress in a round section under a bending moment [Pa]."""
+    """Return the largest stress in a round section under a bending moment [Pa]."""
     return float(32.0 * moment / (np.pi * diameter**3))

@@ -77,7 +77,7 @@ class SimCamera(FaultyDevice):
         self._picture: tuple[UInt8, float] | None = None
 
     def latest(self) -> Frame | None:
-        """The view of this moment. Two calls within one frame period get the same frame."""
+        """Return the view of this moment. Two calls within one frame period get the same frame."""
         return self._changer.delivered(self._newest())
 
     def _newest(self) -> Frame | None:
@@ -92,7 +92,7 @@ class SimCamera(FaultyDevice):
         return self._frame
 
     def latest_depth(self) -> Frame | None:
-        """The depth of this moment with half the pixels each way; not a look that is scored."""
+        """Return the depth of this moment with half the pixels each way; not a look that is scored."""
         return self._changer.delivered(self._newest_depth())
 
     def _newest_depth(self) -> Frame | None:

@@ -109,7 +109,7 @@ class FrameChanger:
         self._kind = ""
 
     def delivered(self, frame: Frame | None) -> Frame | None:
-        """The frame that the camera delivers in place of this one."""
+        """Return the frame that the camera delivers in place of this one."""
         if frame is None or not self._kind:
             return frame
         size = _size(frame)

@@ -90,7 +90,7 @@ def _swap(wrenches: Float64, _before: Float64) -> None:
 
 
 def _drift(index: Any, sign: float = 1.0) -> Lie:
-    """An offset that grows from when the fault begins."""
+    """Return an offset that grows from when the fault begins."""
 
     def lie(sample: WrenchSample, before: WrenchSample) -> WrenchSample:
         wrenches = sample.wrenches.copy()

@@ -64,7 +64,7 @@ class _ModelSection:
 
 
 def read_model(folder: Path) -> FruitMeshes:
-    """The meshes of a fruit's folder.
+    """Return the meshes of a fruit's folder.
 
     Raises:
         UnusableModel: its fruit.yaml or a mesh cannot be read.

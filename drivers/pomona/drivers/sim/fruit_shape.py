@@ -52,7 +52,7 @@ class FruitShape:
 def make_fruit(
     model: Path, dimensions: Float64, skin: str, rng: np.random.Generator, shape_noise: float = 1.0
 ) -> FruitShape:
-    """A fruit after the model in a folder with fruit.yaml, of the given size (d_x, d_y, d_z) [m].
+    """Return a fruit by the model in a folder with fruit.yaml, of the given size (d_x, d_y, d_z) [m].
 
     With 0 for `shape_noise` it keeps the model's form, with 1 it is as uneven as an ordinary one.
     """

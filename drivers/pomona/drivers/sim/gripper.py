@@ -195,7 +195,7 @@ class SimGripper(FaultyDevice):
             self._supervisor.move(self._world.clock.now(), self._measure().width, self._move.width, self._move.speed)
 
     def settled(self) -> bool:
-        """Force control does not count as motion: it may go on for hours."""
+        """Return True at rest. Force control does not count as motion: it may go on for hours."""
         if self.fault == "runaway" and self._runs_away():
             return False
         return self._move is None or self._move.settled or (self._paused and abs(self._rate) < 1e-6)
@@ -250,6 +250,6 @@ class SimGripper(FaultyDevice):
 
 
 def _opening_when_closed(world: PhysicsWorld) -> float:
-    """Distance of the pads' faces when the fingers' joints are at 0, from the robot's own geometry [m]."""
+    """Return the distance of the pads' faces when the fingers' joints are at 0, from the robot's own geometry [m]."""
     left, right = (world.model.site(name).pos + world.model.body(name).pos for name in ("pad_left", "pad_right"))
     return float(abs(left[1] - right[1]))

@@ -88,6 +88,6 @@ class SimHands(Device):
 
 
 def _turned(axis: Float64, angle: float) -> Float64:
-    """A small rotation."""
+    """Return a small rotation."""
     x, y, z = axis * angle
     return np.array([[1.0, -z, y], [z, 1.0, -x], [-y, x, 1.0]])

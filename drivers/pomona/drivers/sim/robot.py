@@ -22,7 +22,7 @@ NEEDED = {
 
 
 def read_robot(path: Path) -> Any:
-    """The file as an `mujoco.MjSpec` that can be simulated.
+    """Return the file as an `mujoco.MjSpec` that can be simulated.
 
     Raises:
         UnusableRobotFile: it cannot be read, or lacks something in `NEEDED`.

@@ -231,7 +231,7 @@ class Scorer:
     # ------------------------------------------------------------------------------------------ reporting
 
     def report(self) -> dict[str, object]:
-        """The score as plain values; of the fruit that was lifted or gripped last, else of the target."""
+        """Return the score as plain values; of the fruit that was lifted or gripped last, else of the target."""
         index = self._judged()
         fruit, record = self.scene.fruits[index], self._fruits[index]
         pose = self._pose(index)
@@ -285,7 +285,7 @@ class Scorer:
         return max(gripped, key=lambda i: self._fruits[i].lost_at, default=0)
 
     def _inside(self, i: int) -> str:
-        """Name of the crate that a fruit lies in."""
+        """Return the name of the crate that a fruit lies in."""
         return container_of(self.scene.fixed, self._pose(i)[:3, 3], float(self.scene.fruits[i].dimensions.max()) / 2.0)
 
     def _pose(self, i: int) -> Float64:

@@ -31,7 +31,7 @@ class Stereo:
     nearest: float
 
     def depth_model(self) -> DepthModel:
-        """Error model of such a camera; without noise the steps of the disparity remain."""
+        """Return the error model of such a camera; without noise the steps of the disparity remain."""
         noise = max(self.disparity_noise, SUBPIXEL / np.sqrt(12.0))
         return replace(SIMULATED, disparity=noise, baseline=self.baseline)
 
@@ -62,7 +62,7 @@ def measure_depth(true_depth: Float32, stereo: Stereo, rng: np.random.Generator)
 
 
 def _hidden_from_second_imager(disparity: Float32) -> NDArray[np.bool_]:
-    """Points behind something nearer on the line of sight of the imager to the right."""
+    """Return points behind something nearer on the line of sight of the imager to the right."""
     column = np.arange(disparity.shape[1], dtype=np.float32) - disparity
     nearest_right = np.minimum.accumulate(column[:, ::-1], axis=1)[:, ::-1]
     hidden = np.zeros(disparity.shape, bool)
@@ -84,7 +84,7 @@ def _lost_at_edges(depth: Float32, focal: float, rng: np.random.Generator) -> ND
 
 
 def _specks(shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.bool_]:
-    """A few small patches without texture."""
+    """Return a few small patches without texture."""
     rows, columns = shape
     specks = np.zeros((rows, columns), np.uint8)
     for _ in range(rng.poisson(6.0)):

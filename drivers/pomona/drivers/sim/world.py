@@ -70,7 +70,7 @@ class PhysicsWorld(Device, ABC):
 
     @abstractmethod
     def truth(self) -> Mapping[str, object]:
-        """The world's own score."""
+        """Return the world's own score."""
 
     def looked(self) -> None:
         """A camera looks now."""
@@ -79,7 +79,7 @@ class PhysicsWorld(Device, ABC):
         """Observe the world, 100 times a second."""
 
     def sensor(self, name: str) -> Float64:
-        """A live view of a sensor's numbers, as many as it has and in its own units, shape (n,)."""
+        """Return a live view of a sensor's numbers, as many as it has and in its own units, shape (n,)."""
         sensor = self.model.sensor(name)
         view: Float64 = self.state.sensordata[sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
         return view
@@ -132,7 +132,7 @@ class SimWorld(PhysicsWorld):
         return {} if self.intruder is None else {"intruder": self.intruder}
 
     def truth(self) -> Mapping[str, object]:
-        """The world's own score; see `score.Scorer.report`."""
+        """Return the world's own score; see `score.Scorer.report`."""
         return {**self.score.report(), **({} if self.intruder is None else self.intruder.truth())}
 
     def looked(self) -> None:

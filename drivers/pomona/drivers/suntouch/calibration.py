@@ -56,7 +56,7 @@ class FingerCalibration:
     error_n: float
 
     def wrench(self, volts: Float64) -> Float64:
-        """Force [N] and torque [N·m] on the pad, (..., 6), of voltages without their bias, (..., 25) [V]."""
+        """Return the force [N] and torque [N·m] on the pad, (..., 6), of voltages without their bias, (..., 25) [V]."""
         x = (volts - self.mean) @ self.components.T
         x = 2.0 * (x - self.in_low) / (self.in_high - self.in_low) - 1.0
         for weights, offsets in self.layers[:-1]:

@@ -38,7 +38,7 @@ class FingerReading:
 
 
 def encode(volts: Float64) -> bytes:
-    """The bytes of an answer (a finger's side); voltages, shape (25,) [V], are rounded and clipped to 12 bits.
+    """Return the bytes of an answer (a finger's side); voltages, shape (25,) [V], are rounded and clipped to 12 bits.
 
     Raises:
         ValueError: another number of voltages.
@@ -50,7 +50,7 @@ def encode(volts: Float64) -> bytes:
 
 
 def decode(answer: bytes) -> FingerReading:
-    """The voltages of a whole answer.
+    """Return the voltages of a whole answer.
 
     Raises:
         Malformed: it has not 50 bytes.

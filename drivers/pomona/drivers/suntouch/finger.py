@@ -52,7 +52,7 @@ class Finger:
         self._line.send(REQUEST)
 
     def answer(self, due: float) -> FingerReading | None:
-        """The reading asked for, waiting until `due`; None when it came short or long: the line is emptied then.
+        """Return the reading asked for, waiting until `due`; None when it came short or long: the line is emptied then.
 
         Raises:
             OSError: the line failed.
@@ -72,7 +72,7 @@ class Finger:
         return None
 
     def wrench(self, reading: FingerReading) -> Float64:
-        """Force [N] and torque [N·m] of a reading, shape (6,)."""
+        """Return the force [N] and torque [N·m] of a reading, shape (6,)."""
         return self.calibration.wrench(reading.volts - self.bias)
 
     def close(self) -> None:

@@ -147,7 +147,7 @@ def _kept_aside(count: int, seed: int) -> NDArray[np.bool_]:
 def _train(
     x: Float64, y: Float64, aside: NDArray[np.bool_], hidden: tuple[int, ...], epochs: int, seed: int
 ) -> tuple[tuple[Float64, Float64], ...]:
-    """Weights (outputs, inputs) and biases of each layer, by L-BFGS on the mean squared error."""
+    """Return weights (outputs, inputs) and biases of each layer, by L-BFGS on the mean squared error."""
     from scipy.optimize import minimize  # a third of a second to import, and no driver needs it
 
     rng = np.random.default_rng(seed)
@@ -189,7 +189,7 @@ def _layers(parameters: Float64, shapes: list[tuple[int, int]]) -> list[tuple[Fl
 
 
 def _error(layers: list[tuple[Float64, Float64]], x: Float64, y: Float64) -> tuple[float, Float64]:
-    """The mean squared error of the network's answers and its gradient, as flat as the parameters."""
+    """Return the mean squared error of the network's answers and its gradient, as flat as the parameters."""
     activations = [x]
     for weights, bias in layers[:-1]:
         activations.append(np.tanh(activations[-1] @ weights.T + bias))

@@ -217,7 +217,7 @@ _SCRIPT = {Command.SCRIPT_READ, Command.SCRIPT_POSITION, Command.SCRIPT_SPEED}
 
 
 def encode(request: Request) -> bytes:
-    """The bytes of a request."""
+    """Return the bytes of a request."""
     match request:
         case Plain(Command.ACKNOWLEDGE):
             return encode_frame(WireFrame(Command.ACKNOWLEDGE, b"ack"))
@@ -243,7 +243,7 @@ def encode(request: Request) -> bytes:
 
 
 def decode_request(frame: WireFrame) -> Request:
-    """The request that a frame carries (a gripper's side).
+    """Return the request that a frame carries (a gripper's side).
 
     Raises:
         Malformed: no known command, or a payload that does not fit it.
@@ -313,7 +313,7 @@ _REPLY_LAYOUT: dict[Command, tuple[str, tuple[float, ...]]] = {
 
 
 def encode_reply(reply: Reply) -> bytes:
-    """The bytes of a reply (a gripper's side)."""
+    """Return the bytes of a reply (a gripper's side)."""
     body = reply.payload
     if reply.status is Status.SUCCESS and reply.command in _REPLY_LAYOUT:
         layout, scales = _REPLY_LAYOUT[reply.command]
@@ -322,7 +322,7 @@ def encode_reply(reply: Reply) -> bytes:
 
 
 def decode_reply(frame: WireFrame) -> Reply:
-    """The reply that a frame carries.
+    """Return the reply that a frame carries.
 
     Raises:
         Malformed: no known command or status, or values that do not fit the command.

@@ -153,7 +153,7 @@ class WsgGripper(Device):
         self._owner.post(self._jaws.resume)
 
     def settled(self) -> bool:
-        """Whether the fingers were measured to rest, and a stop was obeyed.
+        """Return True if the fingers were measured to rest, and a stop was obeyed.
 
         Streamed speeds do not count as motion: force control may go on for hours. For a lost gripper only the latest
         end of its last command is known.

@@ -44,7 +44,7 @@ def checksum(chunk: bytes | bytearray) -> int:
 
 
 def encode_frame(frame: WireFrame) -> bytes:
-    """The bytes of a frame."""
+    """Return the bytes of a frame."""
     head = PREAMBLE + struct.pack("<BH", frame.command, len(frame.payload)) + frame.payload
     return head + struct.pack("<H", checksum(head))
 
@@ -61,7 +61,7 @@ class FrameDecoder:
     _buffer: bytearray = field(default_factory=bytearray)
 
     def decode(self, chunk: bytes) -> list[WireFrame]:
-        """The frames that are complete with these bytes, in order."""
+        """Return the frames that are complete with these bytes, in order."""
         self._buffer += chunk
         return self._scan(final=False)
 

@@ -76,12 +76,12 @@ class WsgIdentity:
     has_script: bool
 
     def limits(self, options: WsgOptions) -> GripperLimits:
-        """The narrower of the hardware's and the cell file's limits, as openings between the pads."""
+        """Return the narrower of the hardware's and the cell file's limits, as openings between the pads."""
         low, high = options.soft_limits or (options.finger_offset, options.finger_offset + self.stroke)
         return GripperLimits(low, high, min(options.speed_max or self.speed_max, self.speed_max), self.force_max)
 
     def reach(self, options: WsgOptions) -> GripperLimits:
-        """The hardware's limits, as openings between the pads."""
+        """Return the hardware's limits, as openings between the pads."""
         low = options.finger_offset
         return GripperLimits(low, low + self.stroke, self.speed_max, self.force_max)
 

@@ -246,7 +246,7 @@ class Jaws:
             self.begin(self._motion)
 
     def obeys(self) -> bool:
-        """Whether no stop is pending, and the fingers are at rest or follow the streamed speed."""
+        """Return True if no stop is pending, and the fingers are at rest or follow the streamed speed."""
         return self._obey_by is None and self._resting()
 
     # -------------------------------------------------------------------------------------------- the wire
@@ -339,7 +339,7 @@ class Jaws:
             self._fail(f"measures {here:.1f} mm at the end of a move to {there:.1f} mm")
 
     def _resting(self) -> bool:
-        """Whether the fingers are at rest, or follow the streamed speed."""
+        """Return True if the fingers are at rest, or follow the streamed speed."""
         if self._sent != 0.0:
             return self.supervisor.follows
         return self.supervisor.at_rest and not self.bits & SystemState.MOVING
@@ -430,5 +430,5 @@ class Jaws:
 
 
 def words(problem: DeviceError | None) -> str:
-    """A problem as a sentence."""
+    """Return a problem as a sentence."""
     return problem.message if problem is not None else "no problem is known"

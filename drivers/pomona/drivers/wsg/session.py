@@ -41,7 +41,7 @@ class GripperSession:
         self._link.send(encode(request))
 
     def receive(self, timeout: float) -> list[Reply]:
-        """The replies that have come, waiting up to `timeout` [s] for the first byte.
+        """Return the replies that have come, waiting up to `timeout` [s] for the first byte.
 
         Raises:
             OSError: the wire failed.
@@ -69,7 +69,7 @@ class GripperSession:
         return replies
 
     def awaits(self, command: Command) -> bool:
-        """Whether a request with this command is not answered yet."""
+        """Return True if a request with this command is not answered yet."""
         return command in self._awaited
 
     def ask(

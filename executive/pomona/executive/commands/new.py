@@ -37,7 +37,7 @@ def add(subparsers: Any) -> None:
 
 
 def _kind(word: str) -> str:
-    """A kind that this installation can begin, or any other word, which argparse refuses.
+    """Return a kind that this installation can begin, or any other word, which argparse refuses.
 
     Raises:
         UsageError: the distribution `pomona` begins it, and this is the executive alone.
@@ -151,7 +151,7 @@ def _register(path: Path, group: str, name: str, target: str) -> None:
 
 
 def _module(folder: Path) -> str:
-    """The package that a project holds: the folder with an `__init__.py` and a `py.typed`."""
+    """Return the package that a project holds: the folder with an `__init__.py` and a `py.typed`."""
     found = sorted(path.parent.name for path in folder.glob("*/py.typed") if (path.parent / "__init__.py").is_file())
     if len(found) != 1:
         raise UsageError(f"{folder} holds no package with __init__.py and py.typed: `pomona new package` begins one")

@@ -44,7 +44,7 @@ class Choices:
         )
 
     def tree(self, name: object) -> Path:
-        """The file of an offered tree.
+        """Return the file of an offered tree.
 
         Raises:
             UsageError: it is not offered.
@@ -52,7 +52,7 @@ class Choices:
         return _offered(self.trees, name, "tree")
 
     def cell(self, name: object) -> Path:
-        """The file of an offered cell.
+        """Return the file of an offered cell.
 
         Raises:
             UsageError: it is not offered.

@@ -131,5 +131,5 @@ def wire_of(state: Mapping[str, Any]) -> LiveWire | None:
 
 
 def frame_of(text: str) -> bytes:
-    """A message as the bytes of one frame of a server, which every viewer gets alike."""
+    """Return a message as the bytes of one frame of a server, which every viewer gets alike."""
     return Frame(Opcode.TEXT, text.encode(errors="replace")).serialize(mask=False)

@@ -174,7 +174,7 @@ class ControlLock:
         return self.is_preparing or (runner is not None and (not runner.state.ended or runner.latched is not None))
 
     def prepare(self, tree: str) -> Starting:
-        """A run of this tree is being prepared: what `execute` reports to, until `serve` gives the runner."""
+        """Note the preparation of a run of this tree; `execute` reports to the result until `serve`."""
         starting = Starting(self._changed, self._permit)
         self._starting, self._problem = (tree, starting), None
         self._changed()

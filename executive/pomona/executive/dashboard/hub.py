@@ -138,7 +138,7 @@ class Viewer:
         self.news.set()
 
     async def next(self) -> str:
-        """The next batch; waits for one. It waits itself until `sent` is called: nothing passes it meanwhile."""
+        """Return the next batch; waits for one. It waits itself until `sent` is called: nothing passes it meanwhile."""
         while not self.waiting:
             self.news.clear()
             await self.news.wait()
@@ -198,7 +198,7 @@ class Hub:
     # -------------------------------------------------------------------------------------- in the loop
 
     def join(self, since: int = 0, stream: str = "", wire: LiveWire | None = None) -> Viewer:
-        """A new viewer, with everything after message `since` of `stream` already waiting for it."""
+        """Return a new viewer, with everything after message `since` of `stream` already waiting for it."""
         viewer = Viewer(wire)
         viewer.waiting.append(message("Hello", stream=self.stream))
         with self._lock:

@@ -30,7 +30,7 @@ MOST_TEXT = 32_000_000
 
 
 def message(event: str, **fields: Any) -> str:
-    """A message without number as text; numbers that are not finite are null."""
+    """Return a message without number as text; numbers that are not finite are null."""
     return json.dumps({"v": VERSION, "event": event, **plain(fields)}, ensure_ascii=False, allow_nan=False)
 
 
@@ -55,7 +55,7 @@ def fields_of(event: Event) -> dict[str, Any]:
 
 
 def numbered(fields: Mapping[str, Any], seq: int) -> bytes:
-    """The text of an event's message: its object with the version of the schema and the event's number.
+    """Return the text of an event's message: its object with the version of the schema and the event's number.
 
     Raises:
         PomonaError: it is larger than `MOST_TEXT`.
@@ -67,7 +67,7 @@ def numbered(fields: Mapping[str, Any], seq: int) -> bytes:
 
 
 def picture_message(device: str, image: np.ndarray[Any, Any], age: float) -> dict[str, Any]:
-    """A camera's newest image as the fields of a `Picture`: small, since it comes twice a second."""
+    """Return a camera's newest image as the fields of a `Picture`: small, since it comes twice a second."""
     height, width = image.shape[:2]
     return {"device": device, "image": _data_url(image, 640), "size": [width, height], "age": round(age, 3)}
 

@@ -102,13 +102,13 @@ def _refuse_late(body: dict[str, Any], patience: float) -> None:
 
 
 def text(body: dict[str, Any], key: str) -> str:
-    """A text of a message; empty when there is none, or something else stands there."""
+    """Return a text of a message; empty when there is none, or something else stands there."""
     value = body.get(key, "")
     return value if isinstance(value, str) else ""
 
 
 def number_of(body: dict[str, Any]) -> int:
-    """Number of the question or pause that a message names; 0, which none has, when it names none."""
+    """Return the number of the question or pause that a message names; 0, which none has, when it names none."""
     value = body.get("number", 0)
     return value if isinstance(value, int) and not isinstance(value, bool) else 0
 

@@ -83,11 +83,11 @@ class Access:
         return self.host in ("0.0.0.0", "::", "")
 
     def knows_host(self, headers: Headers) -> bool:
-        """Whether the request names a host that this server is known by."""
+        """Return True if the request names a host that this server is known by."""
         return _without_port(headers.get("host", "")) in self.hosts
 
     def knows_origin(self, headers: Headers) -> bool:
-        """Whether a request comes from our own page; no Origin at all is a plain read or a program, not a page.
+        """Return True if a request comes from our own page; no Origin at all is a plain read or a program, not a page.
 
         Our page stands where the request goes to, port and all: another server on this machine is not ours. Only a
         name that was given (`--served-as`) may differ, as it does behind a proxy that writes a Host of its own.
@@ -110,7 +110,7 @@ class Access:
         return _same(query, self.reading)
 
     def acts_with(self, token: str) -> bool:
-        """Whether who shows this token may act."""
+        """Return True if this token permits actions."""
         return self.may_act and self._is_token(token)
 
     def may_read(self, scope: Scope, headers: Headers) -> bool:
@@ -121,7 +121,7 @@ class Access:
         return self._is_token(headers.get("x-pomona-token", "")) or _same(query, self.reading)
 
     def authorised(self, headers: Headers) -> bool:
-        """Whether a request may act. A token in an address does not count: addresses are kept and shown."""
+        """Return True if a request may act. A token in an address does not count: addresses are kept and shown."""
         return self.acts_with(headers.get("x-pomona-token", ""))
 
     def _is_token(self, given: str) -> bool:

@@ -148,7 +148,7 @@ class Dashboard:
         )  # fmt: skip
 
     def _is_here(self, page: str) -> bool:
-        """Whether the page that holds control is still heard from."""
+        """Return True if the page that holds control still sends messages."""
         return not page or now() - self.hub.last_seen(page) < PAGE_SILENT
 
     # ------------------------------------------------------------------------------------- its own thread
@@ -285,7 +285,7 @@ class Dashboard:
         return Response(drawn, media_type="image/svg+xml")
 
     def _folder(self, request: Request) -> Path | None:
-        """The record's folder, or None: only the exact name of a record counts, and no symbolic link."""
+        """Return the record's folder, or None: only the exact name of a record counts, and no symbolic link."""
         name = request.path_params["name"]
         known = {path.parent.name: path for path in records_in(self.records)}
         path = known.get(name)
@@ -468,7 +468,7 @@ _WHY_NOT = {
 
 
 def _interval(query: Mapping[str, str]) -> tuple[float, float] | None:
-    """The interval of a record that is requested [s], or None for all of it."""
+    """Return the interval of a record that is requested [s], or None for all of it."""
     try:
         return float(query["begin"]), float(query["end"])
     except (KeyError, ValueError):

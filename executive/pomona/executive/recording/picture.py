@@ -127,14 +127,14 @@ class Picture:
         figure.savefig(target, pil_kwargs={"compress_level": 2})  # a third of the time of the default, a sixth larger
 
     def _why(self) -> str:
-        """The reason in a line: the node, its code, its message."""
+        """Return the reason in a line: the node, its code, its message."""
         assert self._reason is not None
         name = self._names.get(self._reason.node_path, self._reason.node_path)
         words = f"{name} {self._reason.code} at {self._moment():.1f} s: {self._reason.message}".strip()
         return textwrap.shorten(words, MOST_REASON, placeholder=" …")
 
     def _moment(self) -> float:
-        """Time of the failure that ended the run [s]."""
+        """Return the time of the failure that ended the run [s]."""
         assert self._reason is not None
         return self._failed.get(self._reason.node_path, self._ended)
 

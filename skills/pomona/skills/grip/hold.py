@@ -164,7 +164,7 @@ class Hold:
         return self._ended
 
     def under(self, gripper: Gripper) -> Hold:
-        """The hold as its gripper's owner commands it.
+        """Return the hold as its gripper's owner commands it.
 
         Args:
             gripper: as the skill has it; the right ends with the skill.

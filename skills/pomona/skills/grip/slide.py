@@ -102,7 +102,7 @@ def friction_of_slides(
 
 
 def _ratios(wrenches: Float64, contact: SoftContact) -> tuple[Float64, Float64]:
-    """Mean normal force of each finger, shape (2,), and its mean load over that, shape (2, 3).
+    """Return the mean normal force of each finger, shape (2,), and its mean load over that, shape (2, 3).
 
     The load is the tangential force, and the torsion over its equivalent radius.
     """

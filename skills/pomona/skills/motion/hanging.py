@@ -151,7 +151,7 @@ def _effort(turn: float, elevation: float, azimuth: float) -> float:
 
 
 def _rolling(grasp: Grasp, robot: RobotModel, space: ArmSpace, knuckle: Float64, rules: HangingRules) -> Grasp:
-    """The grasp with those joint solutions that can roll far enough one way.
+    """Return the grasp with those joint solutions that can roll far enough one way.
 
     Raises:
         CandidateRejected: none can.

@@ -163,7 +163,7 @@ class BoxModel:
         return (planes[None] if self._batched else planes), factor
 
     def _layout(self, outputs: list[Float64]) -> tuple[Float64, Float64]:
-        """Corners (n, 4) [px of the input] and scores (n,) of the fruit's class."""
+        """Return corners (n, 4) [px of the input] and scores (n,) of the fruit's class."""
         by_name = dict(zip(self._outputs, outputs, strict=True))
         if {"boxes", "scores"} <= by_name.keys():
             corners, scores = by_name["boxes"], by_name["scores"].ravel()

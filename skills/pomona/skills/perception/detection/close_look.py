@@ -32,7 +32,7 @@ MIDDLE = 0.5 * (CLOSE_LOOK_SIZE - 1)
 
 
 def keypoint_size(keypoints: Float64) -> float:
-    """Mean distance of the corners 0..7 from the centroid, in the unit of `keypoints` (9, 2)."""
+    """Return the mean distance of the corners 0..7 from the centroid, in the unit of `keypoints` (9, 2)."""
     return float(np.linalg.norm(keypoints[:8] - keypoints[8], axis=1).mean())
 
 

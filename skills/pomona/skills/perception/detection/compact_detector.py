@@ -155,7 +155,7 @@ class CompactDetector:
         return places, found, features
 
     def look_closely(self, colour: UInt8, K: Float64, spots: list[tuple[Float64, float]]) -> list[FoundFruit]:
-        """Fruit at centres and sizes [px], as yet without score: every spot gets all looks.
+        """Return fruit at centres and sizes [px], as yet without score: every spot gets all looks.
 
         Raises:
             BadFrame: another shape or type.
@@ -204,7 +204,7 @@ class CompactDetector:
     def _look(
         self, colour: UInt8, K: Float64, places: list[tuple[Float64, float]], mirrored: bool
     ) -> tuple[list[FoundFruit], list[float]]:
-        """Fruit at centres and sizes [px], as yet without score, and the logits of being fruit."""
+        """Return fruit at centres and sizes [px], as yet without score, and the logits of being fruit."""
         side = (CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE)
         looks = [look_at(K, centre, size) for centre, size in places]
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP

@@ -47,7 +47,7 @@ MIRRORED = (1, 0, 3, 2, 5, 4, 7, 6, 8)
 def cuboid_keypoints(
     dimensions: ArrayLike, convention: CuboidConvention = CuboidConvention.CAMERA
 ) -> NDArray[np.float64]:
-    """Corners 0..7 and the centre 8 of a cuboid in the mesh's frame, (9, 3), in the unit of `dimensions`.
+    """Return corners 0..7 and the centre 8 of a cuboid in the mesh's frame, (9, 3), in the unit of `dimensions`.
 
     Args:
         dimensions: extents along the mesh's own x, y, z.

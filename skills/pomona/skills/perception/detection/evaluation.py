@@ -178,7 +178,7 @@ def pair(instances: list[Instance], objects: list[AnnotatedObject]) -> tuple[lis
 
 
 def compare(found: Instance, truth: AnnotatedObject, fruit: FruitModel, scene: str) -> Match:
-    """Errors of one detection."""
+    """Return errors of one detection."""
     errors = np.linalg.norm(found.keypoints - truth.keypoints, axis=1)
     T, T_true = found.T_camera_object, truth.T_camera_object
     direction = axis = add = depth = float("nan")

@@ -69,7 +69,7 @@ def seen_as_cad_sized(truth: AnnotatedObject) -> Float64:
 
 
 def coverage(errors: Sequence[PoseErrors], key: str, level: float) -> float:
-    """Share of the truths inside the ellipsoid that should hold `level` of them; NaN without any."""
+    """Return the share of the truths inside the ellipsoid that should hold `level` of them; NaN without any."""
     if not errors:
         return float("nan")
     bound = chi2.ppf(level, FREEDOM[key])

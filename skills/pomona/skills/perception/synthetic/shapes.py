@@ -72,7 +72,7 @@ _RELATIVES: dict[tuple[str, int], ShadedMesh] = {}
 
 
 def fruit_relative(fruit: FruitModel, index: int) -> ShadedMesh:
-    """Fruit `index` of a kind's library, in the CAD model's cuboid; 0 is the CAD model itself.
+    """Return fruit `index` of a kind's library, in the CAD model's cuboid; 0 is the CAD model itself.
 
     Apples vary by their outline; of any other kind the mesh is bent smoothly.
     """

@@ -237,7 +237,7 @@ def _yolo_lines(path: Path) -> Iterator[tuple[int, tuple[float, float, float, fl
 
 
 def _wanted(folder: Path, fruit: str) -> int | None:
-    """Number of the fruit's class by `data.yaml` or `classes.txt`; None where there are no names."""
+    """Return the number of the fruit's class by `data.yaml` or `classes.txt`; None where there are no names."""
     described = next((p for n in ("data.yaml", "data.yml", "classes.txt") if (p := folder / n).is_file()), None)
     if described is None:
         return None
