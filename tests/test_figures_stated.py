@@ -24,7 +24,7 @@ TARGETS = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8"),
 
 def rows() -> list[str]:
     """The rows of the README's table of figures."""
-    section = README.partition("\n## What it reaches\n")[2].partition("\n## ")[0]
+    section = README.partition("\n## Measured results\n")[2].partition("\n## ")[0]
     return [line for line in section.splitlines() if line.startswith("| ")][1:]
 
 
