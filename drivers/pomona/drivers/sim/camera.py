@@ -130,7 +130,7 @@ class SimCamera(FaultyDevice):
         return None if self._frame is None else self._frame.stamp
 
     def picture(self) -> tuple[UInt8, float] | None:
-        """Return what the camera saw at most a second ago, once it has been asked for before. From any thread."""
+        """Return an image (h, w, 3) of at most a second ago, once one was requested before. From any thread."""
         self._asked = time.monotonic()
         return self._picture
 
