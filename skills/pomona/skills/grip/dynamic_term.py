@@ -37,20 +37,21 @@ GENTLE = DynamicSettings(kp=1.3, ki=5.0, kdc=7.0)
 
 
 @njit(cache=True)
-def answer_slip(integral, omega_before, omega, kp, ki, kdc, bound, step):  # type: ignore[no-untyped-def]
+def answer_slip(integral, omega_before, omega, settings, step):  # type: ignore[no-untyped-def]
     """Return (integral, f_nd) one step [s] later."""
-    half_leak = 0.5 * step * ki / kdc
+    ki, bound = settings.ki, settings.bound
+    half_leak = 0.5 * step * ki / settings.kdc
     integral = ((1.0 - half_leak) * integral + 0.5 * step * ki * (omega_before + omega)) / (1.0 + half_leak)
     integral = min(max(integral, -bound), bound)
-    return integral, min(abs(kp * omega + integral), bound)
+    return integral, min(abs(settings.kp * omega + integral), bound)
 
 
 @njit(cache=True)
-def _answer_all(omega, kp, ki, kdc, bound, substeps, step, result):  # type: ignore[no-untyped-def]
+def _answer_all(omega, settings, substeps, step, result):  # type: ignore[no-untyped-def]
     integral, before = 0.0, 0.0
     for i in range(omega.size):
         for _ in range(substeps):
-            integral, result[i] = answer_slip(integral, before, omega[i], kp, ki, kdc, bound, step)
+            integral, result[i] = answer_slip(integral, before, omega[i], settings, step)
             before = omega[i]
 
 
@@ -60,5 +61,5 @@ def dynamic_force(omega: ArrayLike, settings: DynamicSettings, rate: float = 500
     result = np.empty(velocities.size)
     substeps = steps_in_a_sample(rate)
     step = 1.0 / rate / substeps
-    _answer_all(velocities, settings.kp, settings.ki, settings.kdc, settings.bound, substeps, step, result)
+    _answer_all(velocities, settings, substeps, step, result)
     return result

@@ -9,7 +9,6 @@ import numpy as np
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.estimate_kernel import (
     Allowance,
-    FrictionModel,
     GripEstimate,
     GripModel,
     NoiseModel,
@@ -63,7 +62,7 @@ class Estimator:
 
     def set_friction(self, contact: SoftContact) -> None:
         """Use another friction from the next sample on."""
-        self._model = self._model._replace(friction=_friction_of(contact))
+        self._model = self._model._replace(friction=surface_table(contact))
 
     def restart_observer(self) -> None:
         """Start the slip observer at rest under the load of the next sample."""
@@ -96,15 +95,9 @@ def _model_of(settings: GripSettings) -> GripModel:
             substeps=substeps,
             step=period / substeps,
         ),
-        friction=_friction_of(settings.contact),
+        friction=surface_table(settings.contact),
         filters=filters,
         observer=settings.observer,
         dynamic=settings.dynamic,
         allowance=Allowance(settings.offset, settings.reserve),
     )
-
-
-def _friction_of(contact: SoftContact) -> FrictionModel:
-    table = surface_table(contact)
-    shape = (contact.torsion, contact.gamma, contact.delta, contact.ellipsoid)
-    return FrictionModel(float(contact.mu), *shape, table.f, table.tau, table.load)

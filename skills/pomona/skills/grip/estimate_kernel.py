@@ -13,7 +13,7 @@ from numba import njit
 
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.dynamic_term import DynamicSettings, answer_slip
-from pomona.skills.grip.limit_surface import least_force_of_finger
+from pomona.skills.grip.limit_surface import SurfaceTable, least_force_of_finger
 from pomona.skills.grip.observer import ObserverSettings, observe
 from pomona.skills.grip.pads import LEVER_LOAD, MIRROR, PRESSING, loads_of_finger, smooth
 from pomona.skills.grip.settings import FilterSettings
@@ -61,19 +61,6 @@ class Rates(NamedTuple):
     step: float
 
 
-class FrictionModel(NamedTuple):
-    """Friction parameters of the contact, and the nodes of its limit surface."""
-
-    mu: float
-    torsion: float
-    gamma: float
-    delta: float
-    is_ellipsoid: bool
-    f: Float64
-    tau: Float64
-    load: Float64
-
-
 class Allowance(NamedTuple):
     """Loads beyond the measured ones that the grip allows for.
 
@@ -91,7 +78,7 @@ class GripModel(NamedTuple):
 
     noise: NoiseModel
     rates: Rates
-    friction: FrictionModel
+    friction: SurfaceTable
     filters: FilterSettings
     observer: ObserverSettings
     dynamic: DynamicSettings
@@ -236,7 +223,7 @@ def estimate_sample(  # type: ignore[no-untyped-def]
     fast, slow, smoothed = memory.fast.copy(), memory.slow.copy(), np.empty((2, 6))
     shares = (rates.fast, rates.normal, rates.load)
     for _ in range(periods):
-        smooth(raw, noise.bias, MIRROR, noise.band, fast, slow, smoothed, shares, expected)
+        smooth(raw, noise, fast, slow, smoothed, shares, expected)
     push, push_lever = _remaining_reserve(memory, filters, allowance)
     unknown = (allowance.lever, push, push_lever, filters.farthest_centre)
     left = _loads_of(smoothed[0], noise.variance, friction, unknown)
@@ -318,23 +305,23 @@ def _loads_of(wrench, variance, friction, unknown):  # type: ignore[no-untyped-d
     """Loads of one finger, and the grip forces that they need."""
     lever_of_centre, push, push_lever, farthest = unknown
     mu, torsion, gamma = friction.mu, friction.torsion, friction.gamma
-    f, tau, load = friction.f, friction.tau, friction.load
+    f, tau = friction.f, friction.tau
     f_n, f_x, f_y, tau_n = loads_of_finger(wrench)
     # Noise biases magnitudes upwards: its variance is subtracted from their squares.
     f_t = math.sqrt(max(f_x * f_x + f_y * f_y - variance[0] - variance[1], 0.0))
     lever = f_t / max(f_n, PRESSING)
     tau_variance = variance[5] + lever * lever * variance[4]
     tau_n = math.copysign(math.sqrt(max(tau_n * tau_n - tau_variance, 0.0)), tau_n)
-    least, s = least_force_of_finger(f_t, tau_n, mu, torsion, gamma, f, tau, load)
-    by_force = least_force_of_finger(f_t + math.sqrt(variance[0]), tau_n, mu, torsion, gamma, f, tau, load)[0]
+    least, s = least_force_of_finger(f_t, tau_n, friction)
+    by_force = least_force_of_finger(f_t + math.sqrt(variance[0]), tau_n, friction)[0]
     noisy_tau = abs(tau_n) + math.sqrt(tau_variance)
-    by_moment = least_force_of_finger(f_t, noisy_tau, mu, torsion, gamma, f, tau, load)[0]
+    by_moment = least_force_of_finger(f_t, noisy_tau, friction)[0]
     least_variance = (by_force - least) ** 2 + (by_moment - least) ** 2
     worst_case_f_t = f_t + 0.5 * push
     pushed_tau = abs(tau_n) + 0.5 * push * push_lever
-    reserved = least_force_of_finger(worst_case_f_t, pushed_tau, mu, torsion, gamma, f, tau, load)[0]
+    reserved = least_force_of_finger(worst_case_f_t, pushed_tau, friction)[0]
     worst_case_tau = max(abs(tau_n), f_t * lever_of_centre)
-    cautious = least_force_of_finger(worst_case_f_t, worst_case_tau, mu, torsion, gamma, f, tau, load)[0]
+    cautious = least_force_of_finger(worst_case_f_t, worst_case_tau, friction)[0]
     # Centre of rotation at the onset of sliding, and the friction there.
     pressing = max(f_n, 0.05)
     u = s * (f.size - 1)
@@ -369,10 +356,8 @@ def _observe(left, right, periods, rates, observer, dynamic, memory):  # type: i
     before = omega
     f_nd = 0.0
     for _ in range(periods * rates.substeps):
-        omega, z = observe(omega, z, y, g, J, observer.sigma0, observer.beta, observer.gain, rates.step)
-        integral, f_nd = answer_slip(
-            integral, before, omega, dynamic.kp, dynamic.ki, dynamic.kdc, dynamic.bound, rates.step
-        )
+        omega, z = observe(omega, z, y, g, J, observer, rates.step)
+        integral, f_nd = answer_slip(integral, before, omega, dynamic, rates.step)
         before = omega
     return omega, z, integral, centre, f_nd
 

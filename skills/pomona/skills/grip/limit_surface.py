@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -126,13 +127,21 @@ def _tanh_sinh() -> tuple[Float64, Float64]:
     return node, weight
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SurfaceTable:
-    """The surface of one contact over s = c_tilde / (1 + c_tilde), uniform in 0 … 1, each of shape (NODES,).
+class SurfaceTable(NamedTuple):
+    """Contact with its limit surface over s = c_tilde / (1 + c_tilde), uniform in 0 … 1, as compiled code takes it.
 
-    `f` rises from 0 to 1, `tau` falls from 1 to 0, `load` = f**(gamma + 1) / tau rises from 0 to infinity.
+    Attributes:
+        mu, gamma, delta, is_ellipsoid: of the contact.
+        torsion: tau_max at 1 N [N·m / N**(gamma + 1)].
+        f, tau: f_tilde, rising from 0 to 1, and tau_tilde, falling from 1 to 0, shape (NODES,).
+        load: f**(gamma + 1) / tau, rising from 0 to infinity, shape (NODES,).
     """
 
+    mu: float
+    torsion: float
+    gamma: float
+    delta: float
+    is_ellipsoid: bool
     f: Float64
     tau: Float64
     load: Float64
@@ -165,15 +174,17 @@ def surface_table(contact: SoftContact) -> SurfaceTable:
     f, tau = _unit_surface(contact.k, contact.ellipsoid)
     load = np.full(NODES, np.inf)
     load[:-1] = f[:-1] ** (contact.gamma + 1.0) / tau[:-1]
-    return SurfaceTable(f, tau, load)
+    shape = (contact.torsion, contact.gamma, contact.delta, contact.ellipsoid)
+    return SurfaceTable(float(contact.mu), *shape, f, tau, load)
 
 
 @njit(cache=True)
-def place_on_surface(load, f, tau, nodes_load, exponent):  # type: ignore[no-untyped-def]
-    """Return (s, f_tilde, tau_tilde) where f**exponent / tau = `load`, between the nodes of a table."""
+def place_on_surface(load, table):  # type: ignore[no-untyped-def]
+    """Return (s, f_tilde, tau_tilde) where f**(gamma + 1) / tau = `load`, between the nodes of a table."""
     if load == math.inf:
         return 1.0, 1.0, 0.0
-    i = min(max(np.searchsorted(nodes_load, load) - 1, 0), f.size - 2)
+    f, tau, exponent = table.f, table.tau, table.gamma + 1.0
+    i = min(max(np.searchsorted(table.load, load) - 1, 0), f.size - 2)
     low, high = 0.0, 1.0
     for _ in range(40):
         u = 0.5 * (low + high)
@@ -186,24 +197,25 @@ def place_on_surface(load, f, tau, nodes_load, exponent):  # type: ignore[no-unt
 
 
 @njit(cache=True)
-def least_force_of_finger(f_t, tau_n, mu, torsion, gamma, f, tau, nodes_load):  # type: ignore[no-untyped-def]
+def least_force_of_finger(f_t, tau_n, table):  # type: ignore[no-untyped-def]
     """Return (minimum normal force [N], s on the surface) of one finger that bears f_t [N] and tau_n [N·m]."""
     f_t, tau_n = abs(f_t), abs(tau_n)
     if f_t <= 1e-12 and tau_n <= 1e-12:
         return 0.0, 0.0
+    mu, torsion, gamma = table.mu, table.torsion, table.gamma
     load = math.inf
     if tau_n > 1e-12:
         load = torsion / mu ** (gamma + 1.0) * f_t ** (gamma + 1.0) / tau_n
-    s, f_tilde, tau_tilde = place_on_surface(load, f, tau, nodes_load, gamma + 1.0)
+    s, f_tilde, tau_tilde = place_on_surface(load, table)
     if f_tilde > 0.1:
         return f_t / (mu * f_tilde), s
     return (tau_n / (torsion * tau_tilde)) ** (1.0 / (gamma + 1.0)), s
 
 
 @njit(cache=True)
-def _least_forces(f_t, tau_n, mu, torsion, gamma, f, tau, nodes_load, result):  # type: ignore[no-untyped-def]
+def _least_forces(f_t, tau_n, table, result):  # type: ignore[no-untyped-def]
     for i in range(f_t.size):
-        result[i] = least_force_of_finger(f_t[i], tau_n[i], mu, torsion, gamma, f, tau, nodes_load)[0]
+        result[i] = least_force_of_finger(f_t[i], tau_n[i], table)[0]
 
 
 def least_force(f_t: ArrayLike, tau_n: ArrayLike, contact: SoftContact) -> Float64:
@@ -218,10 +230,8 @@ def least_force(f_t: ArrayLike, tau_n: ArrayLike, contact: SoftContact) -> Float
         Normal force [N], of the common shape. Static term of the paper's eq. (slip_avoidance_control_law).
     """
     loads, moments = np.broadcast_arrays(np.asarray(f_t, np.float64), np.asarray(tau_n, np.float64))
-    table = surface_table(contact)
     result = np.empty(loads.size)
-    surface = (table.f, table.tau, table.load)
-    _least_forces(loads.ravel(), moments.ravel(), contact.mu, contact.torsion, contact.gamma, *surface, result)
+    _least_forces(loads.ravel(), moments.ravel(), surface_table(contact), result)
     return result.reshape(loads.shape)
 
 
@@ -234,8 +244,7 @@ def grasp_force(
 
 def centre_of_rotation(f_t: float, tau_n: float, f_n: float, contact: SoftContact) -> float:
     """Return the distance of the centre of rotation from the contact [m] if this load slid under f_n [N]."""
-    table = surface_table(contact)
-    _, s = least_force_of_finger(f_t, tau_n, contact.mu, contact.torsion, contact.gamma, table.f, table.tau, table.load)
+    s = least_force_of_finger(f_t, tau_n, surface_table(contact))[1]
     if contact.ellipsoid:
         radius = contact.torsion * f_n**contact.gamma / contact.mu
         return math.inf if s >= 1.0 else radius * math.tan(0.5 * math.pi * s)

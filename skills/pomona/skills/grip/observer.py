@@ -51,21 +51,21 @@ class ObserverSettings(NamedTuple):
 
 
 @njit(cache=True)
-def _rates(omega, z, y, g, J, sigma0, beta, gain, stiffest):  # type: ignore[no-untyped-def]
-    y_hat = sigma0 * z + beta * omega
-    relaxation = min(sigma0 / g * abs(omega), stiffest)
-    return (y - y_hat) * (1.0 / J + gain), omega - relaxation * z
+def _rates(omega, z, y, g, J, settings, stiffest):  # type: ignore[no-untyped-def]
+    y_hat = settings.sigma0 * z + settings.beta * omega
+    relaxation = min(settings.sigma0 / g * abs(omega), stiffest)
+    return (y - y_hat) * (1.0 / J + settings.gain), omega - relaxation * z
 
 
 @njit(cache=True)
-def observe(omega, z, y, g, J, sigma0, beta, gain, step):  # type: ignore[no-untyped-def]
+def observe(omega, z, y, g, J, settings, step):  # type: ignore[no-untyped-def]
     """Return (omega, z) one step [s] later; -βω - σ0 z + u is y - ŷ since u = y."""
     g = max(g, LEAST_G)
     stiffest = STIFFEST / step
-    a1, b1 = _rates(omega, z, y, g, J, sigma0, beta, gain, stiffest)
-    a2, b2 = _rates(omega + 0.5 * step * a1, z + 0.5 * step * b1, y, g, J, sigma0, beta, gain, stiffest)
-    a3, b3 = _rates(omega + 0.5 * step * a2, z + 0.5 * step * b2, y, g, J, sigma0, beta, gain, stiffest)
-    a4, b4 = _rates(omega + step * a3, z + step * b3, y, g, J, sigma0, beta, gain, stiffest)
+    a1, b1 = _rates(omega, z, y, g, J, settings, stiffest)
+    a2, b2 = _rates(omega + 0.5 * step * a1, z + 0.5 * step * b1, y, g, J, settings, stiffest)
+    a3, b3 = _rates(omega + 0.5 * step * a2, z + 0.5 * step * b2, y, g, J, settings, stiffest)
+    a4, b4 = _rates(omega + step * a3, z + step * b3, y, g, J, settings, stiffest)
     omega += step / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
     z += step / 6.0 * (b1 + 2.0 * b2 + 2.0 * b3 + b4)
     return min(max(omega, -FASTEST), FASTEST), z
@@ -77,11 +77,11 @@ def steps_in_a_sample(rate: float) -> int:
 
 
 @njit(cache=True)
-def _observe_all(y, g, J, sigma0, beta, gain, substeps, step, result):  # type: ignore[no-untyped-def]
-    omega, z = 0.0, y[0] / sigma0
+def _observe_all(y, g, J, settings, substeps, step, result):  # type: ignore[no-untyped-def]
+    omega, z = 0.0, y[0] / settings.sigma0
     for i in range(y.size):
         for _ in range(substeps):
-            omega, z = observe(omega, z, y[i], g[i], J[i], sigma0, beta, gain, step)
+            omega, z = observe(omega, z, y[i], g[i], J[i], settings, step)
         result[i] = omega
 
 
@@ -102,6 +102,5 @@ def observe_slip(y: ArrayLike, g: ArrayLike, J: ArrayLike, settings: ObserverSet
     result = np.empty(torque.size)
     substeps = steps_in_a_sample(rate)
     step = 1.0 / rate / substeps
-    constants = (settings.sigma0, settings.beta, settings.gain)
-    _observe_all(torque, friction, inertia, *constants, substeps, step, result)
+    _observe_all(torque, friction, inertia, settings, substeps, step, result)
     return result

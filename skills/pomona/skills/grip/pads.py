@@ -39,10 +39,10 @@ def loads_of_finger(w):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def smooth(raw, bias, mirror, noise, fast, slow, smoothed, shares, expected):  # type: ignore[no-untyped-def]
+def smooth(raw, noise, fast, slow, smoothed, shares, expected):  # type: ignore[no-untyped-def]
     """Advance the filters by one sample and write both fingers' smoothed wrenches, all of shape (2, 6).
 
-    The common and the differential mode of the fingers are filtered apart (rows 0 and 1 of `noise`, `fast` and `slow`):
+    The common and the differential mode of the fingers are filtered apart (rows 0 and 1 of `fast` and `slow`):
     a load comes to both fingers, and the common mode has less noise. The result is the slow filter's value plus its
     difference to the fast one, as far as that exceeds the noise. The force change predicted from commanded finger
     motion (`expected`) is fed forward, so that the filters do not lag.
@@ -51,15 +51,15 @@ def smooth(raw, bias, mirror, noise, fast, slow, smoothed, shares, expected):  #
     slow[0, 2] -= 0.5 * expected
     fast_share, normal_share, load_share = shares
     for j in range(6):
-        first = raw[0, j] - bias[0, j]
-        second = mirror[j] * (raw[1, j] - bias[1, j])
+        first = raw[0, j] - noise.bias[0, j]
+        second = MIRROR[j] * (raw[1, j] - noise.bias[1, j])
         slow_share = normal_share if j == 2 else load_share
         for mode in range(2):
             value = 0.5 * (first + second) if mode == 0 else 0.5 * (first - second)
             fast[mode, j] += fast_share * (value - fast[mode, j])
             slow[mode, j] += slow_share * (value - slow[mode, j])
-        alike = _beyond_noise(fast[0, j], slow[0, j], noise[0, j])
-        apart = _beyond_noise(fast[1, j], slow[1, j], noise[1, j])
+        alike = _beyond_noise(fast[0, j], slow[0, j], noise.band[0, j])
+        apart = _beyond_noise(fast[1, j], slow[1, j], noise.band[1, j])
         smoothed[0, j] = alike + apart
         smoothed[1, j] = alike - apart
 

@@ -174,11 +174,13 @@ class SlipWatchSettings:
     moved_far: float = 9e-4  # and since the start [m] (soft contacts give 0.8 mm); later detection; wrong-friction
     compliance: float = 4e-4  # motion of pads and skin by a change of load [m/N]; later detection; wrong-friction
     stds: float = 5.5  # motion by noise [std]; later detection; wrong-friction
-    lever_lags: tuple[float, float] = (0.02, 0.3)  # averages of the lever [s]; slower turning found; wrong-friction
+    lever_lags: tuple[float, float] = (
+        0.02,
+        0.3,
+    )  # averages of a carried lever [s]; slower turning found; wrong-friction
     lever_moved: float = 3e-4  # change of the lever that is turning [m]; later detection; wrong-friction
     lever_ratio: float = 0.15  # and relative to the lever; later detection; wrong-friction
     lever_stds: float = 8.0  # and in noise [std]; later detection; wrong-friction
-    lever_after: float = 0.3  # time of a carried fruit until turning counts [s]; later detection; wrong-friction
     least_ratio: float = 0.6  # ratio of minimum to measured force below which motion is no slip; fewer corrections
     sure_ratio: float = 0.9  # and above which slip is expected at the configured mu; more corrections; wrong-friction
 

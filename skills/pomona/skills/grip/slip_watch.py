@@ -117,7 +117,7 @@ class SlipWatch:
         moved = abs(self._lever_fast - self._lever_slow)
         noise = s.lever_stds * estimate.tau_std / estimate.f_t
         least = max(s.lever_moved, s.lever_ratio * abs(self._lever_slow), noise)
-        return self._carried_for > s.lever_after and moved > least
+        return self._carried_for > s.lever_lags[1] and moved > least
 
 
 @njit(cache=True, error_model="numpy")
@@ -137,4 +137,4 @@ def _average(wrench, samples, periods, shares, means, places):  # type: ignore[n
         means[k, 4] += share * (wrench[1] - means[k, 4])
         places[k, 0] = means[k, 1] / means[k, 0]
         places[k, 1] = means[k, 2] / means[k, 0]
-    return means[:, 0].min()
+    return min(means[0, 0], means[1, 0], means[2, 0])
