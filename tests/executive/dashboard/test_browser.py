@@ -486,7 +486,7 @@ def test_nothing_can_be_started_before_the_page_knows_what_there_is(show: Show, 
     }""")
     take_control(page, "ada")
     page.get_by_role("button", name="Runs").click()
-    expect(page.locator("#start-hint")).to_have_text("Reading what can be started …")
+    expect(page.locator("#start-hint")).to_have_text("Reading trees and cells …")
     expect(page.locator("#start-button")).to_be_disabled()
     page.evaluate("() => window.answer()")
     expect(page.locator("#start-button")).to_be_enabled()

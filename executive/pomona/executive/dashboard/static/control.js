@@ -22,7 +22,7 @@ function act(action) {
 export function take() {
   if ($("who").value.trim()) { press("take"); return; }
   $("who").focus();
-  say("Type your name first: it is recorded with what you do.", "bad");
+  say("Type your name first: it is recorded with your actions.", "bad");
 }
 
 // The speed shown is the one that the run has confirmed; while a hand is on it, what that hand wants.
@@ -55,7 +55,7 @@ export function drawControl(s) {
   drawSpeed(s, mine && (running || paused));
   $("control").hidden = !live;
   const { held_by: holder, viewers, holder_here: here } = page.control;
-  put($("holder"), mine ? "You hold control." : holder ? `${holder} holds control${here === false ? ", but that page is not heard" : ""}.` : "Nobody holds control.");
+  put($("holder"), mine ? "You hold control." : holder ? `${holder} holds control${here === false ? ", but that page does not answer" : ""}.` : "No operator holds control.");
   $("holder").dataset.mine = mine;
   put($("viewers"), viewers > 1 ? `${viewers} watch.` : "");
   const last = s.acts.findLast((a) => a.action !== "note");
@@ -122,7 +122,7 @@ function drawLinks(s) {
     const age = live && device in page.beat.ages ? page.beat.ages[device] + (since > 1.5 ? since : 0) : null;
     const rank = state !== "ok" ? "bad" : age !== null && age > OLD ? "old" : "ok";
     const words = state !== "ok" ? `: ${state}, for ${seconds(Math.max(0, s.t - t))}` : "";
-    return { device, rank, words, age: age === null ? "" : seconds(age), title: `${device}: link ${state} since ${seconds(t)}${age === null ? "" : `, last heard ${seconds(age)} ago`}` };
+    return { device, rank, words, age: age === null ? "" : seconds(age), title: `${device}: link ${state} since ${seconds(t)}${age === null ? "" : `, last message ${seconds(age)} ago`}` };
   });
   const key = JSON.stringify(links);
   if ($("links").dataset.key === key) return;

@@ -44,7 +44,7 @@ function lost(code) {
   if (code === 4408) page.stream = "";
   Object.assign(link, { socket: null, armed: null });
   const blocked = link.knownAt === null && (code === 1006 || !code) && (refused += 1) > 2; // the page came through, the stream does not
-  say(blocked ? "no live stream: does a proxy in between pass WebSockets?" : code === 4429 ? "too many watch already" : `connection lost; ${page.live.whole.run ? "what is shown is old" : "no data"}`, "bad");
+  say(blocked ? "no live stream: does a proxy in between pass WebSockets?" : code === 4429 ? "too many viewers already" : `connection lost; ${page.live.whole.run ? "the data shown is old" : "no data"}`, "bad");
   page.dirty = true;
   setTimeout(connect, retry);
   retry = Math.min(1500, retry * 2);

@@ -8,7 +8,7 @@ import { apply, emptyState, leavesOf } from "./store.js";
 
 let runs = [];
 let choices = { trees: [], cells: [] };
-let unread = "Reading what can be started …"; // why there are no choices yet
+let unread = "Reading trees and cells …"; // why there are no choices yet
 let starting = false;
 const chosen = new Set();
 
@@ -87,7 +87,7 @@ async function compare() {
   const why = (reason) => { const leaves = reason ? leavesOf(reason) : []; const last = leaves.at(-1); return last ? `${last.code} ${last.message}${leaves.length > 1 ? ` (and ${leaves.length - 1} before it)` : ""}` : "–"; };
   const given = [...new Set([a, b].flatMap((x) => Object.keys(settings(x))))];
   const skill = (name) => (x) => { const k = x.skills.get(name); return k ? `${k.starts}×, ${seconds(k.time)}${k.failures ? `, ${k.failures} failed` : ""}` : "–"; };
-  $("comparison").replaceChildren(h("div", { class: "head" }, h("h2", {}, "Comparison"), h("label", { class: "check" }, h("input", { type: "checkbox", class: "only", checked: true }), " only what differs"), h("button", { class: "primary", onclick: () => { const [one, two] = [...chosen].sort(); location.hash = `run=${encodeURIComponent(one)}&over=${encodeURIComponent(two)}&t=0`; showRuns(false); } }, "Over each other"), h("button", { onclick: () => { $("comparison").hidden = true; } }, "Close")), h("table", {}, h("thead", {}, h("tr", {}, ["of the run", a.s.run?.run ?? "?", b.s.run?.run ?? "?", "same?"].map((c) => h("th", {}, c)))), h("tbody", {},
+  $("comparison").replaceChildren(h("div", { class: "head" }, h("h2", {}, "Comparison"), h("label", { class: "check" }, h("input", { type: "checkbox", class: "only", checked: true }), " only differences"), h("button", { class: "primary", onclick: () => { const [one, two] = [...chosen].sort(); location.hash = `run=${encodeURIComponent(one)}&over=${encodeURIComponent(two)}&t=0`; showRuns(false); } }, "Over each other"), h("button", { onclick: () => { $("comparison").hidden = true; } }, "Close")), h("table", {}, h("thead", {}, h("tr", {}, ["of the run", a.s.run?.run ?? "?", b.s.run?.run ?? "?", "same?"].map((c) => h("th", {}, c)))), h("tbody", {},
     both("outcome", (x) => x.s.ended?.outcome ?? "cut off"), both("why", (x) => why(x.s.ended?.reason)),
     both("tree", (x) => `${x.s.run?.tree} ${x.s.run?.tree_hash}`), both("cell", (x) => x.s.run?.cell ?? "–"), both("seed", (x) => String(x.s.run?.seed ?? "–")), ...given.map((name) => both(name, (x) => show(settings(x)[name]))),
     both("duration", (x) => seconds(x.s.ended?.time ?? x.s.t)), both("failures on the way", (x) => String(x.s.failures.length)), both("operator", (x) => x.s.acts.map((m) => `${m.who}: ${m.action}`).join(", ") || "–"),
@@ -103,7 +103,7 @@ async function loadChoices() {
     if (!answer.ok) throw new Error(`${answer.status} ${answer.statusText}`);
     choices = await answer.json();
   } catch (error) {
-    unread = `What can be started cannot be read: ${error.message}`;
+    unread = `Trees and cells cannot be read: ${error.message}`;
     drawStart();
     return;
   }
