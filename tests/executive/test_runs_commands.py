@@ -133,7 +133,7 @@ def test_explain_says_that_a_record_was_cut_off_where_and_why(
     assert "The record ends after" in said
     assert "the file was cut afterwards" in said
     assert "✓" in say(capsys, "runs", "repair")
-    assert "every record is whole" in say(capsys, "runs", "repair")
+    assert "no record needs a repair" in say(capsys, "runs", "repair")
 
 
 def test_rerun_repeats_a_run_from_its_record_alone(capsys: pytest.CaptureFixture[str]) -> None:
@@ -192,9 +192,9 @@ def test_prune_lists_asks_and_spares(capsys: pytest.CaptureFixture[str]) -> None
     assert "2 of 3 records" in say(capsys, "runs", "prune", "--keep", "1", "--dry")
     assert "no terminal to ask on" in say(capsys, "runs", "prune", "--keep", "1", status=2)
     assert len(list(Path("runs").glob("*/"))) == 3
-    assert "threw away 2 records" in say(capsys, "runs", "prune", "--keep", "1", "--yes")
+    assert "removed 2 records" in say(capsys, "runs", "prune", "--keep", "1", "--yes")
     assert [path.name for path in Path("runs").glob("*/")] == ["c"]
-    assert "nothing to throw away" in say(capsys, "runs", "prune", "--keep", "1", "--yes")
+    assert "no record to remove" in say(capsys, "runs", "prune", "--keep", "1", "--yes")
 
 
 @pytest.mark.parametrize(

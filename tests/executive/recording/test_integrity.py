@@ -157,7 +157,8 @@ def test_repair_keeps_everything_but_the_damaged_chunk_and_says_what_is_missing(
     assert all(before <= 0.1 * tick <= after for tick in missing)
     assert isinstance(events[-1], RunEnded)
     assert digest(tmp_path).lost == done.copied.lost
-    assert path.with_name("run.mcap.damaged").read_bytes() == content
+    assert done.kept == "run.mcap.damaged"
+    assert path.with_name(done.kept).read_bytes() == content
     assert repair(tmp_path) is None
 
 

@@ -13,7 +13,7 @@ from pomona.executive.errors import UsageError
 from pomona.executive.recording import prune as pruning
 from pomona.executive.recording.digest import Digest, trusted
 from pomona.executive.recording.export import FORMATS, export
-from pomona.executive.recording.folder import EVENTS_FILE, find_record, is_being_written
+from pomona.executive.recording.folder import find_record, is_being_written
 from pomona.executive.recording.index import RunIndex, records_in
 from pomona.executive.recording.scan import is_whole
 from pomona.executive.terminal.filtered import write_json
@@ -70,7 +70,7 @@ def add(subparsers: Any) -> None:
         help=f"a new file for the page (default: {FAILURES} here); only runs with all of these words",
     )  # fmt: skip
 
-    prune = _command(commands, "prune", _prune, "throw away old records; asks first, spares a run that is going on")
+    prune = _command(commands, "prune", _prune, "remove old records after a question; a run in progress stays")
     prune.add_argument("--older", type=pruning.AGE.option, metavar="AGE", help="older than this: 30 d, 12 h, 4 w")
     prune.add_argument("--keep", type=Whole(1).option, metavar="N", help="all but the newest N")
     prune.add_argument(
@@ -266,13 +266,13 @@ def _prune(options: argparse.Namespace) -> int:
         console.print(f"  {run:<44} {size(sizes[run]):>9}   {why}")
     amount = f"{len(chosen)} of {len(runs)} records, {size(sum(sizes[run] for run in chosen))}"
     if options.dry or not chosen:
-        console.print(f"{amount} would go" if chosen else "nothing to throw away")
+        console.print(f"{amount} would be removed" if chosen else "no record to remove")
         return 0
-    if not options.yes and not _agreed(f"throw away {amount}? [y/N] "):
-        console.print("nothing was thrown away")
+    if not options.yes and not _agreed(f"remove {amount}? [y/N] "):
+        console.print("nothing was removed")
         return 1
     removed = [run for run in chosen if pruning.remove(options.record, run)]
-    console.print(f"threw away {len(removed)} records, {size(sum(sizes[run] for run in removed))}")
+    console.print(f"removed {len(removed)} records, {size(sum(sizes[run] for run in removed))}")
     return 0
 
 
@@ -300,19 +300,18 @@ def _repair(options: argparse.Namespace) -> int:
             status = 2
             continue
         if done is None:
-            console.print(f"· {record}: whole already", soft_wrap=True)
+            console.print(f"· {record}: needs no repair", soft_wrap=True)
             continue
         copied = done.copied
         parts = [done.why, f"{copied.messages} messages saved, up to {copied.seconds:.2f} s of the run"]
-        if copied.gaps:
-            parts.append(f"lost {copied.lost}; the damaged file is {EVENTS_FILE}.damaged")
-        elif copied.cut:
-            parts.append(f"{size(copied.cut)} of a half-written piece kept in {EVENTS_FILE}.tail")
+        parts += [f"lost {copied.lost}"] if copied.gaps else []
+        parts += [f"no complete chunk in the last {size(copied.cut)}"] if copied.cut else []
+        parts += [f"the original bytes are in {done.kept}"] if done.kept else []
         if done.made:
             parts.append(f"made {', '.join(done.made)}")
         console.print(f"✓ {record}: {'; '.join(parts)}", soft_wrap=True)
     if not count:
-        console.print("every record is whole")
+        console.print("no record needs a repair")
     return status
 
 

@@ -66,10 +66,18 @@ class Copied:
 
 @dataclass(frozen=True, slots=True)
 class Repaired:
-    """Result of a repair: the copy, the reason for it, and the missing files that were made from the events."""
+    """Result of a repair.
+
+    Attributes:
+        copied: result of the copy.
+        why: state of the file and reason for the repair.
+        kept: name of the file with the bytes that could not be copied; empty without any.
+        made: missing files that were made from the events.
+    """
 
     copied: Copied
     why: str
+    kept: str
     made: tuple[str, ...]
 
 
@@ -95,18 +103,19 @@ def repair(record: Path) -> Repaired | None:
     fresh = path.with_name(f"{path.name}.repairing")
     try:
         copied = copy(path, fresh, compressed=False)
+        kept = f"{path.name}.damaged" if verdict.state == "damaged" else f"{path.name}.tail" if copied.cut else ""
         if verdict.state == "damaged":
-            os.replace(path, path.with_name(f"{path.name}.damaged"))
-        elif copied.cut > 0:
+            os.replace(path, path.with_name(kept))
+        elif kept:
             with open_plain(path) as stream:
                 stream.seek(-copied.cut, os.SEEK_END)
-                path.with_name(f"{path.name}.tail").write_bytes(stream.read())
+                path.with_name(kept).write_bytes(stream.read())
         os.replace(fresh, path)
     except OSError as error:
         raise UsageError(f"{error.filename or path}: {error.strerror}") from error
     finally:
         fresh.unlink(missing_ok=True)
-    return Repaired(copied, f"{verdict.state}: {why}", tuple(_make_missing(record)) if record.is_dir() else ())
+    return Repaired(copied, f"{verdict.state}: {why}", kept, tuple(_make_missing(record)) if record.is_dir() else ())
 
 
 def copy(source: Path, target: Path, *, compressed: bool) -> Copied:
