@@ -44,7 +44,7 @@ CHECKS = "pomona.checks"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 EGL = "apt install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
 ROOM = 1e9
-"""So much room a folder of records should have at least [bytes]: some hundred picks."""
+"""Minimum free space for a folder of records [byte]: some hundred picks."""
 
 
 def examine_machine(records: Path) -> Iterator[ReportLine]:

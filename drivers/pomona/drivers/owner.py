@@ -33,7 +33,7 @@ T = TypeVar("T")
 ANSWER = 0.5
 """Deadline of a call with a waiting caller [s]: steps take a few milliseconds."""
 LOOK = 1e-3
-"""Who waits for a call looks so often [s]."""
+"""Period of a caller's polls for a result [s]."""
 HUNG = 1.0
 """Time without a step after which the thread counts as hung [s]; a blocked send takes 50 ms."""
 

@@ -15,7 +15,7 @@ from pomona.executive.clock import Clock
 EPSILON = 1e-9
 """Times that differ by less are the same [s]."""
 POLLS = 100
-"""Who looks so often for bytes without letting time pass waits for the next step: it would look for ever."""
+"""Number of polls without time passing after which a thread waits for the next step, instead of polling for ever."""
 
 
 class Turn(threading.Thread):

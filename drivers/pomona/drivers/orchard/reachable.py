@@ -26,7 +26,7 @@ ROLLED, OUT, STEPS = 75.0, 0.06 * np.array([0.0, 0.94, 0.34]), 4
 """Motion that breaks a stem: roll about the approach [deg], shift in the base frame [m], and steps that are checked."""
 ITERATIONS, CLOSE = 40, 1e-3
 STARTS = ((-1.57, -0.3, 0.0, -0.6, 0.0, -0.7, 0.0), (-1.57, 0.6, 0.0, 0.6, 0.0, 0.3, 1.57))
-"""Joints from which the search begins, as far as the arm has so many [rad]; `BRANCHES` in all, the rest drawn."""
+"""Joints from which the search begins, shortened to the arm's number [rad]; `BRANCHES` in all, the rest drawn."""
 BRANCHES, TURNS, TURN = 6, 8, 0.25
 """Branches of the inverse kinematics, and steps of the elbow to each side of each, so far in joint space [rad]."""
 

@@ -34,7 +34,7 @@ ENCODER_NOISE = 2e-5
 """Noise of a width that sticks [m]: without it each reading would repeat the last one exactly."""
 
 MOTOR_STEP = 0.5
-"""The grasp force by the motor's current comes in steps of so much [N]."""
+"""Step of the grip force by the motor's current [N]."""
 
 
 ESTRANGED = "was lost; acknowledge the loss before it moves"

@@ -40,8 +40,8 @@ _DEATH_SIGNAL = 1
 
 
 LOOKS, APART = 5, 0.1
-"""So many looks, this far apart [s], must show a stopped launcher: one that a shell stops and continues together with
-its run is stopped for a moment longer than the run."""
+"""Number of successive checks, with their distance [s], that must show a stopped launcher: one that a shell stops and
+continues together with its run is stopped for a moment longer than the run."""
 
 _launcher: int | None = None
 """Process id of the launcher of this process."""

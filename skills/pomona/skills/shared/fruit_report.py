@@ -26,7 +26,7 @@ UNLIKE_MODEL = 0.5, 1.25
 orchard's 52 calipered apples are 0.73 of theirs."""
 
 UNLIKE_KIND = 0.15
-"""Where a kind's sizes are known, fruit of another place may differ from them by so much, in the middle: a share."""
+"""Typical relative difference between a kind's known sizes and those of fruit from another place."""
 
 _SIZE = (
     "width_mm", "width_90_mm", "height_mm", "height_90_mm", "depth_mm", "depth_90_mm", "mass_g", "mass_90_g",

@@ -61,5 +61,5 @@ class AllDetections:
 
     @property
     def sentence(self) -> str:
-        """For people."""
+        """Text for the operator."""
         return f"{len(self.detections)} fruit found" + (f" in {self.frame.label}" if self.frame.label else "")

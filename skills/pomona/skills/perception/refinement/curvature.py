@@ -19,8 +19,8 @@ from pomona.skills.perception.refinement.depth_image import DepthImage
 from pomona.skills.perception.refinement.segment import connected_to
 
 _INNER = 0.87
-"""Pixels inside the silhouette, made so much smaller about its middle, are looked at: at the outline proportions count,
-and mixed pixels."""
+"""Scale of the silhouette about its middle within which pixels are used: at the outline proportions and mixed pixels
+disturb."""
 
 _LEAST_PIXELS = 60
 _MOST_PIXELS = 1500

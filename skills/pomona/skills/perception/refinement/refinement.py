@@ -69,7 +69,7 @@ that one curvature must explain: a leaf beside a fruit makes no smooth surface. 
 apples was 0.77, with its uncertainty; 28 walls and posts had 0.2 at most; of 53 finds in real frames one is refused."""
 
 _OVAL = 0.02
-"""Either width of a fruit that is taken for round differs from their mean by so much, of it."""
+"""Relative difference between either width and their mean for a fruit that is taken for round."""
 
 _MISPLACED = 0.02
 _PROPORTIONS = np.array([0.06, 0.09, 0.06])

@@ -16,11 +16,11 @@ _SETTLED = 0.95
 """Ratio of agreeing depth from which the detected axis of the stem is accepted."""
 
 _CLEARLY = 0.02
-"""Another axis of the stem must explain so much more of the depth."""
+"""Minimum additional ratio of the depth that another axis of the stem must explain."""
 
 _ASPECT_WEIGHT = 0.05
-"""Of two axes the one that makes the proportions less likely must explain so much more for each squared standard
-deviation: upside down a fruit fits its depth nearly as well, but wider and flatter than it is."""
+"""Additional ratio of the depth that the axis with less likely proportions must explain, per squared deviation:
+upside down a fruit fits its depth nearly as well, but wider and flatter than it is."""
 
 _HIDDEN = 5.0
 """Distance in front of the model from which an object hides it, in bands."""

@@ -64,10 +64,10 @@ def render_dataset(
     progress: Callable[[int, int], None] | None = None,
     engine: Engine | None = None,
 ) -> DatasetReport:
-    """Render so many frames of a seed into `folder`: NNNNNN.jpg beside NNNNNN.json.
+    """Render `frames` frames of a seed into `folder`: NNNNNN.jpg beside NNNNNN.json.
 
-    Frame i depends on (seed, i) alone, not on the number of workers or on frames rendered before; frames that are
-    there already are kept.
+    Frame i depends on (seed, i) alone, not on the number of workers or on frames rendered before; frames that are there
+    already are kept.
 
     Args:
         folder: made when missing.

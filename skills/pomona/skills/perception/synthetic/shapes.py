@@ -132,7 +132,7 @@ def ball() -> ShadedMesh:
 
 
 def swollen_ball(ribs: int, depth: float) -> ShadedMesh:
-    """Return a unit sphere with so many swellings about y, each higher by `depth` than the furrows between."""
+    """Return a unit sphere with `ribs` swellings about y, each higher by `depth` than the furrows between."""
     x, y, z = ball().vertices.astype(np.float64).T
     swelling = 1.0 + depth * (np.cos(ribs * np.arctan2(z, x)) - 1.0) * np.hypot(x, z)
     return make_shape(np.stack([x * swelling, y, z * swelling], axis=1), ball().faces)

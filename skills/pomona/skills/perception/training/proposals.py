@@ -27,7 +27,7 @@ SIZES = 0.4, 1.6
 """Least and greatest size relative to the CAD model, as the defaults of Refine's `smallest` and `largest`."""
 
 VAL_EVERY = 4
-"""One run in so many is measured on."""
+"""Interval of the runs that are used for validation."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -156,7 +156,7 @@ VALIDATE_EVERY, SAVE_EVERY = 100, 25
 """Steps between validations and checkpoints where photographs are learnt from: steps there are few and slow."""
 
 FITTED = 6
-"""The score is fitted on one in so many photographs that were learnt from."""
+"""Interval of the training photographs on which the score is fitted."""
 
 Say = Callable[[str, Progress], None]
 

@@ -65,7 +65,7 @@ class FrameFolder:
 
 
 class _FrameBatches(Dataset[tuple[Tensor, ...]]):
-    """So many batches of frames, each drawn from the seed and its number alone."""
+    """A number of batches of frames, each drawn from the seed and its number alone."""
 
     def __init__(self, frames: FrameFolder, batch: int, seed: int, steps: int, augment: bool = True) -> None:
         self.frames, self.batch, self.seed, self.steps, self.augment = frames, batch, seed, steps, augment
