@@ -9,19 +9,23 @@ from __future__ import annotations
 import argparse
 import re
 import shutil
+import signal
 import socket
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.bench_dashboard import FLAGS, machine, record_of
+
+SETTLING = 0.7
+"""Time for which the load is on before a press [s]."""
 
 GOAL = 0.5
 """Longest time from a press to the confirmed safe state, 99th percentile [s]."""
@@ -38,13 +42,13 @@ root:
 WAITING = "pomona: 1\ntree: waiting\nroot:\n  wait: 3600 s\n"
 
 SITUATIONS = ("a dry run goes on", "a run is prepared", "a dry run goes on, a record is opened")
-ARM_EVERY = 10
+ARM_EVERY = 5
 """Turns from one run that moves the arm to the next: its start takes 3.5 s of processor time."""
 
-PRESS = """async ({ preparing, tree, dry, run, wait }) => {
+START = """async ({ preparing, tree, dry, wait }) => {
   const load = (name) => import(`/static/${name}.js`), pause = (ms) => new Promise((next) => setTimeout(next, ms));
   const [{ page }, { link, press }, { startRun }] = await Promise.all(["page", "link", "runs"].map(load));
-  const until = async (done, limit = 150000) => {
+  const until = async (done, limit = 60000) => {
     const end = performance.now() + limit;
     while (!done()) { if (performance.now() > end) throw new Error(`waited for ${done}`); await pause(10); }
   };
@@ -52,6 +56,7 @@ PRESS = """async ({ preparing, tree, dry, run, wait }) => {
   const going = () => prepared() && !page.control.start.cancelled;
   if (!page.control.held_by) { press("take"); await until(() => page.control.held_by); }
   await until(() => !prepared());
+  await pause(500); // what is said of a run comes after its preparation's end
   await until(() => !live().run || live().ended);
   for (let n = 0; live().safeStop && n < 200; n++) { press("acknowledge"); await pause(500); }
   const before = live().run?.run, asked = performance.now(), begun = () => going() || live().run?.run !== before;
@@ -63,6 +68,12 @@ PRESS = """async ({ preparing, tree, dry, run, wait }) => {
   }
   if (!preparing) await until(() => live().run && live().run.run !== before && !live().ended && live().t > 0.3);
   await pause(wait);
+}"""
+"""Start a run and wait until it is in the wanted state, in the page."""
+
+PRESS = """async ({ run }) => {
+  const load = (name) => import(`/static/${name}.js`), pause = (ms) => new Promise((next) => setTimeout(next, ms));
+  const [{ page }, { link }] = await Promise.all(["page", "link"].map(load));
   const source = "onmessage = () => setTimeout(() => postMessage(performance.timeOrigin + performance.now()), 20)";
   const clock = new Worker(URL.createObjectURL(new Blob([source])));
   if (run) location.hash = `run=${run}`;
@@ -70,25 +81,33 @@ PRESS = """async ({ preparing, tree, dry, run, wait }) => {
   clock.terminate();
   const button = document.getElementById("safe-stop");
   const enabled = button.getAttribute("aria-disabled") === "false" && !button.disabled;
-  const alive = document.getElementById("not-live").hidden, still = Boolean(going());
+  const alive = document.getElementById("not-live").hidden;
+  const still = Boolean(page.control.start && !page.control.start.problem);
   link.press = null;
   button.click();
   const made = link.press;
-  await until(() => made.state !== "sent" && made.state !== "accepted", 15000);
+  while (made.state === "sent" || made.state === "accepted") await pause(10);
   if (run) { location.hash = ""; await pause(50); }
   return { took: performance.timeOrigin + made.ended - finger, state: made.state, enabled, alive, still };
 }"""
-"""Start a run, press, measure [ms]. A worker stamps the press, so that a busy page counts as with a finger."""
+"""Press and measure [ms]. A worker stamps the press, so that a busy page counts as with a finger."""
 
 
-@contextmanager
-def busy(processes: int) -> Iterator[None]:
-    """That many processes that compute."""
-    loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(processes)]
-    try:
-        yield
-    finally:
-        for loop in loops:
+class Load:
+    """Processes that compute while `on`. A start is not measured, and its own computations give way to others."""
+
+    def __init__(self, processes: int) -> None:
+        self._loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(processes)]
+        self.set(on=False)
+
+    def set(self, *, on: bool) -> None:
+        """Let them compute, or rest."""
+        for loop in self._loops:
+            loop.send_signal(signal.SIGCONT if on else signal.SIGSTOP)
+
+    def close(self) -> None:
+        """End them."""
+        for loop in self._loops:
             loop.kill()
             loop.wait()
 
@@ -119,8 +138,8 @@ def served(folder: Path) -> Iterator[str]:
             process.terminate()
 
 
-def measure(page: Any, record: str, seconds: float) -> dict[str, list[dict[str, Any]]]:
-    """Press by turns in each situation; once before that, unmeasured, since libraries are loaded by the first run."""
+def measure(page: Any, load: Load, record: str, seconds: float) -> dict[str, list[dict[str, Any]]]:
+    """Press by turns in each situation, while the load is on."""
     from playwright.sync_api import Error
 
     presses: dict[str, list[dict[str, Any]]] = {}
@@ -129,18 +148,22 @@ def measure(page: Any, record: str, seconds: float) -> dict[str, list[dict[str, 
         if time.monotonic() > end:
             break
         what = "the arm moves" if turn % ARM_EVERY == 0 else SITUATIONS[turn % len(SITUATIONS)]
-        order = {
+        start = {
             "preparing": what == "a run is prepared",
             "tree": "shuttle" if what == "the arm moves" else "waiting",
             "dry": what.startswith("a dry run"),
-            "run": record if "record" in what else "",
             "wait": float(rng.uniform(0.0, 800.0)),
         }
         try:
-            made = page.evaluate(PRESS, order)
+            page.evaluate(START, start)
+            load.set(on=True)
+            time.sleep(SETTLING)
+            made = page.evaluate(PRESS, {"run": record if "record" in what else ""})
         except Error as error:  # a busy computer needs minutes for a start: the measured part counts
             print(f"turn {turn}, {what}: {error.message.splitlines()[0]}", file=sys.stderr)
             continue
+        finally:
+            load.set(on=False)
         if what != "a run is prepared" or made["still"]:  # else it had begun before the press
             presses.setdefault(what, []).append(made)
     return presses
@@ -171,9 +194,8 @@ def main() -> int:
             page = browser.new_page(viewport={"width": 1280, "height": 800}, bypass_csp=True)  # for the worker
             page.goto(link)
             page.get_by_label("your name").fill("bench")
-            page.evaluate(PRESS, {"preparing": False, "tree": "shuttle", "dry": False, "run": "", "wait": 0.0})
-            with busy(options.load):
-                taken = measure(page, "recorded", options.seconds)
+            with closing(Load(options.load)) as load:
+                taken = measure(page, load, "recorded", options.seconds)
                 where = machine().replace("before", "at the end")
             browser.close()
     print(f"SAFE STOP, {options.load} processes that compute; {where}")
