@@ -34,7 +34,7 @@ class MoveTo(MovingSkill):
 
     @classmethod
     def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
-        """Return the pose must be one of the cell's."""
+        """Check that the pose is one of the cell's."""
         return judge_pose("pose", known, cell)
 
     @classmethod
