@@ -243,7 +243,7 @@ def estimate_sample(  # type: ignore[no-untyped-def]
         push_now = max(f_t - (1.0 + filters.push_ratio) * f_t_before - noise.push, 0.0)
     f_t_calm, tau_calm, push_left = _calm_load(f_t, tau_n, push_now, periods, memory, rates, filters)
 
-    shear_jump, press_jump_of_one, contact_jump = _jumps_of_one_finger(fast, slow, noise.band, filters.aside)
+    shear_jump, press_jump_of_one, contact_jump = _jumps_of_one_finger(fast, slow, noise.band, filters)
     press_jump_of_both = 0.0
     if not _is_contact(fast, slow, noise.band, 0.0, filters.aside):
         press_jump_of_both = abs(fast[0, 2] - slow[0, 2]) - noise.band[0, 2]
@@ -363,7 +363,7 @@ def _observe(left, right, periods, rates, observer, dynamic, memory):  # type: i
 
 
 @njit(cache=True)
-def _jumps_of_one_finger(fast, slow, band, aside):  # type: ignore[no-untyped-def]
+def _jumps_of_one_finger(fast, slow, band, filters):  # type: ignore[no-untyped-def]
     """Jumps of one finger beyond noise [N]: (tangential, normal) while the other one is quiet, and of a contact."""
     tangential = normal = contact = 0.0
     for finger in range(2):
@@ -378,9 +378,9 @@ def _jumps_of_one_finger(fast, slow, band, aside):  # type: ignore[no-untyped-de
             else:
                 pressed = abs(alike + sign * apart) - beyond
             other = max(other, abs(alike - sign * apart) - beyond)
-        if _is_contact(fast, slow, band, sign, aside):
+        if _is_contact(fast, slow, band, sign, filters.aside):
             contact = max(contact, jumped, pressed)
-        elif other <= 0.0:
+        elif other <= filters.quiet:
             tangential, normal = max(tangential, jumped), max(normal, pressed)
     return tangential, normal, contact
 

@@ -63,6 +63,7 @@ class FilterSettings(NamedTuple):
     push_stds: float = 4.0  # growth of the load that is a push [std of its noise]; fewer pushes found; bumps
     push_ratio: float = 0.1  # and relative to the load (a lift of 3 m/s²: 0.05); fewer pushes found; bumps
     jump: float = 0.4  # jump beyond noise of one finger alone, or of both [N]; fewer faults; lying-sensors
+    quiet: float = 0.05  # change beyond noise of a finger that is quiet [N]; more jumps of one finger; lying-sensors
     aside: float = 0.15  # part of a jump across the load of a contact that breaks; fewer jumps found; lying-sensors
 
 
