@@ -47,6 +47,8 @@ TARE = 0.06
 """Time over which the sensors' offset is averaged before the pads touch anything [s]."""
 STALE = 0.06
 """Age of the newest force sample at which the motion ends [s]."""
+LIMIT_MARGIN = 0.02
+"""Distance of set-points from the joints' limits [rad]: from a limit itself the next path would be refused."""
 ROLL_NEEDED = np.radians(60.0)
 """Least roll that the arm must reach one way before the fruit is gripped: stems broke at 57° to 100°."""
 ROLL_WANTED = np.radians(100.0)
@@ -194,7 +196,7 @@ class Detach(MovingSkill):
         self, controller: DetachController, motion: SetPoints, recent: deque[WrenchSample], offset: Float64
     ) -> Work[None]:
         arm, gripper = self.device(Arm), self.device(Gripper)
-        robot = RobotModel.load(arm.description).with_limits(arm.limits.lower, arm.limits.upper)
+        robot = inner_robot(arm)
         q_aimed = arm.state().q
         T_aimed, before = robot.tcp(q_aimed), self.clock.now()
         recent.clear()
@@ -244,7 +246,7 @@ class Detach(MovingSkill):
     ) -> tuple[float, ...]:
         """Return the angles to roll by, the freest way first, each up to the arm's limits."""
         arm, knuckle = self.device(Arm), fruit.p_base_knuckle
-        robot = RobotModel.load(arm.description).with_limits(arm.limits.lower, arm.limits.upper)
+        robot = inner_robot(arm)
         q, T = arm.state().q, robot.tcp(arm.state().q)
         field = usable_field(self, map)
         space = arm_space(arm, self.device(Workspace), field, fruit.diameter, clearance, target=grasp.fruit)
@@ -265,6 +267,12 @@ class Detach(MovingSkill):
         if max(free.values()) >= ROLL_NEEDED:
             kept = [roll for roll in kept if free[roll] >= ROLL_NEEDED]
         return tuple(sorted(kept, key=lambda roll: (-min(free[roll], ROLL_WANTED), -min(clear[roll], 0.03))))
+
+
+def inner_robot(arm: Arm) -> RobotModel:
+    """Return the robot within its joint limits less `LIMIT_MARGIN`."""
+    limits = arm.limits
+    return RobotModel.load(arm.description).with_limits(limits.lower + LIMIT_MARGIN, limits.upper - LIMIT_MARGIN)
 
 
 def held_fruit(measured: MeasuredFruit) -> HeldFruit:

@@ -143,6 +143,7 @@ def test_pads_that_meet_nothing_end_with_no_contact():
     stem = Stem()
     stem.gone = True
     assert detach(stem).problem.code == "NOT_GRIPPED"
+    assert 0.7 * DIAMETER < stem.width < 0.76 * DIAMETER  # fingers that have missed it are not closed further
 
 
 def test_no_pad_presses_harder_than_its_ceiling():

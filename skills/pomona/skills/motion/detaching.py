@@ -64,7 +64,8 @@ class DetachSettings:
         jam_force: net force of the pads that no stem needs [N]; jam_force_saturated: difference of the pads' pressing
             forces that shows wood at one finger while its sensor is at the end of its range [N]; jam_time: time that
             either may last [s].
-        slip_width: loss of opening since the grip at which a fruit is slipping out [m].
+        slip_width: loss of opening since the grip at which a fruit is slipping out [m]; twice as much has lost it.
+        narrowest: share of the diameter below which closed pads have missed the fruit.
         lost_force: mean pad force below which the fruit is lost [N]; lost_time: duration of that [s].
         let_back_force: pads' force at which a branch that was drawn has come back [N]; borne_share: share of the
             weight that a stem which holds bears at least when the hand has stopped drawing.
@@ -105,6 +106,7 @@ class DetachSettings:
     jam_force_saturated: float = 4.0
     jam_time: float = 0.06
     slip_width: float = 0.008
+    narrowest: float = 0.75
     lost_force: float = 0.15
     lost_time: float = 0.06
     let_back_force: float = 0.5
@@ -251,7 +253,7 @@ class DetachController:
         if self._jammed > s.jam_time:
             words = f"the pads feel {press[0]:.1f} and {press[1]:.1f} N, {np.linalg.norm(force):.1f} N in all"
             self._end(DetachProblem("JAMMED", words))
-        elif self._empty > s.lost_time:
+        elif self._empty > s.lost_time or width < self._width_gripped - 2.0 * s.slip_width:
             freed = self.broke_at is not None
             code, words = ("LOST", "after the stem broke") if freed else ("SLIPPED", "before the stem broke")
             self._end(DetachProblem(code, f"the fruit left the pads {words}"))
@@ -287,7 +289,7 @@ class DetachController:
                 self._lever = T_base_tcp[:3, :3].T @ (T_base_tcp[:3, 3] - self._fruit.p_base_knuckle)
                 self._enter(DetachPhase.DRAW)
             return DetachCommand(still, 0.0, -float(np.clip(s.grip_gain * missing, -s.closing, s.closing)))
-        if self._time > s.closing_patience:
+        if self._time > s.closing_patience or width < s.narrowest * self._fruit.diameter:
             left, right = press
             self._end(DetachProblem("NOT_GRIPPED", f"the pads feel {left:.1f} and {right:.1f} N after closing"))
             return DetachCommand(still, 0.0, 0.0)
