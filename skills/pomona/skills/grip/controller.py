@@ -106,11 +106,6 @@ class GripController:
         return self._guard.stamp
 
     @property
-    def late_by(self) -> float:
-        """Delay that the samples may have, since some were missing [s]; 0 if it is small enough for force control."""
-        return self._guard.late_by
-
-    @property
     def wants_width(self) -> bool:
         """True when the next step may command a speed and so needs `width`."""
         return self._timing.near

@@ -147,10 +147,6 @@ class Hold:
             if age > STALE_AFTER:
                 message = f"fingers: no valid sample for {1e3 * age:.0f} ms; the grip is kept as it is"
                 return GripProblem("SENSOR_STALE", message, newest, {"age_s": age})
-            late_by = self._controller.late_by
-            if late_by > 0.0:
-                message = f"the fingers' samples may be {1e3 * late_by:.0f} ms late: so many were missing at once"
-                return GripProblem("SENSOR_STALE", message, newest, {"late_s": late_by})
         return self._controller.problem or self._device_problem
 
     @property
@@ -241,8 +237,7 @@ class Hold:
             controller = self._controller
             # After a gap samples may stay delayed; a delayed force loop winds up, so zero speed is commanded.
             silent = self._now() - max(controller.usable_until, self._started)
-            late = silent > STALE_AFTER or controller.late_by > 0.0
-            self._stands = self._stands or (late and controller.phase in IN_HAND)
+            self._stands = self._stands or (silent > STALE_AFTER and controller.phase in IN_HAND)
             if controller.wants_width:
                 state = self._gripper.state()
                 controller.width, controller.motor_force = state.width, state.motor_force

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from typing import NamedTuple
 
 from pomona.executive.values.arrays import Float64
@@ -19,11 +18,6 @@ LONGEST_CATCH_UP = 0.02
 
 RESTART_AFTER = 0.05
 """A sequence that falls back with a timestamp this much later comes from a restarted sensor [s]."""
-
-
-LATE_WITHIN, LATE_AFTER = 0.5, 0.06
-"""If samples of the second time [s] are missing within the first [s], the others may be late by as much: a delay begins
-with samples that do not come, whatever timestamps and numbers they have later. A lossy stream is treated alike."""
 
 
 class GripSample(NamedTuple):
@@ -45,12 +39,7 @@ class GripSample(NamedTuple):
 
 
 class StreamGuard:
-    """Lets valid samples through and counts the others.
-
-    Attributes:
-        stamp, sequence: of the newest valid sample.
-        late_by: delay that samples may have since some were missing [s]; 0 below `LATE_AFTER`.
-    """
+    """Lets valid samples through and counts the others."""
 
     def __init__(self, period: float) -> None:
         self.period = period
@@ -58,8 +47,7 @@ class StreamGuard:
         self.stamp = -math.inf
         self.sequence = -1
         self.repeated = self.out_of_order = self.missing = self.not_finite = 0
-        self.longest_gap = self.late_by = 0.0
-        self._gaps: deque[tuple[float, float]] = deque()
+        self.longest_gap = 0.0
 
     def accept(
         self, stamp: float, sequence: int, wrenches: Float64, saturated: tuple[bool, bool] = (False, False)
@@ -81,20 +69,9 @@ class StreamGuard:
         gap = 0.0 if is_first else stamp - self.stamp - self.period
         self.missing += 0 if is_first else max(sequence - self.sequence - 1, 0)
         self.longest_gap = max(self.longest_gap, gap)
-        self._note_gap(stamp, gap)
         self.stamp, self.sequence = stamp, sequence
         periods = 1 + min(max(round(gap / self.period), 0), self._most_periods - 1)
         return GripSample(stamp, periods, periods * self.period, wrenches, saturated)
-
-    def _note_gap(self, stamp: float, gap: float) -> None:
-        """Sum the gaps of the last `LATE_WITHIN` seconds; `late_by` is their sum once it was too much, and stays."""
-        if gap > 0.5 * self.period:
-            self._gaps.append((stamp, gap))
-        while self._gaps and self._gaps[0][0] < stamp - LATE_WITHIN:
-            self._gaps.popleft()
-        missing = sum(gap for _, gap in self._gaps)
-        if missing > LATE_AFTER:
-            self.late_by = max(self.late_by, missing)
 
     def findings(self) -> tuple[str, ...]:
         """Return one sentence for each kind of invalid sample so far."""
