@@ -124,7 +124,7 @@ tree: t
 root:
   Plan: {path: "{path}"}
 """,
-        "4:3: error[missing-port]: Plan needs 'to', a grasp_candidates: SampleGrasp writes one; write "
+        "4:3: error[missing-port]: Plan needs 'to', a grasp_candidates: SampleGrasp and SampleHanging write one; write "
         'to: "{candidates}"',
     ),
     "nothing_writes_map": WrongTree(

@@ -248,7 +248,8 @@ class LayerCheck:
             of = inputs[name].type
             there = [f'"{{{known}}}"' for known, named in self.whole.scope.names.items() if named.type == of]
             writers = self.whole.skills.giving(of) if isinstance(of, type) and of not in _SIMPLE else []
-            gives = f": {' and '.join(dict.fromkeys(skill for skill, _ in writers[:2]))} writes one" if writers else ""
+            givers = list(dict.fromkeys(skill for skill, _ in writers[:2]))
+            gives = f": {' and '.join(givers)} {'writes' if len(givers) == 1 else 'write'} one" if givers else ""
             message = f"{who} needs '{name}', {describe(static_type(inputs[name]))}{gives}"
             example = there[0] if there else f'"{{{writers[0][1]}}}"' if writers else "…"
             self.findings.error(node.key, "missing-port", message, f"write {name}: {example}")

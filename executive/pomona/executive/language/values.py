@@ -103,7 +103,8 @@ class _Stand:
             writers = [skill for skill, there in scope.skills.items() if reference.name in there.outputs]
             known = "known names: " + ", ".join(islice(scope.names, 12)) if scope.names else ""
             wire = f'{reference.name}: "{{{reference.name}}}"'
-            hint = f"{' and '.join(writers[:2])} writes one: put it before this node, with {wire}" if writers else known
+            verb = "writes" if len(writers) == 1 else "write"
+            hint = f"{' and '.join(writers[:2])} {verb} one: put it before this node, with {wire}" if writers else known
         self.report(reference, "unknown-port", f"nothing writes '{reference.name}' and nothing declares it", hint)
 
 
