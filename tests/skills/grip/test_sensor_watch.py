@@ -187,6 +187,32 @@ def test_a_motor_that_presses_while_the_fingers_feel_nothing_ends_the_closing() 
     assert pressed < 8.0
 
 
+def motor_and_fingers(fingers: Callable[[float], float], motor: Callable[[float], float]) -> tuple[SensorWatch, float]:
+    """A watch after half a second of commands, and the time of its fault [s]; infinite without one."""
+    watch, period = SensorWatch(GripSettings()), 0.02
+    for n in range(25):
+        watch.compare_with_motor(fingers(n * period), motor(n * period), period)
+        if watch.reason:
+            return watch, n * period
+    return watch, np.inf
+
+
+@pytest.mark.parametrize("force", [4.0, 7.0, 10.0])
+def test_a_fruit_that_is_lost_at_once_is_no_fault_of_the_fingers(force: float) -> None:
+    """The motor's force follows within a command; the average of 30 ms alone lasts longer."""
+    lost = 0.2
+    watch, _ = motor_and_fingers(lambda t: 0.0 if t >= lost else force, lambda t: 0.0 if t > lost else force)
+    assert watch.reason == ""
+
+
+@pytest.mark.parametrize("force", [4.0, 7.0, 14.0])
+def test_fingers_that_read_nothing_while_the_motor_presses_on_are_found_within_two_commands(force: float) -> None:
+    lost = 0.2
+    watch, found = motor_and_fingers(lambda t: 0.0 if t >= lost else force, lambda _t: force)
+    assert "motor presses" in watch.reason
+    assert found - lost <= 0.08
+
+
 def test_a_saturated_finger_is_told_as_saturated() -> None:
     controller, rng, wrenches, count = carrying()
     for i in range(count, count + 60):

@@ -38,7 +38,7 @@ class SensorWatch:
         self._last = np.full((2, 6), np.nan)
         self._apart, self._against_motor, self._held = Timer(), Timer(), Timer()
         self._load = self._force_rate = self._swings_for = 0.0
-        self._motor = LowPass(settings.sensors.motor_lag)
+        self._motor, self._fingers = LowPass(settings.sensors.motor_lag), LowPass(settings.sensors.motor_lag)
 
     def calibrate(self, samples: Float64) -> None:
         """Learn the usual repetitions from samples with nothing touching, shape (n, 2, 6)."""
@@ -101,10 +101,11 @@ class SensorWatch:
         s = self._settings
         if motor_force is None or not math.isfinite(motor_force):
             return
-        motor = self._motor.update(motor_force, elapsed)
-        most = s.motor_error + s.motor_ratio * max(abs(force_sum), abs(motor))
-        if self._against_motor.update(abs(motor - force_sum) > most, elapsed) > s.motor_after:
-            words = f"the fingers read {force_sum:.1f} N together while the motor presses with {motor:.1f} N"
+        # Both have the same lag, or the loss of a fruit would look like fingers that read too little.
+        motor, fingers = self._motor.update(motor_force, elapsed), self._fingers.update(force_sum, elapsed)
+        most = s.motor_error + s.motor_ratio * max(abs(fingers), abs(motor))
+        if self._against_motor.update(abs(motor - fingers) > most, elapsed) > s.motor_after:
+            words = f"the fingers read {fingers:.1f} N together while the motor presses with {motor:.1f} N"
             self._find(words, no_signal=True)
 
     def _find(self, reason: str, no_signal: bool = False) -> None:
