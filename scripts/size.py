@@ -5,16 +5,18 @@
     python scripts/size.py --lower     # lower the bounds in scripts/size.json to the figures
 
 Lines are those of Python files without tests, benchmarks and scripts. The word rates count per 1 000 words of
-docstrings and of docs/*.md without decisions and reports.
+docstrings with comments, and of docs/*.md without decisions and reports.
 """
 
 from __future__ import annotations
 
 import ast
+import io
 import json
 import re
 import subprocess
 import sys
+import tokenize
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -60,13 +62,18 @@ def figures() -> dict[str, float]:
     return found
 
 
-NAMES = ("lines", "docstring lines", "short modules", "long parameter lists", "fmt: skip", "module constants")
+NAMES = (
+    "lines", "docstring lines", "comments", "short modules", "long parameter lists", "fmt: skip", "module constants",
+)  # fmt: skip
 
 
 def of_module(text: str, docstrings: list[str]) -> Counter[str]:
-    """Count in one module; its docstrings and texts below constants are appended to `docstrings`."""
+    """Count in one module; its docstrings, texts below constants and comments are appended to `docstrings`."""
     lines = text.count("\n")
     counted = Counter({"lines": lines, "short modules": lines < SHORT, "fmt: skip": text.count("fmt: skip")})
+    tokens = tokenize.generate_tokens(io.StringIO(text).readline)
+    docstrings.extend(comments := [token.string for token in tokens if token.type == tokenize.COMMENT])
+    counted["comments"] = len(comments)
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
             counted["docstring lines"] += (node.end_lineno or node.lineno) - node.lineno + 1

@@ -10,12 +10,10 @@ from pomona.executive.values.kinds import Measure, Whole
 from pomona.executive.values.sections import Problem, value
 from pomona.executive.values.units import PIXELS
 
-LARGEST = 100_000
-"""No image is wider or higher [px]."""
+LARGEST = 100_000  # no image is wider or higher [px]
 
 
-MOST_OBLONG = 1.25
-"""No camera's pixels are higher than wide by this factor, or wider than high."""
+MOST_OBLONG = 1.25  # no camera's pixels are higher than wide by this factor, or wider than high
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

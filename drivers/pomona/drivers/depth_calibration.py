@@ -27,45 +27,23 @@ from pomona.drivers.errors import DriverError
 from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.values.arrays import Float64
 
-LEAST_BALLS = 3
-"""With fewer than this nothing can be held out."""
-
-OUTLINE = 0.5
-"""Standard deviation of either drawn side of a box [px]."""
-GROWTH_PRIOR = 1.0
-"""Standard deviation of the outlines' excess width, before any ball is measured [px]."""
+LEAST_BALLS = 3  # with fewer than this nothing can be held out
+OUTLINE = 0.5  # standard deviation of either drawn side of a box [px]
+GROWTH_PRIOR = 1.0  # standard deviation of the outlines' excess width, before any ball is measured [px]
 
 LEAST_OFFSET, LEAST_SCALE = 5e-3, 1e-3
 """Lower bounds of an unmeasured sensor's standard deviation of offset [m] and scale."""
 
-DOUBT = 3.0
-"""Limit of the learnt offset and scale, as a multiple of the prior's standard deviation."""
-
-AROUND = 15
-"""Depth may lie so far beside the picture [px]."""
-
-LEAST_POINTS = 100
-"""A ball of fewer points has no sphere."""
-
-LEAST_SQUARE = 11
-"""Side of the squares in which a wall's noise is looked for [px]."""
-
-PLANES = 200
-"""Number of planes through three points each that are tried: a wall is found by the first few."""
-
-LEAST_WALL = 0.7
-"""Required ratio of points on one plane: two orchard frames have 0.27 and 0.28."""
-BENT = 0.03
-"""A sensor may bend a flat wall by such a share of the distance."""
-
-LEAST_NOISE = 1e-5
-"""Lower bound of the noise at 1 m: every real depth sensor has more [m]."""
-
-INNER = 2
-"""Width of a ball's margin that is left out: its points are mixed with the background [px]."""
-
-LEARNT = 0.8
-"""Upper bound of the ratio of the learnt uncertainty to the prior's."""
+DOUBT = 3.0  # limit of the learnt offset and scale, as a multiple of the prior's standard deviation
+AROUND = 15  # depth may lie so far beside the picture [px]
+LEAST_POINTS = 100  # a ball of fewer points has no sphere
+LEAST_SQUARE = 11  # side of the squares in which a wall's noise is looked for [px]
+PLANES = 200  # number of planes through three points each that are tried: a wall is found by the first few
+LEAST_WALL = 0.7  # required ratio of points on one plane: two orchard frames have 0.27 and 0.28
+BENT = 0.03  # a sensor may bend a flat wall by such a share of the distance
+LEAST_NOISE = 1e-5  # lower bound of the noise at 1 m: every real depth sensor has more [m]
+INNER = 2  # width of a ball's margin that is left out: its points are mixed with the background [px]
+LEARNT = 0.8  # upper bound of the ratio of the learnt uncertainty to the prior's
 
 
 class UnusableDepth(DriverError):

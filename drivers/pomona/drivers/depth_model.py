@@ -24,8 +24,7 @@ from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import LENGTH, PIXELS
 
 _HALFWAY = float(np.tan(np.radians(30.0)))
-_PIXEL = float(1.0 / np.sqrt(12.0))
-"""Standard deviation of an outline's position within its pixel [px]."""
+_PIXEL = float(1.0 / np.sqrt(12.0))  # standard deviation of an outline's position within its pixel [px]
 
 DEPTH_MODEL_FILE = "depth_model.yaml"
 """Error model of the depth in a folder of frames; it has priority over the cell file's."""

@@ -15,12 +15,9 @@ from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Frame, Gripper, 
 from pomona.executive.values.findings import place_of
 from pomona.executive.values.report_line import ReportLine
 
-WATCHED = 1.0
-"""Duration for which streams are watched [s]."""
-ENOUGH = 0.95
-"""Ratio of the measured rate to the nominal one below which it is reported."""
-SLOWEST_CAMERA, SLOWEST_ARM = 2.0, 20.0
-"""Rates that a camera and an arm should have at least [Hz]."""
+WATCHED = 1.0  # duration for which streams are watched [s]
+ENOUGH = 0.95  # ratio of the measured rate to the nominal one below which it is reported
+SLOWEST_CAMERA, SLOWEST_ARM = 2.0, 20.0  # rates that a camera and an arm should have at least [Hz]
 
 
 def examine(path: Path, overrides: Mapping[str, str] | None = None) -> Iterator[ReportLine]:

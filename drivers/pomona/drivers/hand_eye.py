@@ -26,10 +26,8 @@ from pomona.executive.values.plain_text import read_plain_text
 from pomona.executive.values.rotations import is_rigid
 
 LEAST_LOOKS = 5
-LEAST_TURN = np.radians(15.0)
-"""The flange must turn by at least this between some looks, about more than one axis."""
-LEVER = 0.1
-"""A rotation error counts as much as the distance that it makes at this lever [m]."""
+LEAST_TURN = np.radians(15.0)  # the flange must turn by at least this between some looks, about more than one axis
+LEVER = 0.1  # a rotation error counts as much as the distance that it makes at this lever [m]
 
 
 class UnusableLooks(DriverError):

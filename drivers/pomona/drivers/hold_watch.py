@@ -15,8 +15,7 @@ from pomona.drivers.hand_memory import HandMemory, HandRecord
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, GripperLimits, GripperState
 from pomona.executive.values.arrays import Float64
 
-MOVED = 0.01
-"""Change of a joint while paused from which the arm counts as moved from outside [rad]."""
+MOVED = 0.01  # change of a joint while paused from which the arm counts as moved from outside [rad]
 HELD_FORCE, LOST_FORCE = 0.5, 0.2
 """Grasp force of one finger [N]: above the first at the pause something is held, below the second it is gone."""
 GIVE = 0.01
@@ -26,8 +25,7 @@ GIVE = 0.01
 NO_ROOM = 2e-3
 """Fingers this near to either end of their travel hold nothing [m]: no fruit is so thin, and none was gripped by so
 short a motion."""
-STOOD = 1e-3
-"""Change of the width below which the fingers have not been moved [m]; an encoder repeats to 0.1 mm."""
+STOOD = 1e-3  # change of the width below which the fingers have not been moved [m]; an encoder repeats to 0.1 mm
 MOTOR_FORCE = 1.0
 """Grasp force by the motor's current from which it presses on something [N]: two of its steps, a WSG's friction."""
 HARDLY = f"the grip force fell below {LOST_FORCE:g} N: the fruit may have been lost"

@@ -39,12 +39,10 @@ EXTRAS = {
     "lsp": ("pygls",),
 }
 """Optional features with the packages that each installs."""
-CHECKS = "pomona.checks"
-"""Entry point group of further checks: functions without arguments that return a ReportLine."""
+CHECKS = "pomona.checks"  # entry point group of further checks: functions without arguments that return a ReportLine
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 EGL = "apt install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
-ROOM = 1e9
-"""Minimum free space for a folder of records [byte]: some hundred picks."""
+ROOM = 1e9  # minimum free space for a folder of records [byte]: some hundred picks
 
 
 def examine_machine(records: Path) -> Iterator[ReportLine]:

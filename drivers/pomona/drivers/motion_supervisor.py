@@ -20,14 +20,11 @@ from pomona.executive.values.kinds import Measure
 from pomona.executive.values.sections import value
 from pomona.executive.values.units import ANGLE, TIME
 
-PERIOD = 0.01
-"""Period of the checks [s]; a controller pushes its state every 25 ms."""
+PERIOD = 0.01  # period of the checks [s]; a controller pushes its state every 25 ms
 OVERSPEED = 1.5
 """Joints are never measured faster than their limits times this: controllers stop an arm at 1.05 to 1.2 of them."""
-JITTER = 0.05
-"""Jitter of messages over a network [s]: two pushes of 25 ms."""
-BEYOND_RANGE = 0.1
-"""Mechanical stops keep every joint within this distance of its range [rad]."""
+JITTER = 0.05  # jitter of messages over a network [s]: two pushes of 25 ms
+BEYOND_RANGE = 0.1  # mechanical stops keep every joint within this distance of its range [rad]
 FROZEN_PATH = 0.01
 """A set-point that has moved this far moves an encoder, too [rad]: hundreds of steps of a 17-bit encoder."""
 

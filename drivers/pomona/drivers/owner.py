@@ -30,12 +30,9 @@ from pomona.executive.clock import Clock
 
 T = TypeVar("T")
 
-ANSWER = 0.5
-"""Deadline of a call with a waiting caller [s]: steps take a few milliseconds."""
-LOOK = 1e-3
-"""Period of a caller's polls for a result [s]."""
-HUNG = 1.0
-"""Time without a step after which the thread counts as hung [s]; a blocked send takes 50 ms."""
+ANSWER = 0.5  # deadline of a call with a waiting caller [s]: steps take a few milliseconds
+LOOK = 1e-3  # period of a caller's polls for a result [s]
+HUNG = 1.0  # time without a step after which the thread counts as hung [s]; a blocked send takes 50 ms
 
 
 class Thread(Protocol):

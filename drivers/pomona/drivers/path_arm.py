@@ -25,12 +25,9 @@ from pomona.drivers.trajectory import check_trajectory
 from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import Float64
 
-AT_REST = 5e-3
-"""No joint moves faster than this when the arm rests [rad/s]."""
-LEAVING = 2.0
-"""An arm comes to rest on its path within this time when its driver is closed [s]."""
-DIFFERENCE = 0.2
-"""Longest distance in time between positions for a velocity by difference [s]."""
+AT_REST = 5e-3  # no joint moves faster than this when the arm rests [rad/s]
+LEAVING = 2.0  # an arm comes to rest on its path within this time when its driver is closed [s]
+DIFFERENCE = 0.2  # longest distance in time between positions for a velocity by difference [s]
 
 
 class SetPointStream(Protocol):

@@ -15,8 +15,7 @@ import numpy as np
 from pomona.drivers.interfaces import ArmLimits, Trajectory
 from pomona.executive.values.arrays import Float64
 
-LEAST = 1e-6
-"""The rate of a path that is followed: one of 0 rests."""
+LEAST = 1e-6  # the rate of a path that is followed: one of 0 rests
 
 
 class PathFollower:

@@ -9,11 +9,8 @@ from pomona.drivers.interfaces import ArmLimits, MotionState, Trajectory
 from pomona.drivers.path_follower import PathFollower
 from pomona.executive.values.arrays import Float64
 
-ARRIVED = 2e-3
-"""Joints so near to the path's end are there [rad]."""
-
-HELD_UP = 1.0
-"""Time after which joints that rest beside the path's end count as blocked [s]."""
+ARRIVED = 2e-3  # joints so near to the path's end are there [rad]
+HELD_UP = 1.0  # time after which joints that rest beside the path's end count as blocked [s]
 
 
 class Phase(Enum):

@@ -15,8 +15,7 @@ from pomona.drivers.interfaces import Arm, ForceSensor, Gripper
 
 WRENCH = ("force_x_N", "force_y_N", "force_z_N", "torque_x_Nm", "torque_y_Nm", "torque_z_Nm")
 
-MOST = 5000
-"""Maximum number of samples of one device between two calls of `take`: ten seconds at 500 Hz."""
+MOST = 5000  # maximum number of samples of one device between two calls of `take`: ten seconds at 500 Hz
 
 
 class Readings:

@@ -20,8 +20,7 @@ LARGEST, SMALLEST = 20.0, 0.002
 """Nothing that an arm may hit is larger or smaller [m]: such a mesh is written in another unit."""
 MOST_BYTES = 100_000_000
 MOST_TRIANGLES = 200_000
-MOST_PARTS = 400
-"""Each costs every collision check about as much as a box."""
+MOST_PARTS = 400  # each costs every collision check about as much as a box
 MOST_NORMALS = 64
 """Maximum number of face directions that define a part's hull, the largest faces first; others round it off."""
 

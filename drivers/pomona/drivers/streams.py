@@ -22,12 +22,9 @@ from pomona.executive.values.kinds import Measure
 from pomona.executive.values.sections import value
 from pomona.executive.values.units import FORCE, TIME
 
-SILENCE = 0.040
-"""Time without a valid sample after which the fingers are lost [s]."""
-FEW = 5
-"""Minimum run of bad samples before a fault: fewer may be a stall of the computer itself."""
-EARLY = 0.005
-"""Stamps are read from the cell's clock; ahead of it by more than this they are wrong [s]."""
+SILENCE = 0.040  # time without a valid sample after which the fingers are lost [s]
+FEW = 5  # minimum run of bad samples before a fault: fewer may be a stall of the computer itself
+EARLY = 0.005  # stamps are read from the cell's clock; ahead of it by more than this they are wrong [s]
 WINDOW, FEW_GAPS, IN_BITS = 6, 4, 0.4
 """Limit of an intermittent stream: within this multiple of the silence allowed, this number of gaps of half of it or
 more that together miss this ratio. A single gap may be the computer's; an intermittent stream controls no grip.

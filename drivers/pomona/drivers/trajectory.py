@@ -10,10 +10,8 @@ from pomona.executive.values.arrays import Float64
 
 ROUNDING = 1e-6
 """A position may be so far beyond its limit [rad]: a few times the last digit of an f32 on a controller's wire."""
-SHARE = 1e-3
-"""Relative tolerance of rate limits, for sampling and rounding of a motion timed to its limits."""
-REST = 1e-3
-"""Speed below which a joint rests [rad/s]: a fifth of the drivers' own threshold, which includes noise."""
+SHARE = 1e-3  # relative tolerance of rate limits, for sampling and rounding of a motion timed to its limits
+REST = 1e-3  # speed below which a joint rests [rad/s]: a fifth of the drivers' own threshold, which includes noise
 START_TOLERANCE = 2e-3
 """Largest distance of any joint between the arm and the trajectory's first sample [rad]: a choice, a millimetre at half
 a metre from the joint; `pomona.drivers.motoman.stream` takes it up smoothly."""

@@ -77,8 +77,7 @@ class TcpLink:
         self._socket.close()
 
 
-URGENT = -10
-"""Niceness of threads that serve a wire, where the system allows it."""
+URGENT = -10  # niceness of threads that serve a wire, where the system allows it
 
 
 def raise_priority() -> None:

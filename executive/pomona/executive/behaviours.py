@@ -27,14 +27,9 @@ from pomona.executive.running.runner import Runner
 from pomona.executive.terminal.screen import Screen, stay_open
 from pomona.executive.terminal.summary import Summary
 
-PERIOD = 0.05
-"""Default tick period [s]: 20 Hz, between the 10 Hz of py_trees_ros and the 50 Hz of tree files."""
-
-PORT = 8420
-"""Default port of the page, as of `pomona run --dashboard`."""
-
-RECORDS = Path("runs")
-"""Default folder of records."""
+PERIOD = 0.05  # default tick period [s]: 20 Hz, between the 10 Hz of py_trees_ros and the 50 Hz of tree files
+PORT = 8420  # default port of the page, as of `pomona run --dashboard`
+RECORDS = Path("runs")  # default folder of records
 
 _KINDS = (
     (py_trees.composites.Sequence, "sequence"),

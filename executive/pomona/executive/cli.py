@@ -20,12 +20,9 @@ from pomona.executive.extras import remedy
 from pomona.executive.running.launcher import in_child
 from pomona.executive.running.signals import WORDS, raising, signalled, status_of
 
-PATIENCE = 2.0
-"""Seconds that threads and processes may go on when the work is done."""
-REPORTED = ("run", "rerun")
-"""Commands whose status 0 means that a task succeeded: a process of their own reports it."""
-INTERRUPTED = 128
-"""A signal ends the process with a status above this."""
+PATIENCE = 2.0  # seconds that threads and processes may go on when the work is done
+REPORTED = ("run", "rerun")  # commands whose status 0 means that a task succeeded: a process of their own reports it
+INTERRUPTED = 128  # a signal ends the process with a status above this
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -18,8 +18,7 @@ import orjson
 
 from pomona.executive.reasons import Reason, bounded
 
-LARGE = 256
-"""Arrays with more elements are described by shape and type, unless they are asked for."""
+LARGE = 256  # arrays with more elements are described by shape and type, unless they are asked for
 
 _ADDRESS = re.compile(r" at 0x[0-9a-f]+")
 """Address of an object in memory: without meaning, and different between two equal runs."""

@@ -18,8 +18,7 @@ from typing import Any, Protocol
 from pomona.executive.errors import PomonaError, UsageError
 
 GROUP = "pomona.engines"
-TRIES = 2
-"""Number of processes that try an order; an order whose processes all die is given up."""
+TRIES = 2  # number of processes that try an order; an order whose processes all die is given up
 
 RENEWED_AFTER = 40
 """Orders after which a worker gives way to a fresh one: simulators and renderers leave some 25 MB behind each run."""

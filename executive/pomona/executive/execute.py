@@ -52,17 +52,13 @@ from pomona.executive.values.yaml_nodes import written
 
 logger = logging.getLogger(__name__)
 
-RECOVERY_SETTINGS = ("release", "home")
-"""Parameters of the tree `recover` that `--set` passes to it."""
+RECOVERY_SETTINGS = ("release", "home")  # parameters of the tree `recover` that `--set` passes to it
 
 NO_RECORD = "NO_RECORD"
 """Failure code of a run whose tree has ended, but whose record is incomplete although its cell requires one."""
 
-MOST_SEED = 2**63 - 1
-"""Largest seed: records hold whole numbers of 64 bits."""
-
-PERIOD = 0.02
-"""Tick period [s]."""
+MOST_SEED = 2**63 - 1  # largest seed: records hold whole numbers of 64 bits
+PERIOD = 0.02  # tick period [s]
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,7 @@ import contextlib
 import os
 from collections.abc import Iterator
 
-CHILD = 3
-"""Exit status of a child that came back into the run."""
+CHILD = 3  # exit status of a child that came back into the run
 
 _process: int | None = None
 """Process of the run that is in progress here, or in the parent that this process is a copy of."""

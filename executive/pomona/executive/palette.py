@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-INK, MUTED, LINE = "#1a1e23", "#5b6470", "#d8dce2"
-"""Text, secondary text, and rules."""
+INK, MUTED, LINE = "#1a1e23", "#5b6470", "#d8dce2"  # text, secondary text, and rules
 
 GOOD, BAD, WARN = "#11703f", "#bd2222", "#955200"
 
@@ -37,8 +36,7 @@ OVERLAY: Mapping[str, str] = {
 }
 """Colours over a photograph: brighter, since leaves and fruit are dark."""
 
-SERIES = ("#1c5bc7", "#bd2222", "#11703f", "#955200", "#743bb8", "#0b7582")
-"""Curves and bars, in their order."""
+SERIES = ("#1c5bc7", "#bd2222", "#11703f", "#955200", "#743bb8", "#0b7582")  # curves and bars, in their order
 
 
 def rgb(colour: str) -> tuple[float, float, float]:

@@ -74,8 +74,7 @@ class _Missing(Enum):
     REQUIRED = "required"
 
 
-REQUIRED = _Missing.REQUIRED
-"""Default of a port that must be given."""
+REQUIRED = _Missing.REQUIRED  # default of a port that must be given
 
 
 PortType = type[Any] | Quantity

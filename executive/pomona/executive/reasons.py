@@ -11,8 +11,7 @@ from pomona.executive.errors import PomonaError
 if TYPE_CHECKING:  # who only reads records needs no behaviours
     from py_trees.behaviour import Behaviour
 
-DEEPEST_CAUSE, MOST_CAUSES = 90, 10_000
-"""How far down, and how many, causes of one reason are recorded and read."""
+DEEPEST_CAUSE, MOST_CAUSES = 90, 10_000  # how far down, and how many, causes of one reason are recorded and read
 
 
 class NoValue(PomonaError):

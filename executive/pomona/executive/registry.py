@@ -12,8 +12,7 @@ from pomona.executive.ports import QUANTITIES, RATIO, Port, Ports, PortType, Qua
 from pomona.executive.skill import Skill
 
 GROUP = "pomona.skills"
-CHOSEN = "POMONA_SKILLS"
-"""Of the environment, for the run's other processes: `Detect=my_package Plan=other`."""
+CHOSEN = "POMONA_SKILLS"  # of the environment, for the run's other processes: `Detect=my_package Plan=other`
 BUILTIN_TYPES: Mapping[str, PortType] = {"bool": bool, "int": int, "number": float, "text": str, **QUANTITIES}
 
 

@@ -26,8 +26,7 @@ from pomona.skills.shared.touch import Touch
 from pomona.skills.shared.usable_map import usable_field
 from pomona.skills.shared.warm_motion import prepare_moving
 
-START_DISTANCE, START_ANGLE = 0.01, 0.1
-"""How far the TCP may stand from the pre-grasp [m, rad]."""
+START_DISTANCE, START_ANGLE = 0.01, 0.1  # how far the TCP may stand from the pre-grasp [m, rad]
 
 WIDTH_TOLERANCE = 1e-3
 
@@ -35,8 +34,7 @@ UNSEEN = 0.015
 """Displacement of a fruit that no check before the approach shows [m]: a table hides an error of the camera's pose
 along its plane, and up to 1.5° of tilt."""
 
-SLOW = 0.08
-"""Speed where such a fruit may be touched [m/s]."""
+SLOW = 0.08  # speed where such a fruit may be touched [m/s]
 
 JERK_TIME = 0.1
 

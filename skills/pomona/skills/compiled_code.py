@@ -21,16 +21,13 @@ from pathlib import Path
 
 from pomona.executive.values.report_line import ReportLine
 
-PLACE = "NUMBA_CACHE_DIR"
-"""numba's setting; who has set it already is not overruled."""
+PLACE = "NUMBA_CACHE_DIR"  # numba's setting; who has set it already is not overruled
 KEEP = f"set {PLACE} to a folder that is writable and stays"
 TEMPORARY = Path(tempfile.gettempdir(), "pomona")
-FIRST_TWO, FIRST_ONE = 30, 45
-"""Duration of the first compilation on two cores and on one (Intel Xeon, 2026-11-25) [s]."""
+FIRST_TWO, FIRST_ONE = 30, 45  # duration of the first compilation on two cores and on one (Intel Xeon, 2026-11-25) [s]
 LAST = "line_tracking.track_poses-*.nbi"
 """Index of the loop that skills which move the arm compile last: where it is missing, the first start goes on."""
-HELPER = "pomona.skills.shared.compile_beside"
-"""Module that compiles one half of the loops in a process of its own."""
+HELPER = "pomona.skills.shared.compile_beside"  # module that compiles one half of the loops in a process of its own
 
 _beside: subprocess.Popen[bytes] | None = None
 

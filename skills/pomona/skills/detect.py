@@ -17,8 +17,7 @@ from pomona.skills.perception.detection.instances import POLICIES, Instance, ran
 from pomona.skills.perception.detection.options import BoxModelFile, DetectorOptions, DopeFiles, PoseSource, Search
 from pomona.skills.shared.looking import LOOKING_FAILURES, LookingSkill, picture
 
-SAME_FRUIT = 0.04
-"""Two detections whose lines of sight pass this close at the fruit are the same fruit [m]."""
+SAME_FRUIT = 0.04  # two detections whose lines of sight pass this close at the fruit are the same fruit [m]
 
 
 class Detected(Outputs):

@@ -23,11 +23,8 @@ from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watchin
 from pomona.skills.shared.grip_view import show_grip
 from pomona.skills.shared.warm_motion import prepare_moving
 
-JERK_TIME = 0.05
-"""Time to full acceleration [s]."""
-
-ACCELERATION = 0.4
-"""Acceleration of the slides [m/s²]."""
+JERK_TIME = 0.05  # time to full acceleration [s]
+ACCELERATION = 0.4  # acceleration of the slides [m/s²]
 
 SLIDING = (0.4, 0.92)
 """Part of the distance, by the arm's joints, on which the pads slide: before it pads and skin deform, after it they
@@ -41,11 +38,8 @@ LIGHT, LIGHT_NOW = 0.4, 0.65
 """Ratios of friction to the largest weight of a fruit of this size above which it counts as light: with the tracked
 force, and with the sum of both fingers, of which one may press more (docs/decisions/pick-pace.md)."""
 
-SETTLING = 0.1
-"""Error of the grip force that counts as reached [N]."""
-
-PATIENCE = 1.0
-"""Longest time for the grip force to be reached [s]."""
+SETTLING = 0.1  # error of the grip force that counts as reached [N]
+PATIENCE = 1.0  # longest time for the grip force to be reached [s]
 
 
 class Felt(Outputs):

@@ -16,8 +16,7 @@ from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
 from pomona.skills.shared.live_watch import WATCH_FAILURES, KnownAround, prepare_watch
 
-START_TOLERANCE = 0.02
-"""How far a joint may stand from the path's start [rad]."""
+START_TOLERANCE = 0.02  # how far a joint may stand from the path's start [rad]
 
 
 class Follow(MovingSkill):

@@ -15,8 +15,7 @@ from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
 from pomona.skills.shared.usable_map import usable_field
 from pomona.skills.shared.warm_motion import prepare_moving
 
-WIDTH_TOLERANCE = 1e-3
-"""An opening that differs by less is the one asked for [m]."""
+WIDTH_TOLERANCE = 1e-3  # an opening that differs by less is the one asked for [m]
 
 
 class OpenFingers(MovingSkill):

@@ -11,11 +11,8 @@ from pomona.executive.skill import Skill, Work
 from pomona.skills.grip.hold import Hold
 from pomona.skills.shared.grip_view import show_grip
 
-STEADY = 0.3
-"""Time without a change of the lever after which the fruit hangs still [s]."""
-
-STILL = 0.0005
-"""Smallest change of the lever [m]."""
+STEADY = 0.3  # time without a change of the lever after which the fruit hangs still [s]
+STILL = 0.0005  # smallest change of the lever [m]
 
 
 class Pivot(Skill):

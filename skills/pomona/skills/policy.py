@@ -15,8 +15,7 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
 from pomona.skills.shared.policy_network import PolicyNetwork, UnusablePolicy, read_policy
 
-STILL = 0.5
-"""Time without a demanded motion after which a policy has arrived [s]."""
+STILL = 0.5  # time without a demanded motion after which a policy has arrived [s]
 
 
 class Policy(MovingSkill):

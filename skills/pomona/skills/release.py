@@ -32,21 +32,16 @@ from pomona.skills.shared.warm_motion import prepare_planning
 
 LOWERING = (0.5, 5.0)
 """Acceleration [m/s²] and jerk [m/s³] of lowering: with twice as much the inertia of the fruit resembles a contact."""
-RISING = (1.5, 15.0)
-"""Acceleration [m/s²] and jerk [m/s³] of the empty gripper's way up."""
-OPENING_SPEED = 0.05
-"""Of the fingers while they release the fruit [m/s]."""
+RISING = (1.5, 15.0)  # acceleration [m/s²] and jerk [m/s³] of the empty gripper's way up
+OPENING_SPEED = 0.05  # of the fingers while they release the fruit [m/s]
 SLOW_WITHIN = 0.015
 """Distance to the first contact at which lowering slows down [m]: more than the errors of the measured height and of
 the slip in the fingers together."""
 BESIDE = 0.005
 """Distance to the fruit's path below which an obstacle counts as the first contact [m]; farther walls are passed."""
-JOLTS = 3
-"""Jolts after which lowering goes on; with more the load is too restless to show a contact."""
-RESUMED = 2e-3
-"""Distance that is left below which lowering does not go on after a jolt [m]."""
-RELEASED_WIDTH = 0.02
-"""Width by which the fingers open beyond the fruit before they rise [m]."""
+JOLTS = 3  # jolts after which lowering goes on; with more the load is too restless to show a contact
+RESUMED = 2e-3  # distance that is left below which lowering does not go on after a jolt [m]
+RELEASED_WIDTH = 0.02  # width by which the fingers open beyond the fruit before they rise [m]
 
 
 class Release(MovingSkill):

@@ -26,14 +26,10 @@ from pomona.skills.shared.warm_motion import prepare_moving
 
 LATERAL_TOLERANCE = 0.015
 """How far from the approach line, or from the vertical above the grasp, the TCP still counts as on it [m]."""
-TILT_TOLERANCE = 0.2
-"""How far the gripper may be turned out of the grasp's orientation [rad]."""
-SUPPORTED = 3e-3
-"""A fruit that is held this little above where it was taken still stands on its support [m]."""
-OPENING_SPEED = 0.05
-"""Of the fingers [m/s]."""
-AT_GOAL = 1e-4
-"""Distance below which the tool is at its goal [m]."""
+TILT_TOLERANCE = 0.2  # how far the gripper may be turned out of the grasp's orientation [rad]
+SUPPORTED = 3e-3  # a fruit that is held this little above where it was taken still stands on its support [m]
+OPENING_SPEED = 0.05  # of the fingers [m/s]
+AT_GOAL = 1e-4  # distance below which the tool is at its goal [m]
 
 
 class StoppedAt(Enum):

@@ -23,8 +23,7 @@ from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.grasp_view import fruit_mesh, summary
 from pomona.skills.shared.usable_map import usable_field
 
-FINER = 2
-"""How often the sphere is sampled at half the spacing when nothing is left to try."""
+FINER = 2  # how often the sphere is sampled at half the spacing when nothing is left to try
 
 
 class Sampled(Outputs):

@@ -25,13 +25,11 @@ from pomona.skills.shared.grip_view import show_grip
 CLEARANCE = 0.008
 """Excess of the opening over the fruit at which a finger may touch: the fruit may lie off the centre [m]."""
 
-NARROWEST = 0.5
-"""Smallest width of a fruit between the fingers, relative to its smallest dimension."""
+NARROWEST = 0.5  # smallest width of a fruit between the fingers, relative to its smallest dimension
 
 GRAVITY = 9.81  # [m/s²]
 
-LIFTED = 1.1
-"""Factor on the weight in a lift of 1 m/s²."""
+LIFTED = 1.1  # factor on the weight in a lift of 1 m/s²
 
 
 class Grasped(Outputs):

@@ -13,8 +13,7 @@ from pomona.executive.values.image_bytes import is_cut_off
 
 IMAGE, COMPRESSED, INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/CameraInfo"
 
-MOST_PIXELS = 50_000_000
-"""Of an image that is decoded."""
+MOST_PIXELS = 50_000_000  # of an image that is decoded
 
 _COLOUR = {"rgb8": (3, (0, 1, 2)), "bgr8": (3, (2, 1, 0)), "rgba8": (4, (0, 1, 2)), "bgra8": (4, (2, 1, 0)),
            "mono8": (1, (0, 0, 0))}  # fmt: skip

@@ -20,8 +20,7 @@ from pomona.executive.values.units import LENGTH
 GROUP = "pomona.calibrate"
 
 LIVE_FRAMES = 20
-LIVE_TIMEOUT = 20.0
-"""Time limit for collecting the frames of a live camera [s]."""
+LIVE_TIMEOUT = 20.0  # time limit for collecting the frames of a live camera [s]
 
 
 def add(subparsers: Any) -> None:

@@ -51,10 +51,8 @@ from pomona.executive.values.kinds import MappingOf, Measure, Number, PathTo, Te
 from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import RATE, TIME
 
-START = 120.0
-"""The world must be ready within this time [s]."""
-ANSWER = 2.0
-"""Deadline for the world's score [s]."""
+START = 120.0  # the world must be ready within this time [s]
+ANSWER = 2.0  # deadline for the world's score [s]
 WIRES = ("arm", "controller", "gripper", "fingers", "camera")
 
 

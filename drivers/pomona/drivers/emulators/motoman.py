@@ -29,12 +29,10 @@ from pomona.drivers.motoman.codec import (
 )
 from pomona.executive.values.arrays import Float64
 
-START_TOLERANCE = 5e-4
-"""The first point must be this near to the arm [rad]."""
+START_TOLERANCE = 5e-4  # the first point must be this near to the arm [rad]
 OVERSPEED = 1.05
 STATE_PERIOD = 0.025
-SERVO_TIME = 0.2
-"""Time until the servos are on [s]; a real controller takes some seconds."""
+SERVO_TIME = 0.2  # time until the servos are on [s]; a real controller takes some seconds
 NEEDED = Valid.TIME | Valid.POSITION | Valid.VELOCITY
 
 

@@ -9,10 +9,8 @@ from pomona.drivers.emulators.server import Emulator
 from pomona.drivers.emulators.virtual_time import VirtualTime
 from pomona.drivers.faults import FaultSwitch
 
-LATE = 0.15
-"""Delay that the fault `late` adds to bytes for the driver [s]."""
-LOSS = 7
-"""Interval of lost bytes of the fault `lossy`, towards the driver."""
+LATE = 0.15  # delay that the fault `late` adds to bytes for the driver [s]
+LOSS = 7  # interval of lost bytes of the fault `lossy`, towards the driver
 
 
 class Pipe(FaultSwitch):

@@ -10,12 +10,9 @@ from pomona.drivers.emulators.server import Peer
 from pomona.drivers.suntouch.codec import REQUEST, TAXELS, encode
 from pomona.executive.values.arrays import Float64
 
-PITCH = 0.004
-"""Distance of neighbouring taxels [m]."""
-SPREAD = 0.006
-"""Width of the dent that a contact makes [m]."""
-NOISE = 4e-4
-"""Of every taxel [V]: half a step of the converter. No live sensor repeats a value."""
+PITCH = 0.004  # distance of neighbouring taxels [m]
+SPREAD = 0.006  # width of the dent that a contact makes [m]
+NOISE = 4e-4  # of every taxel [V]: half a step of the converter. No live sensor repeats a value.
 
 
 class Pad:

@@ -9,12 +9,9 @@ from pomona.drivers.emulators.wsg import WsgEmulator
 from pomona.drivers.faults import FaultSwitch
 from pomona.drivers.wsg.codec import Command, SystemState
 
-RUNAWAY = 0.02
-"""Speed of an opening without a command [m/s]."""
-HELD = 5
-"""Number of answers of a slow finger with one measurement: 100 Hz of 500 Hz."""
-RESTLESS = 0.2
-"""Jump of a restless taxel [V]: four times the threshold of a spike."""
+RUNAWAY = 0.02  # speed of an opening without a command [m/s]
+HELD = 5  # number of answers of a slow finger with one measurement: 100 Hz of 500 Hz
+RESTLESS = 0.2  # jump of a restless taxel [V]: four times the threshold of a spike
 
 GRIPPER: dict[str, dict[str, object]] = {
     "lost": {"silent": True},

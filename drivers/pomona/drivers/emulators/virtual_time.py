@@ -12,8 +12,7 @@ from collections.abc import Callable
 
 from pomona.executive.clock import Clock
 
-EPSILON = 1e-9
-"""Times that differ by less are the same [s]."""
+EPSILON = 1e-9  # times that differ by less are the same [s]
 POLLS = 100
 """Number of polls without time passing after which a thread waits for the next step, instead of polling for ever."""
 

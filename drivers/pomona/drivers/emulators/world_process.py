@@ -28,8 +28,7 @@ from pomona.drivers.sim.scene import TIMESTEP
 from pomona.drivers.sim.world import SimWorld
 from pomona.drivers.wire import raise_priority
 
-SLIP = 0.2
-"""A world that falls behind real time by more than this lets the time go [s]."""
+SLIP = 0.2  # a world that falls behind real time by more than this lets the time go [s]
 
 
 class _Control:

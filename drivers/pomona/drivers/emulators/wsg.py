@@ -27,8 +27,7 @@ from pomona.drivers.wsg.codec import (
 )
 from pomona.drivers.wsg.frame import FrameDecoder, encode_frame
 
-SCRIPT_WATCHDOG = 0.1
-"""The finger script stops the fingers when the speed is not renewed within this time [s]."""
+SCRIPT_WATCHDOG = 0.1  # the finger script stops the fingers when the speed is not renewed within this time [s]
 
 
 class WsgEmulator:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-PERIOD = 0.002
-"""Step of mock devices [s]."""
+PERIOD = 0.002  # step of mock devices [s]
 
 
 class MockClock:

@@ -14,8 +14,7 @@ from pomona.drivers.mock.gripper import MockGripper
 from pomona.drivers.streams import WrenchStream
 from pomona.executive.values.arrays import Float64
 
-Script = Callable[[float], Float64]
-"""Wrenches of both fingers, shape (2, 6), at a time [s]."""
+Script = Callable[[float], Float64]  # wrenches of both fingers, shape (2, 6), at a time [s]
 
 
 def spring_fruit(gripper: MockGripper, width: float, stiffness: float = 2000.0) -> Script:
@@ -29,8 +28,7 @@ def spring_fruit(gripper: MockGripper, width: float, stiffness: float = 2000.0) 
     return feel
 
 
-RIPPLE = 1e-13
-"""Of every sample, to either side [N, N·m]: no live sensor repeats a value to the last bit."""
+RIPPLE = 1e-13  # of every sample, to either side [N, N·m]: no live sensor repeats a value to the last bit
 
 
 class MockForceSensor(Device):

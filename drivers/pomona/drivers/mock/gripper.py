@@ -12,8 +12,7 @@ from pomona.drivers.mock.clock import PERIOD, MockClock
 
 LIMITS = GripperLimits(width_min=0.035, width_max=0.103, speed_max=0.2, force_max=20.0)
 WATCHDOG = 0.1
-ACCELERATION = 1e3
-"""Acceleration that the supervisor assumes [m/s²]: moves begin and end at once."""
+ACCELERATION = 1e3  # acceleration that the supervisor assumes [m/s²]: moves begin and end at once
 
 
 class MockMove:

@@ -18,10 +18,8 @@ from pomona.executive.values.kinds import Flag, Measure, PathTo, Text, Whole, Wo
 from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import TIME
 
-MOTION_PORT = 50240
-"""The state's port is the next one."""
-ORDERS: dict[str, Order] = {"fs100": ">", "dx100": "<", "dx200": "<", "yrc1000": "<"}
-"""Byte order of each controller."""
+MOTION_PORT = 50240  # the state's port is the next one
+ORDERS: dict[str, Order] = {"fs100": ">", "dx100": "<", "dx200": "<", "yrc1000": "<"}  # byte order of each controller
 SEVEN, SIX = tuple("SLEURBT"), tuple("SLURBT")
 """Joints of an arm by their names on the controller, in the order of the wire."""
 

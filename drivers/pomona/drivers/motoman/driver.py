@@ -27,12 +27,9 @@ from pomona.drivers.wire import Link, Nonsense
 from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import Float64
 
-RECONNECT = 0.5
-"""Pause between attempts to open lost connections again [s]."""
-SERVO_ON = 15.0
-"""Deadline of switching the servos on: the controller waits up to 5 s in each of its stages [s]."""
-FIRST_STATE = 1.0
-"""Deadline of the first feedback and status [s]."""
+RECONNECT = 0.5  # pause between attempts to open lost connections again [s]
+SERVO_ON = 15.0  # deadline of switching the servos on: the controller waits up to 5 s in each of its stages [s]
+FIRST_STATE = 1.0  # deadline of the first feedback and status [s]
 
 
 @dataclass(frozen=True, slots=True)

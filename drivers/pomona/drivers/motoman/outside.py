@@ -17,8 +17,7 @@ from pomona.drivers.motoman.codec import (
 )
 from pomona.drivers.wire import TcpLink
 
-ANSWER = 0.5
-"""Seconds within which the controller must connect, and must answer."""
+ANSWER = 0.5  # seconds within which the controller must connect, and must answer
 
 
 def stop(host: str, port: int, order: Order, group: int) -> None:

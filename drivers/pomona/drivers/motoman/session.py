@@ -24,8 +24,7 @@ from pomona.drivers.motoman.words import refusal
 from pomona.drivers.wire import Link, Malformed, Nonsense
 from pomona.executive.clock import Clock
 
-ANSWER = 0.25
-"""A command or a point that is not answered within this time means that the controller is lost [s]."""
+ANSWER = 0.25  # a command or a point that is not answered within this time means that the controller is lost [s]
 
 
 class ControllerSession:

@@ -18,12 +18,9 @@ from pomona.drivers.path_motion import PathMotion
 from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import Float64
 
-INTERPOLATION = 0.004
-"""Period of the controller's own interpolation, and of stepping the path here [s]."""
-BLEND = 0.3
-"""Time over which the distance between the path's start and the arm's true position is taken up [s]."""
-BUSY_PAUSE = 0.01
-"""Wait before a point that was answered BUSY is sent again [s]."""
+INTERPOLATION = 0.004  # period of the controller's own interpolation, and of stepping the path here [s]
+BLEND = 0.3  # time over which the distance between the path's start and the arm's true position is taken up [s]
+BUSY_PAUSE = 0.01  # wait before a point that was answered BUSY is sent again [s]
 GAP = 0.1
 """Gap between points after which a moving arm has come to rest [s]; continuing would be an unrequested start. A shorter
 gap is a jolt.

@@ -23,10 +23,8 @@ from pomona.drivers.streams import FrameGuard
 from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import UInt8
 
-RECONNECT = 1.0
-"""Pause between attempts to open a lost camera again [s]."""
-PIXELS = 16
-"""Stride in rows and columns of the pixels that are compared with the previous frame."""
+RECONNECT = 1.0  # pause between attempts to open a lost camera again [s]
+PIXELS = 16  # stride in rows and columns of the pixels that are compared with the previous frame
 
 
 class ImageSource(Protocol):

@@ -8,12 +8,9 @@ from collections.abc import Callable
 from pomona.drivers.realsense.source import Pair
 from pomona.executive.clock import Clock
 
-LATENCY = 0.035
-"""From exposure to arrival, where the camera's time cannot be compared with the host's clock [s]."""
-DRIFT = 2e-4
-"""The camera's counter and the host's clock drift apart by less than this."""
-STARTING = 0.5
-"""The first frames of a camera come late by less than this [s]."""
+LATENCY = 0.035  # from exposure to arrival, where the camera's time cannot be compared with the host's clock [s]
+DRIFT = 2e-4  # the camera's counter and the host's clock drift apart by less than this
+STARTING = 0.5  # the first frames of a camera come late by less than this [s]
 
 
 class Stamps:

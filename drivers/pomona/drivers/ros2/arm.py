@@ -33,14 +33,10 @@ from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import TIME
 
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
-SAY = 0.03
-"""Period of repeated set-points [s]: if several get lost, one arrives before the lead is over."""
-PATIENCE = 0.004
-"""The wire is waited for no longer than this at a time [s]."""
-HOLD = 0.05
-"""Time within which an arm that does not follow is commanded to its present position [s]."""
-FIRST = 3.0
-"""Deadline of the first joint state [s]."""
+SAY = 0.03  # period of repeated set-points [s]: if several get lost, one arrives before the lead is over
+PATIENCE = 0.004  # the wire is waited for no longer than this at a time [s]
+HOLD = 0.05  # time within which an arm that does not follow is commanded to its present position [s]
+FIRST = 3.0  # deadline of the first joint state [s]
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,8 +28,7 @@ from pomona.executive.values.kinds import Measure, Text
 from pomona.executive.values.sections import value
 from pomona.executive.values.units import TIME
 
-KEPT = 8
-"""Images of each topic that wait for their partner; of a flood, only the newest."""
+KEPT = 8  # images of each topic that wait for their partner; of a flood, only the newest
 
 
 class Topics(Protocol):

@@ -31,22 +31,15 @@ from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import FORCE, LENGTH, SPEED, TIME
 
 COMMAND = "std_msgs/msg/Float64MultiArray"
-PATIENCE = 0.004
-"""Receive timeout [s]."""
-SET_POINT_PERIOD = 0.01
-"""Period of the set-points while anything moves [s]."""
-REPEAT_PERIOD = 0.1
-"""Period at which a set-point that does not change is repeated [s], in case one was lost on the way."""
-ARRIVED = 1e-3
-"""Position tolerance: fingers this close to their target have arrived [m]."""
-BLOCKED = 0.2
-"""Fingers at rest off their target for this long, beyond the allowed lag, are blocked [s]."""
+PATIENCE = 0.004  # receive timeout [s]
+SET_POINT_PERIOD = 0.01  # period of the set-points while anything moves [s]
+REPEAT_PERIOD = 0.1  # period at which a set-point that does not change is repeated [s], in case one was lost on the way
+ARRIVED = 1e-3  # position tolerance: fingers this close to their target have arrived [m]
+BLOCKED = 0.2  # fingers at rest off their target for this long, beyond the allowed lag, are blocked [s]
 SPEED_WINDOW = 0.04
 """Without velocities on the topic, the speed is the difference over this window [s]: positions are quantised."""
-FIRST_STATE = 3.0
-"""Deadline for the first joint state [s]."""
-ACCELERATION = 1.0
-"""Assumed acceleration of the set-point for the supervisor [m/s²]; real fingers are quicker."""
+FIRST_STATE = 3.0  # deadline for the first joint state [s]
+ACCELERATION = 1.0  # assumed acceleration of the set-point for the supervisor [m/s²]; real fingers are quicker
 
 
 @dataclass(frozen=True, slots=True)

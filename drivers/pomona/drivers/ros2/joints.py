@@ -21,12 +21,10 @@ from pomona.executive.ros2.types import typestore
 from pomona.executive.values.arrays import Float64
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
-KEPT = 16
-"""Messages that wait to be read; of a flood, only the newest."""
+KEPT = 16  # messages that wait to be read; of a flood, only the newest
 LARGEST = 65536
 """Longer messages are not even read [bytes]: a joint takes some 60, and a megabyte takes longer than a step may."""
-EARLY = 0.02
-"""Stamps ahead of this machine's clock by more than this are wrong [s]."""
+EARLY = 0.02  # stamps ahead of this machine's clock by more than this are wrong [s]
 
 
 class RosNode(Protocol):

@@ -14,10 +14,8 @@ from pomona.drivers.ros2.joints import JointFeed
 from pomona.executive.clock import SystemClock
 from pomona.executive.ros2.peer import Ros2Peer
 
-DEADLINE = 2.5
-"""Seconds within which the joints must be seen at rest."""
-STILL = 0.1
-"""Time without motion after which the joints count as resting [s]."""
+DEADLINE = 2.5  # seconds within which the joints must be seen at rest
+STILL = 0.1  # time without motion after which the joints count as resting [s]
 
 
 def see_rest(address: str, states: str, joints: Sequence[str], slow: float) -> None:

@@ -17,12 +17,9 @@ from pomona.drivers.path_motion import PathMotion
 from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import Float64
 
-PERIOD = 0.01
-"""Time between the points of a message, which a controller joins by cubics [s]."""
-BLEND = 0.3
-"""Time over which the distance between the path's start and the arm's true position is taken up [s]."""
-LONGEST = 500
-"""Maximum number of points of a stopping path; five seconds, ten times the need of any arm."""
+PERIOD = 0.01  # time between the points of a message, which a controller joins by cubics [s]
+BLEND = 0.3  # time over which the distance between the path's start and the arm's true position is taken up [s]
+LONGEST = 500  # maximum number of points of a stopping path; five seconds, ten times the need of any arm
 
 
 class OutOfSetPointsError(DeviceFault):

@@ -17,19 +17,15 @@ from pomona.drivers.streamed_motion import StreamedMotion
 from pomona.drivers.trajectory import START_TOLERANCE, check_trajectory
 from pomona.executive.values.arrays import Float64
 
-AT_REST = 5e-3
-"""No joint moves faster than this when the arm rests [rad/s]."""
-PRESSES_FOR = 0.05
-"""Time beside the set-point of a stop after which the arm presses on an obstacle [s]."""
+AT_REST = 5e-3  # no joint moves faster than this when the arm rests [rad/s]
+PRESSES_FOR = 0.05  # time beside the set-point of a stop after which the arm presses on an obstacle [s]
 PRESSES_BEYOND = START_TOLERANCE / 2.0
 """Distance to the set-point of a stop beyond which the arm presses on an obstacle [rad]: half of the tolerance at the
 start of the next motion, since a pressed arm moves on a little as the obstacle yields (after a slow approach onto a
 fruit 2.0 mrad were left, and the path back was refused).
 """
-LIES = ("nan", "wild", "jump", "frozen")
-"""Faults of the arm's feedback, not of its motion."""
-JUMP = 0.6
-"""Step that the fault `jump` adds to the first joint's position [rad]."""
+LIES = ("nan", "wild", "jump", "frozen")  # faults of the arm's feedback, not of its motion
+JUMP = 0.6  # step that the fault `jump` adds to the first joint's position [rad]
 
 
 class SimArm(FaultyDevice):

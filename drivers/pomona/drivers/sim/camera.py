@@ -22,16 +22,14 @@ from pomona.drivers.sim.world import PhysicsWorld
 from pomona.drivers.streams import FrameGuard
 from pomona.executive.values.arrays import Float64, UInt8
 
-SILENCE = 0.5
-"""Time without a valid or new frame after which the camera is lost [s]; as for a real one."""
+SILENCE = 0.5  # time without a valid or new frame after which the camera is lost [s]; as for a real one
 LIES = {"old": -30.0, "early": 10.0, "repeated": 0.0, "depth_stale": 0.0}
 """Faults of a camera that goes on sending, and by how much its stamps are wrong [s]."""
 
 SHOWN, ASKED = 1.0, 2.0
 """Shortest time between two pictures for viewers, and for how long one is rendered after it was asked for [s]."""
 
-SILENT = ("freeze", "lost")
-"""Faults of a camera that sends nothing new."""
+SILENT = ("freeze", "lost")  # faults of a camera that sends nothing new
 
 
 class SimCamera(FaultyDevice):

@@ -13,13 +13,9 @@ import numpy as np
 from pomona.drivers.interfaces import Frame
 from pomona.executive.values.arrays import Float64
 
-SHIFT, TURN = 0.015, np.radians(3.0)
-"""Error of the camera's stated pose along and about each of its axes [m, rad]."""
-FOCAL, DEPTH = 0.05, 0.03
-"""Relative errors of the focal length and of the depth."""
-
-Change = Callable[[Frame, Frame], Frame]
-"""Maps a frame, and an earlier frame of the same size, to the delivered frame."""
+SHIFT, TURN = 0.015, np.radians(3.0)  # error of the camera's stated pose along and about each of its axes [m, rad]
+FOCAL, DEPTH = 0.05, 0.03  # relative errors of the focal length and of the depth
+Change = Callable[[Frame, Frame], Frame]  # maps a frame, and an earlier frame of the same size, to the delivered frame
 
 
 def _posed(axis: int, shift: float, turn: float) -> Change:

@@ -28,8 +28,7 @@ from pomona.executive.values.kinds import Counts, Measure, Row
 from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import FORCE, LENGTH, PIXELS, RATE, SPEED, TIME
 
-NO_WAY = 1e-6
-"""Two points no further apart give no direction [m]."""
+NO_WAY = 1e-6  # two points no further apart give no direction [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,18 +12,12 @@ import numpy as np
 from pomona.drivers.interfaces import WrenchSample
 from pomona.executive.values.arrays import Float64
 
-OFFSET = 1.0
-"""Of a channel that jumps [N]."""
-CLIPPED = 0.5
-"""Where a channel that clips has its end, unknown to its `saturated` flag [N]."""
-DRIFT = 0.5
-"""How fast a channel drifts [N/s]."""
-STEP = 0.5
-"""Of a force that is measured coarsely [N]."""
-COPIES = 10
-"""Number of successive samples with one measurement of slow fingers: 50 Hz of 500 Hz."""
-LATE, EARLY = 0.5, 10.0
-"""How old, and how far in the future, wrong stamps are [s]."""
+OFFSET = 1.0  # of a channel that jumps [N]
+CLIPPED = 0.5  # where a channel that clips has its end, unknown to its `saturated` flag [N]
+DRIFT = 0.5  # how fast a channel drifts [N/s]
+STEP = 0.5  # of a force that is measured coarsely [N]
+COPIES = 10  # number of successive samples with one measurement of slow fingers: 50 Hz of 500 Hz
+LATE, EARLY = 0.5, 10.0  # how old, and how far in the future, wrong stamps are [s]
 
 Lie = Callable[[WrenchSample, WrenchSample], WrenchSample]
 """Maps a sample, and the last one before the fault, to the delivered sample."""

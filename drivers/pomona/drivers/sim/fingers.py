@@ -18,8 +18,7 @@ from pomona.drivers.sim.world import PhysicsWorld
 from pomona.drivers.streams import SILENCE, Belief, WrenchStream
 from pomona.executive.values.arrays import Float64
 
-LEVER = 0.01
-"""Torque errors are the force errors at this lever [m]."""
+LEVER = 0.01  # torque errors are the force errors at this lever [m]
 _NOISE_ROWS = 8192
 
 

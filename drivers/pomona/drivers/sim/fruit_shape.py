@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from pomona.drivers.sim.fruit_model import read_model
 from pomona.executive.values.arrays import Float64
 
-APPLES = ("red", "striped", "yellow", "green")
-"""Skins that are drawn where none is asked for."""
+APPLES = ("red", "striped", "yellow", "green")  # skins that are drawn where none is asked for
 
 # ground colour, blush colour, how much of the skin is blushed
 SKINS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float], float]] = {
@@ -24,8 +23,7 @@ SKINS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float], f
     "lemon": ((0.88, 0.76, 0.16), (0.80, 0.66, 0.10), 0.30),
 }
 
-_TEXTURE = (128, 256)
-"""Rows from stem to calyx, columns around the axis."""
+_TEXTURE = (128, 256)  # rows from stem to calyx, columns around the axis
 
 
 @dataclass(frozen=True, slots=True, eq=False)

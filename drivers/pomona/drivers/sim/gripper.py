@@ -15,26 +15,17 @@ from pomona.drivers.sim.scene import TIMESTEP
 from pomona.drivers.sim.world import PhysicsWorld
 from pomona.drivers.watchdog import Watchdog
 
-ACCELERATION = 2.0
-"""Of the opening, during moves [m/s²]."""
-ARRIVED = 1e-4
-"""A move is done this near to its width [m]."""
-BLOCKED = 2e-3
-"""Fingers this far behind their set-point [m] …"""
-STANDING = 2e-3
-"""… that move slower than this [m/s] …"""
-PATIENCE = 0.05
-"""… for this long [s] are blocked."""
-STALE = 0.045
-"""A state that is older than this is none [s]; as of a WSG."""
+ACCELERATION = 2.0  # of the opening, during moves [m/s²]
+ARRIVED = 1e-4  # a move is done this near to its width [m]
+BLOCKED = 2e-3  # fingers this far behind their set-point [m] …
+STANDING = 2e-3  # … that move slower than this [m/s] …
+PATIENCE = 0.05  # … for this long [s] are blocked
+STALE = 0.045  # a state that is older than this is none [s]; as of a WSG
 RUNAWAY, FAST_STOP = 0.03, 0.2
 """Speed of runaway fingers [m/s], and time from a safe stop to the fast stop that ends it [s]."""
 
-ENCODER_NOISE = 2e-5
-"""Noise of a width that sticks [m]: without it each reading would repeat the last one exactly."""
-
-MOTOR_STEP = 0.5
-"""Step of the grip force by the motor's current [N]."""
+ENCODER_NOISE = 2e-5  # noise of a width that sticks [m]: without it each reading would repeat the last one exactly
+MOTOR_STEP = 0.5  # step of the grip force by the motor's current [N]
 
 
 ESTRANGED = "was lost; acknowledge the loss before it moves"

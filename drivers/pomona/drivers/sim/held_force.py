@@ -6,10 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-END = 0.1
-"""Length of the end of a grip [s]."""
-LEAST = 0.2
-"""Minimum grip force below which the ratio to it is not computed [N]."""
+END = 0.1  # length of the end of a grip [s]
+LEAST = 0.2  # minimum grip force below which the ratio to it is not computed [N]
 
 
 @dataclass(slots=True)

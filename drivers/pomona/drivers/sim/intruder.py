@@ -21,10 +21,8 @@ from pomona.executive.values.units import LENGTH, SPEED, TIME
 BODY = "intruder"
 PALM, FOREARM = (0.045, 0.020, 0.095), (0.040, 0.150)
 """Half axes of the hand, an ellipsoid; radius and half length of the forearm behind it, a capsule [m]: an adult's."""
-STILL = 0.02
-"""Speed of the joints below which the robot rests [rad/s]."""
-FAR = 1.0
-"""Distances are measured up to this [m]."""
+STILL = 0.02  # speed of the joints below which the robot rests [rad/s]
+FAR = 1.0  # distances are measured up to this [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -33,8 +33,7 @@ from pomona.executive.values.kinds import (
 from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import ANGLE, LENGTH, MASS
 
-FRICTION = (0.7, 0.9)
-"""Sliding friction between pads and skin, drawn for each run."""
+FRICTION = (0.7, 0.9)  # sliding friction between pads and skin, drawn for each run
 
 
 @dataclass(frozen=True, slots=True, eq=False)

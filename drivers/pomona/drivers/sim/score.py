@@ -12,21 +12,17 @@ from pomona.drivers.sim.robot import PADS
 from pomona.drivers.sim.scene import SimScene, container_of, fixed_names
 from pomona.executive.values.arrays import Float64
 
-LIFTED = 0.03
-"""A fruit counts as lifted this far above where it stood [m]."""
+LIFTED = 0.03  # a fruit counts as lifted this far above where it stood [m]
 CLEAR = 1e-3
 """A fruit hangs when nothing carries it and it has risen by more than this [m]: pads that rub make it hop by less."""
-TOUCH = 0.05
-"""A pad holds a fruit when it is pressed by more than this [N]."""
-REGAINED = 0.5
-"""A fruit that both pads touch again within this time is still in the same grip [s]."""
+TOUCH = 0.05  # a pad holds a fruit when it is pressed by more than this [N]
+REGAINED = 0.5  # a fruit that both pads touch again within this time is still in the same grip [s]
 SLID_OUT = 10e-3
 """Slip at the end of a grip beyond which the fruit is lost [m]; opening pads cause far less. It is also the distance
 from the gripped position at which the pads have released a fruit: a jolt interrupts stiff contacts for some
 milliseconds repeatedly without that.
 """
-REST = 3e-3
-"""The tool is at rest below this speed [m/s]."""
+REST = 3e-3  # the tool is at rest below this speed [m/s]
 
 
 @dataclass(slots=True)

@@ -11,14 +11,10 @@ from numpy.typing import NDArray
 from pomona.drivers.depth_model import SIMULATED, DepthModel
 from pomona.executive.values.arrays import Float32
 
-SUBPIXEL = 1.0 / 32.0
-"""Disparity is measured in steps of this [px] …"""
-DEPTH_UNIT = 1e-3
-"""… and depth is handed out in steps of this [m]."""
-CORRELATION = 1.3
-"""Noise is correlated over the matcher's window: deviation of the blur [px]."""
-GRAZING = 0.22
-"""Cosine between the surface's normal and the ray below which most of the depth is missing."""
+SUBPIXEL = 1.0 / 32.0  # disparity is measured in steps of this [px] …
+DEPTH_UNIT = 1e-3  # … and depth is handed out in steps of this [m]
+CORRELATION = 1.3  # noise is correlated over the matcher's window: deviation of the blur [px]
+GRAZING = 0.22  # cosine between the surface's normal and the ray below which most of the depth is missing
 
 
 @dataclass(frozen=True, slots=True)

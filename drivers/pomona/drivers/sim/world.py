@@ -17,8 +17,7 @@ from pomona.drivers.sim.scene import TIMESTEP, SimScene
 from pomona.drivers.sim.score import Scorer
 from pomona.executive.values.arrays import Float64
 
-SETTLING = 1.0
-"""Time for the objects on the table to come to rest before the run starts [s]."""
+SETTLING = 1.0  # time for the objects on the table to come to rest before the run starts [s]
 
 
 class SimClock:

@@ -18,8 +18,7 @@ REQUEST = b"a"
 TAXELS = 25
 SIZE = 2 * TAXELS
 COUNTS = 4096
-VOLTS = 3.3
-"""A reading is 12 bits over this range [V]; the upper four bits mean nothing."""
+VOLTS = 3.3  # a reading is 12 bits over this range [V]; the upper four bits mean nothing
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -21,8 +21,7 @@ from pomona.executive.values.kinds import Measure, PathTo, Text
 from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import RATE, TIME
 
-BAUDS = ("1000000", "500000", "115200")
-"""Baud rates of the fingers [bit/s]."""
+BAUDS = ("1000000", "500000", "115200")  # baud rates of the fingers [bit/s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

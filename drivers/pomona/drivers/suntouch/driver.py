@@ -28,16 +28,11 @@ from pomona.drivers.suntouch.spike_filter import JUMP
 from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import Float64
 
-RECONNECT = 0.5
-"""Pause between attempts to open a lost finger again [s]."""
-FIRST_SAMPLE = 1.0
-"""Deadline of the first sample after opening [s]."""
-ANSWER = 0.004
-"""Deadline of an answer [s]; a late answer is still a sample, but after this time the line is restarted."""
-CATCH_UP = 2
-"""Periods that this thread may oversleep and still ask for each of them, one right after the other."""
-DROPPED, AVERAGED = 10, 100
-"""Samples left out before and taken for the bias."""
+RECONNECT = 0.5  # pause between attempts to open a lost finger again [s]
+FIRST_SAMPLE = 1.0  # deadline of the first sample after opening [s]
+ANSWER = 0.004  # deadline of an answer [s]; a late answer is still a sample, but after this time the line is restarted
+CATCH_UP = 2  # periods that this thread may oversleep and still ask for each of them, one right after the other
+DROPPED, AVERAGED = 10, 100  # samples left out before and taken for the bias
 
 
 class SunTouchFingers(Device):

@@ -13,8 +13,7 @@ from pomona.drivers.wire import Link, Malformed
 from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import Float64
 
-FLUSHING = 0.004
-"""Longest time for which a line that is out of step is emptied [s]; an answer takes 0.5 ms at 1 Mbaud."""
+FLUSHING = 0.004  # longest time for which a line that is out of step is emptied [s]; an answer takes 0.5 ms at 1 Mbaud
 
 
 class Finger:

@@ -17,15 +17,11 @@ from pomona.executive.values.arrays import Float64
 from pomona.executive.values.plain_arrays import read_plain_arrays
 from pomona.executive.values.plain_text import read_plain_text
 
-KEPT_ASIDE = 0.2
-"""Share of the recording, in blocks, on which the error is measured."""
+KEPT_ASIDE = 0.2  # share of the recording, in blocks, on which the error is measured
 BLOCKS = 50
-STEPS = 10
-"""Steps of L-BFGS in an epoch."""
-_PATIENCE = 10 * STEPS
-"""Steps without a lower error after which the fit ends."""
-MOST_BYTES = 1 << 28
-"""Of a recording as text; twenty thousand samples have 10 MB."""
+STEPS = 10  # steps of L-BFGS in an epoch
+_PATIENCE = 10 * STEPS  # steps without a lower error after which the fit ends
+MOST_BYTES = 1 << 28  # of a recording as text; twenty thousand samples have 10 MB
 
 
 class UnusableRecording(DriverError):

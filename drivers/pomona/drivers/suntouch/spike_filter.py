@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-JUMP = 0.05
-"""A taxel that changes by more than this between neighbouring readings is a spike [V]."""
+JUMP = 0.05  # a taxel that changes by more than this between neighbouring readings is a spike [V]
 
 
 class SpikeFilter:

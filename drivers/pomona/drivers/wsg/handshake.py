@@ -24,8 +24,7 @@ from pomona.drivers.wsg.codec import (
 from pomona.drivers.wsg.session import GripperSession
 
 ANSWER = 0.5
-HOMING = 20.0
-"""Deadlines of a request of the handshake, and of homing [s]."""
+HOMING = 20.0  # deadlines of a request of the handshake, and of homing [s]
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,16 +22,11 @@ from pomona.drivers.wsg.handshake import WsgIdentity, WsgOptions, shake_hands
 from pomona.drivers.wsg.session import GripperSession
 from pomona.executive.clock import Clock
 
-RECONNECT = 0.5
-"""Pause between attempts to reconnect [s]."""
-STREAM_PERIOD = 0.018
-"""Shortest period of the speed set-points [s]: the finger script manages about 50 Hz."""
-PATIENCE = 0.002
-"""Receive timeout [s]: posted calls wait meanwhile."""
-GRACE = 0.3
-"""Time that the gripper has to clear its fault after an acknowledgement [s]."""
-STOPPING = 0.2
-"""Deadline for coming to rest after a stop [s]: braking from 0.2 m/s at 2 m/s² takes 0.1 s."""
+RECONNECT = 0.5  # pause between attempts to reconnect [s]
+STREAM_PERIOD = 0.018  # shortest period of the speed set-points [s]: the finger script manages about 50 Hz
+PATIENCE = 0.002  # receive timeout [s]: posted calls wait meanwhile
+GRACE = 0.3  # time that the gripper has to clear its fault after an acknowledgement [s]
+STOPPING = 0.2  # deadline for coming to rest after a stop [s]: braking from 0.2 m/s at 2 m/s² takes 0.1 s
 
 ARRIVED, ARRIVAL = 2e-3, 0.1
 """Position tolerance at the end of a move [m], and the deadline for measuring it [s]: updates take 10 ms."""

@@ -13,8 +13,7 @@ from pomona.drivers.wsg.codec import Command, Plain, decode_reply, encode
 from pomona.drivers.wsg.frame import FrameDecoder
 from pomona.drivers.wsg.transport import CanLink
 
-ANSWER = 0.5
-"""Seconds within which the gripper must connect, and must answer."""
+ANSWER = 0.5  # seconds within which the gripper must connect, and must answer
 
 
 def stop(host: str, port: int) -> None:

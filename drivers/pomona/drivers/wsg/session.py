@@ -10,10 +10,8 @@ from pomona.drivers.wsg.codec import Command, Reply, Request, Status, decode_rep
 from pomona.drivers.wsg.frame import FrameDecoder
 from pomona.executive.clock import Clock
 
-ANSWER = 0.1
-"""A request that is not answered within this time means that the gripper is lost [s]."""
-QUIET = 0.02
-"""Time without a byte after which an unfinished frame is dropped [s]."""
+ANSWER = 0.1  # a request that is not answered within this time means that the gripper is lost [s]
+QUIET = 0.02  # time without a byte after which an unfinished frame is dropped [s]
 
 
 class GripperSession:

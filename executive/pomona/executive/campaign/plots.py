@@ -36,8 +36,7 @@ _STYLE = {
     "axes.axisbelow": True,
     "grid.color": LINE,
 }
-_WIDTH = 9.6
-"""Of a figure [in]."""
+_WIDTH = 9.6  # of a figure [in]
 
 
 class Plot:

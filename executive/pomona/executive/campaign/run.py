@@ -25,13 +25,11 @@ from pomona.executive.source_commit import commit_here
 from pomona.executive.values.file_locks import lock
 
 RESULTS = "results.jsonl"
-RUN_LIMIT = 600.0
-"""Seconds after which a run's process is killed and the run counted as an error."""
+RUN_LIMIT = 600.0  # seconds after which a run's process is killed and the run counted as an error
 
 INTERRUPTED = "interrupted"
 
-FORMAT = 2
-"""Of a line: since 2 it has a checksum."""
+FORMAT = 2  # of a line: since 2 it has a checksum
 _KINDS: Mapping[str, type] = {
     "name": str, "arm": str, "varied": dict, "number": int, "fingerprint": str, "outcome": str
 }  # fmt: skip

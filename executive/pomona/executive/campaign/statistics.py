@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-BOOTSTRAP = 2000
-"""Resamples of a median's interval, always drawn with the same seed."""
+BOOTSTRAP = 2000  # resamples of a median's interval, always drawn with the same seed
 FEWEST = 5
 """Runs from which a mean or median has an interval and a box: of fewer an interval is wider than the question."""
 

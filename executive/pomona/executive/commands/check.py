@@ -19,8 +19,7 @@ from pomona.executive.terminal.filtered import write_json
 from pomona.executive.values.findings import Finding, Findings, Source, format_findings, mended, place_of, said
 from pomona.executive.values.yaml_nodes import YamlMapping, read_yaml
 
-MOST_ROUNDS = 20
-"""Times that a file is mended and checked again: one mistake may hide the next."""
+MOST_ROUNDS = 20  # times that a file is mended and checked again: one mistake may hide the next
 _ROOT = re.compile(r"^root\s*:", re.MULTILINE)
 
 

@@ -112,8 +112,7 @@ def make_access(options: argparse.Namespace) -> Access:
     )
 
 
-CLOSING = 4.0
-"""Seconds for which the next start waits until the last run's cell is closed."""
+CLOSING = 4.0  # seconds for which the next start waits until the last run's cell is closed
 
 
 class PageOfRuns(Protocol):

@@ -20,8 +20,7 @@ from pomona.executive.values.installation import elsewhere
 from pomona.executive.values.piece import Piece
 
 GROUP = "pomona.new"
-KINDS_ELSEWHERE = ("cell", "driver", "fruit")
-"""Kinds of the distribution `pomona` that the executive alone lacks."""
+KINDS_ELSEWHERE = ("cell", "driver", "fruit")  # kinds of the distribution `pomona` that the executive alone lacks
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 

@@ -16,8 +16,7 @@ from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.summary import Summary
 from pomona.executive.values.kinds import Number
 
-SLOWEST, FASTEST = 1e-3, 1e3
-"""Range of `--speed`: seconds of the run per second of the clock."""
+SLOWEST, FASTEST = 1e-3, 1e3  # range of `--speed`: seconds of the run per second of the clock
 
 
 def add(subparsers: Any) -> None:

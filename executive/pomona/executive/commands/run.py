@@ -35,8 +35,7 @@ from pomona.executive.terminal.screen import Screen, stay_open
 if TYPE_CHECKING:
     from pomona.executive.interop.live import Live
 
-WAITING = 0.05
-"""Time between two looks for a page [s]."""
+WAITING = 0.05  # time between two looks for a page [s]
 
 EXIT = {"success": 0, "failure": 1, "stopped": 3, "error": 3}
 

@@ -13,8 +13,7 @@ from pomona.executive.language.documents import read_document, refuse_errors
 from pomona.executive.registry import Registry
 from pomona.executive.terminal.screen import Screen
 
-LOOK_EVERY = 0.3
-"""Seconds between two looks at the file."""
+LOOK_EVERY = 0.3  # seconds between two looks at the file
 
 
 def run_on_save(

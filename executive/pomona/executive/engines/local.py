@@ -15,8 +15,7 @@ from pomona.executive.engine import ONE_THREAD, RENEWED_AFTER, TRIES, Engine, Or
 from pomona.executive.errors import UsageError
 from pomona.executive.running.compute import Worker
 
-SAFE_LIMIT = 5.0
-"""Seconds that an order's process has to end its run in the safe state before it is killed."""
+SAFE_LIMIT = 5.0  # seconds that an order's process has to end its run in the safe state before it is killed
 
 
 @dataclass(slots=True)

@@ -16,8 +16,7 @@ from pomona.executive.engine import ONE_THREAD, RENEWED_AFTER, TRIES, Engine, Or
 from pomona.executive.errors import UsageError
 from pomona.executive.extras import need
 
-LOOK = 1.0
-"""Time limits are looked at this often [s]."""
+LOOK = 1.0  # time limits are looked at this often [s]
 
 
 @dataclass(slots=True)

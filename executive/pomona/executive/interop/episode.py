@@ -22,8 +22,7 @@ from pomona.executive.recording.well_known import DEPTH, IMAGES
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.image_bytes import size_of_image
 
-SAME = 1e-6
-"""Seconds within which two times are one: a stamp in a record has six decimals."""
+SAME = 1e-6  # seconds within which two times are one: a stamp in a record has six decimals
 
 
 @dataclass(frozen=True, slots=True, eq=False)

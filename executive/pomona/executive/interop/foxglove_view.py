@@ -19,8 +19,7 @@ from pomona.executive.views import ImageView
 EXTRA = "foxglove"
 PORT = 8765
 HOST = "127.0.0.1"
-BACKLOG = 256
-"""Messages that wait for a slow viewer; of more, the oldest are dropped."""
+BACKLOG = 256  # messages that wait for a slow viewer; of more, the oldest are dropped
 
 KEPT = (SCENE_UPDATE.name, CAMERA_CALIBRATION.name, "foxglove.CompressedImage", "foxglove.PointCloud")
 """Latched topics: a later subscriber receives the newest message."""

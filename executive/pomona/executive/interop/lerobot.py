@@ -22,20 +22,13 @@ from pomona.executive.recording.new_place import made_whole
 
 EXTRA = "lerobot"
 VERSION = "v3.0"
-RATE = 10
-"""Default step rate [1/s]."""
-MOST = 1000
-"""Steps a second: no device of a record measures more often."""
-
-CHUNK = 1000
-"""Files in a folder."""
-ROWS = 200
-"""Of a group in a table: a look that many steps share is stored once in each group."""
+RATE = 10  # default step rate [1/s]
+MOST = 1000  # steps a second: no device of a record measures more often
+CHUNK = 1000  # files in a folder
+ROWS = 200  # of a group in a table: a look that many steps share is stored once in each group
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
-DICTIONARY = 64 << 20
-"""Bytes of the distinct images of a group that are stored once each."""
-STATED_LOOKS, STATED_STEP = 10, 4
-"""Images and pixels of them from which their statistics are made."""
+DICTIONARY = 64 << 20  # bytes of the distinct images of a group that are stored once each
+STATED_LOOKS, STATED_STEP = 10, 4  # images and pixels of them from which their statistics are made
 
 STATE, WRENCH, ACTION = "observation.state", "observation.wrench", "action"
 COLOUR, DEPTH = "observation.images.camera", "observation.depth.camera"

@@ -29,10 +29,8 @@ logger = logging.getLogger(__name__)
 
 EVERY = 0.01
 """Seconds between two looks into the queue: waking up for every event would cost the tick more. A picture wakes it."""
-MOST = 2000
-"""Events that wait; some seconds of a run."""
-CLOSING = 2.0
-"""Time for the remaining events at the end [s]."""
+MOST = 2000  # events that wait; some seconds of a run
+CLOSING = 2.0  # time for the remaining events at the end [s]
 
 
 class Sink(Protocol):

@@ -31,13 +31,9 @@ from pomona.executive.terminal.explain import explain
 from pomona.executive.values.image_bytes import size_of_image
 from pomona.executive.views import TableView
 
-LOOKS = 2
-"""The newest pictures of a failed run that are shown beside others."""
-MOST_PICTURES = 24
-"""Of one run, the newest."""
-
-MOST_PICTURE_BYTES = 20_000_000
-"""Of the run's own picture."""
+LOOKS = 2  # the newest pictures of a failed run that are shown beside others
+MOST_PICTURES = 24  # of one run, the newest
+MOST_PICTURE_BYTES = 20_000_000  # of the run's own picture
 
 _STYLE = """body{font:16px/1.5 system-ui,sans-serif;max-width:78rem;margin:2rem auto;padding:0 1rem;color:#222}
 section{border-top:1px solid #ccc;margin-top:2rem}code{background:#eee;padding:0 .3em}p.about,figcaption{color:#666}

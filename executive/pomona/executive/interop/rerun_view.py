@@ -19,8 +19,7 @@ from pomona.executive.recording.well_known import SERIES_TOPIC
 from pomona.executive.views import ImageView
 
 EXTRA = "rerun"
-VIEWER = "rerun+http://127.0.0.1:9876/proxy"
-"""Where Rerun's viewer listens."""
+VIEWER = "rerun+http://127.0.0.1:9876/proxy"  # where Rerun's viewer listens
 _LEVELS = {2: "INFO", 3: "WARN", 4: "ERROR"}
 
 

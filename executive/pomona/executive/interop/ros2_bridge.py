@@ -27,17 +27,11 @@ from pomona.executive.views import ImageView
 
 ACT, RUN_TREE = "pomona_msgs/srv/Act", "pomona_msgs/action/RunTree"
 ACTIONS = ("take", "release", "pause", "resume", "step", "stop", "speed", "safe_stop", "acknowledge")
-AGAIN = 1.0
-"""Period of the diagnostics, for late subscribers [s]."""
-EXECUTING, SUCCEEDED, CANCELED, ABORTED = 2, 4, 5, 6
-"""action_msgs/GoalStatus."""
-MOST_NAME = 60
-"""Letters of an operator's name, as for the page."""
-MOST_WAITING = 64
-"""Requests for a goal's result that are kept; of more, the oldest get none."""
-
-Starts = Callable[[dict[str, Any]], str]
-"""Begins the run that a form describes, as the dashboard's page fills it in."""
+AGAIN = 1.0  # period of the diagnostics, for late subscribers [s]
+EXECUTING, SUCCEEDED, CANCELED, ABORTED = 2, 4, 5, 6  # action_msgs/GoalStatus
+MOST_NAME = 60  # letters of an operator's name, as for the page
+MOST_WAITING = 64  # requests for a goal's result that are kept; of more, the oldest get none
+Starts = Callable[[dict[str, Any]], str]  # begins the run that a form describes, as the dashboard's page fills it in
 
 
 @dataclass(slots=True)

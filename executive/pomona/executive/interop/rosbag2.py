@@ -15,8 +15,7 @@ from pomona.executive.recording.new_place import made_whole
 from pomona.executive.recording.scan import require_valid, scan
 from pomona.executive.ros2.types import EXTRA, coder, typestore
 
-VERSION = 9
-"""Of the bag's metadata: ROS 2 Jazzy and later."""
+VERSION = 9  # of the bag's metadata: ROS 2 Jazzy and later
 
 
 def export_rosbag2(record: Path, folder: Path) -> Mapping[str, str]:

@@ -26,12 +26,10 @@ STATUS_PERIOD = SECOND // 10
 TRACE_PERIOD, TRACE_POINTS = SECOND, 1000
 """Period of the executed path [ns], and the most points published of it: it grows with every sample."""
 
-LEVELS = {2: 20, 3: 30, 4: 40}
-"""Log levels, Foxglove's to ROS 2's: info, warning, error."""
+LEVELS = {2: 20, 3: 30, 4: 40}  # log levels, Foxglove's to ROS 2's: info, warning, error
 
 _STATUS = {"INVALID": 1, "RUNNING": 2, "SUCCESS": 3, "FAILURE": 4}
-_KIND = {"sequence": 2, "fallback": 3, "parallel": 4, "choose": 5}
-"""py_trees_ros_interfaces/Behaviour: status and type."""
+_KIND = {"sequence": 2, "fallback": 3, "parallel": 4, "choose": 5}  # py_trees_ros_interfaces/Behaviour: status and type
 
 
 class RosMessage(NamedTuple):
@@ -247,8 +245,7 @@ class _TreeStatus:
 
 # ------------------------------------------------------------------------------- what other tools draw of a run
 
-Translated = Iterator[tuple[str, str, int, Mapping[str, Any]]]
-"""Topic, type, stamp [ns since 1970], fields."""
+Translated = Iterator[tuple[str, str, int, Mapping[str, Any]]]  # topic, type, stamp [ns since 1970], fields
 
 
 def _transforms(_name: str, content: Mapping[str, Any], at: int) -> Translated:

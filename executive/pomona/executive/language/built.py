@@ -13,8 +13,7 @@ from pomona.executive.nodes import Attempt, Retry
 from pomona.executive.nodes.question import Question
 from pomona.executive.skill import Skill
 
-Side = Literal["before", "after"]
-"""Of a node: where a breakpoint holds the tick."""
+Side = Literal["before", "after"]  # of a node: where a breakpoint holds the tick
 
 
 @dataclass(frozen=True, slots=True)

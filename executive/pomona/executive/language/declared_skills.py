@@ -29,8 +29,7 @@ from pomona.executive.ports import REQUIRED, Port, Ports, Quantity
 from pomona.executive.registry import GROUP, Registry, replacements
 from pomona.executive.skill import Skill
 
-VERSION = 5
-"""Of the file's form."""
+VERSION = 5  # of the file's form
 
 _PLAIN: Mapping[str, type[Any]] = {
     cls.__name__: cls for cls in (bool, int, float, str, object, list, tuple, dict, bytes, type(None))

@@ -9,16 +9,12 @@ from xml.sax.saxutils import escape
 from pomona.executive.language.model import Document
 from pomona.executive.language.outline import DrawnNode, outline
 
-NAME, SMALL = 13.0, 10.5
-"""Font sizes of names, and of ports and modifiers [px]."""
-WIDE = 0.58
-"""Mean width of a character over the font's size; DejaVu Sans, a wide one, has 0.57."""
+NAME, SMALL = 13.0, 10.5  # font sizes of names, and of ports and modifiers [px]
+WIDE = 0.58  # mean width of a character over the font's size; DejaVu Sans, a wide one, has 0.57
 MOST_NAME, MOST_PORTS, MOST_MODIFIER = 34, 46, 30
 """Characters that are drawn; the rest stands in the node's title, which browsers show under the pointer."""
-PADDING, GAP, STEP = 10.0, 10.0, 36.0
-"""Inside a box, between two branches, and between a box and its children [px]."""
-LINE, PORTS_LINE, PILL = 26.0, 14.0, 16.0
-"""Heights of a box with a name, of its line of ports, and of a modifier [px]."""
+PADDING, GAP, STEP = 10.0, 10.0, 36.0  # inside a box, between two branches, and between a box and its children [px]
+LINE, PORTS_LINE, PILL = 26.0, 14.0, 16.0  # heights of a box with a name, of its line of ports, and of a modifier [px]
 MARGIN = 12.0
 INK, MUTED, RULE = "#1a1e23", "#5b6470", "#8b95a1"
 

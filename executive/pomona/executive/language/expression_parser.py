@@ -31,8 +31,7 @@ from pomona.executive.language.expression import (
 )
 from pomona.executive.ports import QUANTITIES, Quantity
 
-OR, AND, NOT, COMPARISON, SUM, PRODUCT = range(1, 7)
-"""How tightly operators bind."""
+OR, AND, NOT, COMPARISON, SUM, PRODUCT = range(1, 7)  # how tightly operators bind
 _COMPARISONS = ("==", "!=", "<", "<=", ">", ">=", "in", "not")
 _BINDS = {
     "or": OR, "and": AND, **dict.fromkeys(_COMPARISONS, COMPARISON), "+": SUM, "-": SUM, "*": PRODUCT,

@@ -23,8 +23,7 @@ from pomona.executive.reasons import NoValue
 Getter = Callable[[], Any]
 
 
-GetterOf = Callable[[str], Getter]
-"""Returns the getter of a name; the getter raises NoValue without a value."""
+GetterOf = Callable[[str], Getter]  # returns the getter of a name; the getter raises NoValue without a value
 
 _ARITHMETIC: Mapping[str, Callable[[Any, Any], Any]] = {
     "+": operator.add,

@@ -33,8 +33,7 @@ from pomona.executive.language.value_types import (
 from pomona.executive.ports import Quantity
 from pomona.executive.values.findings import Instead, did_you_mean
 
-MAX_TOLD = 8
-"""Fields that a message lists."""
+MAX_TOLD = 8  # fields that a message lists
 
 
 class TypeScope(Protocol):

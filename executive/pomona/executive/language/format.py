@@ -19,8 +19,7 @@ from pomona.executive.errors import PomonaError
 
 STEP = 2
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-_TIMED = frozenset(["wait", "timeout", "delay", "cooldown", "within"])
-"""Words whose value is a time."""
+_TIMED = frozenset(["wait", "timeout", "delay", "cooldown", "within"])  # words whose value is a time
 
 _JOINED = re.compile(r"^(\d+(?:\.\d+)?)(ms|s|min|h)$")
 _OPENS = (yaml.FlowMappingStartToken, yaml.FlowSequenceStartToken)

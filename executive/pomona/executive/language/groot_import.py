@@ -28,8 +28,7 @@ _PRECONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")
 """In the order in which BehaviorTree.CPP evaluates them."""
 _AFTERWARDS = ("_onSuccess", "_onFailure", "_post")
 _KEY = re.compile(r"\{\w+\}")
-MAX_INLINED = 10_000
-"""Most nodes in inlined subtrees; as many as can run."""
+MAX_INLINED = 10_000  # most nodes in inlined subtrees; as many as can run
 _SAME_FAILURE: Words = {"fail": {"code": "{failure.code}", "message": "{failure.message}"}}
 """Fails with the code and message of the last failure."""
 

@@ -33,8 +33,7 @@ NEEDED = {
 }  # fmt: skip
 """An attribute without which a node of BehaviorTree.CPP does not run, by its name."""
 
-LITERAL = "yaml:"
-"""Marks a list or mapping in an attribute: BehaviorTree.CPP would take braces for a blackboard key."""
+LITERAL = "yaml:"  # marks a list or mapping in an attribute: BehaviorTree.CPP would take braces for a blackboard key
 
 
 def tree_names(trees: Iterable[str], types: NodeTypes) -> dict[str, str]:

@@ -10,8 +10,7 @@ from pomona.executive.nodes.calls import SUBTREE
 from pomona.executive.nodes.node_type import NodeType
 from pomona.executive.values.yaml_nodes import written
 
-MOST_NODES = 20_000
-"""Number of nodes beyond which subtrees are not drawn."""
+MOST_NODES = 20_000  # number of nodes beyond which subtrees are not drawn
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,8 +14,7 @@ from pomona.executive.skill import Skill
 from pomona.executive.values.kinds import bounds_schema, quantity_schema
 
 _NAME = "^[a-z][a-z0-9_]*$"
-WIRE = r"\{"
-"""Any text with a brace is an expression; the check reads it."""
+WIRE = r"\{"  # any text with a brace is an expression; the check reads it
 
 Schema = dict[str, Any]
 

@@ -24,8 +24,7 @@ from pomona.executive.values.units import is_within
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
 
 _IN_BRACES = re.compile(r"\{\s*([A-Za-z_][A-Za-z0-9_]*)")
-ALWAYS_POSSIBLE = frozenset({"BAD_VALUE"})
-"""Codes with which any node may fail that computes a value."""
+ALWAYS_POSSIBLE = frozenset({"BAD_VALUE"})  # codes with which any node may fail that computes a value
 
 
 @dataclass(slots=True, eq=False)

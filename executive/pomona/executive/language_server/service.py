@@ -64,8 +64,7 @@ SUBTREE = {
     "description": "description for readers",
     "file": "another file",
 }
-MAX_BESIDE = 200
-"""Files in the folder of a renamed one that are searched for callers."""
+MAX_BESIDE = 200  # files in the folder of a renamed one that are searched for callers
 _PATH = re.compile(r"\s*([A-Za-z_]\w*)((?:\.\w+|\[[^\]]*\])*)\.\w*$")
 _CODES = re.compile(r"failure\.codes?\s*(?:==|!=|in|not in)\s*\[?[^\]]*$")
 

@@ -33,8 +33,7 @@ from pomona.executive.nodes.turns import PipelineSequenceType, RoundRobinType
 from pomona.executive.nodes.untranslated import UntranslatedType
 from pomona.executive.nodes.working import BreakpointType, DisabledType
 
-GROUP = "pomona.nodes"
-"""Entry point group of node types: word → class."""
+GROUP = "pomona.nodes"  # entry point group of node types: word → class
 
 BUILTIN: tuple[type[NodeType], ...] = (
     SequenceType, ReactiveSequenceType, SequenceWithMemoryType, FallbackType, ReactiveFallbackType, ParallelType,
@@ -45,8 +44,7 @@ BUILTIN: tuple[type[NodeType], ...] = (
 )  # fmt: skip
 """Modifiers stand in the order in which they wrap, from the inside to the outside."""
 
-RESERVED = frozenset({"name", "description", "skill", "subtree"})
-"""Words that mean something else in every node."""
+RESERVED = frozenset({"name", "description", "skill", "subtree"})  # words that mean something else in every node
 
 
 class NodeTypeError(PomonaError):

@@ -22,8 +22,7 @@ from pomona.executive.values.findings import Findings
 from pomona.executive.values.yaml_nodes import YamlNode, YamlScalar
 
 Entry = tuple[YamlScalar, YamlNode]
-Words = dict[str, Any]
-"""A node of a tree file as plain values, ready to be written."""
+Words = dict[str, Any]  # a node of a tree file as plain values, ready to be written
 
 Before = TypeVar("Before", contravariant=True)
 After = TypeVar("After", covariant=True)

@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 Codes = frozenset[str]
 NO_CODES: Codes = frozenset()
-UNKNOWN = "?"
-"""Stands for the codes of a skill or subtree that cannot be looked up: it may fail with any."""
+UNKNOWN = "?"  # stands for the codes of a skill or subtree that cannot be looked up: it may fail with any
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,8 +98,7 @@ class Names:
 
 
 _EVERY_BIT = -1
-ALL = Names(None)
-"""Stands for an end that cannot be reached."""
+ALL = Names(None)  # stands for an end that cannot be reached
 
 
 class Ends(NamedTuple):

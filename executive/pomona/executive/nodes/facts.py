@@ -12,10 +12,8 @@ from dataclasses import dataclass
 from pomona.executive.values.findings import Located
 
 Plain = bool | int | float | str
-MAX_CASES = 32
-"""Maximum number of cases to analyse; a condition with more is assumed to be possible."""
-MAX_FACTS = 20
-"""Facts about the same names that are looked at together; the newest stay."""
+MAX_CASES = 32  # maximum number of cases to analyse; a condition with more is assumed to be possible
+MAX_FACTS = 20  # facts about the same names that are looked at together; the newest stay
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +55,7 @@ class Possible:
         return over and (value < self.high if self.below else value <= self.high)
 
 
-Case = Mapping[str, Possible]
-"""Facts that hold together, by their subject."""
+Case = Mapping[str, Possible]  # facts that hold together, by their subject
 
 
 @dataclass(frozen=True, slots=True)

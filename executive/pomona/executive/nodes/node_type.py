@@ -47,8 +47,7 @@ from pomona.executive.values.findings import Findings
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
 
 Schema = dict[str, Any]
-Role = Literal["composite", "leaf", "modifier"]
-"""Where a type may stand."""
+Role = Literal["composite", "leaf", "modifier"]  # where a type may stand
 
 
 class Stage(IntEnum):

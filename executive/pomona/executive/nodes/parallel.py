@@ -25,8 +25,7 @@ from pomona.executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
 from pomona.executive.nodes.node_type import Composite
 from pomona.executive.values.yaml_nodes import YamlList, YamlScalar
 
-MOST_CHOICES = 1_000
-"""Choices of children that the check follows; of more, the first stand for all."""
+MOST_CHOICES = 1_000  # choices of children that the check follows; of more, the first stand for all
 
 
 class Parallel(Branch):

@@ -24,8 +24,7 @@ from pomona.executive.running.events import Event
 _EVENTS = {c.__name__: c for c in vars(events).values() if isinstance(c, type) and issubclass(c, Event)}
 _VIEWS = {c.__name__: c for c in vars(views).values() if isinstance(c, type) and dataclasses.is_dataclass(c)}
 
-MOST_NODES = 20_000
-"""Largest tree that is read [nodes]."""
+MOST_NODES = 20_000  # largest tree that is read [nodes]
 
 
 class ForeignRecordError(PomonaError):

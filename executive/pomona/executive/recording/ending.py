@@ -16,8 +16,7 @@ from pomona.executive.recording.plain_file import open_plain
 from pomona.executive.running.supervise import REPORT
 
 ENDING_FILE = "ending.json"
-LENGTH = 1024
-"""Size of the file, filled with spaces [bytes]."""
+LENGTH = 1024  # size of the file, filled with spaces [bytes]
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
 
 

@@ -20,12 +20,10 @@ EVENTS_FILE = "run.mcap"
 EVENTS = "/events"
 DEVICES = "/devices/"
 
-NAME_BYTES = 120
-"""Part of the tree's name in the folder's name [bytes]; file systems allow 255."""
+NAME_BYTES = 120  # part of the tree's name in the folder's name [bytes]; file systems allow 255
 
 
-PROBE = 4096
-"""Size of the trial before a run: one block of a file system [bytes]."""
+PROBE = 4096  # size of the trial before a run: one block of a file system [bytes]
 
 
 class RecordError(UsageError):

@@ -21,8 +21,7 @@ from pomona.executive.recording.json_text import parse
 from pomona.executive.recording.order import in_order
 
 INDEX_FILE = "index.sqlite"
-PATIENCE = 2.0
-"""Longest wait for another process that writes the index [s]."""
+PATIENCE = 2.0  # longest wait for another process that writes the index [s]
 
 MIGRATIONS: tuple[str, ...] = (
     """

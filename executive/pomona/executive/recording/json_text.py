@@ -10,11 +10,8 @@ from typing import Any
 
 import orjson
 
-MOST_DEPTH = 200
-"""Deepest nesting of objects and lists. A chain of reasons needs two levels per node up the tree."""
-
-LONGEST = 1e12
-"""Largest valid time, of a run or since 1970 [s]: 30 000 years."""
+MOST_DEPTH = 200  # deepest nesting of objects and lists. A chain of reasons needs two levels per node up the tree.
+LONGEST = 1e12  # largest valid time, of a run or since 1970 [s]: 30 000 years
 
 _STRINGS = re.compile(rb'"(?:[^"\\]|\\.)*"', re.DOTALL)
 _HUGE = re.compile(rb"[eE]\+?\d{3}")

@@ -30,8 +30,7 @@ from mcap.stream_reader import CRCValidationError, breakup_chunk, get_chunk_data
 from pomona.executive.errors import PomonaError, UsageError
 
 MAGIC = b"\x89MCAP0\r\n"
-HEAD = struct.Struct("<BQ")
-"""Start of every record in the file: opcode and number of the following bytes."""
+HEAD = struct.Struct("<BQ")  # start of every record in the file: opcode and number of the following bytes
 
 LIBRARY = "pomona 2"
 """Library in the header of files of this recorder: all checksums are present, all messages are in indexed chunks."""
@@ -39,8 +38,7 @@ LIBRARY = "pomona 2"
 MOST_BYTES = 256_000_000
 """Largest record that is read [bytes]. Chunks of a recorder are below 2 MB, or as large as one published message."""
 
-MOST_MESSAGE = MOST_BYTES - 1_000_000
-"""Largest message that is written [bytes]: its chunk also holds earlier messages."""
+MOST_MESSAGE = MOST_BYTES - 1_000_000  # largest message that is written [bytes]: its chunk also holds earlier messages
 
 MOST_GROWTH, FREE_GROWTH = 200, 16_000_000
 """Largest size of a decompressed chunk: per compressed byte, and in addition [bytes]. JSON shrinks to a twentieth."""

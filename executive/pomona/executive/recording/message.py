@@ -18,8 +18,7 @@ VIEW, PART = 4_000_000, 48
 """Largest array that is written out, in a view and in other values [elements]. 48 covers poses, covariances and joints;
 the joint solutions of thirty candidates would be half of a pick's record."""
 
-Key = tuple[str, ...]
-"""Kind of a message, or of its view, and its subject."""
+Key = tuple[str, ...]  # kind of a message, or of its view, and its subject
 
 
 def message_of(event: Event, views: int = VIEW) -> dict[str, Any]:

@@ -13,8 +13,7 @@ from pomona.executive.recording.ending import read_ending
 
 T = TypeVar("T", str, int)
 
-MOST = 2**53
-"""Limit of valid numbers."""
+MOST = 2**53  # limit of valid numbers
 
 
 def next_number(root: Path) -> int:

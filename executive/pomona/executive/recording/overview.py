@@ -18,20 +18,11 @@ from pomona.executive.recording.extremes import Extremes
 from pomona.executive.recording.message import Key, key_of
 
 OVERVIEW = "overview.ndjson"
-WHOLE, WHOLE_BYTES = 20_000, 10_000_000
-"""A record with at most this number of events, or bytes, is its own overview."""
-
-PARTS = 2_000
-"""Largest number of parts of the time; beyond it, two parts become one."""
-
-SHORTEST = 0.05
-"""Length of a part at first [s]."""
-
-_LONGEST = 1e9
-"""Longest run [s]."""
-
-MOST_BYTES = 64_000_000
-"""Largest overview [bytes]. A record with a larger one has none, and is read whole."""
+WHOLE, WHOLE_BYTES = 20_000, 10_000_000  # a record with at most this number of events, or bytes, is its own overview
+PARTS = 2_000  # largest number of parts of the time; beyond it, two parts become one
+SHORTEST = 0.05  # length of a part at first [s]
+_LONGEST = 1e9  # longest run [s]
+MOST_BYTES = 64_000_000  # largest overview [bytes]. A record with a larger one has none, and is read whole.
 
 STANDING = frozenset(("PortWritten", "ImageView", "SceneView", "BodiesView", "TableView", "ProgressView"))
 """Kinds of messages that are valid until the next one of their key; the overview keeps their place."""

@@ -17,20 +17,14 @@ from pomona.executive.reasons import Reason, latest_leaf
 from pomona.executive.running.events import Event, NodeChanged, Published, RunEnded, RunStarted
 from pomona.executive.views import ImageView, SceneView, SeriesView
 
-MILLI = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
-"""Units of small quantities in plots, and their number per SI unit."""
+MILLI = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}  # units of small quantities in plots, and their number per SI unit
 
 KINDS = {"N": "force", "N·m": "torque", "m": "length", "m/s": "speed", "rad": "angle", "s": "time"}
 """Axis labels for several quantities of one unit."""
 
-GAP = 0.5
-"""Longest time between two samples of one curve [s]."""
-
-MOST_REASON = 150
-"""Longest reason under the title [characters]."""
-
-MOST_LABELS = 8
-"""Largest number of entries of a legend."""
+GAP = 0.5  # longest time between two samples of one curve [s]
+MOST_REASON = 150  # longest reason under the title [characters]
+MOST_LABELS = 8  # largest number of entries of a legend
 
 
 class Picture:

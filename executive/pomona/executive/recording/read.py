@@ -21,10 +21,8 @@ from pomona.executive.running.events import Event, Published
 from pomona.executive.values.image_bytes import size_of_image
 from pomona.executive.views import ImageView
 
-MOST_PIXELS = 50_000_000
-"""Largest image that is decoded [pixels]: a few kilobytes may decode to gigabytes."""
-MOST_WAITING = 64
-"""Largest number of images without their events."""
+MOST_PIXELS = 50_000_000  # largest image that is decoded [pixels]: a few kilobytes may decode to gigabytes
+MOST_WAITING = 64  # largest number of images without their events
 
 
 def read_events(record: Path) -> Iterator[Event]:

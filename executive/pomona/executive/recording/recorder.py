@@ -47,17 +47,10 @@ from pomona.executive.values.file_locks import lock
 from pomona.executive.values.sentences import sentence_of
 from pomona.executive.views import ImageView, SeriesView
 
-BATCH = 0.1
-"""Time between two writes [s]; a killed process loses the events of this time."""
-
-CHUNK_BYTES = 65_536
-"""Largest chunk, except for one large message [bytes]: a damaged byte makes one chunk unreadable."""
-
-_BUFFER = 1 << 20
-"""Write buffer, flushed with every batch [bytes]."""
-
-_DECIMALS = 6
-"""Decimals of a reading: micrometres, microradians, micronewtons."""
+BATCH = 0.1  # time between two writes [s]; a killed process loses the events of this time
+CHUNK_BYTES = 65_536  # largest chunk, except for one large message [bytes]: a damaged byte makes one chunk unreadable
+_BUFFER = 1 << 20  # write buffer, flushed with every batch [bytes]
+_DECIMALS = 6  # decimals of a reading: micrometres, microradians, micronewtons
 
 
 class Recorder:

@@ -37,8 +37,7 @@ from pomona.executive.recording.recorder import new_writer
 from pomona.executive.recording.scan import REPAIR, examine
 from pomona.executive.running.events import RunEnded, RunStarted
 
-EVENT_START = b'{"event":"'
-"""Start of every message on `/events`: it identifies a channel whose declaration was lost."""
+EVENT_START = b'{"event":"'  # start of every message on `/events`: it identifies a channel whose declaration was lost
 
 
 @dataclass(frozen=True, slots=True)

@@ -48,13 +48,11 @@ from pomona.executive.recording.mcap_file import (
 )
 from pomona.executive.recording.plain_file import open_plain
 
-REPAIR = "pomona.repair"
-"""Name of the metadata that lists the parts that a repair could not save."""
+REPAIR = "pomona.repair"  # name of the metadata that lists the parts that a repair could not save
 
 REMEDY = "`pomona runs repair` saves the undamaged parts"
 
-_TAIL = HEAD.size + 20 + len(MAGIC)
-"""Size of the footer with the closing magic [bytes]."""
+_TAIL = HEAD.size + 20 + len(MAGIC)  # size of the footer with the closing magic [bytes]
 
 
 class DamagedRecordError(UsageError):

@@ -12,8 +12,7 @@ from pomona.executive.recording.order import in_order
 from pomona.executive.recording.read import read_events
 from pomona.executive.running.events import HandChanged, NodeChanged, RunStarted
 
-RECOVERY = "recover"
-"""Name of the tree that recovers a cell after a run that was cut off."""
+RECOVERY = "recover"  # name of the tree that recovers a cell after a run that was cut off
 
 
 @dataclass(frozen=True, slots=True)

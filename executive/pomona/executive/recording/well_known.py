@@ -48,8 +48,7 @@ from pomona.executive.running.events import (
 from pomona.executive.values.rotations import to_quaternion
 from pomona.executive.views import BodiesView, ImageView, Mesh3, Points3, PosesView, SceneView, SeriesView
 
-Message = tuple[str, Schema, dict[str, Any]]
-"""Topic, schema and content of one message."""
+Message = tuple[str, Schema, dict[str, Any]]  # topic, schema and content of one message
 
 SERIES_TOPIC = "/series/"
 INTERVENTIONS = "/interventions"
@@ -86,10 +85,8 @@ def well_known(event: Event, stamp: int) -> Iterator[Message]:
         yield "/log", LOG, {"timestamp": at, "level": level, "message": message, "name": name, "file": "", "line": 0}
 
 
-IMAGES = "/images/"
-"""Topics of colour images; the image of an event precedes the event."""
-DEPTH = "/depth/"
-"""Topics of its depth, between the two."""
+IMAGES = "/images/"  # topics of colour images; the image of an event precedes the event
+DEPTH = "/depth/"  # topics of its depth, between the two
 
 
 class Images:
@@ -112,10 +109,8 @@ class Images:
             yield f"{DEPTH}{topic}", COMPRESSED_IMAGE, _image(stamp, frame, _text(to_png(millimetres, LEVEL)), "png")
 
 
-QUALITY = 90
-"""Quality of JPEG."""
-LEVEL = 1
-"""Compression level of PNG: the fastest, since the recorder shares the processor with the run."""
+QUALITY = 90  # quality of JPEG
+LEVEL = 1  # compression level of PNG: the fastest, since the recorder shares the processor with the run
 
 
 def samples(topic: str, view: SeriesView) -> Iterator[Message]:

@@ -23,21 +23,16 @@ from pomona.executive.ros2.types import EXTRA, coder, typestore
 
 logger = logging.getLogger(__name__)
 
-ADDRESS = "127.0.0.1:7447"
-"""Where rmw_zenoh looks for a router."""
+ADDRESS = "127.0.0.1:7447"  # where rmw_zenoh looks for a router
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
-QOS = "::,10:,:,:,,"
-"""As rmw_zenoh writes it: reliable, volatile, the last ten."""
+QOS = "::,10:,:,:,,"  # as rmw_zenoh writes it: reliable, volatile, the last ten
 QUEUE, PATIENCE = 16, 50_000
 """Batches that wait for a link, and microseconds before a message is dropped; Zenoh's own are 2 and 1000."""
 _HEAD = struct.Struct("<qqB")
 
 Reply = Callable[[Mapping[str, Any]], None]
-Handler = Callable[[Any, Reply], None]
-"""Receives a request and the function that answers it with fields, now or later."""
-
-WAITING = 16
-"""Requests to a service that wait to be handled; more are refused at once."""
+Handler = Callable[[Any, Reply], None]  # receives a request and the function that answers it with fields, now or later
+WAITING = 16  # requests to a service that wait to be handled; more are refused at once
 
 
 class Ros2Peer:

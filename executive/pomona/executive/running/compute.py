@@ -24,15 +24,11 @@ from pomona.executive.running.signals import WORDS
 from pomona.executive.running.traces import keep_place, place_of, traceback_of
 from pomona.executive.values.sentences import sentence_of
 
-COMPUTING = "pomona-compute"
-"""Prefix of the names of the threads."""
-
-NICENESS = 10
-"""Of computations, beside 0 of the tick. On two busy processors the tick was up to 14 ms late without it."""
+COMPUTING = "pomona-compute"  # prefix of the names of the threads
+NICENESS = 10  # of computations, beside 0 of the tick. On two busy processors the tick was up to 14 ms late without it.
 
 
-ORPHAN_LIMIT = 15.0
-"""Seconds that a run has to end in its safe state when the process that wanted it is gone."""
+ORPHAN_LIMIT = 15.0  # seconds that a run has to end in its safe state when the process that wanted it is gone
 
 
 class WorkerDied(PomonaError):

@@ -18,8 +18,7 @@ from pomona.executive.skill import Computation, Interrupted, Skill, Work
 
 T = TypeVar("T")
 
-HALT_TIMEOUT = 10.0
-"""Time on the run's clock within which an interrupted skill must have halted [s]."""
+HALT_TIMEOUT = 10.0  # time on the run's clock within which an interrupted skill must have halted [s]
 
 
 class RunContext:

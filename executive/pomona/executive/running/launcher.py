@@ -20,14 +20,12 @@ from collections.abc import Callable
 
 from pomona.executive.running.signals import REPORT, WORDS, report_to
 
-LEFT = 3
-"""Exit status of a command whose process ended with 0 before the command did."""
+LEFT = 3  # exit status of a command whose process ended with 0 before the command did
 
 HEARD = 0.05
 """Time in which the child takes a signal that was sent to the whole group [s]; then the signal is passed on."""
 
-ECHO = 0.5
-"""Time within which the same signal is one request [s]: `timeout` sends it to a process and to its group."""
+ECHO = 0.5  # time within which the same signal is one request [s]: `timeout` sends it to a process and to its group
 
 _LEFT_WORDS = b"""the process of the run ended with status 0 before the run did: no success.
 It was replaced (os.exec), or a skill or a library ended it. The record, if any, is cut off there.
@@ -35,16 +33,14 @@ It was replaced (os.exec), or a skill or a library ended it. The record, if any,
 
 _FOLLOWED = frozenset({*WORDS, getattr(signal, "SIGCHLD", signal.SIGTERM)})
 _END = 0
-_DEATH_SIGNAL = 1
-"""PR_SET_PDEATHSIG of Linux' prctl."""
+_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of Linux' prctl
 
 
 LOOKS, APART = 5, 0.1
 """Number of successive checks, with their distance [s], that must show a stopped launcher: one that a shell stops and
 continues together with its run is stopped for a moment longer than the run."""
 
-_launcher: int | None = None
-"""Process id of the launcher of this process."""
+_launcher: int | None = None  # process id of the launcher of this process
 
 
 class LauncherWatch:

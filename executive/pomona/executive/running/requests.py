@@ -15,8 +15,7 @@ from pomona.executive.running.breakpoints import BREAK_ACTIONS, Breakpoints
 from pomona.executive.running.cell import Cell
 from pomona.executive.speed import SpeedRefusedError, cannot_slow, checked_speed
 
-LATE = 2.0
-"""Age on the wall clock from which a request that starts motion is rejected as unexpected [s]."""
+LATE = 2.0  # age on the wall clock from which a request that starts motion is rejected as unexpected [s]
 
 SETS_IN_MOTION = ("resume", "step", "answer")
 """Actions that are carried out within `LATE` and for the pause or question that they name, or not at all."""

@@ -60,12 +60,10 @@ if TYPE_CHECKING:  # small commands do not load numpy
 
 logger = logging.getLogger(__name__)
 
-STOP_LIMIT = 10.0
-"""Seconds of the cell's clock that a stop may take before it becomes a safe stop."""
+STOP_LIMIT = 10.0  # seconds of the cell's clock that a stop may take before it becomes a safe stop
 
 
-SETTLING = 2.0
-"""Settle time of devices after the tree has ended [s of the cell's clock]; longer motion is an error."""
+SETTLING = 2.0  # settle time of devices after the tree has ended [s of the cell's clock]; longer motion is an error
 
 READINESS = 1.0
 """Seconds that a simulated cell runs on before an acknowledgement, so that repaired connections are open again."""
@@ -83,8 +81,7 @@ BLOCKED = 1.0
 """Wall-clock seconds that a tick may take on a simulated clock before it is reported: no timeout can interrupt it."""
 
 
-Build = Callable[[RunContext, Board], BuiltTree]
-"""Makes a tree that is bound to a run."""
+Build = Callable[[RunContext, Board], BuiltTree]  # makes a tree that is bound to a run
 
 
 class Runner(Requests):

@@ -34,14 +34,9 @@ if hasattr(signal, "SIGHUP"):  # Windows has none
     WORDS[signal.SIGHUP] = "the terminal was closed (SIGHUP)"
 """Description of each signal in messages."""
 
-STUCK = 1.0
-"""Time after which a signal has visibly had no effect: the next one interrupts a call that hangs [s]."""
-
-AGAIN = 0.1
-"""Seconds after which a signal that was swallowed comes again."""
-
-CLOSING = 5.0
-"""Seconds for which closing the record and the cell is not disturbed."""
+STUCK = 1.0  # time after which a signal has visibly had no effect: the next one interrupts a call that hangs [s]
+AGAIN = 0.1  # seconds after which a signal that was swallowed comes again
+CLOSING = 5.0  # seconds for which closing the record and the cell is not disturbed
 
 
 REPORT = struct.Struct("<Bd")
@@ -99,11 +94,8 @@ def signalled(error: BaseException) -> KeyboardInterrupt | None:
     return below
 
 
-_raised: int | None = None
-"""The signal that `raising` has raised; if it is still set, no code has handled it."""
-
-_came = False
-"""Whether any signal was raised since `raising` began."""
+_raised: int | None = None  # the signal that `raising` has raised; if it is still set, no code has handled it
+_came = False  # whether any signal was raised since `raising` began
 
 
 @contextmanager

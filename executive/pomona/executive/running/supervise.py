@@ -23,22 +23,16 @@ from typing import Any
 
 from pomona.executive.running.signals import WORDS
 
-STOPPING = 3.0
-"""Seconds for which each device is tried again: its old connection may have to be noticed as gone first."""
-
-AGAIN = 0.05
-"""Seconds between two tries."""
-
-REPORT = "supervisor.json"
-"""File in the record's folder: actions of the supervisor and their reasons."""
+STOPPING = 3.0  # seconds for which each device is tried again: its old connection may have to be noticed as gone first
+AGAIN = 0.05  # seconds between two tries
+REPORT = "supervisor.json"  # file in the record's folder: actions of the supervisor and their reasons
 
 LOOKS = 20
 """Polls within the deadline. A late poll counts as one, so that a stall of the whole computer does not count as a
 missed heartbeat.
 """
 
-PRIORITY = -10
-"""Requested niceness: stopping devices has priority over computations."""
+PRIORITY = -10  # requested niceness: stopping devices has priority over computations
 
 
 @dataclass(frozen=True)

@@ -24,11 +24,8 @@ from pomona.executive.running.launcher import LauncherWatch
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.supervise import PRIORITY
 
-READY = 60.0
-"""Seconds that the process may take to be ready."""
-
-GOODBYE = 5.0
-"""Seconds that it may take to end."""
+READY = 60.0  # seconds that the process may take to be ready
+GOODBYE = 5.0  # seconds that it may take to end
 
 
 LATE = 0.5
@@ -36,8 +33,7 @@ LATE = 0.5
 was far too busy, 0.10 s with the priority that a run asks for."""
 
 
-UNANSWERED = 10
-"""Unanswered heartbeats from which the supervisor counts as lost; fewer may be a stall of the computer."""
+UNANSWERED = 10  # unanswered heartbeats from which the supervisor counts as lost; fewer may be a stall of the computer
 
 
 class NoSupervisorError(UsageError):

@@ -12,8 +12,7 @@ from types import FrameType
 
 import py_trees
 
-LONGEST = 16_000
-"""Characters of a traceback that are kept: of an endless recursion the beginning and the end."""
+LONGEST = 16_000  # characters of a traceback that are kept: of an endless recursion the beginning and the end
 
 _HERE = str(Path(__file__).parents[1]) + os.sep
 _PY_TREES = str(Path(py_trees.__file__).parent) + os.sep

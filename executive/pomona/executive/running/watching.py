@@ -17,8 +17,7 @@ from pomona.executive.running.cell import Cell
 logger = logging.getLogger(__name__)
 
 GROUP = "pomona.watchers"
-EVERY = 0.1
-"""Seconds of the cell's clock between two looks."""
+EVERY = 0.1  # seconds of the cell's clock between two looks
 
 
 class Watcher(Protocol):

@@ -31,8 +31,7 @@ from pomona.executive.terminal.words import at_place, figure, headline, seconds
 from pomona.executive.values.failure_codes import failure_codes
 
 ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
-BLOCKED = 0.5
-"""Wait within a tick from which it is reported [s]."""
+BLOCKED = 0.5  # wait within a tick from which it is reported [s]
 
 
 def did_not_work(overrun: TickOverran) -> bool:
@@ -40,8 +39,7 @@ def did_not_work(overrun: TickOverran) -> bool:
     return overrun.worked is not None and overrun.worked < 0.5 * overrun.duration
 
 
-MOST_ATTEMPTS = 4
-"""Maximum number of attempts to list; of more, the first and the last are listed."""
+MOST_ATTEMPTS = 4  # maximum number of attempts to list; of more, the first and the last are listed
 
 
 def explain(

@@ -20,8 +20,7 @@ from pomona.executive.running.requests import AnswerRefusedError
 from pomona.executive.running.runner import Runner
 from pomona.executive.terminal.screen import Screen
 
-LOOK = 0.1
-"""Longest wait for input before the thread checks whether the run has ended [s]."""
+LOOK = 0.1  # longest wait for input before the thread checks whether the run has ended [s]
 WHO = "terminal"
 
 

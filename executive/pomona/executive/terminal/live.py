@@ -27,10 +27,8 @@ from pomona.executive.terminal.filtered import visible
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import ICONS, STYLES, say, seconds
 
-REFRESH = 0.08
-"""Seconds between two drawings."""
-PATIENCE = 5.0
-"""Preparation time after which a message is printed even where the display cannot be redrawn [s]."""
+REFRESH = 0.08  # seconds between two drawings
+PATIENCE = 5.0  # preparation time after which a message is printed even where the display cannot be redrawn [s]
 
 
 class LiveTree:

@@ -59,8 +59,7 @@ def figure(name: str, value: Any) -> str:
     return f"{said} {UNITS[unit]}" if unit else said
 
 
-MOST_FIGURES = 5
-"""Figures of a world's score that a summary shows."""
+MOST_FIGURES = 5  # figures of a world's score that a summary shows
 
 
 def headline(truth: Mapping[str, Any], most: int = MOST_FIGURES) -> list[str]:

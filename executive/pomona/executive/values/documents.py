@@ -14,8 +14,7 @@ from pomona.executive.values.reading import Reader, Refused
 from pomona.executive.values.shape import shape_of
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar, read_yaml
 
-MAX_INCLUDES = 8
-"""A file may include one that includes another, so deep."""
+MAX_INCLUDES = 8  # a file may include one that includes another, so deep
 _INCLUDE = "a file, or a block of one (sim.yaml#world), whose entries hold where this mapping has none of its own"
 
 

@@ -251,13 +251,11 @@ def _close_to(word: str, candidates: tuple[str, ...]) -> str:
     return Instead(f"did you mean '{best}'?", word, best)
 
 
-MAX_WORD = 60
-"""Characters of a word for which one that was meant is looked for."""
+MAX_WORD = 60  # characters of a word for which one that was meant is looked for
 MAX_COMPARED = 20_000
 """Words that are compared in one reading, about a second's work (30 000 unknown keys took 20 s without it)."""
 MAX_EXCERPT = 160
-MAX_SHOWN = 200
-"""Findings that are written out; who has more mends the first ones first."""
+MAX_SHOWN = 200  # findings that are written out; who has more mends the first ones first
 
 
 def place_of(finding: Finding) -> str:

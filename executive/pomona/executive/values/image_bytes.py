@@ -5,8 +5,7 @@ from __future__ import annotations
 import struct
 
 _SCAN, _END = 0xDA, 0xD9
-_ALONE = (0x01, *range(0xD0, 0xD8))
-"""Markers that no length follows."""
+_ALONE = (0x01, *range(0xD0, 0xD8))  # markers that no length follows
 
 
 def is_cut_off(content: bytes) -> bool:
@@ -32,8 +31,7 @@ def is_cut_off(content: bytes) -> bool:
             data = marker == _SCAN
 
 
-FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-"""Markers of segments that hold the image's size."""
+FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # markers of segments that hold the image's size
 PNG = b"\x89PNG\r\n\x1a\n"
 
 

@@ -21,8 +21,7 @@ T = TypeVar("T")
 Schema = dict[str, Any]
 
 _WHOLE = re.compile(r"\s*[-+]?\d{1,18}(\.0*)?\s*", re.ASCII)
-OPTION: Schema = {"type": "string", "pattern": r"\{[^{}]+\}"}
-"""A scalar with a placeholder for an option."""
+OPTION: Schema = {"type": "string", "pattern": r"\{[^{}]+\}"}  # a scalar with a placeholder for an option
 
 
 class Kind(ABC, Generic[T]):

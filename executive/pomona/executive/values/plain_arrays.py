@@ -8,8 +8,7 @@ from zipfile import ZipFile
 
 import numpy as np
 
-MOST_BYTES = 1 << 30
-"""Of all arrays of one file, unpacked: an hour of two fingers at 500 Hz is 0.4 of it."""
+MOST_BYTES = 1 << 30  # of all arrays of one file, unpacked: an hour of two fingers at 500 Hz is 0.4 of it
 
 
 class UnreadableArraysError(ValueError):

@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 
 from pomona.executive.values.findings import Edit, Findings, Source, Spot
 
-MAX_DEPTH = 80
-"""Levels of lists and mappings in one file."""
+MAX_DEPTH = 80  # levels of lists and mappings in one file
 TOO_DEEP = f"nested more than {MAX_DEPTH} levels deep"
 _FLOW = re.compile(r"""(?<!\w)"(?:\\.|[^"\\])*(?:"|\Z)|(?<!\w)'(?:''|[^'])*(?:'|\Z)|(?<!\S)#.*|[\[\]{}]""")
 """A quoted scalar (closed or not), a comment, or a bracket of a flow collection."""

@@ -27,8 +27,7 @@ from pomona.skills.grip.errors import GripError, GuidanceEnded
 from pomona.skills.grip.guided import GuidedPushes
 from pomona.skills.grip.limit_surface import SoftContact
 
-GRASP_FORCE = Measure(FORCE, "0.6 N", "15 N")
-"""At which pushes may be made."""
+GRASP_FORCE = Measure(FORCE, "0.6 N", "15 N")  # at which pushes may be made
 
 
 def add(kinds: Any) -> None:

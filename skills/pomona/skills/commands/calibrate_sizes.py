@@ -34,8 +34,7 @@ much (52 calipered apples).
 
 MOST_TIMES = 2.0
 """A caliper and a camera that differ by more than this factor do not measure the same thing, or not in millimetres."""
-MOST_APART = 0.05
-"""Calipers give a fruit's size the same in all of its rows, but for this share."""
+MOST_APART = 0.05  # calipers give a fruit's size the same in all of its rows, but for this share
 
 
 MOST_UNLIKE = 0.12

@@ -25,18 +25,14 @@ if TYPE_CHECKING:
     from pomona.skills.perception.detection.found_fruit import FoundFruit
 
 ENDINGS = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
-DEPTH = "_depth_mm.png"
-"""Of an RGB-D frame, beside its colour: no picture to find fruit in."""
+DEPTH = "_depth_mm.png"  # of an RGB-D frame, beside its colour: no picture to find fruit in
 TABLE = "found.csv"
 COLUMNS = ("picture", "fruit", "score", "left_px", "top_px", "width_px", "height_px", "visible")
-MOST = 200
-"""Places that are looked at closely in one picture."""
-COLOUR = (46, 176, 255)
-"""Of boxes and numbers, BGR: `pomona.executive.palette.OVERLAY["found"]`."""
+MOST = 200  # places that are looked at closely in one picture
+COLOUR = (46, 176, 255)  # of boxes and numbers, BGR: `pomona.executive.palette.OVERLAY["found"]`
 
 
-Search = Callable[[UInt8], "Sequence[FoundFruit | ScoredBox]"]
-"""Finds the fruit in a picture (h, w, 3) uint8 RGB."""
+Search = Callable[[UInt8], "Sequence[FoundFruit | ScoredBox]"]  # finds the fruit in a picture (h, w, 3) uint8 RGB
 
 
 class UnusableInput(Exception):

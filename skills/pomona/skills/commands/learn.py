@@ -19,8 +19,7 @@ from pomona.executive.values.arrays import Float64
 from pomona.executive.views import ImageView
 from pomona.skills.perception.training.proposals import RecordedLook
 
-PICKED_BY = "Lift"
-"""Skill whose success means that the chosen fruit is in the hand."""
+PICKED_BY = "Lift"  # skill whose success means that the chosen fruit is in the hand
 
 RECORDS = Path("runs")
 

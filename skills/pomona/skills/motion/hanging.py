@@ -17,18 +17,14 @@ from pomona.skills.motion.robot import RobotModel, nearest_solution
 from pomona.skills.motion.straight_line import straight_line
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 
-STEM = 0.025
-"""Length of an apple's stem above its cavity [m]; the simulated wall draws 15 to 35 mm."""
-SEAT = 0.44
-"""Height of the stem's end above the fruit's middle, over the fruit's height: in its cavity."""
-UPRIGHT = 0.5
-"""Least vertical component of a measured stem axis that is used; else the stem is taken as vertical."""
+STEM = 0.025  # length of an apple's stem above its cavity [m]; the simulated wall draws 15 to 35 mm
+SEAT = 0.44  # height of the stem's end above the fruit's middle, over the fruit's height: in its cavity
+UPRIGHT = 0.5  # least vertical component of a measured stem axis that is used; else the stem is taken as vertical
 
 ROLL_STEP = np.radians(10.0)
 DRAWN = 0.03 * np.array([0.0, 0.94, 0.34])
 """Shift of the hand at the end of a roll in the base frame [m]: the pull draws soft branches along."""
-JUMP = np.radians(60.0)
-"""Largest step of a joint within `ROLL_STEP`: more is another posture [rad]."""
+JUMP = np.radians(60.0)  # largest step of a joint within `ROLL_STEP`: more is another posture [rad]
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,7 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.robot.chain import compose, forward, jacobian
 from pomona.skills.motion.robot.numeric_ik import newton_step
 
-REACHED, OUT_OF_REACH, JOINT_LIMIT, JUMP = 0, 1, 2, 3
-"""How tracking ended."""
+REACHED, OUT_OF_REACH, JOINT_LIMIT, JUMP = 0, 1, 2, 3  # how tracking ended
 
 _ROUNDS = 16
 _PRECISION = 1e-10

@@ -10,11 +10,8 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.line_tracking import JOINT_LIMIT, JUMP, OUT_OF_REACH, REACHED, track_poses
 from pomona.skills.motion.robot import RobotModel
 
-STEP = 4e-3
-"""Distance between two poses on a line [m]."""
-
-LARGEST_RATE = 25.0
-"""Of any joint along a line [rad/m]; more is a jump to another configuration, or a singularity."""
+STEP = 4e-3  # distance between two poses on a line [m]
+LARGEST_RATE = 25.0  # of any joint along a line [rad/m]; more is a jump to another configuration, or a singularity
 
 _REASONS = {
     OUT_OF_REACH: "the arm does not reach further",

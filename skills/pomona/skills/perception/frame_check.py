@@ -18,11 +18,8 @@ from pomona.skills.perception.inventory.registration import depth_elsewhere
 from pomona.skills.perception.table_view import SeenTable, depth_points, frame_view, should_show_table, view_table
 
 POSE_MISMATCH, DEPTH_MISMATCH = "POSE_MISMATCH", "DEPTH_MISMATCH"
-MISMATCHES = (POSE_MISMATCH, DEPTH_MISMATCH)
-"""Failure codes of every skill that checks its frames."""
-
-BETTER = 0.5
-"""Another explanation counts where it fits this much better: the ratio of both deviations, in tolerances."""
+MISMATCHES = (POSE_MISMATCH, DEPTH_MISMATCH)  # failure codes of every skill that checks its frames
+BETTER = 0.5  # another explanation counts where it fits this much better: the ratio of both deviations, in tolerances
 
 FLIPS = {"left to right": (-1.0, 1.0), "top to bottom": (1.0, -1.0)}
 """How mirrored depth is mirrored back: factors of the image's columns and rows."""

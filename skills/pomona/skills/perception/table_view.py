@@ -15,30 +15,22 @@ from pomona.drivers.depth_model import DepthModel
 from pomona.drivers.interfaces import Frame, Intrinsics, Workspace
 from pomona.executive.values.arrays import Float64
 
-REACH = 0.12
-"""Greatest distance from the expected table at which the seen one is searched [m]."""
-LARGEST_TILT = np.radians(20.0)
-"""Greatest angle between the expected table and the seen one [rad]."""
+REACH = 0.12  # greatest distance from the expected table at which the seen one is searched [m]
+LARGEST_TILT = np.radians(20.0)  # greatest angle between the expected table and the seen one [rad]
 HEIGHT, TILT = 0.010, np.radians(1.5)
 """Tolerances of a sound cell [m, rad]: hand-eye calibration, levelling of the table and the arm's own accuracy. At a
 distance of 0.6 m a tilt of 1.5° displaces a fruit by 16 mm."""
-SURE = 2.0
-"""Standard deviations of the depth's common error that the height may deviate in addition."""
-COLUMNS = 80
-"""Pixels of a row that are used; 4800 of an image of 4:3."""
-FARTHEST = 2.0
-"""Depth beyond this is not used [m]: noise grows with its square."""
+SURE = 2.0  # standard deviations of the depth's common error that the height may deviate in addition
+COLUMNS = 80  # pixels of a row that are used; 4800 of an image of 4:3
+FARTHEST = 2.0  # depth beyond this is not used [m]: noise grows with its square
 LEAST_POINTS, LEAST_SHARE, LEAST_SPREAD = 300, 0.35, 0.04
 """A plane counts as the table with this number of points, this ratio of all points within reach, and this standard
 deviation of its points along its shorter side [m]."""
 BAND = 4e-3
 """Distance from a plane within which a point lies on it, or three deviations of its noise where these are more [m]."""
-AROUND = 0.02
-"""Points this near to a fixed obstacle belong to it [m]: a crate's floor is about parallel to the table."""
-MOST_OF_VIEW = 0.6
-"""Share of the image's rays that meet the table inside the workspace, where it should be seen."""
-DRAWS = 96
-"""Triples of points that are tried; with a third of the points on the table one in 27 hits it."""
+AROUND = 0.02  # points this near to a fixed obstacle belong to it [m]: a crate's floor is about parallel to the table
+MOST_OF_VIEW = 0.6  # share of the image's rays that meet the table inside the workspace, where it should be seen
+DRAWS = 96  # triples of points that are tried; with a third of the points on the table one in 27 hits it
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,8 +127,7 @@ def view_table(
     return SeenTable(seen + offset, tilt, distance, int(on_it.sum()), allowed, -(seen + offset) / offset)
 
 
-Plane = tuple[Float64, float]
-"""Unit normal towards the camera, shape (3,), and offset [m]: normal · p + offset = 0."""
+Plane = tuple[Float64, float]  # unit normal towards the camera, shape (3,), and offset [m]: normal · p + offset = 0
 
 
 def _refined(points: Float64, band: Float64, chosen: NDArray[np.bool_]) -> Plane | None:

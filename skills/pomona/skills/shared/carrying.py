@@ -20,17 +20,10 @@ from pomona.skills.shared.grip_view import show_grip
 from pomona.skills.shared.hanging import LEAST, require_truth
 from pomona.skills.shared.touch import HELD_FORCE, Touch, load, pressing_forces, something_between
 
-JERK_TIME = 0.1
-"""Time in which the arm reaches its acceleration [s]."""
-
-NEAR = 0.015
-"""Height above the support below which a fruit may touch down [m]: it may have slid down in the fingers."""
-
-SETTING_DOWN = 0.03
-"""Speed of the tool near the support [m/s]."""
-
-GENTLE = 0.3
-"""Acceleration of the tool near the support [m/s²]."""
+JERK_TIME = 0.1  # time in which the arm reaches its acceleration [s]
+NEAR = 0.015  # height above the support below which a fruit may touch down [m]: it may have slid down in the fingers
+SETTING_DOWN = 0.03  # speed of the tool near the support [m/s]
+GENTLE = 0.3  # acceleration of the tool near the support [m/s²]
 
 CONTACT, CARRIED = 0.35, 0.1
 """Change of load that shows contact [N], as in Release, and the least change relative to the load. The inertia of a
@@ -39,14 +32,9 @@ heavy fruit is 3 % of its load with the acceleration above."""
 OVERLOAD_TIME = 0.06
 """Duration of an overload that ends a lift [s]; the load of an acceleration that begins passes within `JERK_TIME`."""
 
-LOWERING = 0.1
-"""Speed of the tool while a fruit is put back, until it is `NEAR` [m/s]."""
-
-BACK = 1e-3
-"""Height above its first place below which a fruit is back [m]."""
-
-RESTING = 0.1
-"""Delay after touchdown before the pads are read [s]."""
+LOWERING = 0.1  # speed of the tool while a fruit is put back, until it is `NEAR` [m/s]
+BACK = 1e-3  # height above its first place below which a fruit is back [m]
+RESTING = 0.1  # delay after touchdown before the pads are read [s]
 
 LOST_PUT_BACK = "the fruit was lost while it was put back"
 

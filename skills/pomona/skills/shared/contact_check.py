@@ -13,8 +13,7 @@ RAISED, RAISING_SPEED = 0.002, 0.02
 """Height [m] and speed [m/s] of raising the fruit from its support: a fruit that hangs again loads the pads as before,
 while a drift continues."""
 
-DYNAMICS = (0.5, 5.0)
-"""Acceleration [m/s²] and jerk [m/s³] of raising."""
+DYNAMICS = (0.5, 5.0)  # acceleration [m/s²] and jerk [m/s³] of raising
 
 LOST = "the fruit was lost on the way down: it presses on neither finger"
 

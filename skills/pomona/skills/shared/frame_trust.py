@@ -14,10 +14,8 @@ from pomona.skills.geometry import angle_between
 from pomona.skills.perception.frame_check import FrameProblem, frame_problem, pose_problem
 from pomona.skills.perception.table_view import frame_view
 
-KEPT = 12
-"""Number of earlier poses of each camera that stale depth is compared with."""
-APART, TURNED = 5e-3, np.radians(0.5)
-"""Poses nearer to each other than this are one [m, rad]."""
+KEPT = 12  # number of earlier poses of each camera that stale depth is compared with
+APART, TURNED = 5e-3, np.radians(0.5)  # poses nearer to each other than this are one [m, rad]
 
 Poses = deque[tuple[float, Float64]]
 _EARLIER: WeakKeyDictionary[object, dict[str, Poses]] = WeakKeyDictionary()

@@ -32,8 +32,7 @@ from pomona.skills.shared.fruit_report import (
 
 FINDS, FRUIT, PAGE, PICTURES = "finds.csv", "fruit.csv", "index.html", "pictures"
 
-MOST_FRAMES = 100
-"""Frames that the page shows with their pictures and rows; the tables have all."""
+MOST_FRAMES = 100  # frames that the page shows with their pictures and rows; the tables have all
 
 WHY = {
     "NO_DEPTH": "the depth camera saw nothing there",

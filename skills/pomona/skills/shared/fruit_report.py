@@ -15,8 +15,7 @@ from pomona.skills.perception.inventory.book import FruitBook, KnownFruit
 from pomona.skills.perception.inventory.mass import mass_model, mass_of
 from pomona.skills.perception.inventory.sighting import Z_90, Sighting
 
-CLASS_MM = 5
-"""Width of a size class [mm], as fruit is sorted for sale (UNECE standard FFV-50, apples)."""
+CLASS_MM = 5  # width of a size class [mm], as fruit is sorted for sale (UNECE standard FFV-50, apples)
 
 LEAST_TELLING = 3
 """Minimum number of fruit for the statement that all of them are too large or too small; one may just be large."""
@@ -25,8 +24,7 @@ UNLIKE_MODEL = 0.5, 1.25
 """Fruit of a kind of which only the model is known are at least and at most so large, beside it, in the middle: the
 orchard's 52 calipered apples are 0.73 of theirs."""
 
-UNLIKE_KIND = 0.15
-"""Typical relative difference between a kind's known sizes and those of fruit from another place."""
+UNLIKE_KIND = 0.15  # typical relative difference between a kind's known sizes and those of fruit from another place
 
 _SIZE = (
     "width_mm", "width_90_mm", "height_mm", "height_90_mm", "depth_mm", "depth_90_mm", "mass_g", "mass_90_g",

@@ -14,8 +14,7 @@ from pomona.skills.motion.grasp import Grasp, RuledOut
 from pomona.skills.motion.robot.solids import hull
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 
-CORNERS = 160
-"""Approximate number of vertices of the fruit's shape in a view."""
+CORNERS = 160  # approximate number of vertices of the fruit's shape in a view
 
 
 def fruit_mesh(fruit: MeasuredFruit) -> Mesh3:

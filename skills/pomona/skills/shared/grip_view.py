@@ -7,13 +7,11 @@ from pomona.executive.views import SeriesView
 from pomona.skills.grip.hold import Hold
 from pomona.skills.grip.limit_surface import bruising_force
 
-EVERY = 0.1
-"""Seconds of samples in one view."""
+EVERY = 0.1  # seconds of samples in one view
 
 TOPIC = "grip"
 
-NO_BRUISE_BELOW = round(bruising_force(), 1)
-"""Of one finger with the pads that the default contact describes [N]."""
+NO_BRUISE_BELOW = round(bruising_force(), 1)  # of one finger with the pads that the default contact describes [N]
 
 
 def show_grip(skill: Skill, hold: Hold, everything: bool = False) -> None:

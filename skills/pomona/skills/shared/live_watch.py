@@ -40,17 +40,13 @@ from pomona.skills.perception.frame_check import MISMATCHES, frame_problem
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.frame_trust import earlier_poses, mismatch, note_pose, require_sound_pose
 
-BLOCKED = "PATH_BLOCKED"
-"""Failure code of a motion that was stopped by an obstacle in a camera's view."""
+BLOCKED = "PATH_BLOCKED"  # failure code of a motion that was stopped by an obstacle in a camera's view
 
 WATCH_FAILURES = (BLOCKED, *MISMATCHES)
 """Codes of every skill with watched motions: an obstacle, or a camera with implausible frames."""
 
-TOO_OLD = 0.3
-"""Age from which a frame is stale [s]; a camera that sends no others is lost, which its driver reports."""
-
-KEPT = 64
-"""Postures that are remembered, to know where the arm was when a fixed camera looked: a second of ticks."""
+TOO_OLD = 0.3  # age from which a frame is stale [s]; a camera that sends no others is lost, which its driver reports
+KEPT = 64  # postures that are remembered, to know where the arm was when a fixed camera looked: a second of ticks
 
 T = TypeVar("T")
 

@@ -36,8 +36,7 @@ if TYPE_CHECKING:  # engines are loaded where they are used: importing PyTorch t
 _EDGES = np.array([0, 1, 2, 3, 0, 4, 5, 1, 5, 6, 2, 6, 7, 3, 7, 4])
 
 
-LOOKING_FAILURES = ("NO_FRAME", "STALE_FRAME", "NOTHING_FOUND", "NO_WEIGHTS")
-"""Codes of every skill that looks."""
+LOOKING_FAILURES = ("NO_FRAME", "STALE_FRAME", "NOTHING_FOUND", "NO_WEIGHTS")  # codes of every skill that looks
 
 
 class LookingSkill(Skill):

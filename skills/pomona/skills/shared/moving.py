@@ -23,8 +23,7 @@ from pomona.skills.shared.named_pose import named_pose
 from pomona.skills.shared.planning import PLANNING_FAILURES, patience, planned
 from pomona.skills.shared.usable_map import usable_field
 
-POSE_TOLERANCE = 1e-3
-"""An arm this near to the pose in every joint is there [rad]."""
+POSE_TOLERANCE = 1e-3  # an arm this near to the pose in every joint is there [rad]
 
 CARRIED_ACCELERATION = 2.0
 """A held fruit is accelerated by no more than this [m/s²]: every bit of it must be held by friction."""

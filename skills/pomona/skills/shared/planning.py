@@ -13,8 +13,7 @@ from pomona.skills.motion.planning.plan import PlanRequest, PlanResult, plan
 PLANNING_FAILURES = ("START_IN_COLLISION", "GOAL_UNREACHABLE", "GOAL_IN_COLLISION", "NO_PATH", "TIMEOUT")
 """Codes of every skill that plans."""
 
-COLD_START = 5.0
-"""Seconds that a process which has never planned may need on top of the budget to import and compile."""
+COLD_START = 5.0  # seconds that a process which has never planned may need on top of the budget to import and compile
 
 SIMULATED_PATIENCE = 60.0
 """Time after which planning is given up on a simulated clock [s, wall clock]; the number of iterations is the budget

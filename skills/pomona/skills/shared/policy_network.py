@@ -18,10 +18,8 @@ import numpy as np
 from pomona.executive.values.arrays import Float64
 
 FORMAT = "pomona-policy-1"
-GOAL = 3
-"""Numbers of a goal: x, y, z."""
-MOST_BYTES = 16 << 20
-"""Size limit of a small network's file [byte]."""
+GOAL = 3  # numbers of a goal: x, y, z
+MOST_BYTES = 16 << 20  # size limit of a small network's file [byte]
 MOST_LAYERS = 16
 
 

@@ -14,8 +14,7 @@ from pomona.skills.motion.robot.model import RobotModel
 from pomona.skills.motion.robot.solids import solid
 
 TOPIC = "robot"
-STILL = 1e-4
-"""Motion below which a part has not moved since the last picture [rad, m]."""
+STILL = 1e-4  # motion below which a part has not moved since the last picture [rad, m]
 
 
 class RobotWatch:

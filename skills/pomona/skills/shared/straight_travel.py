@@ -15,8 +15,7 @@ from pomona.skills.motion.robot import RobotModel
 from pomona.skills.motion.straight_line import StraightLine, straight_line
 from pomona.skills.shared.following import MovingSkill, Watching
 
-LEAST_POSTURES = 4
-"""Fewer postures give no path that can be timed."""
+LEAST_POSTURES = 4  # fewer postures give no path that can be timed
 
 
 def tool_pose(skill: MovingSkill) -> Float64:

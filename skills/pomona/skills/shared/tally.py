@@ -9,11 +9,8 @@ import numpy as np
 
 from pomona.executive.values.arrays import Float64
 
-SAME_PLACE = 0.04
-"""A fruit seen this near to an earlier one is the same, tried again [m]: less than half a fruit."""
-
-DONE = "done"
-"""The outcome that is no failure."""
+SAME_PLACE = 0.04  # a fruit seen this near to an earlier one is the same, tried again [m]: less than half a fruit
+DONE = "done"  # the outcome that is no failure
 
 
 @dataclass(frozen=True, slots=True, eq=False)

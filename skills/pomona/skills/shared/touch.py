@@ -10,20 +10,14 @@ import numpy as np
 from pomona.drivers.interfaces import ForceSensor, Gripper, WrenchSample
 from pomona.executive.values.arrays import Float64
 
-STALE_AFTER = 0.1
-"""A newest sample older than this means that the fingers feel nothing any more [s]."""
-
-SPIKE = 3
-"""Number of successive samples that confirm a change of force: one sample may be a spike."""
-
-AVERAGED = 0.1
-"""Time of an average [s]."""
+STALE_AFTER = 0.1  # a newest sample older than this means that the fingers feel nothing any more [s]
+SPIKE = 3  # number of successive samples that confirm a change of force: one sample may be a spike
+AVERAGED = 0.1  # time of an average [s]
 
 HELD_FORCE = 0.25
 """Pressing force of each finger above which something is between them [N]; the noise is 0.2 N at worst."""
 
-HELD_WIDTH = 2e-3
-"""Opening above the closed gripper's at which something is between the fingers [m]."""
+HELD_WIDTH = 2e-3  # opening above the closed gripper's at which something is between the fingers [m]
 
 
 def each_finger(forces: Float64) -> Float64:

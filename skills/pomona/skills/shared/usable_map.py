@@ -7,8 +7,7 @@ from pomona.skills.motion.collision.distance_field import DistanceField
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.occupancy.errors import OccupancyError
 
-MAP_AGE = 120.0
-"""An occupancy map whose newest look is older than this is stale [s]."""
+MAP_AGE = 120.0  # an occupancy map whose newest look is older than this is stale [s]
 
 
 def usable_field(skill: Skill, map: OccupancyMap | None, max_age: float = MAP_AGE) -> DistanceField | None:

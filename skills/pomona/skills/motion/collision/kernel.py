@@ -19,8 +19,7 @@ from pomona.skills.motion.collision.distance_field import lookup
 from pomona.skills.motion.collision.robot_shape import RobotArrays
 from pomona.skills.motion.robot.chain import forward
 
-MAP = 0
-"""Number of the map among the obstacles; convex obstacles follow from 1, then half spaces."""
+MAP = 0  # number of the map among the obstacles; convex obstacles follow from 1, then half spaces
 
 
 class WorldArrays(NamedTuple):

@@ -14,11 +14,8 @@ from pomona.executive.values.arrays import Float64, Int64
 from pomona.skills.motion.collision.cover import Cover, cover, cover_points
 from pomona.skills.motion.robot import Body, RobotModel
 
-FEW_SPHERES = 3
-"""Spheres of one body that are kept apart; more of them become one shape."""
-
-_POSTURES = 64
-"""Random postures in which a pair of bodies must overlap, every time, to count as always overlapping."""
+FEW_SPHERES = 3  # spheres of one body that are kept apart; more of them become one shape
+_POSTURES = 64  # random postures in which a pair of bodies must overlap, every time, to count as always overlapping
 
 
 class RobotArrays(NamedTuple):

@@ -29,8 +29,7 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.collision.kernel import WorldArrays, evaluate_clearances, make_scratch, place
 from pomona.skills.motion.collision.robot_shape import RobotArrays
 
-SLACK = 5e-4
-"""By how much a margin may be undershot between two looks [m]."""
+SLACK = 5e-4  # by how much a margin may be undershot between two looks [m]
 
 _LOOK_AHEAD = 0.15  # clearances beyond this are not resolved further while moving [m]
 

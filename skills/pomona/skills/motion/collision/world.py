@@ -25,8 +25,7 @@ from pomona.skills.motion.robot import RobotModel
 MAP = "map"
 TABLE = "table"
 
-_FAR = 0.25
-"""Limit of the reported clearances [m]."""
+_FAR = 0.25  # limit of the reported clearances [m]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,8 +11,7 @@ from pomona.skills.motion.collision.robot_shape import RobotArrays
 from pomona.skills.motion.collision.segment import check_segment
 from pomona.skills.motion.line_tracking import REACHED, track_poses
 
-GOOD, START_BLOCKED, LINE_BROKEN, LINE_BLOCKED = 3, 0, 1, 2
-"""How far a solution came; GOOD ones came all the way."""
+GOOD, START_BLOCKED, LINE_BROKEN, LINE_BLOCKED = 3, 0, 1, 2  # how far a solution came; GOOD ones came all the way
 
 
 @njit(cache=True, nogil=True)

@@ -10,8 +10,7 @@ from numba import njit
 from pomona.executive.values.arrays import Float64
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 
-WIDEST_BAND = 1e-3
-"""Points within this distance of the outermost one belong to the widest section [m]."""
+WIDEST_BAND = 1e-3  # points within this distance of the outermost one belong to the widest section [m]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -30,11 +30,8 @@ from pomona.skills.motion.robot.inverse_kinematics import inverse_kinematics
 from pomona.skills.motion.straight_line import LARGEST_RATE
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 
-OBLIQUE = 0.35
-"""Pads that meet the skin at this angle turn a fruit between them, even with good friction [rad]."""
-
-LINE_STEP = 30e-3
-"""Distance of poses along an approach when it is judged [m]; segments between them are checked whole."""
+OBLIQUE = 0.35  # pads that meet the skin at this angle turn a fruit between them, even with good friction [rad]
+LINE_STEP = 30e-3  # distance of poses along an approach when it is judged [m]; segments between them are checked whole
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,8 +15,7 @@ from pomona.skills.motion.occupancy.errors import MapEmpty, MapStale
 UNKNOWN, FREE, OCCUPIED, HIDDEN = 0, 1, 2, 3
 """States of a cell. HIDDEN: close behind a seen surface, where the rest of the object is."""
 
-FIELD_LIMIT = 0.30
-"""Distances are known up to this [m]."""
+FIELD_LIMIT = 0.30  # distances are known up to this [m]
 
 
 @dataclass(frozen=True, eq=False)

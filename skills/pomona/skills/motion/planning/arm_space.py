@@ -17,8 +17,7 @@ from pomona.skills.motion.planning import rrt_connect
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 
-TARGET = "target"
-"""Name of the fruit to be picked among the obstacles."""
+TARGET = "target"  # name of the fruit to be picked among the obstacles
 
 
 @dataclass(frozen=True, slots=True, eq=False)

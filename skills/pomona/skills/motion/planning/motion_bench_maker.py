@@ -23,8 +23,7 @@ from pomona.skills.motion.collision import CollisionWorld, Convex, Margins, Robo
 from pomona.skills.motion.planning.errors import BadProblem
 from pomona.skills.motion.robot import RobotModel
 
-ROUNDING = 1e-3
-"""How far a file's joint may lie beyond its limit [rad or m]: files round, and limits too."""
+ROUNDING = 1e-3  # how far a file's joint may lie beyond its limit [rad or m]: files round, and limits too
 
 _NUMBER = re.compile(r"request(\d+)\.yaml$")
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)

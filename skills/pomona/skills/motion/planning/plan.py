@@ -24,8 +24,7 @@ from pomona.skills.motion.planning.rounding import time_free_path
 from pomona.skills.motion.planning.shortcut import path_length, shortcut
 from pomona.skills.motion.planning.space import Space
 
-GOOD_ENOUGH = 1.02
-"""A path this close to the straight distance to the nearest goal is not worth improving."""
+GOOD_ENOUGH = 1.02  # a path this close to the straight distance to the nearest goal is not worth improving
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -23,8 +23,7 @@ PROBED = 0.2
 """Segments with a larger step of any joint are first looked at in a few places [rad]: most that collide do so there,
 and are refused far more quickly than by proof."""
 
-MAX_STEP = 0.8
-"""Longest edge of a tree [rad]: see `benchmarks`, MotionBenchMaker's sets for Panda and UR5."""
+MAX_STEP = 0.8  # longest edge of a tree [rad]: see `benchmarks`, MotionBenchMaker's sets for Panda and UR5
 
 FIRST_ROUND = 500
 """Iterations after which two trees that have not met are begun anew; every further round has twice as many."""

@@ -7,8 +7,7 @@ import numpy as np
 from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.planning.space import Space
 
-ROUNDS = 60
-"""Random cuts of a polyline."""
+ROUNDS = 60  # random cuts of a polyline
 
 
 def path_length(waypoints: Float64) -> float:

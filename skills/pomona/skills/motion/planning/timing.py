@@ -17,13 +17,11 @@ from numpy.typing import ArrayLike
 from pomona.drivers.interfaces import ArmLimits, Trajectory
 from pomona.executive.values.arrays import Float64
 
-PERIOD = 0.008
-"""Spacing of a trajectory's samples [s]."""
+PERIOD = 0.008  # spacing of a trajectory's samples [s]
 
 _SPEED_SHARES = (1.4, 1.2, 1.0, 0.8, 0.62, 0.48, 0.36, 0.26, 0.18, 0.12, 0.07, 0.04)
 _WHOLE = 1.0 - 1e-9
-_STEP = 1e-3
-"""Spacing of the knots with which a ramp of speed becomes piecewise linear [s]."""
+_STEP = 1e-3  # spacing of the knots with which a ramp of speed becomes piecewise linear [s]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,16 +17,11 @@ import numpy as np
 from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.planning.arm_space import ArmSpace
 
-SLACK = np.radians(0.25)
-"""Tolerance of the bound between two checks [rad]; for a path before its execution twice that."""
-INSIDE = 0.7
-"""Steps are pulled back to this share of the bound, so that the way between two of them stays within it."""
-STEP = 0.3
-"""Longest step of a tree [rad]."""
-TRIES = 8
-"""Newton steps of a projection."""
-COST = 20
-"""Cost of a step of these trees in steps without a bound, which are compiled: budgets stay in seconds."""
+SLACK = np.radians(0.25)  # tolerance of the bound between two checks [rad]; for a path before its execution twice that
+INSIDE = 0.7  # steps are pulled back to this share of the bound, so that the way between two of them stays within it
+STEP = 0.3  # longest step of a tree [rad]
+TRIES = 8  # Newton steps of a projection
+COST = 20  # cost of a step of these trees in steps without a bound, which are compiled: budgets stay in seconds
 
 
 class _Tree(NamedTuple):

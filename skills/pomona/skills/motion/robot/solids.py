@@ -7,8 +7,7 @@ import numpy as np
 from pomona.executive.values.arrays import Float64, Int32
 from pomona.skills.motion.robot.description import Geom
 
-AROUND = 16
-"""Corners of a circle."""
+AROUND = 16  # corners of a circle
 
 
 def solid(geom: Geom) -> tuple[Float64, Int32]:

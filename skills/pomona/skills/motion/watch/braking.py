@@ -7,8 +7,7 @@ import copy
 from pomona.drivers.interfaces import ArmLimits, Trajectory
 from pomona.drivers.path_follower import PathFollower
 
-PERIOD = 0.005
-"""Of the trial's steps [s]; drivers step finer (a test compares)."""
+PERIOD = 0.005  # of the trial's steps [s]; drivers step finer (a test compares)
 
 
 class Braking:

@@ -12,8 +12,7 @@ from pomona.executive.values.arrays import Float32, Float64, Int64, UInt8
 from pomona.skills.motion.collision.kernel import make_scratch, place, place_spheres
 from pomona.skills.motion.collision.robot_shape import RobotArrays
 
-UNSEEN, FREE, STANDING = 0, 1, 2
-"""State of a cell: never seen, seen empty, or occupied when it was first seen."""
+UNSEEN, FREE, STANDING = 0, 1, 2  # state of a cell: never seen, seen empty, or occupied when it was first seen
 
 WIDE = 12
 """Half-width of the square without any measurement around a pixel that shows free space [px]. The shadows of a stereo

@@ -27,32 +27,15 @@ from pomona.skills.motion.watch.kernel import CameraView, Nearest, Noise, Watche
 STEP = 0.02
 """Postures of the rest of a path are looked at so far apart [s]; the fastest joint moves by 0.12 rad meanwhile."""
 
-CELL = 0.025
-"""Edge of the grid's cells [m]: a hand takes dozens of them."""
-
-AROUND = 0.03
-"""Distance within which points belong to a known object [m]: noise at its edge, or a stem."""
-
-TABLE = 0.02
-"""Height above the table below which everything is the table's [m]."""
-
-BEYOND = 0.6
-"""The grid reaches so far beyond the workspace, upwards and sideways [m]: a hand needs 0.4 s for it."""
-
-LEAST_AREA = 1e-4
-"""Of a surface in a cell, as the camera sees it; less is noise [m²]: a quarter of a cell's face."""
-
-FEW = 3
-"""Fewer cells that were free and are taken now are noise, and count as standing there: a hand has dozens."""
-
-FINE = 480
-"""An image with more columns than this is looked at in every second pixel each way."""
-
-SURE = 3.0
-"""Standard deviations of the depth's noise that are allowed for."""
-
-MOST = 4096
-"""New cells of one frame that are looked at: 1.6 m² of surface."""
+CELL = 0.025  # edge of the grid's cells [m]: a hand takes dozens of them
+AROUND = 0.03  # distance within which points belong to a known object [m]: noise at its edge, or a stem
+TABLE = 0.02  # height above the table below which everything is the table's [m]
+BEYOND = 0.6  # the grid reaches so far beyond the workspace, upwards and sideways [m]: a hand needs 0.4 s for it
+LEAST_AREA = 1e-4  # of a surface in a cell, as the camera sees it; less is noise [m²]: a quarter of a cell's face
+FEW = 3  # fewer cells that were free and are taken now are noise, and count as standing there: a hand has dozens
+FINE = 480  # an image with more columns than this is looked at in every second pixel each way
+SURE = 3.0  # standard deviations of the depth's noise that are allowed for
+MOST = 4096  # new cells of one frame that are looked at: 1.6 m² of surface
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-CAD_DIMENSIONS = (0.09756, 0.08539, 0.09590)
-"""Cuboid (d_x, d_y, d_z) of the CAD apple [m]; d_y is the height."""
+CAD_DIMENSIONS = (0.09756, 0.08539, 0.09590)  # cuboid (d_x, d_y, d_z) of the CAD apple [m]; d_y is the height
 
 # Half of the outline, from the bottom of the stem cavity to that of the calyx basin: distance from the axis, height.
 _OUTLINE = np.array(

@@ -26,8 +26,7 @@ from pomona.skills.perception.fruit.sizes import KindSizes
 CATALOGUE = installed_trees() / "fruits"
 SHIPPED_WEIGHTS = Path(__file__).resolve().parents[1] / "detection" / "weights"
 
-_AGREES = 1e-4
-"""Tolerance between a mesh's dimensions and those in the file [m]."""
+_AGREES = 1e-4  # tolerance between a mesh's dimensions and those in the file [m]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,11 +7,8 @@ from numpy.typing import NDArray
 
 from pomona.skills.perception.fruit.apple_mesh import revolved_body
 
-AROUND, RINGS = 64, 40
-"""Corners of a ring, and rings between the poles."""
-
-LEMON_DIMENSIONS = (0.0580, 0.0820, 0.0580)
-"""Cuboid (d_x, d_y, d_z) of the CAD lemon [m]; d_y runs from neck to nipple."""
+AROUND, RINGS = 64, 40  # corners of a ring, and rings between the poles
+LEMON_DIMENSIONS = (0.0580, 0.0820, 0.0580)  # cuboid (d_x, d_y, d_z) of the CAD lemon [m]; d_y runs from neck to nipple
 
 
 def lemon_mesh() -> tuple[NDArray[np.float64], NDArray[np.int32]]:

@@ -20,15 +20,11 @@ import numpy as np
 
 from pomona.executive.values.arrays import Float64
 
-LEAST_FRUIT = 6
-"""Minimum number of fruit for the spread of a kind's sizes."""
-
-_AS_SURE_AS_ANY = 0.03
-"""Measurements that know better than this share how large a fruit looks count no more for it."""
+LEAST_FRUIT = 6  # minimum number of fruit for the spread of a kind's sizes
+_AS_SURE_AS_ANY = 0.03  # measurements that know better than this share how large a fruit looks count no more for it
 
 
-_LEAST_SPREAD = 0.01
-"""No fruit of one kind are more alike than this share."""
+_LEAST_SPREAD = 0.01  # no fruit of one kind are more alike than this share
 
 
 class TooFewFruit(ValueError):

@@ -18,16 +18,13 @@ from pomona.drivers.interfaces import Frame
 from pomona.executive.values.arrays import Float64
 
 FEATURES = 4000
-RATIO = 0.75
-"""A point's best match must be nearer than this share of its second best (Lowe, 2004)."""
+RATIO = 0.75  # a point's best match must be nearer than this share of its second best (Lowe, 2004)
 
 LEAST_POINTS = 60
-LEAST_SHARE = 0.3
-"""Minimum ratio of matches that agree with the motion; the others are moving or similar objects."""
+LEAST_SHARE = 0.3  # minimum ratio of matches that agree with the motion; the others are moving or similar objects
 LEAST_SPREAD = 0.15
 """Standard deviation of the agreeing points in the picture, as a share of its width and of its height."""
-MOST_DEVIATION = 0.01
-"""Two halves must put the scene at the same place within this [m]: a tenth of a fruit."""
+MOST_DEVIATION = 0.01  # two halves must put the scene at the same place within this [m]: a tenth of a fruit
 
 ROUNDS = 500
 

@@ -14,8 +14,7 @@ SHARED = 0.9
 model's from any side. Measured: 0.61 of the width's and 0.98 of the height's
 (`python -m benchmarks.bench_count`)."""
 
-DOUBT = 0.01
-"""Looks that differ by more than so rarely happens by chance disagree."""
+DOUBT = 0.01  # looks that differ by more than so rarely happens by chance disagree
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,17 +17,13 @@ from scipy.fft import fft2, ifft2, irfft2, rfft2
 from pomona.drivers.interfaces import Frame
 from pomona.executive.values.arrays import Float32, Float64, UInt8
 
-WIDTH = 320
-"""Width at which it is looked for [px]: leaves and branches are still there."""
-
-SMOOTH = 1.5
-"""Standard deviation by which both are smoothed [px of `WIDTH`]."""
+WIDTH = 320  # width at which it is looked for [px]: leaves and branches are still there
+SMOOTH = 1.5  # standard deviation by which both are smoothed [px of `WIDTH`]
 
 BESIDE = 0.01
 """Registered depth may lie so far beside colour: a share of the picture's width (12 of 1920 px in the orchard)."""
 
-OVERLAP = 0.6
-"""Of the depth's edges that a shift must leave in the picture."""
+OVERLAP = 0.6  # of the depth's edges that a shift must leave in the picture
 
 SURE = 8.0
 """With this score depth and colour belong together: 44 right frames score 9.8 (simulated) to 23 (an orchard's)."""
@@ -35,11 +31,8 @@ SURE = 8.0
 NOWHERE = 5.0
 """Score below which the edges disagree everywhere: moved beyond the overlap, the orchard's depth scores 4.6 at most."""
 
-LEAST_EDGES = 0.02
-"""Minimum ratio of the picture with depth edges for the conclusion that they match no colour edges."""
-
-FAINT = 0.03
-"""Change of inverse depth that counts half as an edge [1/m per pixel of `WIDTH`]."""
+LEAST_EDGES = 0.02  # minimum ratio of the picture with depth edges for the conclusion that they match no colour edges
+FAINT = 0.03  # change of inverse depth that counts half as an edge [1/m per pixel of `WIDTH`]
 
 VARIANTS = {
     "is mirrored left to right": (slice(None), slice(None, None, -1)),

@@ -23,8 +23,7 @@ _INNER = 0.87
 disturb."""
 
 _LEAST_PIXELS = 60
-_MOST_PIXELS = 1500
-"""Of a larger box every second or third pixel of every second or third row is looked at."""
+_MOST_PIXELS = 1500  # of a larger box every second or third pixel of every second or third row is looked at
 _TRIMMED = 3.0
 """Distance from the fitted surface of outliers, dropped once, in standard deviations: holes' edges, stems."""
 

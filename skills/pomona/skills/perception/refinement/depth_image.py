@@ -14,8 +14,7 @@ from pomona.executive.values.arrays import Float64
 DepthImage = NDArray[np.float32]
 RendererName = Literal["pyrender", "zbuffer"]
 
-NEAR = 0.01
-"""Nothing nearer to the camera than this is rendered [m]."""
+NEAR = 0.01  # nothing nearer to the camera than this is rendered [m]
 
 
 class Triangles(Protocol):

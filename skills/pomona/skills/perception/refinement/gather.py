@@ -22,8 +22,7 @@ _AROUND = 16
 _ABOVE_PLANE = 4e-3
 _LEAST_ABOVE = 0.5
 _BEYOND_MODEL = 0.02
-_OTHER_LOOK = 2.0
-"""Another look agrees with the model of the first within this many bands: the model is not right yet."""
+_OTHER_LOOK = 2.0  # another look agrees with the model of the first within this many bands: the model is not right yet
 
 
 def gather(look: DepthLook, scaled: RefineResult, known: Plane | None) -> tuple[Cloud, Plane | None]:

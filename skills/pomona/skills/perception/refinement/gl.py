@@ -26,8 +26,7 @@ from pomona.skills.perception.refinement.checks import winding
 from pomona.skills.perception.refinement.depth_image import NEAR, DepthImage, ImageBox, Triangles
 from pomona.skills.perception.refinement.errors import RenderFailed
 
-_TILE = 32
-"""Frame buffers are rounded up to multiples of this [px]: a new size costs a new one."""
+_TILE = 32  # frame buffers are rounded up to multiples of this [px]: a new size costs a new one
 
 _BUFFERS_KEPT = 8
 _MESHES_KEPT = 8

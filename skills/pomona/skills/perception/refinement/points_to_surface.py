@@ -11,11 +11,8 @@ from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
 
-PARAMETERS = 11
-"""Move 3, tilt about x and z, ln stretch 3, lean 2, turn about y."""
-
-_FACING = 0.1
-"""Cosine between a normal and the ray from which a surface faces away: it is the far side of the model."""
+PARAMETERS = 11  # move 3, tilt about x and z, ln stretch 3, lean 2, turn about y
+_FACING = 0.1  # cosine between a normal and the ray from which a surface faces away: it is the far side of the model
 
 
 class Points(NamedTuple):

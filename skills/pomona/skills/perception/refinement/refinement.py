@@ -38,8 +38,7 @@ _NOISE_IN_BAND = 2.0
 to 1.9 m) a band of 4 mm measures 45, one of 8 mm 49, of 10 mm and of 16 mm 51, all as exactly: 10 mm results there from
 the sensor's noise and a registration error of 5 px."""
 
-_AROUND_CENTRE = 8
-"""Half the edge of the square in which that deviation is looked up [px]."""
+_AROUND_CENTRE = 8  # half the edge of the square in which that deviation is looked up [px]
 
 _THROUGH = 2.0
 _MOST_THROUGH = 0.1
@@ -51,8 +50,7 @@ _UNMODELLED_ON_SUPPORT = np.array([0.01, 0.01, 0.01, 0.003, 0.004, 0.003])
 higher than the other, the turn about the axis), relative to the mean dimension; over the visible ratio of the fruit.
 """
 
-_FIT_VARIANCE = 0.75
-"""Factor on the fit's own variances: its weights measure best, but as variances they are too large."""
+_FIT_VARIANCE = 0.75  # factor on the fit's own variances: its weights measure best, but as variances they are too large
 
 _UNSEEN_DOUBT = 0.6
 """If a fruit is half hidden, the mean sizes of the stretched and the scaled model differ by errors of the former: the
@@ -68,8 +66,7 @@ _SMOOTH = 0.9
 that one curvature must explain: a leaf beside a fruit makes no smooth surface. The least of 290 whole and half hidden
 apples was 0.77, with its uncertainty; 28 walls and posts had 0.2 at most; of 53 finds in real frames one is refused."""
 
-_OVAL = 0.02
-"""Relative difference between either width and their mean for a fruit that is taken for round."""
+_OVAL = 0.02  # relative difference between either width and their mean for a fruit that is taken for round
 
 _MISPLACED = 0.02
 _PROPORTIONS = np.array([0.06, 0.09, 0.06])

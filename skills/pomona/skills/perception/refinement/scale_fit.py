@@ -17,14 +17,9 @@ from pomona.skills.perception.refinement.errors import BadDepth, DepthNotInMetre
 
 DepthImage = NDArray[np.float32]
 
-MIN_PIXELS = 30
-"""Fewer valid pixels than this are no measurement."""
-
-MIN_VALID = 0.05
-"""A smaller share of the model's pixels than this is no measurement."""
-
-TOO_DEEP = 100.0
-"""Depth/model ratio above which the depth is in millimetres."""
+MIN_PIXELS = 30  # fewer valid pixels than this are no measurement
+MIN_VALID = 0.05  # a smaller share of the model's pixels than this is no measurement
+TOO_DEEP = 100.0  # depth/model ratio above which the depth is in millimetres
 
 _HYPOTHESES = 512
 _REFITS = 20

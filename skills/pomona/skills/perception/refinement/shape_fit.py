@@ -30,14 +30,12 @@ from pomona.skills.perception.refinement.points_to_surface import (
 from pomona.skills.perception.refinement.support_plane import Plane
 from pomona.skills.perception.refinement.surface import Surface, surface_of
 
-_NARROWING = (3.0, 3.0, 2.0, 2.0, 1.5, 1.5)
-"""The band of the first steps, in final bands."""
+_NARROWING = (3.0, 3.0, 2.0, 2.0, 1.5, 1.5)  # the band of the first steps, in final bands
 
 _STANDING = 0.05
 """Standard deviation of the gap to its support that a fruit which stands on it may seem to have, of its height."""
 
-_PATCHES = 80
-"""Number of independently deviating parts of the visible surface: a lobe or a dent is some 10 mm wide."""
+_PATCHES = 80  # number of independently deviating parts of the visible surface: a lobe or a dent is some 10 mm wide
 
 _MAX_STEPS = 25
 _MAX_POINTS = 1000

@@ -12,18 +12,14 @@ from pomona.skills.perception.refinement.depth_image import DepthImage
 from pomona.skills.perception.refinement.result import RefineResult
 from pomona.skills.perception.refinement.support_plane import Plane
 
-_SETTLED = 0.95
-"""Ratio of agreeing depth from which the detected axis of the stem is accepted."""
-
-_CLEARLY = 0.02
-"""Minimum additional ratio of the depth that another axis of the stem must explain."""
+_SETTLED = 0.95  # ratio of agreeing depth from which the detected axis of the stem is accepted
+_CLEARLY = 0.02  # minimum additional ratio of the depth that another axis of the stem must explain
 
 _ASPECT_WEIGHT = 0.05
 """Additional ratio of the depth that the axis with less likely proportions must explain, per squared deviation:
 upside down a fruit fits its depth nearly as well, but wider and flatter than it is."""
 
-_HIDDEN = 5.0
-"""Distance in front of the model from which an object hides it, in bands."""
+_HIDDEN = 5.0  # distance in front of the model from which an object hides it, in bands
 
 _ASIDE = np.radians(45.0)
 

@@ -16,12 +16,10 @@ from pomona.skills.perception.synthetic.options import SceneOptions
 from pomona.skills.perception.synthetic.scene import RenderedFrame, render_scene
 
 CHUNK = 20
-CHUNK_LIMIT = 1800.0
-"""Seconds after which a chunk that is not done is given up."""
+CHUNK_LIMIT = 1800.0  # seconds after which a chunk that is not done is given up
 JPEG_QUALITY = 95
 
-Rendered = tuple[int, bytes, Annotation]
-"""Index of a frame, its JPEG file and its annotation."""
+Rendered = tuple[int, bytes, Annotation]  # index of a frame, its JPEG file and its annotation
 
 
 @dataclass(frozen=True, slots=True)

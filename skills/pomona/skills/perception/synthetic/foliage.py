@@ -13,8 +13,7 @@ from pomona.skills.perception.synthetic.contents import Item, SyntheticScene
 from pomona.skills.perception.synthetic.options import SceneOptions
 from pomona.skills.perception.synthetic.shapes import ShadedMesh
 
-SPRAYS = 64
-"""Different sprays of leaves; each is turned, stretched and coloured anew wherever it grows."""
+SPRAYS = 64  # different sprays of leaves; each is turned, stretched and coloured anew wherever it grows
 
 UP = np.array([0.0, 0.0, 1.0])
 

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from pomona.executive.values.arrays import Float32, Int32
 from pomona.skills.perception.rasteriser import draw, project, signed_areas
 
-NEAR = 0.03
-"""Faces closer to the camera than this are dropped [m]."""
+NEAR = 0.03  # faces closer to the camera than this are dropped [m]
 
 
 def rasterise(

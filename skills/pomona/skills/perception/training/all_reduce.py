@@ -17,8 +17,7 @@ from pomona.skills.perception.detection.errors import BadTraining
 
 CONTEXT = get_context("spawn")
 
-PATIENCE = 600.0
-"""Longest wait for the others [s]: the first process validates and saves in between."""
+PATIENCE = 600.0  # longest wait for the others [s]: the first process validates and saves in between
 
 
 class GradientAllReduce:

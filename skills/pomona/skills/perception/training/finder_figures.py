@@ -20,17 +20,10 @@ from pomona.skills.perception.training.samples import FrameFolder
 Finds = tuple[Float64, Float64, Float64]
 """Of one picture: boxes that were found (n, 4), their scores (n,), boxes that were to be found (m, 4)."""
 
-PRECISION = 0.9
-"""Recall is reported where precision is at least this."""
-
-WATCHED = 65
-"""Photographs that are searched while training goes on, evenly from all of those to measure on."""
-
-FRAMES, FRAME_WIDTH = 30, 320
-"""Rendered frames that are searched, and the width to which they are shrunk [px]."""
-
-LEAST_VISIBILITY = 0.3
-"""Rendered fruit of which less is visible is not asked for."""
+PRECISION = 0.9  # recall is reported where precision is at least this
+WATCHED = 65  # photographs that are searched while training goes on, evenly from all of those to measure on
+FRAMES, FRAME_WIDTH = 30, 320  # rendered frames that are searched, and the width to which they are shrunk [px]
+LEAST_VISIBILITY = 0.3  # rendered fruit of which less is visible is not asked for
 
 
 def finder_figures(

@@ -19,17 +19,13 @@ from pomona.skills.perception.training.photographs import Photograph, fruit_scal
 from pomona.skills.perception.training.samples import FrameFolder, cut_boxes, move_boxes
 from pomona.skills.perception.training.targets import finder_targets
 
-SIDE = 320
-"""Side of a window [px of the finder's input]."""
-
-SHOWN = 0.3
-"""Least part of a box's area that a window must show for the fruit to be taught."""
+SIDE = 320  # side of a window [px of the finder's input]
+SHOWN = 0.3  # least part of a box's area that a window must show for the fruit to be taught
 
 SHORTEST, NARROWEST = 6.0, 0.28
 """Least shorter side of a taught box [px of the input], and least ratio of it to the longer side."""
 
-LEAST_VISIBILITY = 0.2
-"""Rendered fruit of which less is visible is neither fruit nor background."""
+LEAST_VISIBILITY = 0.2  # rendered fruit of which less is visible is neither fruit nor background
 
 FRAME_SCALE, FRAME_JITTER = 0.5, (0.8, 1.45)
 """Scale of a rendered frame of 640 px in a window, and the range of its factor: the detector searches at 0.5 to 0.7."""
@@ -37,14 +33,9 @@ FRAME_SCALE, FRAME_JITTER = 0.5, (0.8, 1.45)
 PHOTO_JITTER = (1.0 / 1.22, 1.22)
 """Range of the factor on a photograph's scale: in orchards, size distinguishes near fruit from the next row's."""
 
-EMPTY_JITTER = (0.9, 3.0)
-"""Range of the factor by which a picture without fruit is larger than the window."""
-
-ON_PICTURE = 0.4
-"""Ratio of rendered frames that are pasted on a picture without fruit instead of one colour."""
-
-Window = tuple[UInt8, Float32]
-"""RGB (320, 320, 3) and the maps of `finder_targets`."""
+EMPTY_JITTER = (0.9, 3.0)  # range of the factor by which a picture without fruit is larger than the window
+ON_PICTURE = 0.4  # ratio of rendered frames that are pasted on a picture without fruit instead of one colour
+Window = tuple[UInt8, Float32]  # RGB (320, 320, 3) and the maps of `finder_targets`
 
 
 class Windows(Protocol):

@@ -22,8 +22,7 @@ NETS, UNITS = 3, 8
 STEPS, RATE, DECAY = 300, 0.03, 1e-3
 """Full-batch steps of Adam, their first rate, which falls to zero, and the weight decay."""
 
-LEAST_SCORE = 0.2
-"""Least score of the finder's own for a place to be fitted on."""
+LEAST_SCORE = 0.2  # least score of the finder's own for a place to be fitted on
 
 SAME, OTHER = 0.5, 0.15
 """A place is fruit with at least this intersection over union, none with less than the second, and doubtful between."""

@@ -10,8 +10,7 @@ from pomona.skills.perception.detection.errors import BadPhotographs
 
 PICTURES = (".jpg", ".jpeg", ".png")
 
-MOST_FILES = 200_000
-"""A folder with more files is refused: each is looked at."""
+MOST_FILES = 200_000  # a folder with more files is refused: each is looked at
 
 Boxes = list[tuple[float, float, float, float]]
 

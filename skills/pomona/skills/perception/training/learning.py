@@ -38,14 +38,9 @@ LEARN = Recipe(
 )
 """The recipe of `pomona learn`: half rendered frames, so that rendered fruit is not forgotten."""
 
-BENCH = FrameSet(200, 9201, WITHOUT_TREES)
-"""Rendered frames on which weights before and after are compared."""
-
-SCORE = 0.6
-"""Score at which rendered frames are judged, the default of Detect's `score`."""
-
-LEAST_LABELS = 20
-"""Least number of labels to learn from, and to measure on: fewer decide nothing."""
+BENCH = FrameSet(200, 9201, WITHOUT_TREES)  # rendered frames on which weights before and after are compared
+SCORE = 0.6  # score at which rendered frames are judged, the default of Detect's `score`
+LEAST_LABELS = 20  # least number of labels to learn from, and to measure on: fewer decide nothing
 
 
 @dataclass(frozen=True, slots=True)

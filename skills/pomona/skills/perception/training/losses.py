@@ -10,11 +10,8 @@ from pomona.skills.perception.detection import outputs as rows
 from pomona.skills.perception.detection.outputs import AXIS, CENTRE, KIND, SEEN, SIZE, SPREAD
 from pomona.skills.perception.training import targets
 
-BOXES, QUALITIES = 2.0, 0.5
-"""Weights of the finder's losses of boxes and of their quality, beside that of the heat."""
-
-LOG_REACHES = -3.0, 5.0
-"""Bounds of the logarithm of a reach [cells] before it is raised: no step overflows."""
+BOXES, QUALITIES = 2.0, 0.5  # weights of the finder's losses of boxes and of their quality, beside that of the heat
+LOG_REACHES = -3.0, 5.0  # bounds of the logarithm of a reach [cells] before it is raised: no step overflows
 
 
 def finder_loss(maps: Tensor, wanted: Tensor) -> Tensor:

@@ -13,11 +13,8 @@ from torch import Tensor, nn
 
 Method = Literal["muon", "adam"]
 
-LEAST_OUTPUTS = 32
-"""A matrix with fewer is a network's answer, whose numbers have nothing to share: AdamW moves it."""
-
-SLOW = 0.3
-"""Rate of a part that was trained before, as a ratio of the others'."""
+LEAST_OUTPUTS = 32  # a matrix with fewer is a network's answer, whose numbers have nothing to share: AdamW moves it
+SLOW = 0.3  # rate of a part that was trained before, as a ratio of the others'
 
 BETAS = (0.9, 0.99)
 """Decays of AdamW's averages of the gradient and of its square: runs here have hundreds of steps, not thousands."""

@@ -28,14 +28,9 @@ TITLES = {
 }
 """Figures of a table, by their names in `BoxFigures`."""
 
-AT_BORDER = 1.0
-"""A box that ends this near to the picture's border counts as cut by it [px]."""
-
-LEAST_SCORE = 0.05
-"""Detections with less score are left out of calibration."""
-
-MOST_FRUIT = 60
-"""Places that are looked at in one photograph."""
+AT_BORDER = 1.0  # a box that ends this near to the picture's border counts as cut by it [px]
+LEAST_SCORE = 0.05  # detections with less score are left out of calibration
+MOST_FRUIT = 60  # places that are looked at in one photograph
 
 
 def searching(

@@ -22,11 +22,8 @@ from pomona.skills.perception.training.labelled import PICTURES, Labelled, files
 from pomona.skills.perception.training.photographs import Photograph, PhotoSet
 from pomona.skills.perception.training.published import kfuji, kfuji_folder, minneapple, minneapple_folders
 
-MOST_COCO = 1 << 30
-"""Bytes of a COCO file; a hundred thousand pictures with their outlines have less."""
-
-SLACK = 3.0
-"""A box may end this far outside of its picture, as rounding leaves it, and is cut there [px]."""
+MOST_COCO = 1 << 30  # bytes of a COCO file; a hundred thousand pictures with their outlines have less
+SLACK = 3.0  # a box may end this far outside of its picture, as rounding leaves it, and is cut there [px]
 
 HELD_OUT = 8
 """Without given splits, the last of this many parts by name is measured on: tiles of one place are neighbours."""

@@ -17,17 +17,13 @@ from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.sphere_in_box import NoSphere, sphere_in_box
 from pomona.skills.perception.fruit import FruitModel
 
-SURE = 0.6
-"""Least score of a detection that becomes a label, the default of Detect's `score`."""
-
-DOUBTFUL = 0.2
-"""Detections with at least this score and without a label are neither fruit nor background."""
+SURE = 0.6  # least score of a detection that becomes a label, the default of Detect's `score`
+DOUBTFUL = 0.2  # detections with at least this score and without a label are neither fruit nor background
 
 SIZES = 0.4, 1.6
 """Least and greatest size relative to the CAD model, as the defaults of Refine's `smallest` and `largest`."""
 
-VAL_EVERY = 4
-"""Interval of the runs that are used for validation."""
+VAL_EVERY = 4  # interval of the runs that are used for validation
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,8 +27,7 @@ from pomona.skills.perception.training.samples import FrameFolder
 from pomona.skills.perception.training.train import Part, TrainingRun, train_part
 from pomona.skills.perception.training.trunk import load_trunk
 
-LEAST_SHARE = 8
-"""Least part of a batch in a process that learns: batch norms need this many pictures."""
+LEAST_SHARE = 8  # least part of a batch in a process that learns: batch norms need this many pictures
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,8 +154,7 @@ QUICK = Recipe(
 VALIDATE_EVERY, SAVE_EVERY = 100, 25
 """Steps between validations and checkpoints where photographs are learnt from: steps there are few and slow."""
 
-FITTED = 6
-"""Interval of the training photographs on which the score is fitted."""
+FITTED = 6  # interval of the training photographs on which the score is fitted
 
 Say = Callable[[str, Progress], None]
 

@@ -28,11 +28,8 @@ from pomona.skills.perception.training.samples import FrameFolder
 
 _EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
 _PICTURES = 6
-FRAMES = 200
-"""Held-out frames that a report measures."""
-
-LEAST_SCORE = 0.05
-"""Detections with less are left out of the plot of scores."""
+FRAMES = 200  # held-out frames that a report measures
+LEAST_SCORE = 0.05  # detections with less are left out of the plot of scores
 
 
 def write_report(

@@ -86,8 +86,7 @@ def cut_boxes(boxes: Float64, width: int, height: int) -> Float64:
     return np.hstack([low, high - low])
 
 
-DOPE_INPUT = 400
-"""Side of the square pictures on which the full network learns [px]; its maps are 50 x 50 then."""
+DOPE_INPUT = 400  # side of the square pictures on which the full network learns [px]; its maps are 50 x 50 then
 
 
 class DopeBatches(_FrameBatches):

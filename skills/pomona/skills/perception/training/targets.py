@@ -7,14 +7,9 @@ from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float32, Float64
 
-SPREAD = 0.1
-"""Standard deviation of a fruit's peak, as a ratio of the box's sides."""
-
-LEAST_SPREAD = 0.6
-"""Its lower bound [cells]."""
-
-NEAR = 0.1
-"""The box is asked for where the peak is higher than this."""
+SPREAD = 0.1  # standard deviation of a fruit's peak, as a ratio of the box's sides
+LEAST_SPREAD = 0.6  # its lower bound [cells]
+NEAR = 0.1  # the box is asked for where the peak is higher than this
 
 PEAK, HEAT, WEIGHT, BOX_WEIGHT, REACHES = 0, 1, 2, 3, slice(4, 8)
 """Rows of the finder's targets: 1 in the cell of each fruit's middle, the peaks, where the heat counts, how much the
