@@ -67,20 +67,13 @@ CELL = Section(CellSection)
 
 @dataclass(frozen=True, slots=True)
 class CellFile:
-    """A cell file without errors.
+    """A cell file without errors."""
 
-    Attributes:
-        path: of the file.
-        section: its values.
-        workspace: for the skills, or None.
-        options: values that may be changed, with defaults.
-        files: its text and those of the files that it includes, by their path from its folder.
-    """
-
-    path: Path
-    section: CellSection
-    workspace: Workspace | None
-    options: tuple[Option, ...]
+    path: Path  # of the file
+    section: CellSection  # its values
+    workspace: Workspace | None  # for the skills, or None
+    options: tuple[Option, ...]  # values that may be changed, with defaults
+    # its text and those of the files that it includes, by their path from its folder
     files: Mapping[str, str] = field(default_factory=dict)
 
     @property

@@ -62,45 +62,29 @@ class Ball:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """Measurements of one ball.
+    """Measurements of one ball."""
 
-    Attributes:
-        ball: the measured ball.
-        true: distance of its centre along the camera's axis, from its outline [m].
-        per_pixel: by how much `true` would be more if the outline were a pixel narrower [m].
-        deviation: standard deviation of `true`, from where the box was drawn [m].
-        measured: the same distance from depth [m].
-        scatter: standard deviation of the points along the axis about the sphere [m].
-    """
-
-    ball: Ball
-    true: float
-    per_pixel: float
-    deviation: float
-    measured: float
-    scatter: float
+    ball: Ball  # the measured ball
+    true: float  # distance of its centre along the camera's axis, from its outline [m]
+    per_pixel: float  # by how much `true` would be more if the outline were a pixel narrower [m]
+    deviation: float  # standard deviation of `true`, from where the box was drawn [m]
+    measured: float  # the same distance from depth [m]
+    scatter: float  # standard deviation of the points along the axis about the sphere [m]
 
 
 @dataclass(frozen=True, slots=True)
 class DepthCalibration:
-    """A learnt model with its quality.
+    """A learnt model with its quality."""
 
-    Attributes:
-        sensor: name of the sensor that was the prior.
-        model: the sensor's model with the learnt values.
-        outline_growth, outline_growth_deviation: excess width of drawn outlines [px].
-        before, after: root mean square of measured against true distance of balls that were held out, as the sensor was
-            and as it was learnt from the other balls [m]; NaN for a wall.
-        seen: measurements of each ball; empty for a wall.
-    """
-
-    sensor: str
-    model: DepthModel
-    outline_growth: float
+    sensor: str  # name of the sensor that was the prior
+    model: DepthModel  # the sensor's model with the learnt values
+    outline_growth: float  # outline_growth, outline_growth_deviation: excess width of drawn outlines [px]
     outline_growth_deviation: float
+    # before, after: root mean square of measured against true distance of balls that were held out, as the sensor was
+    # and as it was learnt from the other balls [m]; NaN for a wall
     before: float
     after: float
-    seen: tuple[Seen, ...]
+    seen: tuple[Seen, ...]  # measurements of each ball; empty for a wall
 
     def __str__(self) -> str:
         m = self.model

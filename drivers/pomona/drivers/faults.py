@@ -39,21 +39,13 @@ class FaultSwitch:
 
 @dataclass(frozen=True, slots=True)
 class PlannedFault:
-    """A fault and its start.
+    """A fault and its start."""
 
-    Attributes:
-        switch: as the cell names it.
-        kind: one of the switch's faults.
-        after: seconds after the phase has begun; of the cell's clock when there is no phase.
-        phase: a name that the observer of the run gives to a stage of it; None for the start of time.
-        lasts: seconds until it is cleared, or None for good.
-    """
-
-    switch: str
-    kind: str
-    after: float = 0.0
-    phase: str | None = None
-    lasts: float | None = None
+    switch: str  # as the cell names it
+    kind: str  # one of the switch's faults
+    after: float = 0.0  # seconds after the phase has begun; of the cell's clock when there is no phase
+    phase: str | None = None  # a name that the observer of the run gives to a stage of it; None for the start of time
+    lasts: float | None = None  # seconds until it is cleared, or None for good
 
 
 class FaultPlan:

@@ -55,21 +55,13 @@ class Chessboard:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HandEye:
-    """The result and how well the looks agree with it.
+    """The result and how well the looks agree with it."""
 
-    Attributes:
-        T_tool0_camera: pose of the camera in the flange.
-        T_base_board: where the board stood.
-        position_error: of each look, distance of the board's origin from where it stood, shape (n,) [m].
-        rotation_error: of each look, shape (n,) [rad].
-        names: of the looks.
-    """
-
-    T_tool0_camera: Float64
-    T_base_board: Float64
-    position_error: Float64
-    rotation_error: Float64
-    names: tuple[str, ...]
+    T_tool0_camera: Float64  # pose of the camera in the flange
+    T_base_board: Float64  # where the board stood
+    position_error: Float64  # of each look, distance of the board's origin from where it stood, shape (n,) [m]
+    rotation_error: Float64  # of each look, shape (n,) [rad]
+    names: tuple[str, ...]  # of the looks
 
     def __str__(self) -> str:
         rms = 1e3 * float(np.sqrt((self.position_error**2).mean()))

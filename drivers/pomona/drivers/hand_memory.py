@@ -26,16 +26,12 @@ FORMAT = "pomona hand 1"
 
 @dataclass(frozen=True, slots=True)
 class HandRecord:
-    """Last known state of a hand.
+    """Last known state of a hand."""
 
-    Attributes:
-        held: sentence about the held object; empty for an empty hand.
-        width: opening between the pads at that time [m]; None for any opening (the hand of a new simulated world).
-        bias: voltages without contact [V] by the fingerprint of a finger's calibration.
-    """
-
-    held: str = ""
+    held: str = ""  # sentence about the held object; empty for an empty hand
+    # opening between the pads at that time [m]; None for any opening (the hand of a new simulated world)
     width: float | None = None
+    # voltages without contact [V] by the fingerprint of a finger's calibration
     bias: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
 

@@ -20,21 +20,15 @@ class NoValue(PomonaError):
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """Why one node failed.
+    """Why one node failed."""
 
-    Attributes:
-        node_path: path id of the node.
-        code: a skill's failure code, or one of the tree's own (TIMEOUT, CONDITION_FALSE …). A composite takes the
-            code of its latest cause, so that `failure.code` means the same around a leaf and around a subtree.
-        message: a sentence for a person.
-        data: JSON-like values.
-        causes: reasons of the children that led here, in the order in which they failed, after those that were skipped.
-    """
-
-    node_path: str
+    node_path: str  # path id of the node
+    # a skill's failure code, or one of the tree's own (TIMEOUT, CONDITION_FALSE …). A composite takes the code of its
+    # latest cause, so that `failure.code` means the same around a leaf and around a subtree.
     code: str
-    message: str
-    data: Mapping[str, object] = field(default_factory=dict)
+    message: str  # a sentence for a person
+    data: Mapping[str, object] = field(default_factory=dict)  # JSON-like values
+    # reasons of the children that led here, in the order in which they failed, after those that were skipped
     causes: tuple[Reason, ...] = ()
 
     def leaves(self) -> Iterator[Reason]:

@@ -34,27 +34,18 @@ FIRST_STATE = 1.0  # deadline of the first feedback and status [s]
 
 @dataclass(frozen=True, slots=True)
 class MotomanOptions:
-    """Options of the arm in the cell file.
+    """Options of the arm in the cell file."""
 
-    Attributes:
-        order: byte order of the controller, "<" or ">".
-        group: control group of the arm.
-        wire_joints: for every joint of the robot's description its place on the wire (S L E U R B T = 0 … 6).
-        servo_on: whether the servos are switched on at the connection; else the operator does it at the pendant.
-        point_period: time between points that are sent [s].
-        lead: how far ahead of the arm points are sent [s]: a stop takes effect behind them.
-        silence: time without feedback after which the arm is lost [s].
-        supervision: how closely the arm must follow its commands.
-    """
-
-    order: Order = "<"
-    group: int = 0
+    order: Order = "<"  # byte order of the controller, "<" or ">"
+    group: int = 0  # control group of the arm
+    # for every joint of the robot's description its place on the wire (S L E U R B T = 0 … 6)
     wire_joints: tuple[int, ...] = (0, 1, 2, 3, 4, 5, 6)
+    # whether the servos are switched on at the connection; else the operator does it at the pendant
     servo_on: bool = True
-    point_period: float = 0.02
-    lead: float = 0.15
-    silence: float = 0.09
-    supervision: Supervision = field(default_factory=Supervision)
+    point_period: float = 0.02  # time between points that are sent [s]
+    lead: float = 0.15  # how far ahead of the arm points are sent [s]: a stop takes effect behind them
+    silence: float = 0.09  # time without feedback after which the arm is lost [s]
+    supervision: Supervision = field(default_factory=Supervision)  # how closely the arm must follow its commands
 
 
 class MotomanArm(PathArm):

@@ -38,43 +38,28 @@ def load_library() -> ModuleType:
 
 @dataclass(frozen=True, slots=True)
 class CameraSettings:
-    """Options of the camera in the cell file.
+    """Options of the camera in the cell file."""
 
-    Attributes:
-        serial: of the camera, or "" for any.
-        bag: a recording to play instead of a camera.
-        size: width and height of both images [px].
-        rate: frames per second.
-        preset: name of a depth preset ("High Accuracy", "High Density", …), or "".
-        filters: names from `FILTERS`, applied in the order there.
-        options: further options of the depth sensor by their names in the library, for instance laser_power.
-    """
-
-    serial: str = ""
-    bag: Path | None = None
-    size: tuple[int, int] = (640, 480)
-    rate: int = 30
-    preset: str = ""
-    filters: tuple[str, ...] = ()
+    serial: str = ""  # of the camera, or "" for any
+    bag: Path | None = None  # a recording to play instead of a camera
+    size: tuple[int, int] = (640, 480)  # width and height of both images [px]
+    rate: int = 30  # frames per second
+    preset: str = ""  # name of a depth preset ("High Accuracy", "High Density", …), or ""
+    filters: tuple[str, ...] = ()  # names from `FILTERS`, applied in the order there
+    # further options of the depth sensor by their names in the library, for instance laser_power
     options: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pair:
-    """Aligned images: colour (h, w, 3) uint8 RGB, depth (h, w) float32 [m], and when the camera took them.
-
-    Attributes:
-        taken: the camera's own time [s], in the clock domain given by `on_host_clock`; None for a recording.
-        on_host_clock: whether `taken` is the host's wall clock; else the camera's hardware counter.
-        number: the camera's frame number.
-    """
+    """Aligned images: colour (h, w, 3) uint8 RGB, depth (h, w) float32 [m], and when the camera took them."""
 
     colour: NDArray[np.uint8]
     depth: NDArray[np.float32]
     intrinsics: Intrinsics
-    taken: float | None
-    on_host_clock: bool
-    number: int
+    taken: float | None  # the camera's own time [s], in the clock domain given by `on_host_clock`; None for a recording
+    on_host_clock: bool  # whether `taken` is the host's wall clock; else the camera's hardware counter
+    number: int  # the camera's frame number
 
 
 class Aligner:

@@ -41,22 +41,14 @@ FIRST = 3.0  # deadline of the first joint state [s]
 
 @dataclass(frozen=True, slots=True)
 class Ros2ArmOptions:
-    """Options of the arm in the cell file.
+    """Options of the arm in the cell file."""
 
-    Attributes:
-        joints: of the robot's description, by their names in ROS 2.
-        states, commands: topics.
-        lead: time by which set-points precede the arm [s].
-        silence: without joint states for this long the arm is lost [s].
-        supervision: how closely the arm must follow its commands.
-    """
-
-    joints: tuple[str, ...]
-    states: str = "/joint_states"
+    joints: tuple[str, ...]  # of the robot's description, by their names in ROS 2
+    states: str = "/joint_states"  # states, commands: topics
     commands: str = "/joint_trajectory_controller/joint_trajectory"
-    lead: float = 0.15
-    silence: float = 0.1
-    supervision: Supervision = field(default_factory=Supervision)
+    lead: float = 0.15  # time by which set-points precede the arm [s]
+    silence: float = 0.1  # without joint states for this long the arm is lost [s]
+    supervision: Supervision = field(default_factory=Supervision)  # how closely the arm must follow its commands
 
 
 class Ros2Arm(PathArm):

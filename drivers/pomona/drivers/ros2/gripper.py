@@ -44,25 +44,17 @@ ACCELERATION = 1.0  # assumed acceleration of the set-point for the supervisor [
 
 @dataclass(frozen=True, slots=True)
 class Ros2GripperOptions:
-    """Options of the gripper in the cell file.
+    """Options of the gripper in the cell file."""
 
-    Attributes:
-        joint: its name in ROS 2.
-        scale, finger_offset: opening = finger_offset + scale · position; scale 2 where two fingers each move by it.
-        states, commands: topics of joint states and of position commands.
-        ahead: how far the set-point may lead the measured opening [m].
-        watchdog: a streamed speed that is not renewed within this time becomes zero [s].
-        silence: without a joint state for this long the gripper is lost [s].
-    """
-
-    joint: str
+    joint: str  # its name in ROS 2
+    # scale, finger_offset: opening = finger_offset + scale · position; scale 2 where two fingers each move by it
     scale: float = 1.0
     finger_offset: float = 0.0
-    states: str = "/joint_states"
+    states: str = "/joint_states"  # states, commands: topics of joint states and of position commands
     commands: str = "/gripper_controller/commands"
-    ahead: float = 0.01
-    watchdog: float = 0.1
-    silence: float = 0.1
+    ahead: float = 0.01  # how far the set-point may lead the measured opening [m]
+    watchdog: float = 0.1  # a streamed speed that is not renewed within this time becomes zero [s]
+    silence: float = 0.1  # without a joint state for this long the gripper is lost [s]
     supervision: GripperSupervision = field(default_factory=GripperSupervision)
 
 

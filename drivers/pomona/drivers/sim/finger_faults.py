@@ -102,15 +102,10 @@ def _stamped(offset: float) -> Lie:
 
 @dataclass(frozen=True, slots=True)
 class DelayedSamples:
-    """Samples that arrive late, through a line that begins empty: each second one waits until the line is full.
+    """Samples that arrive late, through a line that begins empty: each second one waits until the line is full."""
 
-    Attributes:
-        duration: from the measurement to the arrival, once the line is full [s].
-        hidden: the samples arrive with the stamps and numbers of their arrival.
-    """
-
-    duration: float
-    hidden: bool = False
+    duration: float  # from the measurement to the arrival, once the line is full [s]
+    hidden: bool = False  # the samples arrive with the stamps and numbers of their arrival
 
     def pass_on(self, line: deque[WrenchSample], sample: WrenchSample) -> WrenchSample | None:
         """Put a sample into the line; the one that leaves it, or None where none does."""

@@ -28,23 +28,14 @@ _TEXTURE = (128, 256)  # rows from stem to calyx, columns around the axis
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FruitShape:
-    """A fruit in its object frame: origin at the cuboid's centre, x right, y down, z forward, stem along -y.
+    """A fruit in its object frame: origin at the cuboid's centre, x right, y down, z forward, stem along -y."""
 
-    Attributes:
-        vertices: flesh, (n, 3) [m]; vertices on the texture's seam appear twice.
-        faces: (m, 3) int32, normals outwards.
-        uv: texture coordinates, (n, 2).
-        dimensions: cuboid (d_x, d_y, d_z) of the flesh [m].
-        texture: RGB, (rows, columns, 3), uint8.
-        stem: vertices (k, 3) [m] and faces of the stem, or None.
-    """
-
-    vertices: Float64
-    faces: NDArray[np.int32]
-    uv: Float64
-    dimensions: Float64
-    texture: NDArray[np.uint8]
-    stem: tuple[Float64, NDArray[np.int32]] | None
+    vertices: Float64  # flesh, (n, 3) [m]; vertices on the texture's seam appear twice
+    faces: NDArray[np.int32]  # (m, 3) int32, normals outwards
+    uv: Float64  # texture coordinates, (n, 2)
+    dimensions: Float64  # cuboid (d_x, d_y, d_z) of the flesh [m]
+    texture: NDArray[np.uint8]  # RGB, (rows, columns, 3), uint8
+    stem: tuple[Float64, NDArray[np.int32]] | None  # vertices (k, 3) [m] and faces of the stem, or None
 
 
 def make_fruit(

@@ -12,17 +12,14 @@ LEAST = 0.2  # minimum grip force below which the ratio to it is not computed [N
 
 @dataclass(slots=True)
 class HeldForce:
-    """Normal forces of one grip, as the simulator has them.
+    """Normal forces of one grip, as the simulator has them."""
 
-    Attributes:
-        stamps, forces, least: while the fruit hung free: time [s], force summed over both fingers [N], and the least
-            such force with which the contact model holds the load of that moment [N].
-        finger_peak, grasp_peak: largest force of one finger, and of both together, from the first touch on [N].
-    """
-
+    # stamps, forces, least: while the fruit hung free: time [s], force summed over both fingers [N], and the least such
+    # force with which the contact model holds the load of that moment [N]
     stamps: list[float] = field(default_factory=list)
     forces: list[float] = field(default_factory=list)
     least: list[float] = field(default_factory=list)
+    # finger_peak, grasp_peak: largest force of one finger, and of both together, from the first touch on [N]
     finger_peak: float = 0.0
     grasp_peak: float = 0.0
 

@@ -67,26 +67,16 @@ class Distractor:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Layout:
-    """The whole table. The first fruit is the target.
+    """The whole table. The first fruit is the target."""
 
-    Attributes:
-        robot: MJCF of the robot.
-        table_z: height of the table's surface in the base frame [m].
-        fruits, distractors: the objects on it.
-        fixed: fixed obstacles of the cell file's workspace: the robot's pedestal, a crate.
-        friction: sliding friction of the pads.
-        torsion: torsional friction of the pads [m].
-        intruder: a person's hand that comes into the cell, or None.
-    """
-
-    robot: Path
-    table_z: float
-    fruits: tuple[FruitOnTable, ...]
+    robot: Path  # MJCF of the robot
+    table_z: float  # height of the table's surface in the base frame [m]
+    fruits: tuple[FruitOnTable, ...]  # fruits, distractors: the objects on it
     distractors: tuple[Distractor, ...]
-    fixed: tuple[Box, ...]
-    friction: float
-    torsion: float
-    intruder: IntruderSection | None = None
+    fixed: tuple[Box, ...]  # fixed obstacles of the cell file's workspace: the robot's pedestal, a crate
+    friction: float  # sliding friction of the pads
+    torsion: float  # torsional friction of the pads [m]
+    intruder: IntruderSection | None = None  # a person's hand that comes into the cell, or None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -27,28 +27,17 @@ REST = 3e-3  # the tool is at rest below this speed [m/s]
 
 @dataclass(slots=True)
 class Grip:
-    """One fruit between the pads, from the first touch of both to the loss of one.
+    """One fruit between the pads, from the first touch of both to the loss of one."""
 
-    Attributes:
-        T_tool_fruit: pose when the tool last began to move before the fruit hung; slip is measured against it.
-        point: the fruit's material point between the pads at that time, in its own frame [m].
-        slip: largest motion of that point along the pads [m]; turn: largest rotation against the tool [rad].
-        peak: largest force, summed over both fingers [N].
-        least: largest minimum grip force of the contact model for the load while the fruit hung free [N].
-        hung: whether the fruit was clear of its support.
-        held: the fingers' normal forces, over time.
-        lost: the fruit slid out of it, or fell.
-    """
-
-    T_tool_fruit: Float64
-    point: Float64
-    slip: float = 0.0
-    turn: float = 0.0
-    peak: float = 0.0
-    least: float = 0.0
-    hung: bool = False
-    held: HeldForce = field(default_factory=HeldForce)
-    lost: bool = False
+    T_tool_fruit: Float64  # pose when the tool last began to move before the fruit hung; slip is measured against it
+    point: Float64  # the fruit's material point between the pads at that time, in its own frame [m]
+    slip: float = 0.0  # largest motion of that point along the pads [m]
+    turn: float = 0.0  # largest rotation against the tool [rad]
+    peak: float = 0.0  # largest force, summed over both fingers [N]
+    least: float = 0.0  # largest minimum grip force of the contact model for the load while the fruit hung free [N]
+    hung: bool = False  # whether the fruit was clear of its support
+    held: HeldForce = field(default_factory=HeldForce)  # the fingers' normal forces, over time
+    lost: bool = False  # the fruit slid out of it, or fell
 
 
 @dataclass(slots=True)

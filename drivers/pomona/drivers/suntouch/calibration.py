@@ -34,26 +34,21 @@ class UnusableCalibration(DriverError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FingerCalibration:
-    """The network of one finger.
+    """The network of one finger."""
 
-    Attributes:
-        finger: the finger that it was made for, in words; a left or right among them is compared with the cell file's.
-        mean, components: of the PCA, shapes (25,) [V] and (k, 25).
-        in_low, in_high: least and greatest of every component in the recording, shape (k,): mapped to −1 … 1.
-        layers: weights (m, n) and offsets (m,) of every layer; tansig after each but the last.
-        out_low, out_high: least and greatest wrench of the recording, shape (6,) [N, N·m]: the range of −1 … 1.
-        error_n: root mean square error of the force's components on the held-out part of the recording [N].
-    """
-
+    # the finger that it was made for, in words; a left or right among them is compared with the cell file's
     finger: str
-    mean: Float64
+    mean: Float64  # mean, components: of the PCA, shapes (25,) [V] and (k, 25)
     components: Float64
+    # in_low, in_high: least and greatest of every component in the recording, shape (k,): mapped to −1 … 1
     in_low: Float64
     in_high: Float64
+    # weights (m, n) and offsets (m,) of every layer; tansig after each but the last
     layers: tuple[tuple[Float64, Float64], ...]
+    # out_low, out_high: least and greatest wrench of the recording, shape (6,) [N, N·m]: the range of −1 … 1
     out_low: Float64
     out_high: Float64
-    error_n: float
+    error_n: float  # root mean square error of the force's components on the held-out part of the recording [N]
 
     def wrench(self, volts: Float64) -> Float64:
         """Return the force [N] and torque [N·m] on the pad, (..., 6), of voltages without their bias, (..., 25) [V]."""

@@ -23,17 +23,11 @@ VOLTS = 3.3  # a reading is 12 bits over this range [V]; the upper four bits mea
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FingerReading:
-    """One answer of a finger.
+    """One answer of a finger."""
 
-    Attributes:
-        volts: shape (25,) [V], of the taxels row by row.
-        saturated: whether any taxel is at an end of its range.
-        dead: whether all of them are at the same end: no light, no supply, or a line that is stuck.
-    """
-
-    volts: Float64
-    saturated: bool
-    dead: bool = False
+    volts: Float64  # shape (25,) [V], of the taxels row by row
+    saturated: bool  # whether any taxel is at an end of its range
+    dead: bool = False  # whether all of them are at the same end: no light, no supply, or a line that is stuck
 
 
 def encode(volts: Float64) -> bytes:

@@ -30,18 +30,12 @@ class UnusableRecording(DriverError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FitReport:
-    """Errors of the calibration on the held-out part.
+    """Errors of the calibration on the held-out part."""
 
-    Attributes:
-        samples: recorded pairs, held-out ones included.
-        rms, worst: error of each component, shape (6,) [N, N·m].
-        within: ratio of the pairs with a force error below 0.2 N in every component.
-    """
-
-    samples: int
-    rms: Float64
+    samples: int  # recorded pairs, held-out ones included
+    rms: Float64  # rms, worst: error of each component, shape (6,) [N, N·m]
     worst: Float64
-    within: float
+    within: float  # ratio of the pairs with a force error below 0.2 N in every component
 
     def __str__(self) -> str:
         names = ("f_x", "f_y", "f_z", "tau_x", "tau_y", "tau_z")

@@ -280,21 +280,15 @@ def decode_request(frame: WireFrame) -> Request:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """An answer, or an automatic update.
+    """An answer, or an automatic update."""
 
-    Attributes:
-        command: the answered command.
-        status: SUCCESS, CMD_PENDING for a motion that began, or an error.
-        values: by command, in SI units: WIDTH, SPEED, FORCE and every GET their numbers; SYSTEM_STATE and GRASP_STATE
-            the bits or the code; SCRIPT_* width and speed; INFO type, hardware, firmware, serial; LIMITS stroke, speeds
-            (least, most), accelerations (least, most), forces (least, nominal, overdrive). Empty unless SUCCESS.
-        payload: the bytes that LOOP sent back.
-    """
-
-    command: Command
-    status: Status
+    command: Command  # the answered command
+    status: Status  # SUCCESS, CMD_PENDING for a motion that began, or an error
+    # by command, in SI units: WIDTH, SPEED, FORCE and every GET their numbers; SYSTEM_STATE and GRASP_STATE the bits or
+    # the code; SCRIPT_* width and speed; INFO type, hardware, firmware, serial; LIMITS stroke, speeds (least, most),
+    # accelerations (least, most), forces (least, nominal, overdrive). Empty unless SUCCESS.
     values: tuple[float, ...] = ()
-    payload: bytes = b""
+    payload: bytes = b""  # the bytes that LOOP sent back
 
 
 _REPLY_LAYOUT: dict[Command, tuple[str, tuple[float, ...]]] = {

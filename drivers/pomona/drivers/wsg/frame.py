@@ -51,13 +51,9 @@ def encode_frame(frame: WireFrame) -> bytes:
 
 @dataclass(slots=True)
 class FrameDecoder:
-    """Finds frames in a stream of bytes.
+    """Finds frames in a stream of bytes."""
 
-    Attributes:
-        discarded: bytes so far that belonged to no frame.
-    """
-
-    discarded: int = 0
+    discarded: int = 0  # bytes so far that belonged to no frame
     _buffer: bytearray = field(default_factory=bytearray)
 
     def decode(self, chunk: bytes) -> list[WireFrame]:

@@ -29,33 +29,21 @@ HOMING = 20.0  # deadlines of a request of the handshake, and of homing [s]
 
 @dataclass(frozen=True, slots=True)
 class WsgOptions:
-    """Options of the gripper in the cell file.
+    """Options of the gripper in the cell file."""
 
-    Attributes:
-        finger_offset: opening between the pads' faces when the jaws' width is 0 [m].
-        acceleration: of moves [m/s²], or None for the gripper's own.
-        force_limit: of moves [N], or None.
-        soft_limits: least and most opening [m], or None.
-        speed_max: of moves and streamed speeds [m/s], or None for the gripper's own.
-        home: find the reference at the first connection; the fingers move and would drop a held object. Never done at
-            a reconnection.
-        tare: tare the force sensor at the first connection.
-        watchdog: a streamed speed that is not renewed within this time becomes zero [s].
-        silence: time without a reply after which the gripper is lost [s].
-        period: of the automatic updates of state, width and speed [s].
-        supervision: how closely the gripper must follow its commands; None for the defaults.
-    """
-
-    finger_offset: float = 0.0
-    acceleration: float | None = None
-    force_limit: float | None = None
-    soft_limits: tuple[float, float] | None = None
-    speed_max: float | None = None
+    finger_offset: float = 0.0  # opening between the pads' faces when the jaws' width is 0 [m]
+    acceleration: float | None = None  # of moves [m/s²], or None for the gripper's own
+    force_limit: float | None = None  # of moves [N], or None
+    soft_limits: tuple[float, float] | None = None  # least and most opening [m], or None
+    speed_max: float | None = None  # of moves and streamed speeds [m/s], or None for the gripper's own
+    # find the reference at the first connection; the fingers move and would drop a held object. Never done at a
+    # reconnection.
     home: bool = False
-    tare: bool = False
-    watchdog: float = 0.1
-    silence: float = 0.045
-    period: float = 0.01
+    tare: bool = False  # tare the force sensor at the first connection
+    watchdog: float = 0.1  # a streamed speed that is not renewed within this time becomes zero [s]
+    silence: float = 0.045  # time without a reply after which the gripper is lost [s]
+    period: float = 0.01  # of the automatic updates of state, width and speed [s]
+    # how closely the gripper must follow its commands; None for the defaults
     supervision: GripperSupervision | None = None
 
 

@@ -32,22 +32,14 @@ MAX_RUNS = 100_000
 
 @dataclass(frozen=True, slots=True)
 class CampaignRun:
-    """One run of a campaign.
+    """One run of a campaign."""
 
-    Attributes:
-        name: stable when the campaign is planned again.
-        arm, varied: its arm, and its values of the varied settings.
-        number: of its seed within its combination, from 0.
-        order: for `execute`.
-        fingerprint: of tree, cell, seed and settings; a result belongs to this run only if its fingerprint is equal.
-    """
-
-    name: str
-    arm: str
+    name: str  # stable when the campaign is planned again
+    arm: str  # arm, varied: its arm, and its values of the varied settings
     varied: Mapping[str, str]
-    number: int
-    order: RunOrder
-    fingerprint: str
+    number: int  # of its seed within its combination, from 0
+    order: RunOrder  # for `execute`
+    fingerprint: str  # of tree, cell, seed and settings; a result belongs to this run only if its fingerprint is equal
 
 
 @dataclass(frozen=True, slots=True)

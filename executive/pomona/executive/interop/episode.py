@@ -40,29 +40,20 @@ class Channel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Episode:
-    """Observations and actions of one run.
+    """Observations and actions of one run."""
 
-    Attributes:
-        name: of the record; tree: of the run.
-        succeeded: how the run ended.
-        times: of the steps, shape (n,) [s of the run's clock], at equal distances.
-        state: joints [rad] and openings [m], shape (n, m); named by `state_names`.
-        wrench: forces [N] and torques [N·m] of the fingers, shape (n, k), or None.
-        colour, depth: the newest look's JPEG and 16-bit PNG [mm] at each step as indices into a list of files, or None.
-        size: width and height of both [px].
-    """
-
-    name: str
-    tree: str
-    succeeded: bool
-    times: Float64
-    state: Float64
+    name: str  # of the record
+    tree: str  # of the run
+    succeeded: bool  # how the run ended
+    times: Float64  # of the steps, shape (n,) [s of the run's clock], at equal distances
+    state: Float64  # joints [rad] and openings [m], shape (n, m); named by `state_names`
     state_names: tuple[str, ...]
-    wrench: Float64 | None
+    wrench: Float64 | None  # forces [N] and torques [N·m] of the fingers, shape (n, k), or None
     wrench_names: tuple[str, ...]
+    # colour, depth: the newest look's JPEG and 16-bit PNG [mm] at each step as indices into a list of files, or None
     colour: tuple[NDArray[np.int64], list[bytes]] | None
     depth: tuple[NDArray[np.int64], list[bytes]] | None
-    size: tuple[int, int] | None
+    size: tuple[int, int] | None  # width and height of both [px]
 
     @property
     def action(self) -> Float64:

@@ -133,12 +133,7 @@ class _Builder:
 
 @dataclass(slots=True, eq=False)
 class LayerBuild:
-    """One layer of a node being built by its type (a `BuildContext`).
-
-    Attributes:
-        path: of the node itself.
-        parent: path of the layer around it.
-    """
+    """One layer of a node being built by its type (a `BuildContext`)."""
 
     builder: _Builder
     node: TreeNode
@@ -146,8 +141,8 @@ class LayerBuild:
     layer: NodeType
     found: Resolved
     scope: InstanceScope
-    path: str
-    parent: str | None
+    path: str  # of the node itself
+    parent: str | None  # path of the layer around it
 
     @property
     def wraps(self) -> bool:

@@ -25,19 +25,14 @@ def constant(value: Any) -> Getter:
 
 @dataclass(frozen=True, slots=True)
 class InstanceScope:
-    """Meaning of names for the nodes of one instance of a definition.
-
-    Attributes:
-        prefix: of the keys that its nodes write, ending in '/'.
-        names: parameters and wired inputs.
-        keys: absolute keys of wired outputs; other written names get the prefix.
-    """
+    """Meaning of names for the nodes of one instance of a definition."""
 
     analysis: Analysis
     definition: Definition
     board: Board
-    prefix: str
-    names: Mapping[str, Getter] = field(default_factory=dict)
+    prefix: str  # of the keys that its nodes write, ending in '/'
+    names: Mapping[str, Getter] = field(default_factory=dict)  # parameters and wired inputs
+    # absolute keys of wired outputs; other written names get the prefix
     keys: Mapping[str, str] = field(default_factory=dict)
     retry: RetryCount | None = None
     repeat: RepeatCount | None = None

@@ -18,42 +18,28 @@ Side = Literal["before", "after"]  # of a node: where a breakpoint holds the tic
 
 @dataclass(frozen=True, slots=True)
 class NodeInfo:
-    """One node of a built tree, for views and records.
+    """One node of a built tree, for views and records."""
 
-    Attributes:
-        path: stable id: names from the root down, `fetch/Attempt/Plan#2`. A modifier's node is called after the
-            node that it wraps: `fetch/Attempt:retry`.
-        parent: path of the parent, None for the root.
-        kind: skill, subtree, sequence … or the modifier's name.
-        name: its display name.
-        type: the skill's or subtree's name, else the kind.
-        description, comment: from the tree file.
-        file, line, end_line: where it is written.
-        inputs, outputs: wiring by port, as written.
-        settings: of the modifier or leaf, as written: `{"retry": "{attempts}"}`.
-        devices: names of the device interfaces that it needs.
-        failures: the skill's failure codes.
-        mocked: whether a mock stands in for the skill.
-        choices: the answers of a node that asks the operator.
-    """
-
+    # stable id: names from the root down, `fetch/Attempt/Plan#2`. A modifier's node is called after the node that it
+    # wraps: `fetch/Attempt:retry`.
     path: str
-    parent: str | None
-    kind: str
-    name: str
-    type: str
-    description: str = ""
+    parent: str | None  # path of the parent, None for the root
+    kind: str  # skill, subtree, sequence … or the modifier's name
+    name: str  # its display name
+    type: str  # the skill's or subtree's name, else the kind
+    description: str = ""  # description, comment: from the tree file
     comment: str = ""
-    file: str = ""
+    file: str = ""  # file, line, end_line: where it is written
     line: int = 0
     end_line: int = 0
-    inputs: Mapping[str, str] = field(default_factory=dict)
+    inputs: Mapping[str, str] = field(default_factory=dict)  # inputs, outputs: wiring by port, as written
     outputs: Mapping[str, str] = field(default_factory=dict)
+    # of the modifier or leaf, as written: `{"retry": "{attempts}"}`
     settings: Mapping[str, str] = field(default_factory=dict)
-    devices: tuple[str, ...] = ()
-    failures: tuple[str, ...] = ()
-    mocked: bool = False
-    choices: tuple[str, ...] = ()
+    devices: tuple[str, ...] = ()  # names of the device interfaces that it needs
+    failures: tuple[str, ...] = ()  # the skill's failure codes
+    mocked: bool = False  # whether a mock stands in for the skill
+    choices: tuple[str, ...] = ()  # the answers of a node that asks the operator
 
     def facts(self) -> dict[str, Any]:
         """Return plain values for the record and the dashboard, without the empty ones."""
@@ -66,24 +52,15 @@ class NodeInfo:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BuiltTree:
-    """A py_trees tree, built from a document that has no errors.
+    """A py_trees tree, built from a document that has no errors."""
 
-    Attributes:
-        name: the tree's.
-        root: tick this.
-        nodes: every node in drawing order (a parent before its children).
-        behaviours: by path; each behaviour also has its `path` as an attribute.
-        parameters: values of the tree's parameters.
-        board: the store that the nodes write to.
-        breakpoints: that stand in the file: a node's path, and the side on which the run pauses there.
-    """
-
-    name: str
-    root: Behaviour
-    nodes: tuple[NodeInfo, ...]
-    behaviours: Mapping[str, Behaviour]
-    parameters: Mapping[str, Any]
-    board: Board
+    name: str  # the tree's
+    root: Behaviour  # tick this
+    nodes: tuple[NodeInfo, ...]  # every node in drawing order (a parent before its children)
+    behaviours: Mapping[str, Behaviour]  # by path; each behaviour also has its `path` as an attribute
+    parameters: Mapping[str, Any]  # values of the tree's parameters
+    board: Board  # the store that the nodes write to
+    # that stand in the file: a node's path, and the side on which the run pauses there
     breakpoints: tuple[tuple[str, Side], ...] = ()
 
     def find(self, name: str) -> tuple[str, ...]:

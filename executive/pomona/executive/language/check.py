@@ -29,24 +29,16 @@ MAX_BUILT_DEPTH = 150
 
 @dataclass(slots=True, eq=False)
 class Analysis:
-    """Results of the check of a document: its findings, and every resolved name.
-
-    Attributes:
-        findings: in reading order.
-        resolved: by id of the node and word of the layer: its type's, or a modifier's.
-        scopes: by id of the definition.
-        interfaces: ports of each definition, by id.
-        parameters: values of the main tree's parameters, overrides applied.
-        finite: whether the tree with its subtrees written out has an end, and not more nodes than can run.
-    """
+    """Results of the check of a document: its findings, and every resolved name."""
 
     document: Document
-    findings: list[Finding] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)  # in reading order
+    # by id of the node and word of the layer: its type's, or a modifier's
     resolved: dict[tuple[int, str], Resolved] = field(default_factory=dict)
-    scopes: dict[int, Scope] = field(default_factory=dict)
-    interfaces: dict[int, PortDeclared] = field(default_factory=dict)
-    parameters: dict[str, Any] = field(default_factory=dict)
-    finite: bool = True
+    scopes: dict[int, Scope] = field(default_factory=dict)  # by id of the definition
+    interfaces: dict[int, PortDeclared] = field(default_factory=dict)  # ports of each definition, by id
+    parameters: dict[str, Any] = field(default_factory=dict)  # values of the main tree's parameters, overrides applied
+    finite: bool = True  # whether the tree with its subtrees written out has an end, and not more nodes than can run
     outcomes: Outcomes | None = None
     skills: Registry | None = None
     devices: tuple[type, ...] | None = None

@@ -15,24 +15,16 @@ MAX_FILES = 100
 
 @dataclass(slots=True)
 class Forest:
-    """The trees and models of the files.
-
-    Attributes:
-        main: the tree that runs; empty when there is none.
-        trees: by ID. A later one replaces an earlier one, and a file's own one replaces an included one.
-        models: of subtrees, by ID.
-        nodes: models of foreign nodes, by ID.
-        conditions: foreign nodes that end in the tick in which they start.
-        texts: of all files.
-    """
+    """The trees and models of the files."""
 
     findings: Findings
-    main: str = ""
+    main: str = ""  # the tree that runs; empty when there is none
+    # by ID. A later one replaces an earlier one, and a file's own one replaces an included one.
     trees: dict[str, XmlElement] = field(default_factory=dict)
-    models: dict[str, XmlElement] = field(default_factory=dict)
-    nodes: dict[str, XmlElement] = field(default_factory=dict)
-    conditions: set[str] = field(default_factory=set)
-    texts: list[str] = field(default_factory=list)
+    models: dict[str, XmlElement] = field(default_factory=dict)  # of subtrees, by ID
+    nodes: dict[str, XmlElement] = field(default_factory=dict)  # models of foreign nodes, by ID
+    conditions: set[str] = field(default_factory=set)  # foreign nodes that end in the tick in which they start
+    texts: list[str] = field(default_factory=list)  # of all files
     including: list[Path] = field(default_factory=list)
 
     def read(self, files: Sequence[tuple[str, str | Path]], main: str = "") -> None:

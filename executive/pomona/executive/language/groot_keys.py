@@ -45,21 +45,14 @@ def small(name: str) -> str:
 
 @dataclass(slots=True)
 class KeyNames:
-    """Names of the keys of one tree, and of the subtrees that are written out in it.
+    """Names of the keys of one tree, and of the subtrees that are written out in it."""
 
-    Attributes:
-        taken: names that no other key gets, of the whole file.
-        outer: the caller's, for a subtree that is written out.
-        wires: the caller's wiring: its keys, or constants.
-        shares: whether the other keys are the caller's, too (`_autoremap`); those with `_` in front never are.
-        prefix: of this subtree's own keys.
-    """
-
-    taken: set[str]
-    outer: KeyNames | None = None
-    wires: Mapping[str, str | GivenText] = field(default_factory=dict)
+    taken: set[str]  # names that no other key gets, of the whole file
+    outer: KeyNames | None = None  # the caller's, for a subtree that is written out
+    wires: Mapping[str, str | GivenText] = field(default_factory=dict)  # the caller's wiring: its keys, or constants
+    # whether the other keys are the caller's, too (`_autoremap`); those with `_` in front never are
     shares: bool = False
-    prefix: str = ""
+    prefix: str = ""  # of this subtree's own keys
     given: dict[str, str] = field(default_factory=dict)
 
     def meaning(self, key: str) -> str | GivenText:

@@ -93,16 +93,12 @@ def placeholder(port: Port) -> Any:
 
 @dataclass(slots=True, eq=False)
 class MockPlan:
-    """The mocks of a run; a skill without a result succeeds at once.
+    """The mocks of a run; a skill without a result succeeds at once."""
 
-    Attributes:
-        results: by node path, node name or skill name; the most specific one applies.
-        keep: names of skills that stay real.
-        calls: number of calls by the key of `results`: nodes that share results share the number.
-    """
-
+    # by node path, node name or skill name; the most specific one applies
     results: Mapping[str, tuple[MockResult, ...]] = field(default_factory=dict)
-    keep: frozenset[str] = frozenset()
+    keep: frozenset[str] = frozenset()  # names of skills that stay real
+    # number of calls by the key of `results`: nodes that share results share the number
     calls: dict[str, Iterator[int]] = field(default_factory=dict)
 
     def replace(self, skill: type[Skill], skill_name: str, label: str, path: str) -> Skill | None:

@@ -15,25 +15,15 @@ MOST_NODES = 20_000  # number of nodes beyond which subtrees are not drawn
 
 @dataclass(frozen=True, slots=True)
 class DrawnNode:
-    """A node and the nodes below it.
+    """A node and the nodes below it."""
 
-    Attributes:
-        type: the node's.
-        name: its own name with its type, or its type.
-        ports: its ports or its value, as written.
-        modifiers: from the outside to the inside, then the node's other fields, as written.
-        comment: its description or comment.
-        lead: its role below its parent, if it has one: `then`, `on failure`.
-        branches: its children.
-    """
-
-    type: NodeType
-    name: str
-    ports: str
-    modifiers: tuple[str, ...]
-    comment: str
-    lead: str
-    branches: tuple[DrawnNode, ...]
+    type: NodeType  # the node's
+    name: str  # its own name with its type, or its type
+    ports: str  # its ports or its value, as written
+    modifiers: tuple[str, ...]  # from the outside to the inside, then the node's other fields, as written
+    comment: str  # its description or comment
+    lead: str  # its role below its parent, if it has one: `then`, `on failure`
+    branches: tuple[DrawnNode, ...]  # its children
 
 
 def outline(document: Document) -> DrawnNode | None:

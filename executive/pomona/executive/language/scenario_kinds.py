@@ -36,20 +36,13 @@ STATUSES = (*ENDS, "running")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tested:
-    """Names of the tested tree that a scenario may use.
-
-    Attributes:
-        skills: the skill that a mock of a node replaces, by every name of the node.
-        names: of all nodes.
-        questions: by the name of a node that asks, the answers that it takes.
-        parameters: of the tree; None for one of unknown type.
-    """
+    """Names of the tested tree that a scenario may use."""
 
     registry: Registry
-    skills: Mapping[str, str]
-    names: Collection[str]
-    questions: Mapping[str, tuple[str, ...]]
-    parameters: Mapping[str, Port | None]
+    skills: Mapping[str, str]  # the skill that a mock of a node replaces, by every name of the node
+    names: Collection[str]  # of all nodes
+    questions: Mapping[str, tuple[str, ...]]  # by the name of a node that asks, the answers that it takes
+    parameters: Mapping[str, Port | None]  # of the tree; None for one of unknown type
 
     @classmethod
     def of(cls, document: Document, registry: Registry) -> Tested:

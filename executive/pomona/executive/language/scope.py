@@ -19,25 +19,15 @@ Origin = Literal["parameter", "constant", "input", "written"]
 
 @dataclass(slots=True, eq=False)
 class Named:
-    """One name in a definition's scope.
+    """One name in a definition's scope."""
 
-    Attributes:
-        type: of its value.
-        origin: where it comes from.
-        where: where it is declared or first written.
-        by: display name of the node that first writes it.
-        value: of a parameter or a constant.
-        may_be_none: an optional input of a subtree.
-        read: whether anything reads it.
-    """
-
-    type: ValueType
-    origin: Origin
-    where: Located
-    by: str = ""
-    value: Any = None
-    may_be_none: bool = False
-    read: bool = False
+    type: ValueType  # of its value
+    origin: Origin  # where it comes from
+    where: Located  # where it is declared or first written
+    by: str = ""  # display name of the node that first writes it
+    value: Any = None  # of a parameter or a constant
+    may_be_none: bool = False  # an optional input of a subtree
+    read: bool = False  # whether anything reads it
 
 
 class Given(NamedTuple):
@@ -88,19 +78,12 @@ class Resolved:
 
 @dataclass(slots=True, eq=False)
 class Scope:
-    """All names of one definition.
+    """All names of one definition."""
 
-    Attributes:
-        definition: the owner of the names.
-        names: each with its meaning.
-        looks: whether a node evaluates a condition.
-        skills: that the tree may use.
-    """
-
-    definition: Definition
-    names: dict[str, Named] = field(default_factory=dict)
-    looks: bool = False
-    skills: Registry = field(default_factory=lambda: Registry({}))
+    definition: Definition  # the owner of the names
+    names: dict[str, Named] = field(default_factory=dict)  # each with its meaning
+    looks: bool = False  # whether a node evaluates a condition
+    skills: Registry = field(default_factory=lambda: Registry({}))  # that the tree may use
 
     def written(self) -> Iterator[tuple[str, Named]]:
         return ((name, named) for name, named in self.names.items() if named.origin == "written")

@@ -34,17 +34,11 @@ class Loose(Enum):
 
 @dataclass(frozen=True, slots=True)
 class ListType:
-    """A list, tuple or array of values of one type.
+    """A list, tuple or array of values of one type."""
 
-    Attributes:
-        element: its elements' type.
-        length: how many there are, if that is always the same.
-        array: whether it is a numpy array.
-    """
-
-    element: ValueType
-    length: int | None = None
-    array: bool = False
+    element: ValueType  # its elements' type
+    length: int | None = None  # how many there are, if that is always the same
+    array: bool = False  # whether it is a numpy array
 
 
 ValueType = type[Any] | Quantity | Loose | ListType

@@ -13,25 +13,15 @@ _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """The place of the cursor in a file.
+    """The place of the cursor in a file."""
 
-    Attributes:
-        parents: keys around it, from the inside to the outside.
-        siblings: keys that stand beside it in the same mapping.
-        starts: it is the first of a list's item, or of a mapping.
-        key: the key before it on its line, when it is a value.
-        flow: it stands in braces or brackets on one line.
-        braces: the characters between `{` and the cursor, inside a text; None outside.
-        before: all of the line before the cursor.
-    """
-
-    parents: tuple[str, ...]
-    siblings: frozenset[str] = field(default_factory=frozenset)
-    starts: bool = False
-    key: str = ""
-    flow: bool = False
-    braces: str | None = None
-    before: str = ""
+    parents: tuple[str, ...]  # keys around it, from the inside to the outside
+    siblings: frozenset[str] = field(default_factory=frozenset)  # keys that stand beside it in the same mapping
+    starts: bool = False  # it is the first of a list's item, or of a mapping
+    key: str = ""  # the key before it on its line, when it is a value
+    flow: bool = False  # it stands in braces or brackets on one line
+    braces: str | None = None  # the characters between `{` and the cursor, inside a text; None outside
+    before: str = ""  # all of the line before the cursor
 
     @property
     def parent(self) -> str:

@@ -81,18 +81,12 @@ class Offer:
 
 @dataclass(slots=True)
 class TreeService:
-    """One open file: its current text, and the newest analysis whose nodes could be read.
-
-    Attributes:
-        skills: installed skills, or their declarations.
-        cell: the cell file whose names are offered; None without one.
-        others: texts of other open files, by path; they may not be saved yet.
-    """
+    """One open file: its current text, and the newest analysis whose nodes could be read."""
 
     path: Path
-    skills: Registry
-    cell: Path | None = None
-    others: Callable[[], Mapping[str, str]] = dict
+    skills: Registry  # installed skills, or their declarations
+    cell: Path | None = None  # the cell file whose names are offered; None without one
+    others: Callable[[], Mapping[str, str]] = dict  # texts of other open files, by path; they may not be saved yet
     text: str = ""
     analysis: Analysis | None = None
     document: Document | None = None

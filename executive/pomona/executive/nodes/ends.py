@@ -13,19 +13,12 @@ UNKNOWN = "?"  # stands for the codes of a skill or subtree that cannot be looke
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a node can end.
+    """How a node can end."""
 
-    Attributes:
-        codes: with which codes it can fail; without any it cannot fail.
-        succeeds: whether it can succeed.
-        skips: whether it can be skipped.
-        least: seconds of the run that a success takes at least.
-    """
-
-    codes: Codes = NO_CODES
-    succeeds: bool = True
-    skips: bool = False
-    least: float = 0.0
+    codes: Codes = NO_CODES  # with which codes it can fail; without any it cannot fail
+    succeeds: bool = True  # whether it can succeed
+    skips: bool = False  # whether it can be skipped
+    least: float = 0.0  # seconds of the run that a success takes at least
 
     def plus(self, *codes: str) -> Outcome:
         """Return the same with more codes."""

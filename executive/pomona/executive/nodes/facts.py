@@ -60,19 +60,12 @@ Case = Mapping[str, Possible]  # facts that hold together, by their subject
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """A condition as cases; at least one of them holds.
+    """A condition as cases; at least one of them holds."""
 
-    Attributes:
-        cases: if empty, it can never hold.
-        names: the names that it reads.
-        lasts: whether it stays true until one of its names is written; a field of a value may change by itself.
-        text, where: as it is written.
-    """
-
-    cases: tuple[Case, ...]
-    names: frozenset[str]
-    lasts: bool
-    text: str
+    cases: tuple[Case, ...]  # if empty, it can never hold
+    names: frozenset[str]  # the names that it reads
+    lasts: bool  # whether it stays true until one of its names is written; a field of a value may change by itself
+    text: str  # text, where: as it is written
     where: Located
 
 

@@ -60,35 +60,25 @@ class Stage(IntEnum):
 
 @dataclass(slots=True, eq=False)
 class TreeNode:
-    """One node of a tree file with its modifiers.
+    """One node of a tree file with its modifiers."""
 
-    Attributes:
-        type: its node type.
-        key: its type as written.
-        value: the value of the type's key.
-        at: the whole mapping.
-        children: nodes that belong to its type, in order.
-        leads: labels before each child in a drawing.
-        parts: nodes that belong to a modifier, by the modifier's field: `on_failure`.
-        ports: of a skill, a subtree, `set` or `fail`: by port, the key and its wiring.
-        modifiers: the keys beside the type except name and description, by name.
-        wrapping: its modifiers, from the inside to the outside.
-        layers: its modifiers from the outside to the inside, then its type.
-    """
-
-    type: NodeType
-    key: YamlScalar
-    value: YamlNode
-    at: YamlMapping
+    type: NodeType  # its node type
+    key: YamlScalar  # its type as written
+    value: YamlNode  # the value of the type's key
+    at: YamlMapping  # the whole mapping
     name: YamlScalar | None = None
     description: str = ""
     comment: str = ""
-    children: list[TreeNode] = field(default_factory=list)
-    leads: list[str] = field(default_factory=list)
+    children: list[TreeNode] = field(default_factory=list)  # nodes that belong to its type, in order
+    leads: list[str] = field(default_factory=list)  # labels before each child in a drawing
+    # nodes that belong to a modifier, by the modifier's field: `on_failure`
     parts: dict[str, TreeNode] = field(default_factory=dict)
+    # of a skill, a subtree, `set` or `fail`: by port, the key and its wiring
     ports: dict[str, Entry] = field(default_factory=dict)
+    # the keys beside the type except name and description, by name
     modifiers: dict[str, Entry] = field(default_factory=dict)
-    wrapping: tuple[Modifier, ...] = field(default=(), init=False)
+    wrapping: tuple[Modifier, ...] = field(default=(), init=False)  # its modifiers, from the inside to the outside
+    # its modifiers from the outside to the inside, then its type
     layers: tuple[NodeType, ...] = field(default=(), init=False)
 
     def __post_init__(self) -> None:
@@ -195,39 +185,23 @@ class Field(ABC):
 
 
 class NodeType(ABC):
-    """A composite, a leaf or a modifier. The docstring's first line is its description in the documentation.
+    """A composite, a leaf or a modifier. The docstring's first line is its description in the documentation."""
 
-    Attributes:
-        key: its word in tree files.
-        symbol: one character for drawings.
-        role: where it may stand.
-        value: the kind of its value.
-        fields: words that may stand beside it.
-        late: slots whose reads the type itself follows in `written_ports`, since they happen after its child has ended.
-        calls: whether the node is called by the name of a skill or a subtree.
-        instant: whether it ends in the tick in which it starts, without other nodes acting.
-        named: whether the behaviour of a modifier shows its word.
-        ends: ends that a test should see: success, failure, skipped, not skipped.
-        colour: in pictures.
-        xml_value: attribute that carries its value in XML; empty when nodes stand there.
-        xml_fields: attributes of its fields, where they have another name.
-        xml_tags: elements of BehaviorTree.CPP and others that `from_xml` reads.
-    """
-
-    key: ClassVar[str]
-    symbol: ClassVar[str]
-    role: ClassVar[Role]
-    value: ClassVar[Field]
-    fields: ClassVar[Mapping[str, Field]] = {}
+    key: ClassVar[str]  # its word in tree files
+    symbol: ClassVar[str]  # one character for drawings
+    role: ClassVar[Role]  # where it may stand
+    value: ClassVar[Field]  # the kind of its value
+    fields: ClassVar[Mapping[str, Field]] = {}  # words that may stand beside it
+    # slots whose reads the type itself follows in `written_ports`, since they happen after its child has ended
     late: ClassVar[frozenset[str]] = frozenset()
-    calls: ClassVar[bool] = False
-    instant: ClassVar[bool] = False
-    named: ClassVar[bool] = True
-    ends: ClassVar[tuple[str, ...]] = ()
-    colour: ClassVar[str] = "#444444"
-    xml_value: ClassVar[str] = "value"
-    xml_fields: ClassVar[Mapping[str, str]] = {}
-    xml_tags: ClassVar[tuple[str, ...]] = ()
+    calls: ClassVar[bool] = False  # whether the node is called by the name of a skill or a subtree
+    instant: ClassVar[bool] = False  # whether it ends in the tick in which it starts, without other nodes acting
+    named: ClassVar[bool] = True  # whether the behaviour of a modifier shows its word
+    ends: ClassVar[tuple[str, ...]] = ()  # ends that a test should see: success, failure, skipped, not skipped
+    colour: ClassVar[str] = "#444444"  # in pictures
+    xml_value: ClassVar[str] = "value"  # attribute that carries its value in XML; empty when nodes stand there
+    xml_fields: ClassVar[Mapping[str, str]] = {}  # attributes of its fields, where they have another name
+    xml_tags: ClassVar[tuple[str, ...]] = ()  # elements of BehaviorTree.CPP and others that `from_xml` reads
 
     @property
     def summary(self) -> str:
@@ -362,14 +336,10 @@ class Leaf(NodeType):
 
 
 class Modifier(NodeType):
-    """A type that stands beside another and wraps it.
-
-    Attributes:
-        outside_of: the modifier that it wraps directly; by default it wraps all.
-    """
+    """A type that stands beside another and wraps it."""
 
     role = "modifier"
-    outside_of: ClassVar[str] = ""
+    outside_of: ClassVar[str] = ""  # the modifier that it wraps directly; by default it wraps all
 
     def check_layer(self, at: CheckContext) -> None:
         super_around = self.around(at, 0)

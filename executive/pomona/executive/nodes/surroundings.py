@@ -11,19 +11,12 @@ from pomona.executive.reasons import Reason
 
 @dataclass(frozen=True, slots=True)
 class Around:
-    """The context of a node in the file.
+    """The context of a node in the file."""
 
-    Attributes:
-        counters: which of `retry`, `repeat` and `for_each` count here.
-        failure: codes of the last failure; None when there is none.
-        items: names of the items of all for_each around.
-        failed: label of the node that has failed, for messages.
-    """
-
-    counters: frozenset[str] = frozenset()
-    failure: frozenset[str] | None = None
-    items: frozenset[str] = frozenset()
-    failed: str = ""
+    counters: frozenset[str] = frozenset()  # which of `retry`, `repeat` and `for_each` count here
+    failure: frozenset[str] | None = None  # codes of the last failure; None when there is none
+    items: frozenset[str] = frozenset()  # names of the items of all for_each around
+    failed: str = ""  # label of the node that has failed, for messages
 
 
 @dataclass(slots=True)

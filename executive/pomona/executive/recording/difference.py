@@ -24,23 +24,14 @@ OF_THE_MOMENT: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The first event that differs between two runs.
+    """The first event that differs between two runs."""
 
-    Attributes:
-        number: number of the event, from 1.
-        t: time on the run's clock [s].
-        what: name and subject of the event.
-        where: path of the first field that differs; empty for events of different kinds.
-        before: the field in the first run, as text.
-        now: the field in the second run, as text.
-    """
-
-    number: int
-    t: float
-    what: str
-    where: str
-    before: str
-    now: str
+    number: int  # number of the event, from 1
+    t: float  # time on the run's clock [s]
+    what: str  # name and subject of the event
+    where: str  # path of the first field that differs; empty for events of different kinds
+    before: str  # the field in the first run, as text
+    now: str  # the field in the second run, as text
 
 
 def comparable(record: Path) -> Iterator[dict[str, Any]]:

@@ -24,55 +24,36 @@ MOST_TEXT, MOST_CODE, MOST_CODES, MOST_ENTRIES, MOST_QUANTITIES = 2000, 100, 200
 
 @dataclass(frozen=True, slots=True)
 class Digest:
-    """One recorded run.
+    """One recorded run."""
 
-    Attributes:
-        run: its id, the name of its folder.
-        state: ended, running, cut off, damaged (its checks fail, so nothing in it is trusted), or unreadable.
-        outcome: success, failure, stopped or error, of a run that has ended.
-        code: failure code of a run that did not succeed.
-        message: reason for the failure, or for the missing end.
-        codes: number of failures of leaves, by code.
-        attempts: number of attempts of all retries.
-        time: duration on the run's clock [s].
-        wall: duration on the wall clock [s].
-        wall_time: start, in seconds since 1970.
-        tree_hash: hash of the tree's text.
-        cell_hash: hash of the cell's texts.
-        git: commit of Pomona, with a + for a changed checkout.
-        peaks: largest sample of each measured quantity, by its name with its unit.
-        bytes: size of its MCAP file.
-        picture: True if the record has a picture.
-        checked: True if everything in it has a checksum.
-        lost: the parts that a repair could not save; empty without loss.
-    """
-
-    run: str
+    run: str  # its id, the name of its folder
+    # ended, running, cut off, damaged (its checks fail, so nothing in it is trusted), or unreadable
     state: str = "ended"
     tree: str = ""
-    tree_hash: str = ""
+    tree_hash: str = ""  # hash of the tree's text
     cell: str = ""
     cell_kind: str = ""
-    cell_hash: str = ""
+    cell_hash: str = ""  # hash of the cell's texts
     seed: int | None = None
-    wall_time: float = 0.0
-    git: str = ""
+    wall_time: float = 0.0  # start, in seconds since 1970
+    git: str = ""  # commit of Pomona, with a + for a changed checkout
     parameters: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, str] = field(default_factory=dict)
-    outcome: str | None = None
-    code: str | None = None
-    message: str | None = None
-    codes: Mapping[str, int] = field(default_factory=dict)
-    attempts: int = 0
-    time: float | None = None
-    wall: float | None = None
+    outcome: str | None = None  # success, failure, stopped or error, of a run that has ended
+    code: str | None = None  # failure code of a run that did not succeed
+    message: str | None = None  # reason for the failure, or for the missing end
+    codes: Mapping[str, int] = field(default_factory=dict)  # number of failures of leaves, by code
+    attempts: int = 0  # number of attempts of all retries
+    time: float | None = None  # duration on the run's clock [s]
+    wall: float | None = None  # duration on the wall clock [s]
     ticks: int | None = None
     truth: Mapping[str, Any] | None = None
+    # largest sample of each measured quantity, by its name with its unit
     peaks: Mapping[str, float] = field(default_factory=dict)
-    bytes: int = 0
-    picture: bool = False
-    checked: bool = True
-    lost: str = ""
+    bytes: int = 0  # size of its MCAP file
+    picture: bool = False  # True if the record has a picture
+    checked: bool = True  # True if everything in it has a checksum
+    lost: str = ""  # the parts that a repair could not save; empty without loss
 
     def as_json(self) -> dict[str, Any]:
         """Return the entry as JSON, for the page and for scripts."""

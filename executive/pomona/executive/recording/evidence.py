@@ -33,52 +33,30 @@ _KEYS = ("hazard", "node", "limit", "unit", "saturates", "measure", "meaning")
 
 @dataclass(frozen=True, slots=True)
 class Hazard:
-    """A hazard.
+    """A hazard."""
 
-    Attributes:
-        name: its name in reports.
-        node: the node that guards against it.
-        unit: unit of its values.
-        meaning: description of the measurement.
-        limits: one number, or one for each quantity; empty if each run's cell has the limit.
-        limit_in_cell: dotted keys of the limit in a cell file; the first existing one counts.
-        limit_in_series: name of the threshold that is recorded with a series.
-        saturates: True if a value at the limit counts as beyond it, since the sensor saturates.
-        measure: the measurement in a record; the simulated world's truth counts if it is larger.
-    """
-
-    name: str
-    node: str
-    unit: str
-    meaning: str
-    limits: tuple[float, ...]
-    limit_in_cell: tuple[str, ...]
-    limit_in_series: str
-    saturates: bool
-    measure: Mapping[str, str]
+    name: str  # its name in reports
+    node: str  # the node that guards against it
+    unit: str  # unit of its values
+    meaning: str  # description of the measurement
+    limits: tuple[float, ...]  # one number, or one for each quantity; empty if each run's cell has the limit
+    limit_in_cell: tuple[str, ...]  # dotted keys of the limit in a cell file; the first existing one counts
+    limit_in_series: str  # name of the threshold that is recorded with a series
+    saturates: bool  # True if a value at the limit counts as beyond it, since the sensor saturates
+    measure: Mapping[str, str]  # the measurement in a record; the simulated world's truth counts if it is larger
 
 
 @dataclass(slots=True)
 class Measured:
-    """The largest value of one hazard.
+    """The largest value of one hazard."""
 
-    Attributes:
-        runs: number of runs with a measurement.
-        value: value of the sample nearest to its limit; None without a measurement.
-        limit: limit of that sample.
-        run: run of that sample.
-        t: time of that sample in its run [s].
-        quantity: quantity of that sample.
-        beyond: number of runs beyond the limit.
-    """
-
-    runs: int = 0
-    value: float | None = None
-    limit: float | None = None
-    run: str = ""
-    t: float = 0.0
-    quantity: str = ""
-    beyond: int = 0
+    runs: int = 0  # number of runs with a measurement
+    value: float | None = None  # value of the sample nearest to its limit; None without a measurement
+    limit: float | None = None  # limit of that sample
+    run: str = ""  # run of that sample
+    t: float = 0.0  # time of that sample in its run [s]
+    quantity: str = ""  # quantity of that sample
+    beyond: int = 0  # number of runs beyond the limit
 
     def take(self, run: str, t: float, value: float, limit: float | None, quantity: str, saturates: bool) -> None:
         """Take the largest value of one run."""
@@ -90,19 +68,13 @@ class Measured:
 
 @dataclass(slots=True)
 class Evidence:
-    """Measurements of many records.
+    """Measurements of many records."""
 
-    Attributes:
-        hazards: the hazards.
-        measured: the largest value of each hazard, in the same order.
-        runs: of every record that was read: the SHA-256 of its file, outcome, cell, number of interventions.
-        left_out: reason for every record that was not read.
-    """
-
-    hazards: tuple[Hazard, ...]
-    measured: tuple[Measured, ...]
+    hazards: tuple[Hazard, ...]  # the hazards
+    measured: tuple[Measured, ...]  # the largest value of each hazard, in the same order
+    # of every record that was read: the SHA-256 of its file, outcome, cell, number of interventions
     runs: list[dict[str, Any]] = field(default_factory=list)
-    left_out: dict[str, str] = field(default_factory=dict)
+    left_out: dict[str, str] = field(default_factory=dict)  # reason for every record that was not read
 
     def as_json(self) -> dict[str, Any]:
         """Return the measurements as JSON."""

@@ -42,18 +42,12 @@ EVENT_START = b'{"event":"'  # start of every message on `/events`: it identifie
 
 @dataclass(frozen=True, slots=True)
 class Copied:
-    """Result of a copy.
+    """Result of a copy."""
 
-    Attributes:
-        messages: number of copied messages.
-        seconds: run time of the newest one [s].
-        cut: bytes at the end of the source that are no complete record.
-        gaps: lost parts, each as (first byte, bytes, run time before [s], run time after [s]).
-    """
-
-    messages: int = 0
-    seconds: float = 0.0
-    cut: int = 0
+    messages: int = 0  # number of copied messages
+    seconds: float = 0.0  # run time of the newest one [s]
+    cut: int = 0  # bytes at the end of the source that are no complete record
+    # lost parts, each as (first byte, bytes, run time before [s], run time after [s])
     gaps: tuple[tuple[int, int, float, float], ...] = ()
 
     @property
@@ -65,19 +59,12 @@ class Copied:
 
 @dataclass(frozen=True, slots=True)
 class Repaired:
-    """Result of a repair.
+    """Result of a repair."""
 
-    Attributes:
-        copied: result of the copy.
-        why: state of the file and reason for the repair.
-        kept: name of the file with the bytes that could not be copied; empty without any.
-        made: missing files that were made from the events.
-    """
-
-    copied: Copied
-    why: str
-    kept: str
-    made: tuple[str, ...]
+    copied: Copied  # result of the copy
+    why: str  # state of the file and reason for the repair
+    kept: str  # name of the file with the bytes that could not be copied; empty without any
+    made: tuple[str, ...]  # missing files that were made from the events
 
 
 def repair(record: Path) -> Repaired | None:

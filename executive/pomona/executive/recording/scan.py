@@ -85,28 +85,19 @@ class ChunkPlace(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """Result of an examination.
+    """Result of an examination."""
 
-    Attributes:
-        state: whole, cut off (whole up to there) or damaged.
-        why: the problem as a phrase; empty for a whole file.
-        t: run time up to which the file is whole [s].
-        good: number of bytes up to which the file is whole.
-        checked: every byte up to `good` has a checksum. Files of earlier versions and of other programs may have none.
-        lost: the parts that an earlier repair could not save, as a phrase; empty without loss.
-        attachments: offset of the newest attachment of each name.
-        chunks: the chunks of a file of this recorder, which holds all messages; else None.
-        topics: topics by channel number. A chunk at the end of a cut file may declare further ones.
-    """
-
-    state: str
-    why: str = ""
-    t: float = 0.0
-    good: int = 0
+    state: str  # whole, cut off (whole up to there) or damaged
+    why: str = ""  # the problem as a phrase; empty for a whole file
+    t: float = 0.0  # run time up to which the file is whole [s]
+    good: int = 0  # number of bytes up to which the file is whole
+    # every byte up to `good` has a checksum. Files of earlier versions and of other programs may have none.
     checked: bool = True
-    lost: str = ""
-    attachments: Mapping[str, int] = field(default_factory=dict)
+    lost: str = ""  # the parts that an earlier repair could not save, as a phrase; empty without loss
+    attachments: Mapping[str, int] = field(default_factory=dict)  # offset of the newest attachment of each name
+    # the chunks of a file of this recorder, which holds all messages; else None
     chunks: tuple[ChunkPlace, ...] | None = None
+    # topics by channel number. A chunk at the end of a cut file may declare further ones.
     topics: Mapping[int, str] = field(default_factory=dict)
 
 

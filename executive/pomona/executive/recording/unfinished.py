@@ -17,23 +17,14 @@ RECOVERY = "recover"  # name of the tree that recovers a cell after a run that w
 
 @dataclass(frozen=True, slots=True)
 class Unfinished:
-    """A run that was cut off.
+    """A run that was cut off."""
 
-    Attributes:
-        record: its folder.
-        kind: kind of its cell; empty if unknown.
-        doing: names of the running leaves.
-        time: recorded time of the run [s].
-        hand: last content of the gripper as a sentence; empty for nothing, None if unknown.
-        why: reason for the missing end.
-    """
-
-    record: Path
-    kind: str
-    doing: tuple[str, ...]
-    time: float
-    hand: str | None
-    why: str
+    record: Path  # its folder
+    kind: str  # kind of its cell; empty if unknown
+    doing: tuple[str, ...]  # names of the running leaves
+    time: float  # recorded time of the run [s]
+    hand: str | None  # last content of the gripper as a sentence; empty for nothing, None if unknown
+    why: str  # reason for the missing end
 
     @property
     def sentence(self) -> str:

@@ -162,23 +162,14 @@ class SafeStopped(Event):
 
 @dataclass(frozen=True, slots=True)
 class ErrorRaised(Event):
-    """An exception that no skill declares: a bug, a device's fault, or an error of another component.
+    """An exception that no skill declares: a bug, a device's fault, or an error of another component."""
 
-    Attributes:
-        node: path of the node that it came from; empty when it was none.
-        during: the activity, for the operator: 'the tick', 'the safe stop' …
-        error: the exception's name.
-        message: its text.
-        place: `file:line, in function`, the innermost outside Pomona and its libraries.
-        traceback: the whole one.
-    """
-
-    node: str
-    during: str
-    error: str
-    message: str
-    place: str
-    traceback: str
+    node: str  # path of the node that it came from; empty when it was none
+    during: str  # the activity, for the operator: 'the tick', 'the safe stop' …
+    error: str  # the exception's name
+    message: str  # its text
+    place: str  # `file:line, in function`, the innermost outside Pomona and its libraries
+    traceback: str  # the whole one
 
 
 @dataclass(frozen=True, slots=True)

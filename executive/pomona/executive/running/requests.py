@@ -26,19 +26,13 @@ class AnswerRefusedError(PomonaError):
 
 
 class Request(NamedTuple):
-    """One request to the run.
+    """One request to the run."""
 
-    Attributes:
-        action, who, detail: as `OperatorActed` has them.
-        number: of the question that it answers or the pause that it ends; 0 for any other action.
-        at: monotonic time of the request [s].
-    """
-
-    action: str
+    action: str  # action, who, detail: as `OperatorActed` has them
     who: str
     detail: str
-    number: int
-    at: float
+    number: int  # of the question that it answers or the pause that it ends; 0 for any other action
+    at: float  # monotonic time of the request [s]
 
 
 class UnknownFaultError(PomonaError):

@@ -31,21 +31,12 @@ class RunState(Enum):
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """How a run ended.
+    """How a run ended."""
 
-    Attributes:
-        outcome: success, failure, stopped or error.
-        reason: why it did not succeed.
-        ticks: number of ticks.
-        time, wall: seconds on the run's clock (pauses left out) and really.
-        truth: the simulated world's score.
-        interrupted: it was ended by Ctrl-C.
-    """
-
-    outcome: str
-    reason: Reason | None
-    ticks: int
-    time: float
+    outcome: str  # success, failure, stopped or error
+    reason: Reason | None  # why it did not succeed
+    ticks: int  # number of ticks
+    time: float  # time, wall: seconds on the run's clock (pauses left out) and really
     wall: float
-    truth: Mapping[str, Any] | None
-    interrupted: bool = False
+    truth: Mapping[str, Any] | None  # the simulated world's score
+    interrupted: bool = False  # it was ended by Ctrl-C

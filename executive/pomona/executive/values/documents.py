@@ -37,19 +37,14 @@ class Outline:
 
 @dataclass(slots=True)
 class ValueFile:
-    """A file as it is written, with the blocks that it includes.
+    """A file as it is written, with the blocks that it includes."""
 
-    Attributes:
-        root: the mapping, includes filled in: of a whole file, or of a block inside one (`sim.yaml#world`). Keys that
-            stand beside an `include` come before the included ones.
-        reader: for its values.
-        options: the values that may be changed.
-        files: text of every file that was read, by its path from the folder of the first.
-    """
-
+    # the mapping, includes filled in: of a whole file, or of a block inside one (`sim.yaml#world`). Keys that stand
+    # beside an `include` come before the included ones.
     root: YamlMapping
-    reader: Reader
-    options: tuple[Option, ...] = ()
+    reader: Reader  # for its values
+    options: tuple[Option, ...] = ()  # the values that may be changed
+    # text of every file that was read, by its path from the folder of the first
     files: dict[str, str] = field(default_factory=dict)
 
 

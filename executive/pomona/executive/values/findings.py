@@ -26,11 +26,7 @@ class Edit(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that is wrong. Lines and columns count from 1; `length` characters of the excerpt are meant.
-
-    Attributes:
-        edits: changes of the file that follow the hint; `pomona check --fix` and editors apply them.
-    """
+    """One thing that is wrong. Lines and columns count from 1; `length` characters of the excerpt are meant."""
 
     path: str
     line: int
@@ -41,6 +37,7 @@ class Finding:
     hint: str = ""
     excerpt: str = ""
     length: int = 1
+    # changes of the file that follow the hint; `pomona check --fix` and editors apply them
     edits: tuple[Edit, ...] = ()
 
 

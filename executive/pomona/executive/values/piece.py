@@ -8,18 +8,11 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """The files that `pomona new WORD name` writes.
+    """The files that `pomona new WORD name` writes."""
 
-    Attributes:
-        about: description in one line.
-        files: texts by path; `$name` is the name in small letters, `$Name` with capitals, `$module` the package.
-        data: files that are made, by path.
-        entry: group, name and object of its entry point; empty for data.
-        check: a file of it for `pomona check`.
-    """
-
-    about: str
+    about: str  # description in one line
+    # texts by path; `$name` is the name in small letters, `$Name` with capitals, `$module` the package
     files: Mapping[str, str]
-    data: Mapping[str, Callable[[], bytes]] = field(default_factory=dict)
-    entry: tuple[str, str, str] | None = None
-    check: str = ""
+    data: Mapping[str, Callable[[], bytes]] = field(default_factory=dict)  # files that are made, by path
+    entry: tuple[str, str, str] | None = None  # group, name and object of its entry point; empty for data
+    check: str = ""  # a file of it for `pomona check`

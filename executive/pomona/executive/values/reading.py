@@ -26,17 +26,11 @@ class Unfit(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Reader:
-    """Context that a kind needs to read a node.
+    """Context that a kind needs to read a node."""
 
-    Attributes:
-        findings: receives every error and warning.
-        title: of the value, for messages: `devices.arm.lead`.
-        options: values of `{name}`, or None in files without options.
-    """
-
-    findings: Findings
-    title: str = ""
-    options: Mapping[str, YamlScalar] | None = None
+    findings: Findings  # receives every error and warning
+    title: str = ""  # of the value, for messages: `devices.arm.lead`
+    options: Mapping[str, YamlScalar] | None = None  # values of `{name}`, or None in files without options
 
     def inside(self, key: str) -> Reader:
         """Return the reader of a value in this one."""

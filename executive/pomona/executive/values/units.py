@@ -133,15 +133,10 @@ QUANTITIES: Mapping[str, Quantity] = {
 
 @dataclass(frozen=True, slots=True)
 class Array:
-    """Shape and unit of an array: `dimensions: Annotated[Float64, Array(3, of=LENGTH)]`.
+    """Shape and unit of an array: `dimensions: Annotated[Float64, Array(3, of=LENGTH)]`."""
 
-    Attributes:
-        shape: its length along each axis.
-        of: quantity of its elements, if they have one unit.
-    """
-
-    shape: tuple[int, ...]
-    of: Quantity | None
+    shape: tuple[int, ...]  # its length along each axis
+    of: Quantity | None  # quantity of its elements, if they have one unit
 
     def __init__(self, *shape: int, of: Quantity | None = None) -> None:
         object.__setattr__(self, "shape", shape)

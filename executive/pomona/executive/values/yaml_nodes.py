@@ -65,13 +65,10 @@ class YamlList(YamlNode):
 
 @dataclass(slots=True, eq=False)
 class YamlMapping(YamlNode):
-    """A mapping with unique keys: if a key is written twice, the first stays and the second is a finding.
-
-    Attributes:
-        lacking: an included file could not be read, which is a finding of its own; missing keys are not reported.
-    """
+    """A mapping with unique keys: if a key is written twice, the first stays and the second is a finding."""
 
     entries: dict[str, tuple[YamlScalar, YamlNode]]
+    # an included file could not be read, which is a finding of its own; missing keys are not reported
     lacking: bool = False
 
     def get(self, key: str) -> YamlNode | None:

@@ -16,29 +16,20 @@ Pose = Annotated[Float64, Array(4, 4)]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grasp:
-    """One candidate: poses of the gripper's centre point (TCP) before and at the grasp.
+    """One candidate: poses of the gripper's centre point (TCP) before and at the grasp."""
 
-    Attributes:
-        index: number of the candidate on the sphere, in the sampling's own order.
-        theta, alpha: the paper's angles [rad].
-        T_base_pre_grasp, T_base_grasp: poses of the TCP; z approach, y sliding direction of the fingers.
-        width: opening to approach with [m].
-        q_pre_grasp: joint solutions of the pre-grasp that are free of collision, shape (n, dof) [rad], best first.
-        clearance: distance from the nearest obstacle over the approach [m].
-        oblique: angle at which the pads meet the skin [rad]; 0 is square.
-        fruit: the fruit to grasp.
-    """
-
-    index: int
-    theta: Annotated[float, ANGLE]
+    index: int  # number of the candidate on the sphere, in the sampling's own order
+    theta: Annotated[float, ANGLE]  # theta, alpha: the paper's angles [rad]
     alpha: Annotated[float, ANGLE]
+    # T_base_pre_grasp, T_base_grasp: poses of the TCP; z approach, y sliding direction of the fingers
     T_base_pre_grasp: Pose
     T_base_grasp: Pose
-    width: Annotated[float, LENGTH]
+    width: Annotated[float, LENGTH]  # opening to approach with [m]
+    # joint solutions of the pre-grasp that are free of collision, shape (n, dof) [rad], best first
     q_pre_grasp: Float64
-    clearance: Annotated[float, LENGTH]
-    oblique: Annotated[float, ANGLE]
-    fruit: MeasuredFruit
+    clearance: Annotated[float, LENGTH]  # distance from the nearest obstacle over the approach [m]
+    oblique: Annotated[float, ANGLE]  # angle at which the pads meet the skin [rad]; 0 is square
+    fruit: MeasuredFruit  # the fruit to grasp
 
     @property
     def sentence(self) -> str:

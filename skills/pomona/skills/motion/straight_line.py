@@ -22,19 +22,12 @@ _REASONS = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StraightLine:
-    """A straight line of the TCP.
+    """A straight line of the TCP."""
 
-    Attributes:
-        q: joints at equal steps from the start on, shape (n, dof) [rad]; only the part that can be followed.
-        length: of the whole line [m].
-        reached: share of the line that can be followed, 0 to 1.
-        reason: why it ends early; empty when it does not.
-    """
-
-    q: Float64
-    length: float
-    reached: float
-    reason: str
+    q: Float64  # joints at equal steps from the start on, shape (n, dof) [rad]; only the part that can be followed
+    length: float  # of the whole line [m]
+    reached: float  # share of the line that can be followed, 0 to 1
+    reason: str  # why it ends early; empty when it does not
 
     @property
     def complete(self) -> bool:

@@ -27,17 +27,11 @@ FLIPS = {"left to right": (-1.0, 1.0), "top to bottom": (1.0, -1.0)}
 
 @dataclass(frozen=True, slots=True)
 class FrameProblem:
-    """A statement of a frame that cannot be true.
+    """A statement of a frame that cannot be true."""
 
-    Attributes:
-        code: POSE_MISMATCH or DEPTH_MISMATCH.
-        message: measured and allowed values, and the remedy.
-        data: the same as numbers.
-    """
-
-    code: str
-    message: str
-    data: Mapping[str, float] = field(default_factory=dict)
+    code: str  # POSE_MISMATCH or DEPTH_MISMATCH
+    message: str  # measured and allowed values, and the remedy
+    data: Mapping[str, float] = field(default_factory=dict)  # the same as numbers
 
 
 def frame_problem(

@@ -18,38 +18,25 @@ Pose = Annotated[Float64, Array(4, 4)]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredFruit:
-    """A fruit's refined pose and size.
+    """A fruit's refined pose and size."""
 
-    Attributes:
-        fruit: the CAD model; its vertices scaled by `dimensions / fruit.dimensions` are the refined shape.
-        T_base_fruit: pose of the refined shape's cuboid in the base frame (object axes: x right, y down, z forward).
-        T_base_camera: pose of the camera at the look.
-        dimensions: (d_x, d_y, d_z) [m], shape (3,); d_y is the height.
-        mu, sigma: the paper's scale factor and displacement [m] of the uniform fit.
-        covariance: of (position in the base frame [m], dimensions [m]), shape (6, 6).
-        inlier_ratio: ratio of the model's measured pixels with agreeing depth; 0 for an unrefined detection.
-        residual: root mean square of the inliers' depth residuals [m].
-        contour: outline of the refined shape in the image, shape (n, 2) [px].
-        frame: the look that was measured.
-        method: which formulation gave the result: none, paper, uniform, shape, shape+plane, and `+views` where earlier
-            looks were fused in.
-        earlier: those looks: frames with the pose of the camera, T_base_camera.
-        doubt: contradiction between the fruit's surroundings and the cell file, for the operator; empty without one.
-    """
-
-    fruit: FruitModel
-    T_base_fruit: Pose
-    T_base_camera: Pose
-    dimensions: Annotated[Float64, Array(3, of=LENGTH)]
-    mu: Annotated[float, RATIO]
+    fruit: FruitModel  # the CAD model; its vertices scaled by `dimensions / fruit.dimensions` are the refined shape
+    T_base_fruit: Pose  # pose of the refined shape's cuboid in the base frame (object axes: x right, y down, z forward)
+    T_base_camera: Pose  # pose of the camera at the look
+    dimensions: Annotated[Float64, Array(3, of=LENGTH)]  # (d_x, d_y, d_z) [m], shape (3,); d_y is the height
+    mu: Annotated[float, RATIO]  # mu, sigma: the paper's scale factor and displacement [m] of the uniform fit
     sigma: Annotated[float, LENGTH]
-    covariance: Annotated[Float64, Array(6, 6)]
+    covariance: Annotated[Float64, Array(6, 6)]  # of (position in the base frame [m], dimensions [m]), shape (6, 6)
+    # ratio of the model's measured pixels with agreeing depth; 0 for an unrefined detection
     inlier_ratio: Annotated[float, RATIO]
-    residual: Annotated[float, LENGTH]
-    contour: Float64
-    frame: Frame
+    residual: Annotated[float, LENGTH]  # root mean square of the inliers' depth residuals [m]
+    contour: Float64  # outline of the refined shape in the image, shape (n, 2) [px]
+    frame: Frame  # the look that was measured
+    # which formulation gave the result: none, paper, uniform, shape, shape+plane, and `+views` where earlier looks were
+    # fused in
     method: str
-    earlier: tuple[tuple[Frame, Float64], ...] = ()
+    earlier: tuple[tuple[Frame, Float64], ...] = ()  # those looks: frames with the pose of the camera, T_base_camera
+    # contradiction between the fruit's surroundings and the cell file, for the operator; empty without one
     doubt: str = ""
 
     @property

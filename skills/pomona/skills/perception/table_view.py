@@ -35,23 +35,14 @@ DRAWS = 96  # triples of points that are tried; with a third of the points on th
 
 @dataclass(frozen=True, slots=True)
 class SeenTable:
-    """The table as the depth image shows it.
+    """The table as the depth image shows it."""
 
-    Attributes:
-        height: of its middle above the expected plane, negative below [m].
-        tilt: angle between both planes [rad].
-        distance: of its middle from the camera along the optical axis [m].
-        points: number of depth pixels that lie on it, of those that were used.
-        allowed: height that a sound cell may show at this distance [m].
-        height_ratio: error of the depth, of itself, that would show a level table at this height.
-    """
-
-    height: float
-    tilt: float
-    distance: float
-    points: int
-    allowed: float
-    height_ratio: float
+    height: float  # of its middle above the expected plane, negative below [m]
+    tilt: float  # angle between both planes [rad]
+    distance: float  # of its middle from the camera along the optical axis [m]
+    points: int  # number of depth pixels that lie on it, of those that were used
+    allowed: float  # height that a sound cell may show at this distance [m]
+    height_ratio: float  # error of the depth, of itself, that would show a level table at this height
 
     @property
     def allowed_tilt(self) -> float:

@@ -42,25 +42,16 @@ FRUIT_COLUMNS = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameEntry:
-    """One frame of the account.
+    """One frame of the account."""
 
-    Attributes:
-        number: from 1, in the order in which they were looked at.
-        label: its name.
-        scene: from 1; 0 if it could not be processed.
-        how: origin of the camera's pose, or the reason why it is unknown.
-        finds: detections in it, places in the scene's frame, each with the number of its fruit.
-        unreadable: reason why it could not be processed; empty if it could.
-        doubt: reason why sizes or places in it may be wrong; empty without one.
-    """
-
-    number: int
-    label: str
-    scene: int
-    how: str
+    number: int  # from 1, in the order in which they were looked at
+    label: str  # its name
+    scene: int  # from 1; 0 if it could not be processed
+    how: str  # origin of the camera's pose, or the reason why it is unknown
+    # detections in it, places in the scene's frame, each with the number of its fruit
     finds: tuple[tuple[Sighting, int], ...]
-    unreadable: str = ""
-    doubt: str = ""
+    unreadable: str = ""  # reason why it could not be processed; empty if it could
+    doubt: str = ""  # reason why sizes or places in it may be wrong; empty without one
 
     @property
     def picture(self) -> str:

@@ -53,17 +53,11 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class KnownAround:
-    """Known obstacles around the arm.
+    """Known obstacles around the arm."""
 
-    Attributes:
-        map: obstacles from earlier frames, or None.
-        fruit: measured fruit that is left out of the map.
-        carrying: the grasp by which a fruit is held, or None.
-    """
-
-    map: OccupancyMap | None = None
-    fruit: tuple[MeasuredFruit, ...] = ()
-    carrying: Grasp | None = None
+    map: OccupancyMap | None = None  # obstacles from earlier frames, or None
+    fruit: tuple[MeasuredFruit, ...] = ()  # measured fruit that is left out of the map
+    carrying: Grasp | None = None  # the grasp by which a fruit is held, or None
 
 
 class LiveWatch:

@@ -33,21 +33,15 @@ class UnusablePolicy(Exception):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PolicyNetwork:
-    """A multilayer perceptron with scales of its inputs and outputs.
+    """A multilayer perceptron with scales of its inputs and outputs."""
 
-    Attributes:
-        joints: names, in the order of inputs and outputs.
-        rate: decisions a second with which it was trained.
-        layers: weights (inputs, outputs) and biases (outputs,).
-    """
-
-    joints: tuple[str, ...]
-    rate: float
+    joints: tuple[str, ...]  # names, in the order of inputs and outputs
+    rate: float  # decisions a second with which it was trained
     in_mean: Float64
     in_scale: Float64
     out_mean: Float64
     out_scale: Float64
-    layers: tuple[tuple[Float64, Float64], ...]
+    layers: tuple[tuple[Float64, Float64], ...]  # weights (inputs, outputs) and biases (outputs,)
 
     def set_point(self, q: Float64, goal: Float64) -> Float64:
         """Where the joints shall go, shape (dof,) [rad].

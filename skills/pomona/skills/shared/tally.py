@@ -15,21 +15,13 @@ DONE = "done"  # the outcome that is no failure
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TalliedFruit:
-    """One fruit.
+    """One fruit."""
 
-    Attributes:
-        p_base: its position, shape (3,) [m].
-        size: its dimensions, shape (3,) [m], or None when it was not measured.
-        outcome: a word: `DONE`, or another outcome.
-        why: a sentence, empty when there is nothing to explain.
-        tries: number of tries.
-    """
-
-    p_base: Float64
-    size: Float64 | None
-    outcome: str
-    why: str
-    tries: int = 1
+    p_base: Float64  # its position, shape (3,) [m]
+    size: Float64 | None  # its dimensions, shape (3,) [m], or None when it was not measured
+    outcome: str  # a word: `DONE`, or another outcome
+    why: str  # a sentence, empty when there is nothing to explain
+    tries: int = 1  # number of tries
 
     @property
     def place(self) -> str:

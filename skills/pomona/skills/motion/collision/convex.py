@@ -25,16 +25,11 @@ class Convex:
 
     The distance to it is bounded from below by the largest n·p - offset: exact in front of a face of a box, within some
     percent beside edges, within half a millimetre for a fruit of 5 cm.
-
-    Attributes:
-        name: for messages.
-        planes: unit normals and offsets, shape (k, 4) [1, m].
-        bound: a sphere around the shape, shape (4,) [m].
     """
 
-    name: str
-    planes: Float64
-    bound: Float64
+    name: str  # for messages
+    planes: Float64  # unit normals and offsets, shape (k, 4) [1, m]
+    bound: Float64  # a sphere around the shape, shape (4,) [m]
 
     @staticmethod
     def of_points(name: str, points: ArrayLike, directions: Float64 | None = None) -> Convex:

@@ -26,17 +26,12 @@ _RIM = 16
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cover:
-    """Spheres and support points of one shape, in its own frame.
+    """Spheres and support points of one shape, in its own frame."""
 
-    Attributes:
-        spheres: centres and radii whose union covers the shape, shape (n, 4) [m].
-        inner: radii about the same centres within the shape, shape (n,) [m]; 0 for a centre outside.
-        support: points, shape (k, 3), and `rounding` [m], of all or of each: the hull of the points grown by it
-            contains the shape; for exact distances to planes.
-    """
-
-    spheres: Float64
-    inner: Float64
+    spheres: Float64  # centres and radii whose union covers the shape, shape (n, 4) [m]
+    inner: Float64  # radii about the same centres within the shape, shape (n,) [m]; 0 for a centre outside
+    # points, shape (k, 3), and `rounding` [m], of all or of each: the hull of the points grown by it contains the
+    # shape; for exact distances to planes
     support: Float64
     rounding: float | Float64
 

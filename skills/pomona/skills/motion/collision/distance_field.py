@@ -22,18 +22,12 @@ class DistanceField:
     corners is the exact distance to the cubes. Interpolation is exact on faces and overestimates beside edges and
     corners by less than `INTERPOLATION_ERROR` cells, which is subtracted. Outside the grid the distance of the nearest
     point of the grid's volume is a lower bound.
-
-    Attributes:
-        values: distances at the corners, shape (nx + 1, ny + 1, nz + 1), float32 [m].
-        origin: position of corner (0, 0, 0) in the base frame, shape (3,) [m].
-        resolution: edge of a cell [m].
-        limit: larger distances are given as this [m].
     """
 
-    values: Float32
-    origin: Float64
-    resolution: float
-    limit: float
+    values: Float32  # distances at the corners, shape (nx + 1, ny + 1, nz + 1), float32 [m]
+    origin: Float64  # position of corner (0, 0, 0) in the base frame, shape (3,) [m]
+    resolution: float  # edge of a cell [m]
+    limit: float  # larger distances are given as this [m]
 
     @staticmethod
     def of_blocked(blocked: NDArray[np.bool_], origin: Float64, resolution: float, limit: float) -> DistanceField:

@@ -23,28 +23,18 @@ MAP = 0  # number of the map among the obstacles; convex obstacles follow from 1
 
 
 class WorldArrays(NamedTuple):
-    """Obstacles of the robot: c convex obstacles, h half spaces, g geoms of the robot. Base frame, metres.
+    """Obstacles of the robot: c convex obstacles, h half spaces, g geoms of the robot. Base frame, metres."""
 
-    Attributes:
-        field, origin, resolution: a distance field, see `pomona.skills.motion.collision.distance_field`.
-        planes: faces of all convex obstacles, shape (n, 4), and `plane_start`, shape (c + 1,).
-        bounds: a sphere around each convex obstacle, shape (c, 4).
-        half_spaces: normal n and offset d: free where n·p > d, shape (h, 4).
-        margins: distance that each geom keeps from the world, shape (g,).
-        self_margin: distance that the robot's parts keep from each other.
-        ignored: which geom may touch which obstacle, shape (1 + c + h, g).
-    """
-
-    field: Float32
+    field: Float32  # field, origin, resolution: a distance field, see `pomona.skills.motion.collision.distance_field`
     origin: Float64
     resolution: float
-    planes: Float64
+    planes: Float64  # faces of all convex obstacles, shape (n, 4), and `plane_start`, shape (c + 1,)
     plane_start: Int64
-    bounds: Float64
-    half_spaces: Float64
-    margins: Float64
-    self_margin: float
-    ignored: NDArray[np.bool_]
+    bounds: Float64  # a sphere around each convex obstacle, shape (c, 4)
+    half_spaces: Float64  # normal n and offset d: free where n·p > d, shape (h, 4)
+    margins: Float64  # distance that each geom keeps from the world, shape (g,)
+    self_margin: float  # distance that the robot's parts keep from each other
+    ignored: NDArray[np.bool_]  # which geom may touch which obstacle, shape (1 + c + h, g)
 
 
 @njit(cache=True, nogil=True)

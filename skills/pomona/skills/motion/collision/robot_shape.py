@@ -19,48 +19,33 @@ _POSTURES = 64  # random postures in which a pair of bodies must overlap, every 
 
 
 class RobotArrays(NamedTuple):
-    """Arrays for the kernels; everything in the frame of the link that carries it, fingers closed. g geoms, n spheres.
+    """Arrays for the kernels, each geom in the frame of its link, fingers closed. g geoms, n spheres."""
 
-    Attributes:
-        steps, sliding: the chain, shapes (dof, 3, 4) and (dof,).
-        bounds: one sphere around each geom, shape (g, 4) [m].
-        links: link of each geom, shape (g,).
-        slides: shift of each geom per metre of opening beyond `closed`, shape (g, 3).
-        spheres: the covers, shape (n, 4) [m], of all geoms, and `sphere_start`, shape (g + 1,), where each begins.
-        support: support points and rounding, shape (k, 4) [m], and `support_start`, shape (g + 1,).
-        pairs: geoms that may collide with each other, shape (p, 2), the one nearer to the base first.
-        reach: upper bound of the distance of a geom's points from a joint's axis, shape (dof, g) [m] (1 for a sliding
-            joint); 0 where the joint does not move the geom.
-        closed: opening of the gripper to which the geometry refers [m].
-    """
-
-    steps: Float64
+    steps: Float64  # steps, sliding: the chain, shapes (dof, 3, 4) and (dof,)
     sliding: NDArray[np.bool_]
-    bounds: Float64
-    links: Int64
-    slides: Float64
+    bounds: Float64  # one sphere around each geom, shape (g, 4) [m]
+    links: Int64  # link of each geom, shape (g,)
+    slides: Float64  # shift of each geom per metre of opening beyond `closed`, shape (g, 3)
+    # the covers, shape (n, 4) [m], of all geoms, and `sphere_start`, shape (g + 1,), where each begins
     spheres: Float64
     sphere_start: Int64
-    support: Float64
+    support: Float64  # support points and rounding, shape (k, 4) [m], and `support_start`, shape (g + 1,)
     support_start: Int64
-    pairs: Int64
+    pairs: Int64  # geoms that may collide with each other, shape (p, 2), the one nearer to the base first
+    # upper bound of the distance of a geom's points from a joint's axis, shape (dof, g) [m] (1 for a sliding joint); 0
+    # where the joint does not move the geom
     reach: Float64
-    closed: float
+    closed: float  # opening of the gripper to which the geometry refers [m]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RobotShape:
-    """A robot's collision geometry, by name and as arrays.
+    """A robot's collision geometry, by name and as arrays."""
 
-    Attributes:
-        model: the robot model.
-        arrays: for the kernels.
-        geom_names, geom_bodies, geom_groups: of each geom: its name, its body's name, its group ("arm", "gripper",
-            "fingers" or "held").
-    """
-
-    model: RobotModel
-    arrays: RobotArrays
+    model: RobotModel  # the robot model
+    arrays: RobotArrays  # for the kernels
+    # geom_names, geom_bodies, geom_groups: of each geom: its name, its body's name, its group ("arm", "gripper",
+    # "fingers" or "held")
     geom_names: tuple[str, ...]
     geom_bodies: tuple[str, ...]
     geom_groups: tuple[str, ...]

@@ -9,19 +9,15 @@ from pomona.executive.values.arrays import Float64
 
 @dataclass(frozen=True, slots=True)
 class Margins:
-    """Distances to keep, body by body [m]: with one margin for all, large fruit would not fit between the fingers.
+    """Distances to keep, body by body [m]: with one margin for all, large fruit would not fit between the fingers."""
 
-    Attributes:
-        arm, gripper, fingers, held: of the links, of parts fixed on the flange, of fingers and pads, of held fruit,
-            from everything in the world.
-        itself: of the robot's parts from each other.
-    """
-
+    # arm, gripper, fingers, held: of the links, of parts fixed on the flange, of fingers and pads, of held fruit, from
+    # everything in the world
     arm: float = 0.010
     gripper: float = 0.006
     fingers: float = 0.002
     held: float = 0.002
-    itself: float = 0.004
+    itself: float = 0.004  # of the robot's parts from each other
 
     def scaled(self, factor: float) -> Margins:
         """Return all margins times a factor, for example of a fallback in the tree."""
@@ -30,28 +26,17 @@ class Margins:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Collision:
-    """Two things that are closer than they may be.
+    """Two things that are closer than they may be."""
 
-    Attributes:
-        geom, body: the robot's part, by the names of its shape and of its body.
-        other: the obstacle's name ("map", "table", "target" …), or the robot's other body.
-        depth: by how much the margin is violated [m]; larger than the margin means contact.
-        margin: the distance that was to be kept [m].
-        point: the robot's point where it is deepest, in the base frame, shape (3,) [m].
-        q: the posture, shape (dof,) [rad].
-        at: where on a path: number of the segment plus the share of it; 0 for a single posture.
-        itself: True for a collision of the robot with itself.
-    """
-
-    geom: str
+    geom: str  # geom, body: the robot's part, by the names of its shape and of its body
     body: str
-    other: str
-    depth: float
-    margin: float
-    point: Float64
-    q: Float64
-    at: float
-    itself: bool
+    other: str  # the obstacle's name ("map", "table", "target" …), or the robot's other body
+    depth: float  # by how much the margin is violated [m]; larger than the margin means contact
+    margin: float  # the distance that was to be kept [m]
+    point: Float64  # the robot's point where it is deepest, in the base frame, shape (3,) [m]
+    q: Float64  # the posture, shape (dof,) [rad]
+    at: float  # where on a path: number of the segment plus the share of it; 0 for a single posture
+    itself: bool  # True for a collision of the robot with itself
 
     def __str__(self) -> str:
         x, y, z = self.point

@@ -15,23 +15,18 @@ WIDEST_BAND = 1e-3  # points within this distance of the outermost one belong to
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CrossSection:
-    """The refined shape as the fingers meet it.
+    """The refined shape as the fingers meet it."""
 
-    Attributes:
-        width: extent along the fingers' sliding direction [m].
-        p_base: where the pads meet: on the fruit's axis at the height of its widest section, midway between the two
-            sides across the sliding direction; base frame, shape (3,) [m].
-        oblique: angle between the sliding direction and the skin's normal where the pads meet it [rad], of the
-            ellipsoid with the fruit's dimensions: pads that meet it obliquely turn the fruit.
-        behind: how far the fruit reaches from `p_base` against the approach, towards the palm [m].
-        sigma_width, sigma_across, sigma_height: standard deviations of the width, of the position along the sliding
-            direction and of the position's height in the base frame [m].
-    """
-
-    width: float
+    width: float  # extent along the fingers' sliding direction [m]
+    # where the pads meet: on the fruit's axis at the height of its widest section, midway between the two sides across
+    # the sliding direction; base frame, shape (3,) [m]
     p_base: Float64
+    # angle between the sliding direction and the skin's normal where the pads meet it [rad], of the ellipsoid with the
+    # fruit's dimensions: pads that meet it obliquely turn the fruit
     oblique: float
-    behind: float
+    behind: float  # how far the fruit reaches from `p_base` against the approach, towards the palm [m]
+    # sigma_width, sigma_across, sigma_height: standard deviations of the width, of the position along the sliding
+    # direction and of the position's height in the base frame [m]
     sigma_width: float
     sigma_across: float
     sigma_height: float

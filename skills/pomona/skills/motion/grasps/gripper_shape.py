@@ -17,23 +17,14 @@ from pomona.skills.motion.robot import Geom, RobotModel
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GripperShape:
-    """Outline of the fingers in the TCP frame, closed, and how they slide.
+    """Outline of the fingers in the TCP frame, closed, and how they slide."""
 
-    Attributes:
-        points: corners of all finger geometry, shape (n, 3) [m].
-        radii: of a sphere around each corner (rounded shapes), shape (n,) [m].
-        slides: shift of each corner per metre of opening, shape (n, 3).
-        bodies: name of the body of each corner.
-        closed: opening at which `points` holds [m].
-        palm_depth: distance from the TCP back to the palm [m].
-    """
-
-    points: Float64
-    radii: Float64
-    slides: Float64
-    bodies: tuple[str, ...]
-    closed: float
-    palm_depth: float
+    points: Float64  # corners of all finger geometry, shape (n, 3) [m]
+    radii: Float64  # of a sphere around each corner (rounded shapes), shape (n,) [m]
+    slides: Float64  # shift of each corner per metre of opening, shape (n, 3)
+    bodies: tuple[str, ...]  # name of the body of each corner
+    closed: float  # opening at which `points` holds [m]
+    palm_depth: float  # distance from the TCP back to the palm [m]
 
     def lowest(self, T_base_tcp: Float64, width: float) -> tuple[float, str]:
         """Return the height of the fingers' lowest point in the base frame [m], and the body that it belongs to."""

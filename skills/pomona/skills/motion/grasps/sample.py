@@ -36,28 +36,18 @@ LINE_STEP = 30e-3  # distance of poses along an approach when it is judged [m]; 
 
 @dataclass(frozen=True, slots=True)
 class GraspRules:
-    """Rules for a grasp.
+    """Rules for a grasp."""
 
-    Attributes:
-        side: air between each pad and the fruit on the approach that is wanted, and that is needed at least [m].
-        table: air between finger tips and table at the grasp [m].
-        sigmas: how many standard deviations of the measurement are kept on top of both.
-        raise_up_to: how far the grasp may be drawn back from the widest section to clear the table [m].
-        palm: air between fruit and palm [m].
-        solutions: joint solutions that are kept of each candidate.
-        tried_solutions: number of joint solutions to check, nearest to the present joints first.
-        arm_angles: how finely a redundant arm's solutions are sampled.
-        check: follow every candidate through; without it only the joint solutions are sought (the paper's way).
-    """
-
+    # air between each pad and the fruit on the approach that is wanted, and that is needed at least [m]
     side: tuple[float, float] = (6e-3, 2e-3)
-    table: float = 3e-3
-    sigmas: float = 2.0
-    raise_up_to: float = 5e-3
-    palm: float = 5e-3
-    solutions: int = 2
-    tried_solutions: int = 8
-    arm_angles: int = 18
+    table: float = 3e-3  # air between finger tips and table at the grasp [m]
+    sigmas: float = 2.0  # how many standard deviations of the measurement are kept on top of both
+    raise_up_to: float = 5e-3  # how far the grasp may be drawn back from the widest section to clear the table [m]
+    palm: float = 5e-3  # air between fruit and palm [m]
+    solutions: int = 2  # joint solutions that are kept of each candidate
+    tried_solutions: int = 8  # number of joint solutions to check, nearest to the present joints first
+    arm_angles: int = 18  # how finely a redundant arm's solutions are sampled
+    # follow every candidate through; without it only the joint solutions are sought (the paper's way)
     check: bool = True
 
 

@@ -27,24 +27,16 @@ _BELOW_TABLE_SHARE = 0.2  # … in a larger share of the points over the table
 
 @dataclass(frozen=True, slots=True)
 class Sensing:
-    """How a depth image is read.
+    """How a depth image is read."""
 
-    Attributes:
-        clear: a cell is free when it is this many cells in front of the surface at its pixel; in front of the table,
-            which is known, a quarter of a cell is enough.
-        min_points: pixels that make a cell occupied; fewer are noise at an edge.
-        shadow: depth behind a surface that counts as the hidden part of the object [m]: the size of a fruit.
-        table: height above the table below which a point is the table's [m].
-        robot_padding: added to the robot's spheres for the self-filter [m].
-        target_margin: points closer to the target's refined shape than this belong to it [m].
-    """
-
+    # a cell is free when it is this many cells in front of the surface at its pixel; in front of the table, which is
+    # known, a quarter of a cell is enough
     clear: float = 1.5
-    min_points: int = 3
-    shadow: float = 0.10
-    table: float = 0.008
-    robot_padding: float = 0.02
-    target_margin: float = 0.010
+    min_points: int = 3  # pixels that make a cell occupied; fewer are noise at an edge
+    shadow: float = 0.10  # depth behind a surface that counts as the hidden part of the object [m]: the size of a fruit
+    table: float = 0.008  # height above the table below which a point is the table's [m]
+    robot_padding: float = 0.02  # added to the robot's spheres for the self-filter [m]
+    target_margin: float = 0.010  # points closer to the target's refined shape than this belong to it [m]
 
 
 def integrate(

@@ -22,15 +22,10 @@ TARGET = "target"  # name of the fruit to be picked among the obstacles
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmSpace:
-    """Joint space with a gripper opening: the `Space` that planners and samplers ask. Picklable.
+    """Joint space with a gripper opening: the `Space` that planners and samplers ask. Picklable."""
 
-    Attributes:
-        world: robot and obstacles with their margins.
-        width: opening of the gripper [m].
-    """
-
-    world: CollisionWorld
-    width: float
+    world: CollisionWorld  # robot and obstacles with their margins
+    width: float  # opening of the gripper [m]
 
     @property
     def lower(self) -> Float64:

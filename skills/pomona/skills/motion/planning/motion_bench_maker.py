@@ -31,17 +31,11 @@ _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanningProblem:
-    """One planning problem.
+    """One planning problem."""
 
-    Attributes:
-        name: set and number.
-        world: robot and obstacles; margins are zero.
-        q_start, q_goal: shape (dof,) [rad or m].
-    """
-
-    name: str
-    world: CollisionWorld
-    q_start: Float64
+    name: str  # set and number
+    world: CollisionWorld  # robot and obstacles; margins are zero
+    q_start: Float64  # q_start, q_goal: shape (dof,) [rad or m]
     q_goal: Float64
 
 

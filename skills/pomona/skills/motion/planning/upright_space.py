@@ -47,17 +47,11 @@ class _Tree(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UprightSpace:
-    """A `Space` for an arm with a load that must stay upright. Picklable.
+    """A `Space` for an arm with a load that must stay upright. Picklable."""
 
-    Attributes:
-        space: the other constraints.
-        up: the direction in the TCP's frame that points up when it is upright, shape (3,), unit length.
-        most: largest allowed tilt [rad].
-    """
-
-    space: ArmSpace
-    up: Float64
-    most: float
+    space: ArmSpace  # the other constraints
+    up: Float64  # the direction in the TCP's frame that points up when it is upright, shape (3,), unit length
+    most: float  # largest allowed tilt [rad]
 
     @property
     def lower(self) -> Float64:

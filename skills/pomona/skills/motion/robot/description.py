@@ -25,74 +25,45 @@ KINDS = ("sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Geom:
-    """One convex collision shape.
+    """One convex collision shape."""
 
-    Attributes:
-        name: in the file, or the body's name and a number.
-        body: index of its body in `Description.bodies`.
-        kind: one of `KINDS`; a mesh stands for its convex hull.
-        size: half-lengths as MuJoCo has them: radius; radius and half length along z; or three half-extents [m].
-        T_link_geom: pose in the frame of the link that carries the body, fingers closed.
-        vertices: of a mesh, in the geom's frame, shape (n, 3) [m]; empty for primitives.
-    """
-
-    name: str
-    body: int
-    kind: str
-    size: Float64
-    T_link_geom: Float64
-    vertices: Float64
+    name: str  # in the file, or the body's name and a number
+    body: int  # index of its body in `Description.bodies`
+    kind: str  # one of `KINDS`; a mesh stands for its convex hull
+    size: Float64  # half-lengths as MuJoCo has them: radius; radius and half length along z; or three half-extents [m]
+    T_link_geom: Float64  # pose in the frame of the link that carries the body, fingers closed
+    vertices: Float64  # of a mesh, in the geom's frame, shape (n, 3) [m]; empty for primitives
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
-    """A rigid part with collision geometry.
+    """A rigid part with collision geometry."""
 
-    Attributes:
-        name: in the file.
-        link: the link of the chain that carries it; 0 never moves.
-        slide: shift per metre of gripper opening in the link's frame, shape (3,); zero for all but fingers.
-        group: "arm", "gripper" (parts fixed on the flange) or "fingers".
-        parent: name of the body it is attached to.
-    """
-
-    name: str
-    link: int
-    slide: Float64
-    group: str
-    parent: str
+    name: str  # in the file
+    link: int  # the link of the chain that carries it; 0 never moves
+    slide: Float64  # shift per metre of gripper opening in the link's frame, shape (3,); zero for all but fingers
+    group: str  # "arm", "gripper" (parts fixed on the flange) or "fingers"
+    parent: str  # name of the body it is attached to
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Description:
-    """A robot as its file describes it. Frames of links are those of `pomona.skills.motion.robot.chain`.
+    """A robot as its file describes it. Frames of links are those of `pomona.skills.motion.robot.chain`."""
 
-    Attributes:
-        path: the file.
-        joint_names: from base to tool.
-        steps: pose of each joint in the frame of the link before it, shape (dof, 4, 4).
-        sliding: which joints shift instead of turn, shape (dof,).
-        lower, upper: position limits, shape (dof,) [rad or m]; ±pi for a joint without limits.
-        velocity, acceleration, jerk: limits, shape (dof,); infinite where the file states none.
-        T_link_frame: poses of named sites and bodies on the last link in its frame, fingers closed.
-        bodies, geoms: collision geometry.
-        excluded: pairs of bodies (by name) that the file excludes from contact.
-        width_min, width_max: range of the gripper's opening [m]; both 0 without sliding fingers and pad sites.
-    """
-
-    path: Path
-    joint_names: tuple[str, ...]
-    steps: Float64
-    sliding: NDArray[np.bool_]
-    lower: Float64
+    path: Path  # the file
+    joint_names: tuple[str, ...]  # from base to tool
+    steps: Float64  # pose of each joint in the frame of the link before it, shape (dof, 4, 4)
+    sliding: NDArray[np.bool_]  # which joints shift instead of turn, shape (dof,)
+    lower: Float64  # lower, upper: position limits, shape (dof,) [rad or m]; ±pi for a joint without limits
     upper: Float64
-    velocity: Float64
+    velocity: Float64  # velocity, acceleration, jerk: limits, shape (dof,); infinite where the file states none
     acceleration: Float64
     jerk: Float64
-    T_link_frame: Mapping[str, Float64]
-    bodies: tuple[Body, ...]
+    T_link_frame: Mapping[str, Float64]  # poses of named sites and bodies on the last link in its frame, fingers closed
+    bodies: tuple[Body, ...]  # bodies, geoms: collision geometry
     geoms: tuple[Geom, ...]
-    excluded: frozenset[frozenset[str]]
+    excluded: frozenset[frozenset[str]]  # pairs of bodies (by name) that the file excludes from contact
+    # width_min, width_max: range of the gripper's opening [m]; both 0 without sliding fingers and pad sites
     width_min: float
     width_max: float
 

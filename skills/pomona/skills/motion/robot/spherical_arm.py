@@ -29,19 +29,13 @@ _MEETING = 1e-9  # axes closer than this meet [m], and are perpendicular [1]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SphericalArm:
-    """The arm's geometry at q = 0 in the base frame.
+    """The arm's geometry at q = 0 in the base frame."""
 
-    Attributes:
-        axes: unit vectors of the joints' axes, shape (7, 3).
-        shoulder, elbow, wrist: points [m], shape (3,); the elbow is any point of axis 4.
-        T_tcp_base_zero: inverse of the TCP's pose at q = 0.
-    """
-
-    axes: Float64
-    shoulder: Float64
+    axes: Float64  # unit vectors of the joints' axes, shape (7, 3)
+    shoulder: Float64  # shoulder, elbow, wrist: points [m], shape (3,); the elbow is any point of axis 4
     elbow: Float64
     wrist: Float64
-    T_tcp_base_zero: Float64
+    T_tcp_base_zero: Float64  # inverse of the TCP's pose at q = 0
 
     def solve(self, T_base_tcp: Float64, arm_angles: Float64, lower: Float64, upper: Float64) -> Float64:
         """Return all solutions for the given arm angles within limits, shape (n, 7) [rad].

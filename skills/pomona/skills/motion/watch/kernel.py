@@ -20,50 +20,33 @@ camera are narrower: 8 px of 320 beside an arm half a metre in front of a table.
 
 
 class CameraView(NamedTuple):
-    """A camera.
+    """A camera."""
 
-    Attributes:
-        lens: fx, fy, cx, cy [px].
-        T_base_camera: shape (3, 4).
-        is_fixed: large regions without depth are free. False for a wrist camera, where no depth may mean "too near".
-    """
-
-    lens: Float64
-    T_base_camera: Float64
+    lens: Float64  # fx, fy, cx, cy [px]
+    T_base_camera: Float64  # shape (3, 4)
+    # large regions without depth are free. False for a wrist camera, where no depth may mean "too near".
     is_fixed: bool
 
 
 class WatchedCells(NamedTuple):
-    """The volume that is watched, in cells.
+    """The volume that is watched, in cells."""
 
-    Attributes:
-        origin, resolution: lower corner, shape (3,), and edge of a cell [m].
-        known, own: cells of known obstacles, and of the robot, shape (nx, ny, nz).
-        state: `UNSEEN`, `FREE` or `STANDING`, shape (nx, ny, nz); written.
-        area, touched: working memory: zeros, shape (nx, ny, nz), and space for the index of each cell, (nx · ny · nz,).
-    """
-
-    origin: Float64
+    origin: Float64  # origin, resolution: lower corner, shape (3,), and edge of a cell [m]
     resolution: float
-    known: NDArray[np.bool_]
+    known: NDArray[np.bool_]  # known, own: cells of known obstacles, and of the robot, shape (nx, ny, nz)
     own: NDArray[np.bool_]
-    state: UInt8
+    state: UInt8  # `UNSEEN`, `FREE` or `STANDING`, shape (nx, ny, nz); written
+    # area, touched: working memory: zeros, shape (nx, ny, nz), and space for the index of each cell, (nx · ny · nz,)
     area: Float32
     touched: Int64
 
 
 class Noise(NamedTuple):
-    """Limits between a surface and noise.
+    """Limits between a surface and noise."""
 
-    Attributes:
-        lowest: height below which points belong to the table, where depth is exact [m].
-        spread: increase of `lowest` with the square of the distance [1/m].
-        least_area: area of a surface in a cell, as the camera sees it [m²].
-    """
-
-    lowest: float
-    spread: float
-    least_area: float
+    lowest: float  # height below which points belong to the table, where depth is exact [m]
+    spread: float  # increase of `lowest` with the square of the distance [1/m]
+    least_area: float  # area of a surface in a cell, as the camera sees it [m²]
 
 
 @njit(cache=True, nogil=True)
@@ -178,15 +161,10 @@ def _note_free(depth: Float32, camera: CameraView, cells: WatchedCells, lowest: 
 
 
 class Nearest(NamedTuple):
-    """Distance of each posture to the nearest point.
+    """Distance of each posture to the nearest point."""
 
-    Attributes:
-        away: shape (m,) [m].
-        geom, which: geom and point that have the distance, shape (m,); -1 beyond the limit.
-    """
-
-    away: Float64
-    geom: Int64
+    away: Float64  # shape (m,) [m]
+    geom: Int64  # geom, which: geom and point that have the distance, shape (m,); -1 beyond the limit
     which: Int64
 
 

@@ -40,25 +40,15 @@ MOST = 4096  # new cells of one frame that are looked at: 1.6 m² of surface
 
 @dataclass(frozen=True, slots=True)
 class Ahead:
-    """Something new that the robot would come near to on the rest of its path.
+    """Something new that the robot would come near to on the rest of its path."""
 
-    Attributes:
-        stop: whether it is so near that the arm must brake now.
-        moved: whether it has come in since the motion began; else it stood there, unseen.
-        distance: of the robot from it along the stretch that was judged, the smallest [m].
-        after: seconds until the robot is there, at the path's pace.
-        point: where it is, in the base frame [m].
-        part: the robot's part that would be the nearest.
-        cells: how many new cells the camera saw, near or not.
-    """
-
-    stop: bool
-    moved: bool
-    distance: float
-    after: float
-    point: tuple[float, float, float]
-    part: str
-    cells: int
+    stop: bool  # whether it is so near that the arm must brake now
+    moved: bool  # whether it has come in since the motion began; else it stood there, unseen
+    distance: float  # of the robot from it along the stretch that was judged, the smallest [m]
+    after: float  # seconds until the robot is there, at the path's pace
+    point: tuple[float, float, float]  # where it is, in the base frame [m]
+    part: str  # the robot's part that would be the nearest
+    cells: int  # how many new cells the camera saw, near or not
 
 
 class PathWatch:

@@ -36,22 +36,14 @@ _OUTLINE = np.array(
 
 @dataclass(frozen=True, slots=True)
 class AppleShape:
-    """How one apple differs from a body of revolution and from the mean outline.
+    """How one apple differs from a body of revolution and from the mean outline."""
 
-    Attributes:
-        lobes: depth of the five lobes around the calyx, as a part of the radius.
-        lobe_phase: angle of the first lobe about the stem axis [rad].
-        cavity: depth of the stem cavity relative to the CAD apple's.
-        basin: depth of the calyx basin relative to the CAD apple's.
-        belly: upward shift of the widest ring, in half heights.
-        lean: sideways shift of the top against the bottom, as a part of the radius (x, z).
-    """
-
-    lobes: float = 0.02
-    lobe_phase: float = 0.3
-    cavity: float = 1.0
-    basin: float = 1.0
-    belly: float = 0.0
+    lobes: float = 0.02  # depth of the five lobes around the calyx, as a part of the radius
+    lobe_phase: float = 0.3  # angle of the first lobe about the stem axis [rad]
+    cavity: float = 1.0  # depth of the stem cavity relative to the CAD apple's
+    basin: float = 1.0  # depth of the calyx basin relative to the CAD apple's
+    belly: float = 0.0  # upward shift of the widest ring, in half heights
+    # sideways shift of the top against the bottom, as a part of the radius (x, z)
     lean: tuple[float, float] = (0.0, 0.0)
 
 

@@ -33,19 +33,14 @@ class TooFewFruit(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class KindSizes:
-    """Sizes of a kind of fruit; every deviation is of a logarithm, and thus relative.
+    """Sizes of a kind of fruit; every deviation is of a logarithm, and thus relative."""
 
-    Attributes:
-        width, width_deviation: median of the horizontal dimension [m] and its spread.
-        height_over_width, height_over_width_deviation: median of the proportion and its spread.
-        looks, looks_deviation: width of a scaled model over the true one, and its spread beyond the uncertainty of each
-            measurement.
-    """
-
-    width: float
+    width: float  # width, width_deviation: median of the horizontal dimension [m] and its spread
     width_deviation: float
-    height_over_width: float
+    height_over_width: float  # height_over_width, height_over_width_deviation: median of the proportion and its spread
     height_over_width_deviation: float
+    # looks, looks_deviation: width of a scaled model over the true one, and its spread beyond the uncertainty of each
+    # measurement
     looks: float = 1.0
     looks_deviation: float = 0.0
 

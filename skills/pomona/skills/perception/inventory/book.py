@@ -15,23 +15,14 @@ from pomona.skills.perception.inventory.sighting import Sighting
 
 @dataclass(slots=True, eq=False)
 class KnownFruit:
-    """One fruit and all its sightings.
+    """One fruit and all its sightings."""
 
-    Attributes:
-        number: its identity, counted from 1.
-        scene: in which it was seen; places in different scenes are unrelated.
-        sightings: in the order of the frames, with places in the scene's frame.
-        place: by all of them, shape (3,) [m].
-        place_covariance: of it, shape (3, 3) [m²].
-        size: from all its measurements; None without any.
-    """
-
-    number: int
-    scene: int
-    sightings: list[Sighting]
-    place: Float64
-    place_covariance: Float64
-    size: FusedSize | None = None
+    number: int  # its identity, counted from 1
+    scene: int  # in which it was seen; places in different scenes are unrelated
+    sightings: list[Sighting]  # in the order of the frames, with places in the scene's frame
+    place: Float64  # by all of them, shape (3,) [m]
+    place_covariance: Float64  # of it, shape (3, 3) [m²]
+    size: FusedSize | None = None  # from all its measurements; None without any
     _looks: SizeOfLooks = field(default_factory=SizeOfLooks)
 
     @property
@@ -68,15 +59,10 @@ class KnownFruit:
 
 @dataclass(slots=True)
 class FruitBook:
-    """Every fruit that was seen, with its identity.
+    """Every fruit that was seen, with its identity."""
 
-    Attributes:
-        fruit: by their numbers.
-        scenes: how many scenes there are so far.
-    """
-
-    fruit: list[KnownFruit] = field(default_factory=list)
-    scenes: int = 0
+    fruit: list[KnownFruit] = field(default_factory=list)  # by their numbers
+    scenes: int = 0  # how many scenes there are so far
 
     def add_frame(
         self, sightings: Sequence[Sighting], T_scene_base: Float64 | None, deviation: float = 0.0

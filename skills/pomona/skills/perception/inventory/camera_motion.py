@@ -31,17 +31,11 @@ ROUNDS = 500
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraMotion:
-    """The later camera's pose in the earlier camera's frame.
+    """The later camera's pose in the earlier camera's frame."""
 
-    Attributes:
-        T_earlier_later: shape (4, 4); None if it is unknown.
-        deviation: standard deviation of the resulting positions [m].
-        why: reason why it is unknown; empty if it is known.
-    """
-
-    T_earlier_later: Float64 | None
-    deviation: float
-    why: str
+    T_earlier_later: Float64 | None  # shape (4, 4); None if it is unknown
+    deviation: float  # standard deviation of the resulting positions [m]
+    why: str  # reason why it is unknown; empty if it is known
 
 
 def camera_motion(earlier: Frame, later: Frame) -> CameraMotion:

@@ -19,19 +19,12 @@ DOUBT = 0.01  # looks that differ by more than so rarely happens by chance disag
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FusedSize:
-    """A fruit's size by all its looks.
+    """A fruit's size by all its looks."""
 
-    Attributes:
-        dimensions: (d_x, d_y, d_z), shape (3,) [m].
-        covariance: of them, shape (3, 3) [m²].
-        looks: number of measurements.
-        agree: whether the measurements differ by no more than their uncertainties, taken as independent.
-    """
-
-    dimensions: Float64
-    covariance: Float64
-    looks: int
-    agree: bool
+    dimensions: Float64  # (d_x, d_y, d_z), shape (3,) [m]
+    covariance: Float64  # of them, shape (3, 3) [m²]
+    looks: int  # number of measurements
+    agree: bool  # whether the measurements differ by no more than their uncertainties, taken as independent
 
 
 @dataclass(slots=True, eq=False)

@@ -21,48 +21,28 @@ Z_90 = 1.6449  # quantile of the normal distribution for an interval of 90 %, in
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sighting:
-    """One fruit in one frame.
+    """One fruit in one frame."""
 
-    Attributes:
-        frame: label of the frame.
-        number: in its frame, from 1, as it is drawn.
-        score: belief that it is fruit, 0 to 1.
-        visibility: share of its silhouette that is seen, as the detector estimates it; NaN where it does not.
-        p_base: centre in the base frame, shape (3,) [m]; where it was not measured, of a fruit of the model's size.
-        place_covariance: of `p_base`, shape (3, 3) [m²].
-        distance: from the camera [m].
-        fruit: the model.
-        R_base_fruit: the fruit's axes in the base frame, shape (3, 3).
-        dimensions: (d_x, d_y, d_z), d_y the height, shape (3,) [m]; None where it was not measured.
-        size_covariance: of the dimensions, shape (3, 3) [m²]; None with them.
-        outline: in the image, shape (n, 2) [px]; a box where it was not measured.
-        centre: in the image, shape (2,) [px].
-        agreeing: share of its depth that agrees with its shape; NaN where it was not measured.
-        why: it was not measured; empty where it was.
-        shown: width of the model as it was scaled, and its standard deviation, shape (2,) [m]; NaN where it was not
-            measured.
-        from_side: sine of the angle between the line of sight and the stem's axis.
-        method: by which it was measured; empty where it was not.
-    """
-
-    frame: str
-    number: int
-    score: float
-    visibility: float
+    frame: str  # label of the frame
+    number: int  # in its frame, from 1, as it is drawn
+    score: float  # belief that it is fruit, 0 to 1
+    visibility: float  # share of its silhouette that is seen, as the detector estimates it; NaN where it does not
+    # centre in the base frame, shape (3,) [m]; where it was not measured, of a fruit of the model's size
     p_base: Float64
-    place_covariance: Float64
-    distance: float
-    fruit: FruitModel
-    R_base_fruit: Float64
-    dimensions: Float64 | None
-    size_covariance: Float64 | None
-    outline: Float64
-    centre: Float64
-    agreeing: float
-    why: str
+    place_covariance: Float64  # of `p_base`, shape (3, 3) [m²]
+    distance: float  # from the camera [m]
+    fruit: FruitModel  # the model
+    R_base_fruit: Float64  # the fruit's axes in the base frame, shape (3, 3)
+    dimensions: Float64 | None  # (d_x, d_y, d_z), d_y the height, shape (3,) [m]; None where it was not measured
+    size_covariance: Float64 | None  # of the dimensions, shape (3, 3) [m²]; None with them
+    outline: Float64  # in the image, shape (n, 2) [px]; a box where it was not measured
+    centre: Float64  # in the image, shape (2,) [px]
+    agreeing: float  # share of its depth that agrees with its shape; NaN where it was not measured
+    why: str  # it was not measured; empty where it was
+    # width of the model as it was scaled, and its standard deviation, shape (2,) [m]; NaN where it was not measured
     shown: Float64 = field(default_factory=lambda: np.full(2, np.nan))
-    from_side: float = float("nan")
-    method: str = ""
+    from_side: float = float("nan")  # sine of the angle between the line of sight and the stem's axis
+    method: str = ""  # by which it was measured; empty where it was not
 
     def moved(self, T: Float64) -> Sighting:
         """Return the same, with its place in the frame into which T (4, 4) leads from the base frame."""

@@ -15,22 +15,14 @@ from pomona.skills.perception.refinement.depth_look import DepthLook
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cloud:
-    """Points that a depth camera measured.
+    """Points that a depth camera measured."""
 
-    Attributes:
-        points: shape (n, 3) [m].
-        rays: unit vectors from the camera to them, shape (n, 3).
-        deviation: standard deviation along the camera's z axis, shape (n,) [m], enlarged for the common error of
-            neighbours.
-        beside: standard deviation across the ray, of the pixel's ray, shape (n,) [m], enlarged as well.
-        alike: number of neighbours with a common error, by which both are enlarged.
-    """
-
-    points: Float64
-    rays: Float64
+    points: Float64  # shape (n, 3) [m]
+    rays: Float64  # unit vectors from the camera to them, shape (n, 3)
+    # standard deviation along the camera's z axis, shape (n,) [m], enlarged for the common error of neighbours
     deviation: Float64
-    beside: Float64
-    alike: float
+    beside: Float64  # standard deviation across the ray, of the pixel's ray, shape (n,) [m], enlarged as well
+    alike: float  # number of neighbours with a common error, by which both are enlarged
 
     def chosen(self, mask: NDArray[np.bool_]) -> Cloud:
         """Return the part of the points that a mask picks."""

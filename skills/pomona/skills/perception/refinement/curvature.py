@@ -34,19 +34,12 @@ half-hidden apples were not checked, at 0.1 two.
 
 
 class Curvature(NamedTuple):
-    """How curved a surface is that agrees with a model in part.
+    """How curved a surface is that agrees with a model in part."""
 
-    Attributes:
-        least: its curvature over the model's, in the direction in which that is least.
-        deviation: standard deviation of it.
-        explained: share of the surface that a surface of one curvature explains within the band.
-        agreeing: share of the surface that the model explains.
-    """
-
-    least: float
-    deviation: float
-    explained: float
-    agreeing: float
+    least: float  # its curvature over the model's, in the direction in which that is least
+    deviation: float  # standard deviation of it
+    explained: float  # share of the surface that a surface of one curvature explains within the band
+    agreeing: float  # share of the surface that the model explains
 
 
 def least_curvature(

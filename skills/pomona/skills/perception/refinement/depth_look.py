@@ -20,21 +20,14 @@ def _identity() -> Float64:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DepthLook:
-    """One depth image of a fruit, with its camera.
+    """One depth image of a fruit, with its camera."""
 
-    Attributes:
-        depth: z-depth, shape (h, w) [m]; 0 or not finite where the sensor saw nothing.
-        intrinsics: of the depth image.
-        depth_model: errors of the depth, as the camera states them.
-        T_camera_look: pose of this camera in the frame of the look that is refined, shape (4, 4).
-        renderer: name of the renderer of the virtual depth.
-    """
-
-    depth: DepthImage
-    intrinsics: Intrinsics
-    depth_model: DepthModel = D4XX
+    depth: DepthImage  # z-depth, shape (h, w) [m]; 0 or not finite where the sensor saw nothing
+    intrinsics: Intrinsics  # of the depth image
+    depth_model: DepthModel = D4XX  # errors of the depth, as the camera states them
+    # pose of this camera in the frame of the look that is refined, shape (4, 4)
     T_camera_look: Float64 = field(default_factory=_identity)
-    renderer: RendererName = "pyrender"
+    renderer: RendererName = "pyrender"  # name of the renderer of the virtual depth
 
     def check(self) -> None:
         """Refuse a depth image of another size and a pose that is none.

@@ -14,17 +14,11 @@ _NEARLY_ROUND = 0.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Form:
-    """(x, y, z) of the model -> (s_x x, s_y y (1 + l_x x/r_x + l_z z/r_z), s_z z), r half the model's widths.
+    """(x, y, z) of the model -> (s_x x, s_y y (1 + l_x x/r_x + l_z z/r_z), s_z z), r half the model's widths."""
 
-    Attributes:
-        stretch: factors s along the axes, shape (3,).
-        lean: l, by how much the height differs at the sides, towards x and towards z, shape (2,).
-        radius: r, shape (2,) [m].
-    """
-
-    stretch: Float64
-    lean: Float64
-    radius: Float64
+    stretch: Float64  # factors s along the axes, shape (3,)
+    lean: Float64  # l, by how much the height differs at the sides, towards x and towards z, shape (2,)
+    radius: Float64  # r, shape (2,) [m]
 
     @classmethod
     def scaled(cls, mesh: Triangles, mu: float) -> Form:

@@ -16,44 +16,26 @@ Method = Literal["shape", "uniform", "paper"]
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits of accepted measurements.
+    """Limits of accepted measurements."""
 
-    Attributes:
-        inlier_band: half-width of the band in which depth agrees with the model [m], where the camera's noise is less.
-        min_inliers: minimum ratio of agreeing measured pixels.
-        size: least and largest size relative to the model.
-    """
-
+    # half-width of the band in which depth agrees with the model [m], where the camera's noise is less
     inlier_band: float = 4e-3
-    min_inliers: float = 0.3
-    size: tuple[float, float] = (0.4, 1.6)
+    min_inliers: float = 0.3  # minimum ratio of agreeing measured pixels
+    size: tuple[float, float] = (0.4, 1.6)  # least and largest size relative to the model
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RefineResult:
-    """A fruit's refined pose and size, in the camera frame.
+    """A fruit's refined pose and size, in the camera frame."""
 
-    Attributes:
-        T_camera_object: pose of the refined shape's cuboid.
-        dimensions: (d_x, d_y, d_z) [m], shape (3,).
-        mu, sigma: scale factor and displacement [m] of the uniform fit (the paper's).
-        covariance: of (position in the camera frame, dimensions), shape (6, 6) [m²].
-        inlier_ratio: ratio of the refined model's measured pixels with agreeing depth.
-        residual: root mean square of the inliers' depth residuals [m].
-        box: part of the image that the next two cover.
-        inliers: pixels that agree, bool, shape `box.shape`.
-        virtual_depth: the refined model's z-depth, float32, shape `box.shape` [m]; 0 outside it.
-        method: the formulation that gave the result: paper, uniform, shape, shape+plane; `+views` with other looks.
-    """
-
-    T_camera_object: Float64
-    dimensions: Float64
-    mu: float
+    T_camera_object: Float64  # pose of the refined shape's cuboid
+    dimensions: Float64  # (d_x, d_y, d_z) [m], shape (3,)
+    mu: float  # mu, sigma: scale factor and displacement [m] of the uniform fit (the paper's)
     sigma: float
-    covariance: Float64
-    inlier_ratio: float
-    residual: float
-    box: ImageBox
-    inliers: NDArray[np.bool_]
-    virtual_depth: DepthImage
-    method: str
+    covariance: Float64  # of (position in the camera frame, dimensions), shape (6, 6) [m²]
+    inlier_ratio: float  # ratio of the refined model's measured pixels with agreeing depth
+    residual: float  # root mean square of the inliers' depth residuals [m]
+    box: ImageBox  # part of the image that the next two cover
+    inliers: NDArray[np.bool_]  # pixels that agree, bool, shape `box.shape`
+    virtual_depth: DepthImage  # the refined model's z-depth, float32, shape `box.shape` [m]; 0 outside it
+    method: str  # the formulation that gave the result: paper, uniform, shape, shape+plane; `+views` with other looks

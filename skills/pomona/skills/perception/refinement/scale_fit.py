@@ -29,23 +29,14 @@ _SEEN_THROUGH = 0.25
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScaleFit:
-    """mu in depth = mu * virtual_depth.
+    """mu in depth = mu * virtual_depth."""
 
-    Attributes:
-        mu: the scale factor.
-        variance: of mu, from the scatter of the inliers, as if their errors were independent.
-        inliers: pixels that support it, bool, of the images' shape.
-        model_pixels: how many pixels the model covers.
-        valid_pixels: how many of these hold a measurement.
-        residual: root mean square of the inliers' depth - mu * virtual_depth [m].
-    """
-
-    mu: float
-    variance: float
-    inliers: NDArray[np.bool_]
-    model_pixels: int
-    valid_pixels: int
-    residual: float
+    mu: float  # the scale factor
+    variance: float  # of mu, from the scatter of the inliers, as if their errors were independent
+    inliers: NDArray[np.bool_]  # pixels that support it, bool, of the images' shape
+    model_pixels: int  # how many pixels the model covers
+    valid_pixels: int  # how many of these hold a measurement
+    residual: float  # root mean square of the inliers' depth - mu * virtual_depth [m]
 
     @property
     def inlier_ratio(self) -> float:

@@ -46,31 +46,19 @@ _MAX_LEAN = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Priors:
-    """Standard deviations of the priors.
+    """Standard deviations of the priors."""
 
-    Attributes:
-        place: of the centre against that of the scaled model, in each direction [m].
-        size: of the mean of ln stretch against ln mu of the scaled model.
-        aspect: of ln(height / mean width), about `proportion`.
-        proportion: expected ln(height / mean width), relative to the model's.
-        roundness: of ln(d_x / d_z), relative to a round fruit when the model is nearly round, else to the model's.
-        lean: of the height difference between the sides, relative.
-        tilt: of the stem axis against the detection, about each horizontal axis [rad].
-        turn: about the stem axis against the detection [rad]; unobservable for a model that is about round.
-        contact: of the distance between the support and the fruit's lowest point [m].
-        texture: of the surface against the stretched model, from patch to patch [m].
-    """
-
-    place: float = 0.01
-    size: float = 0.15
-    aspect: float = 0.12
-    proportion: float = 0.0
+    place: float = 0.01  # of the centre against that of the scaled model, in each direction [m]
+    size: float = 0.15  # of the mean of ln stretch against ln mu of the scaled model
+    aspect: float = 0.12  # of ln(height / mean width), about `proportion`
+    proportion: float = 0.0  # expected ln(height / mean width), relative to the model's
+    # of ln(d_x / d_z), relative to a round fruit when the model is nearly round, else to the model's
     roundness: float = 0.03
-    lean: float = 0.04
-    tilt: float = 0.17
-    turn: float = 0.35
-    contact: float = 1e-3
-    texture: float = 5e-4
+    lean: float = 0.04  # of the height difference between the sides, relative
+    tilt: float = 0.17  # of the stem axis against the detection, about each horizontal axis [rad]
+    turn: float = 0.35  # about the stem axis against the detection [rad]; unobservable for a model that is about round
+    contact: float = 1e-3  # of the distance between the support and the fruit's lowest point [m]
+    texture: float = 5e-4  # of the surface against the stretched model, from patch to patch [m]
 
 
 RIGID = Priors(aspect=1e-4, roundness=1e-4, lean=1e-4, tilt=1e-4, turn=1e-4)
@@ -79,21 +67,13 @@ RIGID = Priors(aspect=1e-4, roundness=1e-4, lean=1e-4, tilt=1e-4, turn=1e-4)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ShapeFit:
-    """A stretched, tilted and moved model.
+    """A stretched, tilted and moved model."""
 
-    Attributes:
-        T_camera_object: pose of the fruit's cuboid.
-        stretch: dimensions of the cuboid over the model's, shape (3,).
-        covariance: of (position, ln stretch), shape (6, 6).
-        share: share of the given points that support it.
-        on_support: whether the contact with the support was used.
-    """
-
-    T_camera_object: Float64
-    stretch: Float64
-    covariance: Float64
-    share: float
-    on_support: bool
+    T_camera_object: Float64  # pose of the fruit's cuboid
+    stretch: Float64  # dimensions of the cuboid over the model's, shape (3,)
+    covariance: Float64  # of (position, ln stretch), shape (6, 6)
+    share: float  # share of the given points that support it
+    on_support: bool  # whether the contact with the support was used
 
 
 class _Normal:

@@ -55,19 +55,12 @@ def _with_stem(T_camera_object: Float64, stem: Float64) -> Float64:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Judge:
-    """Scores how well a fitted model explains the depth.
+    """Scores how well a fitted model explains the depth."""
 
-    Attributes:
-        depth: measured, of the whole image [m].
-        band: half-width of the band in which depth agrees [m].
-        model: dimensions of the model, shape (3,) [m].
-        aspect: standard deviation of ln(height / width) among fruit, relative to the model's.
-    """
-
-    depth: DepthImage
-    band: float
-    model: Float64
-    aspect: float
+    depth: DepthImage  # measured, of the whole image [m]
+    band: float  # half-width of the band in which depth agrees [m]
+    model: Float64  # dimensions of the model, shape (3,) [m]
+    aspect: float  # standard deviation of ln(height / width) among fruit, relative to the model's
 
     def explained(self, result: RefineResult) -> tuple[int, int]:
         """Return the numbers of explained and of contradicting pixels; pixels of hiding objects count as neither."""

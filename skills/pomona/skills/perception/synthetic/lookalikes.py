@@ -13,23 +13,14 @@ from pomona.skills.perception.synthetic.shapes import ShadedMesh
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lookalike:
-    """A thing to be put into a scene.
+    """A thing to be put into a scene."""
 
-    Attributes:
-        shape: mesh of about unit size.
-        scale: factors to metres, (3,).
-        paint: linear RGB per vertex, (n, 3).
-        grain_frequency: of the surface's mottling [1/m].
-        material: strength and sharpness of highlights, and strength of the mottling.
-        upright: it stands as it is modelled; else it lies in any orientation.
-    """
-
-    shape: ShadedMesh
-    scale: Float64
-    paint: Float32
-    grain_frequency: float
-    material: tuple[float, float, float]
-    upright: bool = False
+    shape: ShadedMesh  # mesh of about unit size
+    scale: Float64  # factors to metres, (3,)
+    paint: Float32  # linear RGB per vertex, (n, 3)
+    grain_frequency: float  # of the surface's mottling [1/m]
+    material: tuple[float, float, float]  # strength and sharpness of highlights, and strength of the mottling
+    upright: bool = False  # it stands as it is modelled; else it lies in any orientation
 
 
 def draw_lookalike(rng: np.random.Generator) -> Lookalike:

@@ -21,27 +21,16 @@ WITHOUT_TREES = (0.5, 0.3, 0.2, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class SceneOptions:
-    """Options of a data set.
+    """Options of a data set."""
 
-    Attributes:
-        width, height: picture size [px].
-        camera: fx, fy, cx, cy [px].
-        instances: fewest and most fruit in a frame.
-        distractors: things that are no fruit, per frame.
-        scale: range of the fruit's size against the CAD model.
-        height_ratio: range of height over width against the CAD model's; an apple's is then 0.75 to 1.0.
-        exact: part of the instances that keep the CAD model's own size and proportions.
-        kinds: how often each kind of scene appears.
-        lookalikes: tomatoes, oranges, peaches, balls, cans and the like, per frame, at most.
-    """
-
-    width: int = 640
+    width: int = 640  # width, height: picture size [px]
     height: int = 480
-    camera: tuple[float, float, float, float] = (610.6, 610.6, 317.7, 238.1)
-    instances: tuple[int, int] = (5, 10)
-    distractors: int = 5
-    scale: tuple[float, float] = (0.6, 1.15)
+    camera: tuple[float, float, float, float] = (610.6, 610.6, 317.7, 238.1)  # fx, fy, cx, cy [px]
+    instances: tuple[int, int] = (5, 10)  # fewest and most fruit in a frame
+    distractors: int = 5  # things that are no fruit, per frame
+    scale: tuple[float, float] = (0.6, 1.15)  # range of the fruit's size against the CAD model
+    # range of height over width against the CAD model's; an apple's is then 0.75 to 1.0
     height_ratio: tuple[float, float] = (0.85, 1.133)
-    exact: float = 0.15
-    kinds: tuple[float, float, float, float] = (0.4, 0.25, 0.1, 0.25)
-    lookalikes: int = 0
+    exact: float = 0.15  # part of the instances that keep the CAD model's own size and proportions
+    kinds: tuple[float, float, float, float] = (0.4, 0.25, 0.1, 0.25)  # how often each kind of scene appears
+    lookalikes: int = 0  # tomatoes, oranges, peaches, balls, cans and the like, per frame, at most

@@ -18,23 +18,14 @@ from pomona.skills.perception.synthetic.options import SceneOptions
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FruitTruth:
-    """One fruit of a rendered frame.
+    """One fruit of a rendered frame."""
 
-    Attributes:
-        T_camera_object: the label's pose: the swing rule's rotation, the true centre.
-        dimensions: true cuboid along the object's axes [m].
-        scale: size of the CAD model that fits best (least squares over the three dimensions).
-        keypoints: the scaled CAD cuboid in the picture, (9, 2) [px].
-        visibility: part of the silhouette that is in the picture and not covered.
-        box: x, y, w, h of the visible pixels [px]; zeros when none.
-    """
-
-    T_camera_object: Float64
-    dimensions: Float64
-    scale: float
-    keypoints: Float64
-    visibility: float
-    box: tuple[int, int, int, int]
+    T_camera_object: Float64  # the label's pose: the swing rule's rotation, the true centre
+    dimensions: Float64  # true cuboid along the object's axes [m]
+    scale: float  # size of the CAD model that fits best (least squares over the three dimensions)
+    keypoints: Float64  # the scaled CAD cuboid in the picture, (9, 2) [px]
+    visibility: float  # part of the silhouette that is in the picture and not covered
+    box: tuple[int, int, int, int]  # x, y, w, h of the visible pixels [px]; zeros when none
 
 
 def true_fruit(

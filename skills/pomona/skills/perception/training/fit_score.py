@@ -30,15 +30,10 @@ SAME, OTHER = 0.5, 0.15
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JudgedPlaces:
-    """Places of one domain.
+    """Places of one domain."""
 
-    Attributes:
-        features: logits, (n, 4).
-        right: which are fruit, (n,).
-    """
-
-    features: Float64
-    right: NDArray[np.bool_]
+    features: Float64  # logits, (n, 4)
+    right: NDArray[np.bool_]  # which are fruit, (n,)
 
 
 def photo_places(

@@ -17,28 +17,17 @@ Boxes = list[tuple[float, float, float, float]]
 
 @dataclass(slots=True)
 class Labelled:
-    """One picture with its labels as they are written.
+    """One picture with its labels as they are written."""
 
-    Attributes:
-        path: of the picture.
-        says: file of the labels, for messages.
-        split, group: as of `Photograph`; empty where nothing gives them.
-        size: width and height that the labels give [px]; None without.
-        parts: boxes are in parts of the picture, not in pixels.
-        boxes: x, y, w, h.
-        lines: place of each box in `says`.
-        crowd: whether each box is of more than one fruit or marked as doubtful.
-    """
-
-    path: Path
-    says: str
-    split: str = ""
+    path: Path  # of the picture
+    says: str  # file of the labels, for messages
+    split: str = ""  # split, group: as of `Photograph`; empty where nothing gives them
     group: str = ""
-    size: tuple[int, int] | None = None
-    parts: bool = False
-    boxes: Boxes = field(default_factory=list)
-    lines: list[str] = field(default_factory=list)
-    crowd: list[bool] = field(default_factory=list)
+    size: tuple[int, int] | None = None  # width and height that the labels give [px]; None without
+    parts: bool = False  # boxes are in parts of the picture, not in pixels
+    boxes: Boxes = field(default_factory=list)  # x, y, w, h
+    lines: list[str] = field(default_factory=list)  # place of each box in `says`
+    crowd: list[bool] = field(default_factory=list)  # whether each box is of more than one fruit or marked as doubtful
 
     def add(self, box: tuple[float, float, float, float], line: str, crowd: bool = False) -> None:
         """Append a box with its place in the file of labels."""

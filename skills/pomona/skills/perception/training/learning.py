@@ -45,18 +45,12 @@ LEAST_LABELS = 20  # least number of labels to learn from, and to measure on: fe
 
 @dataclass(frozen=True, slots=True)
 class BenchFigures:
-    """Figures of one weights file.
+    """Figures of one weights file."""
 
-    Attributes:
-        rendered_recall, rendered_precision: on `BENCH` at `SCORE`.
-        photo_recall: on the photographs to measure on, at precision 0.90.
-        photo_ap50: their AP50.
-    """
-
-    rendered_recall: float
+    rendered_recall: float  # rendered_recall, rendered_precision: on `BENCH` at `SCORE`
     rendered_precision: float
-    photo_recall: float
-    photo_ap50: float
+    photo_recall: float  # on the photographs to measure on, at precision 0.90
+    photo_ap50: float  # their AP50
 
     def is_no_worse(self, before: BenchFigures) -> bool:
         """Return True where no figure is below that of `before`."""

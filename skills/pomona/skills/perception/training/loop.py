@@ -31,29 +31,18 @@ FALLING = 0.4
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """Length and rates of a training.
+    """Length and rates of a training."""
 
-    Attributes:
-        steps: optimiser steps in all.
-        rate: highest learning rate.
-        fall: how the rate falls after the rise; "late" keeps it, and falls linearly over the last `FALLING` steps.
-        warm_up: steps of linear rise before it.
-        method: how weights are moved, see `Optimiser`.
-        decay: weight decay, on matrices and kernels only.
-        clip: largest norm of the gradient.
-        average: decay of the running average of weights that is kept in the end.
-        validate_every, save_every: steps between validations and between checkpoints.
-    """
-
-    steps: int
-    rate: float = 2e-3
+    steps: int  # optimiser steps in all
+    rate: float = 2e-3  # highest learning rate
+    # how the rate falls after the rise; "late" keeps it, and falls linearly over the last `FALLING` steps
     fall: Fall = "cosine"
-    warm_up: int = 60
-    method: Method = "muon"
-    decay: float = 0.05
-    clip: float = 5.0
-    average: float = 0.998
-    validate_every: int = 250
+    warm_up: int = 60  # steps of linear rise before it
+    method: Method = "muon"  # how weights are moved, see `Optimiser`
+    decay: float = 0.05  # weight decay, on matrices and kernels only
+    clip: float = 5.0  # largest norm of the gradient
+    average: float = 0.998  # decay of the running average of weights that is kept in the end
+    validate_every: int = 250  # validate_every, save_every: steps between validations and between checkpoints
     save_every: int = 250
 
     def rate_at(self, step: int) -> float:

@@ -48,21 +48,13 @@ def searching(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Finds:
-    """Detections in one photograph.
+    """Detections in one photograph."""
 
-    Attributes:
-        boxes: x, y, w, h (n, 4) [px].
-        scores: (n,).
-        labelled: labelled boxes, (m, 4) [px].
-        group: as of `Photograph`.
-        cut: which labelled boxes the picture's border cuts, (m,).
-    """
-
-    boxes: Float64
-    scores: Float64
-    labelled: Float64
-    group: str
-    cut: NDArray[np.bool_]
+    boxes: Float64  # x, y, w, h (n, 4) [px]
+    scores: Float64  # (n,)
+    labelled: Float64  # labelled boxes, (m, 4) [px]
+    group: str  # as of `Photograph`
+    cut: NDArray[np.bool_]  # which labelled boxes the picture's border cuts, (m,)
 
     def judged(self) -> JudgedPicture:
         """Return these against the labels."""

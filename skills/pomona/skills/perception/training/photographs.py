@@ -20,22 +20,14 @@ orchard tiles the scale at which recall was highest."""
 
 @dataclass(frozen=True, eq=False)
 class Photograph:
-    """A picture file with its labelled boxes.
+    """A picture file with its labelled boxes."""
 
-    Attributes:
-        path: of the picture.
-        width, height: [px].
-        boxes: x, y, w, h (n, 4) [px], inside the picture.
-        crowd: boxes of more than one fruit or marked as doubtful, (n,).
-        group: pictures of one group show the same place, so that a group is either learnt from or measured on.
-    """
-
-    path: Path
-    width: int
+    path: Path  # of the picture
+    width: int  # width, height: [px]
     height: int
-    boxes: Float64
-    crowd: NDArray[np.bool_]
-    group: str = ""
+    boxes: Float64  # x, y, w, h (n, 4) [px], inside the picture
+    crowd: NDArray[np.bool_]  # boxes of more than one fruit or marked as doubtful, (n,)
+    group: str = ""  # pictures of one group show the same place, so that a group is either learnt from or measured on
 
     @property
     def name(self) -> str:

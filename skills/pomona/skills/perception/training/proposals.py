@@ -28,20 +28,13 @@ VAL_EVERY = 4  # interval of the runs that are used for validation
 
 @dataclass(frozen=True, eq=False)
 class RecordedLook:
-    """One frame in which a run searched.
+    """One frame in which a run searched."""
 
-    Attributes:
-        run: name of the run.
-        colour: (h, w, 3) uint8 RGB.
-        depth: (h, w) [m], 0 without measurement.
-        K: camera matrix (3, 3) [px].
-        picked: places in the picture of fruit that was then picked, (n, 2) [px].
-    """
-
-    run: str
-    colour: UInt8
-    depth: Float32
-    K: Float64
+    run: str  # name of the run
+    colour: UInt8  # (h, w, 3) uint8 RGB
+    depth: Float32  # (h, w) [m], 0 without measurement
+    K: Float64  # camera matrix (3, 3) [px]
+    # places in the picture of fruit that was then picked, (n, 2) [px]
     picked: Float64 = field(default_factory=lambda: np.empty((0, 2)))
 
 

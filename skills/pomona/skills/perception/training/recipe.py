@@ -74,18 +74,12 @@ class FrameSet:
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """How a fruit's weights are made.
+    """How a fruit's weights are made."""
 
-    Attributes:
-        sets: frames to learn from.
-        held_out: frames to validate on.
-        stages: in order.
-        fit: frames on which the score is fitted, beside one in `FITTED` of the photographs that were learnt from.
-    """
-
-    sets: tuple[FrameSet, ...]
-    held_out: FrameSet
-    stages: tuple[TrainingStage, ...]
+    sets: tuple[FrameSet, ...]  # frames to learn from
+    held_out: FrameSet  # frames to validate on
+    stages: tuple[TrainingStage, ...]  # in order
+    # frames on which the score is fitted, beside one in `FITTED` of the photographs that were learnt from
     fit: tuple[FrameSet, ...]
 
 

@@ -45,41 +45,24 @@ PAPER_SCHEDULE = Schedule(
 
 @dataclass(frozen=True, slots=True)
 class TrainingRun:
-    """One training run: network, data and place of its files.
+    """One training run: network, data and place of its files."""
 
-    Attributes:
-        part: the network.
-        data: folders of annotated frames, and how many samples of a batch come from each.
-        held_out: folder of validation frames, None for none.
-        places: file of where the finder proposes fruit in `data`, for the close look; None without a finder.
-        out: folder of checkpoints.
-        schedule: length and rates.
-        seed: of batches and first weights.
-        start_from: weights to begin with, None for random ones.
-        trained_trunk: the finder's trunk was trained before, and most of it is kept.
-        device: "cpu" or "cuda".
-        workers: processes that prepare batches, for each that learns.
-        processes: that learn, each with its part of every batch.
-        turned: ratio of the close looks that are turned by any angle about their axis.
-        photographs: with boxes, for the finder to learn from beside the frames, and to measure on.
-        photos, empty: windows of a batch that come from photographs, and from pictures without fruit.
-    """
-
-    part: Part
-    data: tuple[tuple[Path, int], ...]
-    held_out: Path | None
-    out: Path
-    schedule: Schedule
-    seed: int = 0
+    part: Part  # the network
+    data: tuple[tuple[Path, int], ...]  # folders of annotated frames, and how many samples of a batch come from each
+    held_out: Path | None  # folder of validation frames, None for none
+    out: Path  # folder of checkpoints
+    schedule: Schedule  # length and rates
+    seed: int = 0  # of batches and first weights
+    # file of where the finder proposes fruit in `data`, for the close look; None without a finder
     places: Path | None = None
-    start_from: dict[str, Tensor] | None = None
-    trained_trunk: bool = False
-    device: str = "cpu"
-    workers: int = 1
-    processes: int = 1
-    turned: float = 0.0
-    photographs: PhotoSet | None = None
-    photos: int = 0
+    start_from: dict[str, Tensor] | None = None  # weights to begin with, None for random ones
+    trained_trunk: bool = False  # the finder's trunk was trained before, and most of it is kept
+    device: str = "cpu"  # "cpu" or "cuda"
+    workers: int = 1  # processes that prepare batches, for each that learns
+    processes: int = 1  # that learn, each with its part of every batch
+    turned: float = 0.0  # ratio of the close looks that are turned by any angle about their axis
+    photographs: PhotoSet | None = None  # with boxes, for the finder to learn from beside the frames, and to measure on
+    photos: int = 0  # photos, empty: windows of a batch that come from photographs, and from pictures without fruit
     empty: int = 0
 
 
