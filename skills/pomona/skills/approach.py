@@ -38,11 +38,15 @@ SLOW = 0.08  # speed where such a fruit may be touched [m/s]
 
 JERK_TIME = 0.1
 
+PUSHED = 2e-3
+"""Motion of the resting fingers that shows contact outside the pads [m]; a gripper's supervisor allows 3 mm."""
+
 
 class Approach(MovingSkill):
     """Open the fingers, then go straight from the pre-grasp to the grasp, feeling the way.
 
-    Any lasting change of force at a finger stops the arm: nothing is to be touched before the fingers close.
+    Any lasting change of force at a finger stops the arm, and so does a push that moves the fingers: nothing is to be
+    touched before they close.
     """
 
     devices = (Arm, Gripper, ForceSensor, Workspace)
@@ -89,10 +93,11 @@ class Approach(MovingSkill):
         slow_end = gripper_shape(robot).first_touch(fruit, width, UNSEEN), SLOW
         jerk = acceleration / JERK_TIME
         trajectory = time_curve(line.q, line.length, arm.limits, speed, acceleration, jerk, slow_end=slow_end)
+        opened = gripper.state().width
         with Touch(self.device(ForceSensor)) as touch:
 
             def feel() -> None:
-                self._feel(touch, contact, robot, grasp)
+                self._feel(touch, contact, opened, robot, grasp)
 
             def stop_at_touch(motion: Motion) -> None:
                 touch.at_change(contact, motion.stop)
@@ -118,12 +123,15 @@ class Approach(MovingSkill):
                 angle_rad=angle,
             )
 
-    def _feel(self, touch: Touch, contact: float, robot: RobotModel, grasp: Grasp) -> None:
+    def _feel(self, touch: Touch, contact: float, opened: float, robot: RobotModel, grasp: Grasp) -> None:
         if stale := touch.stale_for(self.clock.now()):
             raise self.failure("SENSOR_STALE", f"the fingers have sent no force for {1e3 * stale:.0f} ms")
+        width = self.device(Gripper).state().width
+        if touch.change <= contact and abs(width - opened) <= PUSHED:
+            return
+        T_base_tcp = robot.tcp(self.device(Arm).state().q)
+        left = float(np.linalg.norm(grasp.T_base_grasp[:3, 3] - T_base_tcp[:3, 3]))
         if touch.change > contact:
-            T_base_tcp = robot.tcp(self.device(Arm).state().q)
-            left = float(np.linalg.norm(grasp.T_base_grasp[:3, 3] - T_base_tcp[:3, 3]))
             raise self.failure(
                 "CONTACT",
                 f"the {touch.finger} finger touched something {1e3 * left:.0f} mm before the grasp "
@@ -133,3 +141,10 @@ class Approach(MovingSkill):
                 before_grasp_m=left,
                 candidate=grasp.index,
             )
+        raise self.failure(
+            "CONTACT",
+            f"something pushed the fingers from {1e3 * opened:.0f} to {1e3 * width:.0f} mm, "
+            f"{1e3 * left:.0f} mm before the grasp",
+            before_grasp_m=left,
+            candidate=grasp.index,
+        )

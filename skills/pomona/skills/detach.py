@@ -55,11 +55,9 @@ ROLL_WANTED = np.radians(100.0)
 """A roll that is free so far is as good as a longer one."""
 CLEAR = -0.01
 """Least distance to a neighbour during the roll [m]; a hanging neighbour gives way by 10 mm."""
-OPENED, OPENING_SPEED, OPENING_TIME = 0.02, 0.06, 0.6
-"""Opening beyond the present one after a failure that leaves the fruit on the tree [m], its speed [m/s], and the time
-after which fingers that meet wood are not opened further [s]."""
-STUCK, STUCK_FOR = 1e-3, 0.08
-"""Fingers that open by less [m] in this time [s] meet something."""
+OPENED, OPENING_SPEED, STUCK = 0.02, 0.06, 6e-3
+"""Opening beyond the present one after a failure that leaves the fruit on the tree [m], its speed [m/s], and the
+distance by which fingers that meet wood may lag it [m]: less than a gripper's supervisor allows."""
 BACK_OFF, BACK_SPEED, BACK_ACCELERATION, BACK_JERK = 0.10, 0.15, 1.0, 10.0
 """Way of the empty hand back from the fruit after a failure [m, m/s, m/s², m/s³]."""
 
@@ -143,15 +141,11 @@ class Detach(MovingSkill):
     def _let_go(self) -> Work[None]:
         """Open the fingers by `OPENED`, or until they meet something outside: twigs are not pressed aside."""
         gripper = self.device(Gripper)
-        start = gripper.state().width
-        before, looked, began = start, self.clock.now(), self.clock.now()
+        start, began = gripper.state().width, self.clock.now()
         try:
             while (width := gripper.state().width) < min(start + OPENED, gripper.limits.width_max - 1e-3):
-                now = self.clock.now()
-                if now - looked >= STUCK_FOR:
-                    if (now - began > 2.0 * STUCK_FOR and width - before < STUCK) or now - began > OPENING_TIME:
-                        break
-                    before, looked = width, now
+                if OPENING_SPEED * (self.clock.now() - began) - (width - start) > STUCK:
+                    break
                 gripper.set_speed(OPENING_SPEED)
                 yield "releasing the fruit"
         finally:

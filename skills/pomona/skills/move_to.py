@@ -63,6 +63,11 @@ class MoveTo(MovingSkill):
             Angle, Port(min="1 deg", max="180 deg", help="the fruit is tilted by no more than this on the way")
         ] = ANGLE("180 deg"),
         speed: Annotated[Ratio, Port(min=0.02, max=1.0, help="share of the speed that the limits allow")] = 1.0,
+        start_free: Annotated[
+            bool, Port(help="map cells that the arm occupies at the start are free: branches that bend aside")
+        ] = False,
     ) -> Work[None]:
-        yield from move_to_pose(self, pose, variation, map, carrying, clearance, budget, avoiding, speed, upright)
+        yield from move_to_pose(
+            self, pose, variation, map, carrying, clearance, budget, avoiding, speed, upright, start_free
+        )
         return None

@@ -34,9 +34,6 @@ LOWERING = (0.5, 5.0)
 """Acceleration [m/s²] and jerk [m/s³] of lowering: with twice as much the inertia of the fruit resembles a contact."""
 RISING = (1.5, 15.0)  # acceleration [m/s²] and jerk [m/s³] of the empty gripper's way up
 OPENING_SPEED = 0.05  # of the fingers while they release the fruit [m/s]
-SLOW_WITHIN = 0.015
-"""Distance to the first contact at which lowering slows down [m]: more than the errors of the measured height and of
-the slip in the fingers together."""
 BESIDE = 0.005
 """Distance to the fruit's path below which an obstacle counts as the first contact [m]; farther walls are passed."""
 JOLTS = 3  # jolts after which lowering goes on; with more the load is too restless to show a contact
@@ -98,15 +95,23 @@ class Release(MovingSkill):
         fast: Annotated[Speed, Port(min="1 mm/s", max="0.5 m/s", help="used while nothing known is near")] = SPEED(
             "0.25 m/s"
         ),
+        slow_within: Annotated[
+            Length, Port(min="5 mm", max="200 mm", help="height over the known support at which lowering slows down")
+        ] = LENGTH("15 mm"),
+        start_free: Annotated[
+            bool, Port(help="map cells that the arm occupies at the start are free: branches that bend aside")
+        ] = False,
     ) -> Work[None]:
         if not is_held(self):
             raise self._not_held()
         if into is not None:
-            yield from move_to_pose(self, into, variation, map, grasp, clearance, upright=upright)
+            yield from move_to_pose(
+                self, into, variation, map, grasp, clearance, upright=upright, start_free=start_free
+            )
         gripper, before = self.device(Gripper), tool_pose(self)[2, 3]
         space = self._space(map, clearance)
         way = vertical_way(self, -depth, "LOWERING_BLOCKED", space)
-        slow_from = self._near(way, grasp, map, clearance)
+        slow_from = self._near(way, grasp, map, clearance, slow_within)
         legs = ((way[: slow_from + 1], fast), (way[slow_from:], speed))
         yield from self._lower(legs, depth, space, hold, grasp, contact)
         width = self._opening(map, clearance)
@@ -177,8 +182,10 @@ class Release(MovingSkill):
                 return (yield from contact_doubt(self, touch, contact, "LOWERING_BLOCKED"))
         return "the fruit met nothing"
 
-    def _near(self, way: Float64, grasp: Grasp | None, map: OccupancyMap | None, clearance: float) -> int:
-        """Return the first posture at which the fruit is near its first contact; 0 if that is unknown."""
+    def _near(
+        self, way: Float64, grasp: Grasp | None, map: OccupancyMap | None, clearance: float, within: float
+    ) -> int:
+        """Return the first posture at which the fruit is so near to its first contact [m]; 0 if that is unknown."""
         if grasp is None:
             return 0
         space = self._space(map, clearance, grasp)
@@ -188,7 +195,7 @@ class Release(MovingSkill):
             return 0
         robot = RobotModel.load(self.device(Arm).description)
         heights = np.array([robot.tcp(q)[2, 3] for q in way[: met[0] + 1]])
-        return int(np.flatnonzero(heights <= heights[-1] + SLOW_WITHIN)[0])
+        return int(np.flatnonzero(heights <= heights[-1] + within)[0])
 
     def _opening(self, map: OccupancyMap | None, clearance: float) -> float:
         """Return the largest opening that touches nothing beside the fruit [m]."""

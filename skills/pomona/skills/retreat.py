@@ -10,7 +10,7 @@ import numpy as np
 
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
 from pomona.executive.ports import ACCELERATION, FORCE, SPEED, Acceleration, Force, Port, Speed
-from pomona.executive.skill import Work
+from pomona.executive.skill import SkillFailure, Work
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import angle_between, inverse
 from pomona.skills.grip.hold import take_over
@@ -75,12 +75,20 @@ class Retreat(MovingSkill):
         open_to = min(max(grasp.width, gripper.state().width), gripper.limits.width_max)
         take_over(gripper)
         if open_to - gripper.state().width > 1e-3:
-            yield from self.move_fingers(open_to, min(OPENING_SPEED, gripper.limits.speed_max))
+            yield from self._open(open_to, held)
         back = self._line(grasp.T_base_pre_grasp)
         if back.length > AT_GOAL:
             jerk = acceleration / JERK_TIME
             yield from self.travel(time_curve(back.q, back.length, arm.limits, speed, acceleration, jerk))
         return None
+
+    def _open(self, width: float, held: bool) -> Watching:
+        """Open the fingers; empty ones may be blocked from outside: the way back frees them."""
+        try:
+            yield from self.move_fingers(width, min(OPENING_SPEED, self.device(Gripper).limits.speed_max))
+        except SkillFailure as failed:
+            if held or failed.failure.code != "MOTION_FAILED":
+                raise
 
     def _lower(self, height: float, speed: float, acceleration: float, contact: float) -> Watching:
         """Go straight down by the height to which the fruit was lifted, or until it stands on something."""

@@ -61,6 +61,8 @@ class DetachSettings:
             below this force [N].
         recent: time over which that maximum is remembered [s].
         quiet_time: time below `broken_force`, after the stem was loaded, that shows a break which was not noticed [s].
+        blocked: deviation of the opening from its commands that shows wood at the fingers [m]: half of what a gripper's
+            supervisor allows. blocked_fading: time constant with which it is forgiven [s].
         jam_force: net force of the pads that no stem needs [N]; jam_force_saturated: difference of the pads' pressing
             forces that shows wood at one finger while its sensor is at the end of its range [N]; jam_time: time that
             either may last [s].
@@ -102,6 +104,8 @@ class DetachSettings:
     broken_share: float = 0.5
     broken_force: float = 1.0
     recent: float = 0.12
+    blocked: float = 5e-3
+    blocked_fading: float = 2.0
     jam_force: float = 14.0
     jam_force_saturated: float = 4.0
     jam_time: float = 0.06
@@ -193,6 +197,8 @@ class DetachController:
         self._jammed = self._empty = self._quiet = 0.0
         self._moved_back = self._speed_back = 0.0
         self._ending: DetachProblem | None = None
+        self._opening = self._behind = 0.0  # commanded rate; commanded motion that the opening did not follow
+        self._width = np.nan
 
     @property
     def grip_target(self) -> float:
@@ -218,13 +224,16 @@ class DetachController:
         press = -wrenches[:, 2]
         force = _on_fruit(wrenches, T_base_tcp[:3, :3])
         self._note_stem(force)
+        self._note_opening(dt, width)
         if self.phase is DetachPhase.CLOSE:
-            return self._close(press, T_base_tcp, width)
-        self._judge(dt, press, force, saturated, width)
-        if self.phase is DetachPhase.DONE:
-            return DetachCommand(np.zeros(3), 0.0, 0.0)
-        velocity = self._move(dt, force, T_base_tcp)
-        return DetachCommand(velocity, self._rate, self._grip(dt, wrenches))
+            command = self._close(press, T_base_tcp, width)
+        else:
+            self._judge(dt, press, force, saturated, width)
+            command = DetachCommand(np.zeros(3), 0.0, 0.0)
+            if self.phase is not DetachPhase.DONE:
+                command = DetachCommand(self._move(dt, force, T_base_tcp), self._rate, self._grip(dt, wrenches))
+        self._opening = command.opening
+        return command
 
     def give_up(self, code: str, message: str) -> None:
         """End the motion: let a branch that was drawn back, else stop."""
@@ -244,6 +253,12 @@ class DetachController:
         self._recent.append((self._time, self.stem_force))
         self._recent = [each for each in self._recent if each[0] > self._time - self.settings.recent]
 
+    def _note_opening(self, dt: float, width: float) -> None:
+        """Compare the opening with its commands."""
+        moved = 0.0 if np.isnan(self._width) else width - self._width
+        self._behind = self._behind * np.exp(-dt / self.settings.blocked_fading) + self._opening * dt - moved
+        self._width = width
+
     def _judge(self, dt: float, press: Float64, force: Float64, saturated: bool, width: float) -> None:
         s = self.settings
         beside = saturated and abs(press[0] - press[1]) > s.jam_force_saturated
@@ -253,6 +268,8 @@ class DetachController:
         if self._jammed > s.jam_time:
             words = f"the pads feel {press[0]:.1f} and {press[1]:.1f} N, {np.linalg.norm(force):.1f} N in all"
             self._end(DetachProblem("JAMMED", words))
+        elif self._is_blocked():
+            self._end(self._blocked(width))
         elif self._empty > s.lost_time or width < self._width_gripped - 2.0 * s.slip_width:
             freed = self.broke_at is not None
             code, words = ("LOST", "after the stem broke") if freed else ("SLIPPED", "before the stem broke")
@@ -273,6 +290,14 @@ class DetachController:
             self._moved_back = self._speed_back = 0.0
             self._enter(DetachPhase.ROLL)
 
+    def _is_blocked(self) -> bool:
+        """Return True if wood pushes or blocks the fingers: until the stem has broken they follow their commands."""
+        return self.broke_at is None and abs(self._behind) > self.settings.blocked
+
+    def _blocked(self, width: float) -> DetachProblem:
+        words = f"the opening is {1e3 * abs(self._behind):.0f} mm off its commands, at {1e3 * width:.0f} mm"
+        return DetachProblem("JAMMED", f"{words}: something pushes or blocks the fingers")
+
     def _break(self) -> None:
         self.broke_at, self.roll_at_break = self._time, self.roll
         self._enter(DetachPhase.BACK)
@@ -292,6 +317,9 @@ class DetachController:
         if self._time > s.closing_patience or width < s.narrowest * self._fruit.diameter:
             left, right = press
             self._end(DetachProblem("NOT_GRIPPED", f"the pads feel {left:.1f} and {right:.1f} N after closing"))
+            return DetachCommand(still, 0.0, 0.0)
+        if self._is_blocked():
+            self._end(self._blocked(width))
             return DetachCommand(still, 0.0, 0.0)
         aside = s.yielding * float(press[0] - press[1]) * T_base_tcp[:3, 1]
         return DetachCommand(aside, 0.0, -(s.closing_touched if press.max() > s.touch else s.closing))

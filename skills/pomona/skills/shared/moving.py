@@ -11,6 +11,7 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.collision import Convex
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
+from pomona.skills.motion.occupancy.integrate import without_robot
 from pomona.skills.motion.planning.arm_space import ArmSpace, arm_space
 from pomona.skills.motion.planning.plan import PlanRequest
 from pomona.skills.motion.planning.timing import stretched
@@ -28,6 +29,9 @@ POSE_TOLERANCE = 1e-3  # an arm this near to the pose in every joint is there [r
 CARRIED_ACCELERATION = 2.0
 """A held fruit is accelerated by no more than this [m/s²]: every bit of it must be held by friction."""
 
+MAP_PADDING = 4e-3
+"""Least distance around the arm in which cells are taken as free, with `start_free`, beyond one cell [m]."""
+
 POSE_FAILURES = (*PLANNING_FAILURES, "UNKNOWN_POSE", "MAP_STALE", "WOULD_TILT", *WATCH_FAILURES)
 """Codes of every skill that moves to a named pose."""
 
@@ -43,6 +47,7 @@ def move_to_pose(
     avoiding: MeasuredFruit | None = None,
     speed: float = 1.0,
     upright: float = np.pi,
+    start_free: bool = False,
 ) -> Watching:
     """Plan to a named pose of the cell file and move there.
 
@@ -57,6 +62,7 @@ def move_to_pose(
         speed: ratio of the speed that the limits allow, above 0 to 1.
         upright: largest tilt of the fruit on the path [rad], against its pose at the grasp, or without `carrying`
             against the present one; π: no limit.
+        start_free: take map cells as free that the arm or the held fruit occupies: branches that bend aside.
     """
     arm, workspace = skill.device(Arm), skill.device(Workspace)
     try:
@@ -67,8 +73,12 @@ def move_to_pose(
     q = arm.state().q
     if np.abs(q_goal - q).max() < POSE_TOLERANCE:
         return
-    field = usable_field(skill, map)
-    space = arm_space(arm, workspace, field, skill.device(Gripper).state().width, clearance, held=carrying)
+    field, width = usable_field(skill, map), skill.device(Gripper).state().width
+    space = arm_space(arm, workspace, field, width, clearance, held=carrying)
+    if start_free and map is not None and not space.free(q):
+        padding = max(clearance, MAP_PADDING) + map.resolution
+        map = without_robot(map, space.world.shape.spheres(q, width), padding)
+        space = arm_space(arm, workspace, map.field, width, clearance, held=carrying)
     if avoiding is not None:
         space = replace(space, world=space.world.with_obstacles(Convex.of_fruit(avoiding, "fruit")))
     keeps = space if upright >= np.pi else _upright(skill, space, upright, q, q_goal, carrying)

@@ -7,7 +7,7 @@ neither are the robot itself, the fruit to pick, and the cells hidden behind the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -112,6 +112,13 @@ def _clear_target(states: UInt8, grid: OccupancyMap, target: Convex, margin: flo
     centres = grid.origin + (cells + first + 0.5) * grid.resolution
     within = cells[target.distance(centres) < margin] if len(cells) else cells
     block[within[:, 0], within[:, 1], within[:, 2]] = UNKNOWN
+
+
+def without_robot(known: OccupancyMap, spheres: Float64, padding: float) -> OccupancyMap:
+    """Return a map in which the cells within spheres, shape (n, 4), grown by `padding` [m], are free."""
+    own = np.zeros(known.states.shape, np.bool_)
+    mark_spheres(np.ascontiguousarray(spheres), padding, known.origin, known.resolution, own)
+    return replace(known, states=np.where(own, FREE, known.states).astype(np.uint8))
 
 
 @njit(cache=True, nogil=True)
