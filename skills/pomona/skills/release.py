@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Hand, Workspace
-from pomona.executive.ports import ANGLE, FORCE, LENGTH, SPEED, Angle, Force, Length, Port, Speed
+from pomona.executive.ports import ANGLE, FORCE, LENGTH, SPEED, Acceleration, Angle, Force, Length, Port, Speed
 from pomona.executive.skill import CellFacts, Work
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.sections import Problem
@@ -23,7 +23,7 @@ from pomona.skills.shared.contact_check import LOST, Jolted, contact_doubt
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.grip_view import show_grip
 from pomona.skills.shared.live_watch import prepare_watch
-from pomona.skills.shared.moving import POSE_FAILURES, move_to_pose
+from pomona.skills.shared.moving import CARRIED_ACCELERATION, POSE_FAILURES, move_to_pose
 from pomona.skills.shared.named_pose import judge_pose, offered_poses
 from pomona.skills.shared.straight_travel import follow_way, tool_pose, vertical_way
 from pomona.skills.shared.touch import Touch, load
@@ -98,6 +98,9 @@ class Release(MovingSkill):
         slow_within: Annotated[
             Length, Port(min="5 mm", max="200 mm", help="height over the known support at which lowering slows down")
         ] = LENGTH("15 mm"),
+        acceleration: Annotated[
+            Acceleration, Port(min="0.5 m/s²", max="5 m/s²", help="largest of the held fruit on the way to the pose")
+        ] = CARRIED_ACCELERATION,
         start_free: Annotated[
             bool, Port(help="map cells that the arm occupies at the start are free: branches that bend aside")
         ] = False,
@@ -106,7 +109,15 @@ class Release(MovingSkill):
             raise self._not_held()
         if into is not None:
             yield from move_to_pose(
-                self, into, variation, map, grasp, clearance, upright=upright, start_free=start_free
+                self,
+                into,
+                variation,
+                map,
+                grasp,
+                clearance,
+                upright=upright,
+                start_free=start_free,
+                carried_acceleration=acceleration,
             )
         gripper, before = self.device(Gripper), tool_pose(self)[2, 3]
         space = self._space(map, clearance)

@@ -27,7 +27,7 @@ from pomona.skills.shared.usable_map import usable_field
 POSE_TOLERANCE = 1e-3  # an arm this near to the pose in every joint is there [rad]
 
 CARRIED_ACCELERATION = 2.0
-"""A held fruit is accelerated by no more than this [m/s²]: every bit of it must be held by friction."""
+"""Usual largest acceleration of a held fruit [m/s²]: every bit of it must be held by friction."""
 
 MAP_PADDING = 4e-3
 """Least distance around the arm in which cells are taken as free, with `start_free`, beyond one cell [m]."""
@@ -48,6 +48,7 @@ def move_to_pose(
     speed: float = 1.0,
     upright: float = np.pi,
     start_free: bool = False,
+    carried_acceleration: float = CARRIED_ACCELERATION,
 ) -> Watching:
     """Plan to a named pose of the cell file and move there.
 
@@ -62,6 +63,7 @@ def move_to_pose(
         speed: ratio of the speed that the limits allow, above 0 to 1.
         upright: largest tilt of the fruit on the path [rad], against its pose at the grasp, or without `carrying`
             against the present one; π: no limit.
+        carried_acceleration: largest acceleration of a held fruit [m/s²].
         start_free: take map cells as free that the arm or the held fruit occupies: branches that bend aside.
     """
     arm, workspace = skill.device(Arm), skill.device(Workspace)
@@ -93,7 +95,9 @@ def move_to_pose(
         patience=patience(skill, budget),
     )
     result = yield from planned(skill, request)
-    path = result.path if carrying is None else gently(RobotModel.load(arm.description), result.path)
+    path = (
+        result.path if carrying is None else gently(RobotModel.load(arm.description), result.path, carried_acceleration)
+    )
     around = KnownAround(map, () if avoiding is None else (avoiding,), carrying)
     yield from skill.travel(path if speed >= 1.0 else stretched(path, 1.0 / speed), around=around, carrying=carrying)
 
@@ -112,9 +116,9 @@ def _upright(
     return keeps
 
 
-def gently(robot: RobotModel, path: Trajectory) -> Trajectory:
-    """Return a path slowed down until the TCP is nowhere accelerated by more than `CARRIED_ACCELERATION`."""
+def gently(robot: RobotModel, path: Trajectory, most: float) -> Trajectory:
+    """Return a path slowed down until the TCP is nowhere accelerated by more than `most` [m/s²]."""
     p = np.array([robot.tcp(q)[:3, 3] for q in path.q])
     rate = np.gradient(p, path.t, axis=0)
     largest = float(np.linalg.norm(np.gradient(rate, path.t, axis=0), axis=1).max())
-    return stretched(path, max(1.0, float(np.sqrt(largest / CARRIED_ACCELERATION))))
+    return stretched(path, max(1.0, float(np.sqrt(largest / most))))
