@@ -71,6 +71,20 @@ def test_a_touch_stops_the_arm_before_the_next_tick(monkeypatch):
     assert 0.7 < stopped[0] < 0.71  # three samples of 2 ms; the next tick is at 0.72 s
 
 
+def test_fingers_that_something_pushes_from_outside_stop_the_arm():
+    scene = at_pre_grasp()
+
+    def push(_tick: int) -> None:
+        if scene.clock.now() > 0.8:
+            scene.gripper.width = GRASP.width - 0.0025
+
+    outcome = drive(Approach(), {"grasp": GRASP}, scene.devices, clock=scene.clock, each_tick=push)
+    assert outcome.reason.code == "CONTACT"
+    assert "pushed the fingers" in outcome.reason.message
+    assert scene.arm.settled()
+    assert np.linalg.norm(scene.tcp[:3, 3] - GRASP.T_base_grasp[:3, 3]) > 0.02
+
+
 def test_near_the_fruit_it_is_slow_where_a_displaced_fruit_may_be_touched():
     scene = at_pre_grasp()
     assert drive(Approach(), {"grasp": GRASP}, scene.devices, clock=scene.clock).status is Status.SUCCESS

@@ -57,6 +57,15 @@ def test_a_start_inside_the_table_says_which_link():
     assert outcome.reason.data["obstacle"] in ("table", "pedestal")
 
 
+def test_branches_around_the_standing_arm_do_not_keep_it_there():
+    scene, given = scene_with_pose("START_IN_COLLISION")
+    inputs = {"pose": "there", **given["inputs"]}
+    refused = drive(MoveTo(), inputs, scene.devices, clock=scene.clock)
+    assert refused.reason.code == "START_IN_COLLISION"
+    moved = drive(MoveTo(), {**inputs, "start_free": True}, scene.devices, clock=scene.clock)
+    assert moved.status is Status.SUCCESS
+
+
 def test_interrupted_it_stops():
     scene = PickingScene(q=HOME.copy())
     outcome = drive(MoveTo(), {"pose": "observe"}, scene.devices, clock=scene.clock, interrupt_after=9)

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from pomona.drivers.interfaces import Box
+from pomona.drivers.interfaces import Box, MotionState
+from pomona.drivers.mock.gripper import MockMove
 from pomona.executive.skill_testing import drive
 from pomona.skills.geometry import transform
 from pomona.skills.motion.straight_line import STEP, straight_line
@@ -43,6 +44,19 @@ def test_halfway_on_the_approach_the_open_fingers_stay_as_they_are():
     scene = PickingScene(q=LINE[len(LINE) // 2].copy(), width=GRASP.width)
     assert retreat(scene).status is Status.SUCCESS
     assert scene.gripper.moves == []
+    np.testing.assert_allclose(scene.tcp, GRASP.T_base_pre_grasp, atol=1e-6)
+
+
+def test_empty_fingers_that_something_blocks_from_outside_still_go_back():
+    scene = PickingScene(q=LINE[len(LINE) // 2].copy(), width=GRASP.width - 0.004)
+
+    def move(width: float, speed: float) -> MockMove:
+        blocked = MockMove(width, speed, scene.gripper.width)
+        blocked.end(MotionState.FAILED, "the fingers are blocked")
+        return blocked
+
+    scene.gripper.move = move  # type: ignore[method-assign, assignment]
+    assert retreat(scene).status is Status.SUCCESS
     np.testing.assert_allclose(scene.tcp, GRASP.T_base_pre_grasp, atol=1e-6)
 
 

@@ -58,3 +58,19 @@ def test_the_boundary_of_what_fits_is_kept_in_silence(numbers):
     assert len(draw_wall(numbers, 0, fruit=1, leaves=0.0).fruits) == 1
     crowded = draw_wall(numbers, 0, fruit=60, leaves=0.0)
     assert 30 < len(crowded.fruits) <= 60
+
+
+def test_a_base_that_stands_elsewhere_sees_the_same_wall_shifted(numbers):
+    usual = draw_wall(numbers, 3, leaves=0.3)
+    seen = usual.seen_from(0.35, 0.2)
+    by = np.array([-0.35, 0.0, -0.2])
+    for a, b in zip(usual.fruits, seen.fruits, strict=True):
+        assert np.allclose(b.T_base_fruit[:3, 3] - a.T_base_fruit[:3, 3], by)
+        assert np.allclose(b.anchor - a.anchor, by)
+        assert np.array_equal(a.T_base_fruit[:3, :3], b.T_base_fruit[:3, :3])
+    for kind in ("laterals", "spurs", "leaves"):
+        for a, b in zip(getattr(usual, kind), getattr(seen, kind), strict=True):
+            assert np.allclose(b.start - a.start, by)
+    assert seen.trunk[0] - usual.trunk[0] == pytest.approx(-0.35)
+    assert seen.wires[0].z - usual.wires[0].z == pytest.approx(-0.2)
+    assert (seen.ground - usual.ground, seen.trunk_top - usual.trunk_top) == pytest.approx((-0.2, -0.2))

@@ -68,6 +68,35 @@ def test_a_strong_stem_is_rolled_both_ways_and_let_back_slowly():
     assert np.linalg.norm(stem.T[:3, 3] + [0.0, 0.0, LEVER] - stem.rest) < 0.02
 
 
+def test_fingers_that_wood_blocks_while_they_close_are_a_jam_before_the_supervisor_ends_the_run():
+    class Blocked(Stem):
+        def move(self, command):
+            before = self.width
+            super().move(command)
+            self.width = max(self.width, min(before, DIAMETER + 0.01))
+
+    stem = Blocked()
+    control = detach(stem)
+    assert control.problem.code == "JAMMED"
+    assert "off its commands" in control.problem.message
+    assert stem.time < 0.5
+
+
+@pytest.mark.parametrize("pushed", [0.007, -0.007])
+def test_fingers_that_wood_pushes_while_the_hand_rolls_are_a_jam(pushed):
+    stem = Stem(STRONG, bending=0.01)
+    done = []
+
+    def push(control):
+        if control.phase is DetachPhase.ROLL and not done:
+            stem.width += pushed
+            done.append(stem.time)
+
+    control = detach(stem, each=push)
+    assert control.problem.code == "JAMMED"
+    assert stem.time < done[0] + 0.1
+
+
 @pytest.mark.parametrize("when", [DetachPhase.ROLL, DetachPhase.LET_BACK])
 def test_a_break_that_was_not_noticed_is_found_and_the_fruit_is_kept(when):
     """The stem breaks in a moment in which it bears nothing, so that no fall of its force shows it."""

@@ -36,6 +36,8 @@ class FruitWallOptions:
     model: Path = value(PathTo("folder"), help="folder of the fruit, with its fruit.yaml")
     start: str = value(Text(), help="pose of the workspace in which the arm stands")
     distance: float = value(Measure(LENGTH, "300 mm", "3 m"), "680 mm", "of the trunk from the arm's axis, along -y")
+    stop: float = value(Measure(LENGTH, "-1 m", "1 m"), "0 mm", "of the base along the row, from its middle")
+    height: float = value(Measure(LENGTH, "-0.5 m", "0.5 m"), "0 mm", "of the base over its usual place")
     apples: int | None = value(OrWord(Whole(1, 60), "auto"), "auto", "how many hang; auto draws from the numbers")
     leaves: float = value(Number(0.0, 1.0), "1", "share of the full foliage")
     behind: int = value(Whole(0, 5000), "2400", "leaves of the rows behind, which are only seen")
@@ -77,7 +79,7 @@ def connect_world(settings: Settings[FruitWallOptions], context: ConnectContext)
     said, seed = settings.values, context.seed
     assert context.workspace is not None, "judged when the cell file was read"
     numbers, _ = read_numbers(said.numbers)
-    wall = draw_wall(numbers, seed, said.distance, said.apples, said.leaves)
+    wall = draw_wall(numbers, seed, said.distance, said.apples, said.leaves).seen_from(said.stop, said.height)
     spec = read_robot(said.robot)
     friction = float(np.random.default_rng([seed, 18]).uniform(*(said.friction or FRICTION)))
     for pad in PADS:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pomona.drivers.interfaces import Box
 from pomona.drivers.orchard.scenery import Scenery, leaf_mesh
-from pomona.drivers.orchard.wall import GROUND, SEGMENTS, STEM_SEAT, TRUNK_TOP, HangingFruit, TreeLeaf, Wall
+from pomona.drivers.orchard.wall import SEGMENTS, STEM_SEAT, HangingFruit, TreeLeaf, Wall
 from pomona.drivers.orchard.wood import Chain, hinge_chain, spur_stiffness
 from pomona.drivers.sim.fruit_shape import FruitShape
 from pomona.drivers.sim.gl import load_mujoco
@@ -124,10 +124,10 @@ def build_wall_model(
 def _add_trunk(mujoco: Any, spec: Any, wall: Wall) -> Any:
     """Trunk, wires and ground: they do not move."""
     x, y, radius = wall.trunk
-    ground = spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, pos=[0.0, 0.0, GROUND])
+    ground = spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, pos=[0.0, 0.0, wall.ground])
     ground.size, ground.rgba, ground.contype, ground.conaffinity = [4.0, 4.0, 0.1], [0.25, 0.30, 0.14, 1.0], 1, 3
     trunk = spec.worldbody.add_body(name="trunk")
-    _capsule(trunk, "trunk", [x, y, GROUND], [x, y, TRUNK_TOP], radius, wall.numbers.wood_friction)
+    _capsule(trunk, "trunk", [x, y, wall.ground], [x, y, wall.trunk_top], radius, wall.numbers.wood_friction)
     for i, wire in enumerate(wall.wires):
         rod = _capsule(
             spec.worldbody,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pomona.drivers.orchard.wall import GROUND, Wall
+from pomona.drivers.orchard.wall import Wall
 from pomona.executive.values.arrays import Float64
 
 BEHIND = (0.30, 1.2)
@@ -67,7 +67,10 @@ class Scenery:
         for x in rng.uniform(-1.6, 1.6, 4):
             y = self.wall.trunk[1] - rng.uniform(*BEHIND)
             post = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, rgba=(0.27, 0.21, 0.16, 1.0), **shown)
-            post.fromto, post.size = [x, y, GROUND, x + 0.1, y, 1.3], [rng.uniform(0.02, 0.04), 0.0, 0.0]
+            post.fromto, post.size = (
+                [x, y, self.wall.ground, x + 0.1, y, self.wall.ground + 2.05],
+                [rng.uniform(0.02, 0.04), 0.0, 0.0],
+            )
         sun = spec.worldbody.add_light(type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, castshadow=False)
         sun.dir = [rng.uniform(-0.6, 0.6), -0.7, -0.9]
         sun.diffuse = [0.50, 0.48, 0.44]
@@ -84,7 +87,9 @@ class Scenery:
 
     def _place(self, rng: np.random.Generator) -> Float64:
         x, y, _ = self.wall.trunk
-        return np.array([x + rng.uniform(-1.6, 1.6), y - rng.uniform(*BEHIND), rng.uniform(GROUND + 0.2, 1.35)])
+        return np.array(
+            [x + rng.uniform(-1.6, 1.6), y - rng.uniform(*BEHIND), self.wall.ground + rng.uniform(0.2, 2.1)]
+        )
 
 
 def _any_rotation(rng: np.random.Generator) -> Float64:

@@ -5,7 +5,7 @@ Everything is in the base frame of the arm that stands before it, in the shape i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -109,7 +109,7 @@ class TrellisWire:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Wall:
-    """All of it. `trunk`: x, y and radius [m]."""
+    """All of it. `trunk`: x, y and radius; `height`: of the base over the place for which walls are drawn [m]."""
 
     numbers: WallNumbers
     seed: int
@@ -119,6 +119,36 @@ class Wall:
     spurs: tuple[Spur, ...]
     fruits: tuple[HangingFruit, ...]
     leaves: tuple[TreeLeaf, ...]
+    height: float = 0.0
+
+    @property
+    def ground(self) -> float:
+        """Height of the ground [m]."""
+        return GROUND - self.height
+
+    @property
+    def trunk_top(self) -> float:
+        """Height of the trunk's end [m]."""
+        return TRUNK_TOP - self.height
+
+    def seen_from(self, stop: float, height: float) -> Wall:
+        """Return the same wall before a base that stands elsewhere: `stop` along x and `height` along z [m]."""
+        by = np.array([-stop, 0.0, -height])
+        up = np.eye(4)
+        up[:3, 3] = by
+        x, y, radius = self.trunk
+        return replace(
+            self,
+            trunk=(x - stop, y, radius),
+            wires=tuple(replace(each, z=each.z - height) for each in self.wires),
+            laterals=tuple(replace(each, start=each.start + by) for each in self.laterals),
+            spurs=tuple(replace(each, start=each.start + by) for each in self.spurs),
+            fruits=tuple(
+                replace(each, anchor=each.anchor + by, T_base_fruit=up @ each.T_base_fruit) for each in self.fruits
+            ),
+            leaves=tuple(replace(each, start=each.start + by) for each in self.leaves),
+            height=self.height + height,
+        )
 
 
 def draw_wall(
