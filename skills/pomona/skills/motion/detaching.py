@@ -71,6 +71,7 @@ class DetachSettings:
         lost_force: mean pad force below which the fruit is lost [N]; lost_time: duration of that [s].
         let_back_force: pads' force at which a branch that was drawn has come back [N]; borne_share: share of the
             weight that a stem which holds bears at least when the hand has stopped drawing.
+        firm: share of the carrying force at which a detached fruit is moved; firm_time: longest wait for it [s].
         back_distance, back_speed, back_acceleration: of the way to the robot after the break [m, m/s, m/s²].
         closing_patience, patience: longest time of closing, and of all phases together [s].
     """
@@ -115,6 +116,8 @@ class DetachSettings:
     lost_time: float = 0.06
     let_back_force: float = 0.5
     borne_share: float = 0.4
+    firm: float = 0.7
+    firm_time: float = 0.3
     back_distance: float = 0.12
     back_speed: float = 0.25
     back_acceleration: float = 1.0
@@ -210,6 +213,11 @@ class DetachController:
         """Largest grip force that is asked for [N]."""
         return self.settings.grip_share * self._fruit.bruise_force
 
+    @property
+    def _carried(self) -> float:
+        """Grip force with which a detached fruit is carried [N]."""
+        return self.settings.carry_share * self._fruit.bruise_force
+
     def step(self, dt: float, wrenches: Float64, saturated: bool, T_base_tcp: Float64, width: float) -> DetachCommand:
         """Advance by one period.
 
@@ -231,7 +239,7 @@ class DetachController:
             self._judge(dt, press, force, saturated, width)
             command = DetachCommand(np.zeros(3), 0.0, 0.0)
             if self.phase is not DetachPhase.DONE:
-                command = DetachCommand(self._move(dt, force, T_base_tcp), self._rate, self._grip(dt, wrenches))
+                command = DetachCommand(self._move(dt, press, force, T_base_tcp), self._rate, self._grip(dt, wrenches))
         self._opening = command.opening
         return command
 
@@ -324,11 +332,13 @@ class DetachController:
         aside = s.yielding * float(press[0] - press[1]) * T_base_tcp[:3, 1]
         return DetachCommand(aside, 0.0, -(s.closing_touched if press.max() > s.touch else s.closing))
 
-    def _move(self, dt: float, force: Float64, T_base_tcp: Float64) -> Float64:
+    def _move(self, dt: float, press: Float64, force: Float64, T_base_tcp: Float64) -> Float64:
         s, since = self.settings, self._time - self._since
         outwards = np.array(s.outwards)
         if self.phase is DetachPhase.BACK:
             self._turn(dt, 0.0)
+            if self._moved_back == 0.0 and press.mean() < s.firm * self._carried and since < s.firm_time:
+                return np.zeros(3)
             left = s.back_distance - self._moved_back
             self._speed_back = min(self._speed_back + s.back_acceleration * dt, s.back_speed)
             self._speed_back = min(self._speed_back, float(np.sqrt(max(2.0 * s.back_acceleration * left, 0.0))))
@@ -388,7 +398,7 @@ class DetachController:
         sideways = float(np.hypot(wrenches[:, 0], wrenches[:, 1]).max())
         needed = max(s.grip_factor * sideways / s.mu + s.grip_offset, s.first_grip)
         if self.broke_at is not None:
-            needed = max(needed, s.carry_share * self._fruit.bruise_force)
+            needed = max(needed, self._carried)
         needed = min(needed, self.grip_limit)
         decay = s.grip_decay if self.broke_at is None else s.carried_decay
         self._target = max(needed, self._target - decay * dt)
