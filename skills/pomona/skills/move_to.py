@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Annotated, Any
+from typing import Annotated
 
 from pomona.drivers.interfaces import Arm, Gripper, Workspace
 from pomona.executive.ports import ANGLE, LENGTH, TIME, Angle, Length, Port, Ratio, Time
-from pomona.executive.skill import CellFacts, Work
-from pomona.executive.values.sections import Problem
+from pomona.executive.skill import Work
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.perception.measured_fruit import MeasuredFruit
-from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
-from pomona.skills.shared.live_watch import prepare_watch
-from pomona.skills.shared.moving import POSE_FAILURES, move_to_pose
-from pomona.skills.shared.named_pose import judge_pose, offered_poses
-from pomona.skills.shared.warm_motion import prepare_planning
+from pomona.skills.shared.following import MOTION_FAILURES
+from pomona.skills.shared.moving import POSE_FAILURES, PoseSkill, move_to_pose
 
 
-class MoveTo(MovingSkill):
+class MoveTo(PoseSkill):
     """Move to a named pose of the cell file, around obstacles.
 
     The path avoids the fixed surroundings, the robot itself, and the obstacles of a `map`. With `carrying`, the fruit
@@ -31,20 +26,6 @@ class MoveTo(MovingSkill):
     devices = (Arm, Gripper, Workspace)
     moves = (Arm,)
     failures = (*MOTION_FAILURES, *POSE_FAILURES)
-
-    @classmethod
-    def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
-        """Check that the pose is one of the cell's."""
-        return judge_pose("pose", known, cell)
-
-    @classmethod
-    def offers(cls, port: str, cell: CellFacts | None) -> tuple[str, ...]:
-        """Return the cell's poses."""
-        return offered_poses(cell) if port == "pose" else ()
-
-    def prepare(self) -> None:
-        prepare_planning(self)
-        prepare_watch(self)
 
     def run(
         self,

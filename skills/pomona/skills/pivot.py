@@ -9,7 +9,7 @@ from pomona.drivers.interfaces import Gripper
 from pomona.executive.ports import LENGTH, TIME, Length, Port, Time
 from pomona.executive.skill import Skill, Work
 from pomona.skills.grip.hold import Hold
-from pomona.skills.shared.grip_view import show_grip
+from pomona.skills.shared.grip_view import show_grip, watch_grip
 
 STEADY = 0.3  # time without a change of the lever after which the fruit hangs still [s]
 STILL = 0.0005  # smallest change of the lever [m]
@@ -63,15 +63,12 @@ class Pivot(Skill):
         start = since = self.context.elapsed()
         before = lever_of(hold)
         while self.context.elapsed() - start < patience:
-            problem = hold.problem
-            if problem is not None:
-                raise self.failure(problem.code, problem.message, **problem.data)
+            watch_grip(self, hold)
             lever, now = lever_of(hold), self.context.elapsed()
             if abs(lever - before) > STILL or not hold.has_settled:
                 before, since = lever, now
             if now - since > STEADY:
                 return lever
-            show_grip(self, hold)
             yield f"turning: {1e3 * lever:.1f} mm off the vertical, {hold.reading.f_n:.1f} N"
         return lever_of(hold)
 

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, Any, ClassVar
+from collections.abc import Sequence
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Hand, Workspace
 from pomona.executive.ports import ANGLE, FORCE, LENGTH, SPEED, Acceleration, Angle, Force, Length, Port, Speed
-from pomona.executive.skill import CellFacts, Work
+from pomona.executive.skill import Work
 from pomona.executive.values.arrays import Float64
-from pomona.executive.values.sections import Problem
 from pomona.skills.grip.hold import Hold, current_hold, take_over
 from pomona.skills.motion.collision import Margins
 from pomona.skills.motion.grasp import Grasp
@@ -22,26 +21,21 @@ from pomona.skills.shared.carrying import TouchedDown, is_held, rest_on_contact
 from pomona.skills.shared.contact_check import LOST, Jolted, contact_doubt
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.grip_view import show_grip
-from pomona.skills.shared.live_watch import prepare_watch
-from pomona.skills.shared.moving import CARRIED_ACCELERATION, POSE_FAILURES, move_to_pose
-from pomona.skills.shared.named_pose import judge_pose, offered_poses
+from pomona.skills.shared.moving import CARRIED_ACCELERATION, POSE_FAILURES, PoseSkill, move_to_pose
 from pomona.skills.shared.straight_travel import follow_way, tool_pose, vertical_way
 from pomona.skills.shared.touch import Touch, load
 from pomona.skills.shared.usable_map import usable_field
-from pomona.skills.shared.warm_motion import prepare_planning
 
-LOWERING = (0.5, 5.0)
-"""Acceleration [m/s²] and jerk [m/s³] of lowering: with twice as much the inertia of the fruit resembles a contact."""
+LOWERING = (0.5, 5.0)  # acceleration [m/s²] and jerk [m/s³]: with twice as much, inertia resembles a contact
 RISING = (1.5, 15.0)  # acceleration [m/s²] and jerk [m/s³] of the empty gripper's way up
 OPENING_SPEED = 0.05  # of the fingers while they release the fruit [m/s]
-BESIDE = 0.005
-"""Distance to the fruit's path below which an obstacle counts as the first contact [m]; farther walls are passed."""
+BESIDE = 0.005  # distance to the path below which an obstacle is the first contact [m]; farther walls are passed
 JOLTS = 3  # jolts after which lowering goes on; with more the load is too restless to show a contact
 RESUMED = 2e-3  # distance that is left below which lowering does not go on after a jolt [m]
 RELEASED_WIDTH = 0.02  # width by which the fingers open beyond the fruit before they rise [m]
 
 
-class Release(MovingSkill):
+class Release(PoseSkill):
     """Put a held fruit down: lower it until it touches, open gently, rise again.
 
     The fingers open only after the fruit has met a support. If it meets none within `depth`, or before the gripper
@@ -51,22 +45,9 @@ class Release(MovingSkill):
     devices = (Arm, Gripper, ForceSensor, Workspace)
     optional_devices = (*MovingSkill.optional_devices, Hand)
     moves = (Arm, Gripper)
+    pose_port = "into"
     failures = (*MOTION_FAILURES, *POSE_FAILURES, "NOT_HELD", "HAND_UNCLEAR", "LOST", "NO_CONTACT", "LOWERING_BLOCKED")
     renamed_failures: ClassVar = {"NO_WAY_DOWN": "LOWERING_BLOCKED"}
-
-    @classmethod
-    def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
-        """Where to must be a pose of the cell."""
-        return judge_pose("into", known, cell)
-
-    @classmethod
-    def offers(cls, port: str, cell: CellFacts | None) -> tuple[str, ...]:
-        """Return the cell's poses."""
-        return offered_poses(cell) if port == "into" else ()
-
-    def prepare(self) -> None:
-        prepare_planning(self)
-        prepare_watch(self)
 
     def run(
         self,
@@ -216,6 +197,5 @@ class Release(MovingSkill):
         return next((width for width in widths if space.at_width(width).free(q)), widths[-1])
 
     def _space(self, map: OccupancyMap | None, clearance: float, held: Grasp | None = None) -> ArmSpace:
-        width = self.device(Gripper).state().width
-        field = usable_field(self, map)
+        field, width = usable_field(self, map), self.device(Gripper).state().width
         return arm_space(self.device(Arm), self.device(Workspace), field, width, clearance, held=held)

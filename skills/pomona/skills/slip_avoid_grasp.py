@@ -20,7 +20,7 @@ from pomona.skills.grip.limit_surface import SoftContact, surface_table
 from pomona.skills.grip.settings import ForceLaw, GripSettings, check_rate
 from pomona.skills.perception.inventory.mass import mass_of
 from pomona.skills.perception.measured_fruit import MeasuredFruit
-from pomona.skills.shared.grip_view import show_grip
+from pomona.skills.shared.grip_view import show_grip, watch_grip
 
 CLEARANCE = 0.008
 """Excess of the opening over the fruit at which a finger may touch: the fruit may lie off the centre [m]."""
@@ -139,12 +139,9 @@ class SlipAvoidGrasp(Skill):
 
     def _watch(self, hold: Hold) -> Work[None]:
         while hold.phase is not GripPhase.HOLDING:
-            problem = hold.problem
-            if problem is not None:
-                raise self.failure(problem.code, problem.message, **problem.data)
+            watch_grip(self, hold)
             if hold.ended:
                 raise self.failure("LOST", "another node took the fingers over before the fruit was held")
-            show_grip(self, hold)
             reading = hold.reading
             yield f"{reading.phase.value}: {reading.f_n:.1f} N at {1e3 * reading.width:.0f} mm"
         return None

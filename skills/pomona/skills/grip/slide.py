@@ -28,6 +28,10 @@ CAME_ALONG = 0.2
 """Ratio of the unchanged to the changing part above which the fruit was lifted on the way up. Pads that are not square
 to the skin give 0.05."""
 
+LIGHT, LIGHT_NOW = 0.4, 0.65
+"""Ratios of friction to the largest weight of a fruit of this size above which it counts as light: with the tracked
+force, and with the sum of both fingers, of which one may press more (docs/decisions/pick-pace.md)."""
+
 NOT_SQUARE = 0.04
 """Relative uncertainty of friction from one direction: standard deviation of 15 fruits of the simulated cell."""
 
@@ -99,6 +103,19 @@ def friction_of_slides(
     one_way = max(NOT_SQUARE, bias / mu) if came_along else 0.0
     uncertainty = math.hypot(UNMODELLED, apart, spread, bias, one_way)
     return Slide(mu, uncertainty, (float(fingers[0]), float(fingers[1])), bool(came_along))
+
+
+def moves_with_pads(down: Float64, force: float, force_sum: float, expected_load: float) -> bool:
+    """Return True if friction may exceed the fruit's weight, so that the upward slide would lift it.
+
+    `down` are the wrenches of the downward slide, shape (n, 2, 6); `force` is the grip force of the slide, `force_sum`
+    that of both fingers now, `expected_load` the largest weight of a fruit of this size, 0 if unknown [N].
+    """
+    if not len(down) or expected_load <= 0.0:
+        return False
+    f_n, f_t = -down[:, :, 2].sum(axis=1).mean(), np.linalg.norm(down[:, :, :2], axis=2).sum(axis=1).mean()
+    ratio = f_t / max(f_n, 0.1) / max(expected_load, 1e-3)
+    return bool(force * ratio > LIGHT or force_sum * ratio > LIGHT_NOW)
 
 
 def _ratios(wrenches: Float64, contact: SoftContact) -> tuple[Float64, Float64]:

@@ -14,6 +14,14 @@ TOPIC = "grip"
 NO_BRUISE_BELOW = round(bruising_force(), 1)  # of one finger with the pads that the default contact describes [N]
 
 
+def watch_grip(skill: Skill, hold: Hold) -> None:
+    """Publish the grip; call it each tick. A problem of the grip that the skill declares is a failure."""
+    show_grip(skill, hold)
+    problem = hold.problem
+    if problem is not None and problem.code in skill.failures:
+        raise skill.failure(problem.code, problem.message, **problem.data)
+
+
 def show_grip(skill: Skill, hold: Hold, everything: bool = False) -> None:
     """Publish what the hold recorded since the last view; call it each tick of any node that runs while it holds.
 

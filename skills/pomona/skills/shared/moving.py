@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import Any, ClassVar
 
 import numpy as np
 
 from pomona.drivers.interfaces import Arm, Gripper, Trajectory, Workspace
+from pomona.executive.skill import CellFacts
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.kinds import choose
+from pomona.executive.values.sections import Problem
 from pomona.skills.motion.collision import Convex
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
@@ -19,10 +24,10 @@ from pomona.skills.motion.planning.upright_space import UprightSpace
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.following import MovingSkill, Watching
-from pomona.skills.shared.live_watch import WATCH_FAILURES, KnownAround
-from pomona.skills.shared.named_pose import named_pose
+from pomona.skills.shared.live_watch import WATCH_FAILURES, KnownAround, prepare_watch
 from pomona.skills.shared.planning import PLANNING_FAILURES, patience, planned
 from pomona.skills.shared.usable_map import usable_field
+from pomona.skills.shared.warm_motion import prepare_planning
 
 POSE_TOLERANCE = 1e-3  # an arm this near to the pose in every joint is there [rad]
 
@@ -34,6 +39,30 @@ MAP_PADDING = 4e-3
 
 POSE_FAILURES = (*PLANNING_FAILURES, "UNKNOWN_POSE", "MAP_STALE", "WOULD_TILT", *WATCH_FAILURES)
 """Codes of every skill that moves to a named pose."""
+
+
+class PoseSkill(MovingSkill):
+    """A skill that moves to a named pose of the cell: the pose is checked before the run, and offered to editors."""
+
+    pose_port: ClassVar[str] = "pose"
+
+    @classmethod
+    def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
+        """Check that the named pose is one of the cell's."""
+        workspace, name = (None if cell is None else cell.known(Workspace)), known.get(cls.pose_port)
+        if cell is not None and workspace is not None and name is not None and name not in workspace.poses:
+            message = f"the cell '{cell.name}' has no pose '{name}'"
+            yield Problem(cls.pose_port, message, choose(name, sorted(workspace.poses)))
+
+    @classmethod
+    def offers(cls, port: str, cell: CellFacts | None) -> tuple[str, ...]:
+        """Return the cell's named poses."""
+        workspace = None if cell is None or port != cls.pose_port else cell.known(Workspace)
+        return () if workspace is None else tuple(sorted(workspace.poses))
+
+    def prepare(self) -> None:
+        prepare_planning(self)
+        prepare_watch(self)
 
 
 def move_to_pose(
@@ -114,6 +143,18 @@ def _upright(
             words = f"{where} the fruit would be tilted by {np.degrees(tilt):.0f}°, {np.degrees(most):.0f}° are allowed"
             raise skill.failure("WOULD_TILT", f"{words}; nothing has moved", tilt_rad=tilt, allowed_rad=most)
     return keeps
+
+
+def named_pose(poses: Mapping[str, Float64], name: str, variation: int = 1) -> Float64:
+    """Return the joints of a pose, shape (dof,) [rad]: `name`, or its variation `name_2`, `name_3` … and over again.
+
+    Raises:
+        KeyError: there is no such pose.
+    """
+    variations = [poses[name]]
+    while (other := f"{name}_{len(variations) + 1}") in poses:
+        variations.append(poses[other])
+    return variations[(variation - 1) % len(variations)]
 
 
 def gently(robot: RobotModel, path: Trajectory, most: float) -> Trajectory:
