@@ -1,14 +1,16 @@
-"""A move of the gripper that was started."""
+"""Moves of a parallel gripper, and the rules for widths and speeds that its drivers share."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
-from pomona.drivers.interfaces import MotionState
+from pomona.drivers.errors import MotionRefused
+from pomona.drivers.interfaces import GripperLimits, MotionState
 
 
 class GripperMotion:
-    """Watched by the caller that started it; its driver reports the progress."""
+    """A move of the gripper that was started. Its driver reports the progress and the end."""
 
     def __init__(self, width: float, speed: float, start: float, stop: Callable[[GripperMotion], None]) -> None:
         self.width, self.speed = width, speed
@@ -21,7 +23,9 @@ class GripperMotion:
     @property
     def progress(self) -> float:
         way = abs(self.width - self._start)
-        return 1.0 if way < 1e-9 else min(max(1.0 - abs(self.width - self.measured) / way, 0.0), 1.0)
+        if way < 1e-9 or self.state is MotionState.DONE:
+            return 1.0
+        return min(max(1.0 - abs(self.width - self.measured) / way, 0.0), 1.0)
 
     @property
     def ended(self) -> bool:
@@ -35,3 +39,33 @@ class GripperMotion:
         """Report the end; the first outcome counts."""
         if not self.ended:
             self.state, self.problem = state, problem
+
+
+class DirectMotion(GripperMotion):
+    """A move whose end is its rest, as of fingers without a wire and an owner thread."""
+
+    def __init__(self, width: float, speed: float, start: float) -> None:
+        super().__init__(width, speed, start, lambda move: move.end(MotionState.STOPPED))
+
+    def end(self, state: MotionState, problem: str = "") -> None:
+        super().end(state, problem)
+        self.settled = True
+
+
+def require_move(name: str, limits: GripperLimits, width: float, speed: float) -> None:
+    """Check a width [m] and a speed [m/s] that a move asks of the gripper `name`.
+
+    Raises:
+        MotionRefused: one lies outside the limits.
+    """
+    if not limits.width_min - 1e-6 <= width <= limits.width_max + 1e-6:
+        span = f"{1e3 * limits.width_min:.1f} … {1e3 * limits.width_max:.1f} mm"
+        raise MotionRefused(name, f"an opening of {1e3 * width:.1f} mm lies outside {span}")
+    if not 0.0 < speed <= limits.speed_max * (1.0 + 1e-6):
+        raise MotionRefused(name, f"a speed of {speed:g} m/s lies outside 0 … {limits.speed_max:g} m/s")
+
+
+def allowed_speed(speed: float, limits: GripperLimits, is_latched: bool) -> float:
+    """Return a streamed speed within the limits [m/s]; 0 if it is not finite. Latched fingers do not open."""
+    wanted = min(max(speed, -limits.speed_max), limits.speed_max) if math.isfinite(speed) else 0.0
+    return min(wanted, 0.0) if is_latched else wanted

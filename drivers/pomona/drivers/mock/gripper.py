@@ -6,6 +6,7 @@ import math
 
 from pomona.drivers.device import Device
 from pomona.drivers.errors import DeviceError, DeviceFault, MotionRefused
+from pomona.drivers.gripper_motion import DirectMotion, require_move
 from pomona.drivers.gripper_supervisor import GripperSupervisor
 from pomona.drivers.interfaces import Gripper, GripperLimits, GripperState, Motion, MotionState
 from pomona.drivers.mock.clock import PERIOD, MockClock
@@ -13,30 +14,6 @@ from pomona.drivers.mock.clock import PERIOD, MockClock
 LIMITS = GripperLimits(width_min=0.035, width_max=0.103, speed_max=0.2, force_max=20.0)
 WATCHDOG = 0.1
 ACCELERATION = 1e3  # acceleration that the supervisor assumes [m/s²]: moves begin and end at once
-
-
-class MockMove:
-    """A move to a width."""
-
-    def __init__(self, width: float, speed: float, start: float) -> None:
-        self.width, self.speed = width, speed
-        self._start, self.reached = start, start
-        self.state = MotionState.RUNNING
-        self.settled = False
-        self.problem = ""
-
-    @property
-    def progress(self) -> float:
-        way = abs(self.width - self._start)
-        return 1.0 if way == 0.0 else min(abs(self.reached - self._start) / way, 1.0)
-
-    def stop(self) -> None:
-        self.end(MotionState.STOPPED)
-
-    def end(self, state: MotionState, problem: str = "") -> None:
-        """End the move, once, with its state and its problem."""
-        if not self.settled:
-            self.state, self.problem, self.settled = state, problem, True
 
 
 class MockGripper(Device):
@@ -62,7 +39,7 @@ class MockGripper(Device):
         self._clock = clock
         self.limits, self.width, self.blocked_at = limits, width, blocked_at
         self.speeds: list[tuple[float, float]] = []
-        self.moves: list[MockMove] = []
+        self.moves: list[DirectMotion] = []
         self._rate = 0.0
         self._paused = False
         self._latched: str | None = None
@@ -91,15 +68,12 @@ class MockGripper(Device):
         refusal, self._refusal = self._refusal, None
         if self._latched is not None:
             refusal = f"latched in the safe state ({self._latched})"
-        elif not self.limits.width_min <= width <= self.limits.width_max:
-            refusal = f"a width of {1e3 * width:.1f} mm is outside the stroke"
-        elif not 0.0 < speed <= self.limits.speed_max:
-            refusal = f"a speed of {speed:g} m/s is outside the limits"
         if refusal:
             raise MotionRefused(self.name, refusal)
+        require_move(self.name, self.limits, width, speed)
         self._end_move()
         self._supervisor.move(self._clock.now(), self.width, width, speed)
-        self.moves.append(MockMove(width, speed, self.width))
+        self.moves.append(DirectMotion(width, speed, self.width))
         return self.moves[-1]
 
     def set_speed(self, speed: float) -> None:
@@ -141,7 +115,7 @@ class MockGripper(Device):
         return self._move is None or self._paused
 
     @property
-    def _move(self) -> MockMove | None:
+    def _move(self) -> DirectMotion | None:
         """The move under way."""
         return self.moves[-1] if self.moves and not self.moves[-1].settled else None
 
@@ -164,7 +138,7 @@ class MockGripper(Device):
         self.width = min(max(self.width + self._rate * PERIOD, low), self.limits.width_max)
         if move is None:
             return
-        move.reached = self.width
+        move.measured = self.width
         if abs(move.width - self.width) < 1e-6:
             move.end(MotionState.DONE)
         elif self._rate < 0.0 and self.width <= low:

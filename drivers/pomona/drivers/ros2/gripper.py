@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 
 from pomona.drivers.device import ConnectContext, Device
 from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
-from pomona.drivers.gripper_motion import GripperMotion
+from pomona.drivers.gripper_motion import GripperMotion, allowed_speed, require_move
 from pomona.drivers.gripper_supervisor import GripperSupervision, GripperSupervisor
 from pomona.drivers.interfaces import Gripper, GripperLimits, GripperState, MotionState
 from pomona.drivers.owner import Owner
@@ -228,10 +228,7 @@ class Ros2Gripper(Device):
         """While latched the fingers may close and hold but not open."""
         if self._lost or self._estranged or self._state is None:
             return
-        limit = self.limits.speed_max
-        wanted = min(max(speed, -limit), limit) if math.isfinite(speed) else 0.0
-        if self._latched is not None and wanted > 0.0:
-            wanted = 0.0
+        wanted = allowed_speed(speed, self.limits, self._latched is not None)
         if self._move is not None and not self._move.ended:
             self._stop(self._move)
         self._set_point = self._state.width if self._set_point is None else self._set_point
@@ -305,11 +302,7 @@ class Ros2Gripper(Device):
         limits, refusal = self.limits, self._unready()
         if refusal:
             raise MotionRefused(self.name, refusal)
-        if not limits.width_min - 1e-6 <= width <= limits.width_max + 1e-6:
-            span = f"{1e3 * limits.width_min:.1f} … {1e3 * limits.width_max:.1f} mm"
-            raise MotionRefused(self.name, f"an opening of {1e3 * width:.1f} mm lies outside {span}")
-        if not 0.0 < speed <= limits.speed_max * (1.0 + 1e-6):
-            raise MotionRefused(self.name, f"a speed of {speed:g} m/s lies outside 0 … {limits.speed_max:g} m/s")
+        require_move(self.name, limits, width, speed)
         width = min(max(width, limits.width_min), limits.width_max)
         move = GripperMotion(width, min(speed, limits.speed_max), self.state().width, self._leave_stop)
         self._owner.post(lambda: self._begin(move))

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from pomona.drivers.errors import DeviceFault, DeviceLost, MotionRefused
+from pomona.drivers.gripper_motion import DirectMotion, allowed_speed, require_move
 from pomona.drivers.gripper_supervisor import GripperSupervision, GripperSupervisor
 from pomona.drivers.interfaces import Gripper, GripperLimits, GripperState, Motion, MotionState
 from pomona.drivers.sim.faults import FaultyDevice
@@ -29,33 +30,6 @@ MOTOR_STEP = 0.5  # step of the grip force by the motor's current [N]
 
 
 ESTRANGED = "was lost; acknowledge the loss before it moves"
-
-
-class GripperMove:
-    """A move to a width."""
-
-    def __init__(self, width: float, speed: float, start: float) -> None:
-        self.width, self.speed = width, speed
-        self._start, self._now = start, start
-        self.state = MotionState.RUNNING
-        self.settled = False
-        self.problem = ""
-
-    @property
-    def progress(self) -> float:
-        way = abs(self.width - self._start)
-        return 1.0 if way < ARRIVED or self.state is MotionState.DONE else min(abs(self._now - self._start) / way, 1.0)
-
-    def stop(self) -> None:
-        self.end(MotionState.STOPPED)
-
-    def end(self, state: MotionState, problem: str = "") -> None:
-        """End the move, once, with its state and its problem."""
-        if not self.settled:
-            self.state, self.problem, self.settled = state, problem, True
-
-    def look(self, width: float) -> None:
-        self._now = width
 
 
 class SimGripper(FaultyDevice):
@@ -89,7 +63,7 @@ class SimGripper(FaultyDevice):
         self._address = [int(finger.qposadr[0]) for finger in self._fingers]
         self._dof = [int(finger.dofadr[0]) for finger in self._fingers]
         self._speed, self._rate = 0.0, 0.0
-        self._move: GripperMove | None = None
+        self._move: DirectMotion | None = None
         self._blocked_for = 0.0
         self._paused = False
         self._latched: str | None = None
@@ -122,27 +96,20 @@ class SimGripper(FaultyDevice):
             raise MotionRefused(self.name, f"latched in the safe state ({self._latched})")
         if self._estranged:
             raise MotionRefused(self.name, "does not answer" if self.fault == "lost" else ESTRANGED)
-        low, high = self.limits.width_min, self.limits.width_max
-        if not (low - 1e-6 <= width <= high + 1e-6):
-            raise MotionRefused(
-                self.name, f"a width of {1e3 * width:.1f} mm lies outside {1e3 * low:.0f} … {1e3 * high:.0f} mm"
-            )
-        if not 0.0 < speed <= self.limits.speed_max * (1.0 + 1e-9):
-            raise MotionRefused(self.name, f"a speed of {speed:g} m/s lies outside 0 … {self.limits.speed_max:g} m/s")
+        require_move(self.name, self.limits, width, speed)
         self._end_move()
         self._speed = 0.0
         now, start = self._world.clock.now(), self._measure().width
         self._supervisor.move(now, start, width, speed)
-        self._move = GripperMove(width, speed, start)
+        self._move = DirectMotion(width, speed, start)
         return self._move
 
     def set_speed(self, speed: float) -> None:
         if self._estranged:
             raise DeviceLost(self.name, "does not answer" if self.fault == "lost" else ESTRANGED)
         self._end_move()
-        limit, now = self.limits.speed_max, self._world.clock.now()
-        wanted = min(max(speed, -limit), limit) if math.isfinite(speed) else 0.0
-        self._speed = wanted if self._latched is None else min(wanted, 0.0)  # as of a WSG: latched it does not open
+        now = self._world.clock.now()
+        self._speed = allowed_speed(speed, self.limits, self._latched is not None)
         self._watchdog.renew(now)
         self._supervisor.stream(now, self._speed, self._watchdog.limit)
 
@@ -214,10 +181,10 @@ class SimGripper(FaultyDevice):
     def _runs_away(self) -> bool:
         return self._latched is None or self._world.clock.now() - self._latched_at < FAST_STOP
 
-    def _rate_of_move(self, move: GripperMove, set_point: float) -> float:
+    def _rate_of_move(self, move: DirectMotion, set_point: float) -> float:
         state = self._measure()
         measured, speed = state.width, state.speed
-        move.look(measured)
+        move.measured = measured
         left = move.width - set_point
         if self.fault == "busy":
             return 0.0

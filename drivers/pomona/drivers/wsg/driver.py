@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from pomona.drivers.device import Device
 from pomona.drivers.errors import DeviceFault, DeviceLost, MotionRefused
-from pomona.drivers.gripper_motion import GripperMotion
+from pomona.drivers.gripper_motion import GripperMotion, require_move
 from pomona.drivers.interfaces import Gripper, GripperLimits, GripperState, MotionState
 from pomona.drivers.owner import Owner
 from pomona.drivers.wire import Link
@@ -74,11 +74,7 @@ class WsgGripper(Device):
         refusal = self._jaws.unready()
         if refusal:
             raise MotionRefused(self.name, refusal)
-        if not limits.width_min - 1e-6 <= width <= limits.width_max + 1e-6:
-            span = f"{1e3 * limits.width_min:.1f} … {1e3 * limits.width_max:.1f} mm"
-            raise MotionRefused(self.name, f"an opening of {1e3 * width:.1f} mm lies outside {span}")
-        if not 0.0 < speed <= limits.speed_max * (1.0 + 1e-6):
-            raise MotionRefused(self.name, f"a speed of {speed:g} m/s lies outside 0 … {limits.speed_max:g} m/s")
+        require_move(self.name, limits, width, speed)
         motion = GripperMotion(width, min(speed, limits.speed_max), self._jaws.state.width, self._leave_stop)
         self._asked = motion
         self._owner.post(lambda: self._jaws.begin(motion))

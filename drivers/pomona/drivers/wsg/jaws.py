@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 from pomona.drivers.device import Device
 from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, StopFailed
-from pomona.drivers.gripper_motion import GripperMotion
+from pomona.drivers.gripper_motion import GripperMotion, allowed_speed
 from pomona.drivers.gripper_supervisor import GripperSupervisor
 from pomona.drivers.interfaces import GripperLimits, GripperState, MotionState
 from pomona.drivers.watchdog import Watchdog
@@ -191,10 +191,7 @@ class Jaws:
         """Set the streamed speed [m/s]; while latched the fingers do not open."""
         if self.session is None or self.estranged:
             return
-        limit = self.limits.speed_max
-        wanted = min(max(speed, -limit), limit) if math.isfinite(speed) else 0.0
-        if self.latched is not None and wanted > 0.0:
-            wanted = 0.0
+        wanted = allowed_speed(speed, self.limits, self.latched is not None)
         if self._motion is not None and not self._motion.ended:
             self.stop_motion(self._motion)
         now = self._clock.now()
