@@ -113,12 +113,7 @@ class Retreat(MovingSkill):
 
 
 def where(T_base_tcp: Float64, grasp: Grasp) -> tuple[StoppedAt, float]:
-    """Where an attempt has stopped, and how high above the grasp the TCP is [m].
-
-    Args:
-        T_base_tcp: where the TCP is.
-        grasp: that was attempted.
-    """
+    """Return where an attempt has stopped, and how high above the grasp the TCP is [m]."""
     T_grasp_tcp = inverse(grasp.T_base_grasp) @ T_base_tcp
     reach = float(np.linalg.norm(grasp.T_base_pre_grasp[:3, 3] - grasp.T_base_grasp[:3, 3]))
     height = float(T_base_tcp[2, 3] - grasp.T_base_grasp[2, 3])

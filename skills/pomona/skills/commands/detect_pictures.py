@@ -59,13 +59,9 @@ def add(subparsers: Any) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Find, write and count.
+    """Find, write and count; return 0, or 2 when a picture, the weights or the folder cannot be used.
 
-    Returns:
-        0; 2 when a picture, the weights or the folder cannot be used.
-
-    Raises:
-        KeyboardInterrupt: it was interrupted; the table holds the pictures that were done.
+    KeyboardInterrupt passes; the table then holds the pictures that were done.
     """
     from pomona.skills.perception.detection.errors import DetectError
     from pomona.skills.perception.fruit.errors import FruitError

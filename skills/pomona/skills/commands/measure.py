@@ -36,10 +36,7 @@ def add(subparsers: Any) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Run the tree and report the progress.
-
-    Returns:
-        0; 2 when something cannot be used or written; 130 when it was interrupted.
+    """Run the tree; return 0, 2 when something cannot be used or written, or 130 when it was interrupted.
 
     Raises:
         UsageError: the frames, an option or the folder cannot be used; nothing was written.

@@ -36,16 +36,10 @@ class StraightLine:
 
 
 def straight_line(robot: RobotModel, q_start: Float64, T_base_goal: Float64, step: float = STEP) -> StraightLine:
-    """Follow a straight line to a pose, with the arm in one configuration all the way.
+    """Follow a straight line from joints q_start, (dof,) [rad], to a pose of the TCP, in one configuration of the arm.
 
-    The joints are solved pose after pose by Newton steps of least joint motion (redundant arms included); the
-    orientation turns evenly from where it is to the goal's.
-
-    Args:
-        robot: kinematics and joint limits.
-        q_start: where the line begins, shape (dof,) [rad].
-        T_base_goal: pose of the TCP at its end.
-        step: largest distance between two poses [m].
+    The joints are solved pose after pose, at most `step` [m] apart, by Newton steps of least joint motion (redundant
+    arms included); the orientation turns evenly.
     """
     q_start = robot.checked(q_start)
     T_base_start = robot.tcp(q_start)

@@ -40,13 +40,9 @@ def frame_problem(
     workspace: Workspace,
     earlier: Sequence[tuple[float, Float64]] = (),
 ) -> FrameProblem | None:
-    """Return the implausible part of a frame, or None.
+    """Return the implausible part of a frame, or None, for the camera's stated pose, shape (4, 4).
 
-    Args:
-        frame: its depth is compared with the table, and with its colour where that is not black.
-        T_base_camera: stated pose of the camera, shape (4, 4).
-        workspace: table and fixed obstacles.
-        earlier: times [s] and poses of the camera at earlier frames, oldest first.
+    `earlier` are times [s] and poses of the camera at earlier frames, oldest first.
     """
     view = frame_view(frame, T_base_camera, workspace)
     missing = view is None and should_show_table(frame, T_base_camera, workspace)

@@ -48,14 +48,10 @@ def draw(
     """Keep the nearest triangle at each pixel's centre.
 
     Args:
-        u, v: column and row of each vertex (n,) [px]; pixel centres lie at whole numbers.
-        nearness: of each vertex (n,).
-        faces: vertices of each triangle (m, 3).
-        drawn: which triangles are drawn (m,).
-        nearest: nearness drawn so far (h, w); nearer triangles replace it.
-        face_index: triangle that each pixel shows (h, w); only where one is drawn, it changes.
-        shares: how much each pixel's point has of its triangle's first and second vertex (h, w, 2), corrected for
-            perspective; as `face_index`.
+        u, v, nearness: column and row (pixel centres lie at whole numbers) and nearness of each vertex, (n,) [px].
+        faces, drawn: vertices of each triangle, (m, 3), and which are drawn, (m,).
+        nearest, face_index: nearness drawn so far, and triangle that each pixel shows, (h, w); nearer ones replace it.
+        shares: how much each pixel's point has of its triangle's first and second vertex, (h, w, 2), by perspective.
     """
     rows, columns = nearest.shape
     for face in range(faces.shape[0]):

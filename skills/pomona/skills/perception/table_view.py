@@ -83,16 +83,9 @@ def depth_points(depth: NDArray[np.float32], intrinsics: Intrinsics) -> Float64:
 def view_table(
     points: Float64, T_base_camera: Float64, table_z: float, lens: Intrinsics, errs: DepthModel
 ) -> SeenTable | None:
-    """Find the table among points of the camera frame, shape (n, 3) [m].
+    """Find the table, at height table_z in the base frame [m], among points of the camera frame, shape (n, 3) [m].
 
-    Args:
-        points: see `depth_points`.
-        T_base_camera: stated pose of the camera, shape (4, 4).
-        table_z: height of the table in the base frame [m].
-        lens, errs: of the camera.
-
-    Returns:
-        None where no plane near the expected one is large enough to be the table.
+    None where no plane near the expected one is large enough to be the table. `points`: see `depth_points`.
     """
     normal, offset = T_base_camera[2, :3], float(T_base_camera[2, 3] - table_z)
     height = points @ normal + offset

@@ -78,8 +78,8 @@ class OverloadMonitor:
         """Check the grip, once a tick.
 
         Raises:
-            GripOverloaded: the load has needed more than the allowed force, or the fruit has slipped, for
-                `OVERLOAD_TIME`.
+            GripOverloaded: for `OVERLOAD_TIME` the load has needed more than the allowed force, or the fruit has
+                slipped.
         """
         problem = self._hold.problem
         if problem is None or problem.code not in ("FORCE_LIMIT", "SLIPPED"):
@@ -131,14 +131,10 @@ def rest_on_contact(skill: MovingSkill, contact: float) -> None:
 def lower_until_contact(
     skill: MovingSkill, line: StraightLine, speed: float, acceleration: float, watch: Callable[[], None]
 ) -> Watching:
-    """Follow a line downwards, gently near its end, until the fruit touches down or to the end of the line.
+    """Follow a line downwards, gently below `NEAR`, to its end or until the fruit touches down.
 
-    Args:
-        skill: moves the arm, and has the fingers.
-        line: downwards.
-        speed: above `NEAR` [m/s].
-        acceleration: above `NEAR` [m/s²].
-        watch: called in each tick; raises to end the motion.
+    `speed` [m/s] and `acceleration` [m/s²] hold above `NEAR`; `watch` is called in each tick and raises to end the
+    motion.
 
     Raises:
         TouchedDown: the fruit has touched down.
@@ -172,15 +168,12 @@ def put_back(
 ) -> Work[bool]:
     """Lower a fruit to its first place, on the line on which it came up. Without such a line the arm stays.
 
+    Returns True if the fruit stands, there or where it touched down before; the fingers then rest.
+
     Args:
         skill: moves the arm, and has the fingers; it must declare LOST.
         T_base_start: pose of the TCP at the first place.
-        acceleration: of the tool [m/s²].
-        hold: the grip.
         pad_load: load that was too much.
-
-    Returns:
-        True if the fruit stands: at its first place, or where it touched down before. The fingers then rest.
 
     Raises:
         SkillFailure: LOST.

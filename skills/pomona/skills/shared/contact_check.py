@@ -25,13 +25,8 @@ class Jolted(Exception):
 def contact_doubt(skill: MovingSkill, touch: Touch, contact: float, code: str) -> Work[str]:
     """Return why a change of load is no contact with a support, or an empty text if something carries the fruit.
 
-    The caller has let the fingers rest (`rest_on_contact`).
-
-    Args:
-        skill: moves the arm, and has the fingers; it must declare LOST and the code.
-        touch: load since the fruit hung freely.
-        contact: change of load that shows contact [N].
-        code: failure code if the tool cannot move vertically.
+    The caller has let the fingers rest (`rest_on_contact`), and declares LOST and `code`: the tool cannot move
+    vertically. `touch` has the load since the fruit hung freely, `contact` [N] is the change that shows contact.
 
     Raises:
         Jolted: the change of load has gone again, and the arm is where it was.

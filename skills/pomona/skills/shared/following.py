@@ -27,14 +27,10 @@ class MotionEnded(Exception):
 
 
 def follow_motion(motion: Motion, watch: Callable[[], str | None] | None = None) -> Watching:
-    """Watch a motion until it is done and nothing moves any more.
+    """Watch a motion that was just started until it is done and nothing moves any more.
 
-    When the caller is interrupted, or `watch` raises, the motion is stopped, and the exception passes once all is at
-    rest.
-
-    Args:
-        motion: that was just started.
-        watch: called in every tick while it runs; raises an exception to end the motion, or returns feedback.
+    `watch` is called in each tick; it raises to end the motion, or returns feedback. When it raises or the caller is
+    interrupted, the motion is stopped, and the exception passes once all is at rest.
 
     Raises:
         MotionEnded: it was stopped from outside, or failed.
@@ -76,11 +72,10 @@ class MovingSkill(Skill):
         """Let the arm follow a trajectory to its end.
 
         Args:
-            trajectory: to follow.
             watch: as in `follow_motion`.
             around: known obstacles. The cell's cameras then watch the path: an unknown obstacle too near fails with
-                PATH_BLOCKED, and a camera with implausible frames with POSE_MISMATCH or DEPTH_MISMATCH.
-                The skill must declare these.
+                PATH_BLOCKED, and a camera with implausible frames with POSE_MISMATCH or DEPTH_MISMATCH. The skill must
+                declare these.
             carrying: the grasp by which a fruit is held.
             started: called with the motion, once it has been started.
 

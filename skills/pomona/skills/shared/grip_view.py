@@ -25,10 +25,7 @@ def watch_grip(skill: Skill, hold: Hold) -> None:
 def show_grip(skill: Skill, hold: Hold, everything: bool = False) -> None:
     """Publish what the hold recorded since the last view; call it each tick of any node that runs while it holds.
 
-    Args:
-        skill: publishes under its own path, topic "grip".
-        hold: source of the samples.
-        everything: publish all samples, even few (when a node ends).
+    `everything` publishes all samples, even few (when a node ends).
     """
     if hold.waiting < EVERY and not (everything and hold.waiting > 0.0):
         return

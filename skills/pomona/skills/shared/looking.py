@@ -111,12 +111,9 @@ class LookingSkill(Skill):
         return known_fruits() if kinds is None else tuple(kinds.names)
 
     def fruit_model(self, fruit: str, weights: str = "", needs_weights: bool = True) -> FruitModel:
-        """Return the fruit of a name or path, with its own or other weights; fails with NO_WEIGHTS.
+        """Return the fruit of a name or path; fails with NO_WEIGHTS if it has none and `needs_weights`.
 
-        Args:
-            fruit: name or path.
-            weights: a file, or the name of shipped weights; empty for the fruit's own.
-            needs_weights: fail where the fruit has none.
+        `weights` is a file, or the name of shipped weights; empty for the fruit's own.
         """
         try:
             model = load_fruit(fruit)

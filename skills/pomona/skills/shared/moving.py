@@ -82,12 +82,9 @@ def move_to_pose(
     """Plan to a named pose of the cell file and move there.
 
     Args:
-        skill: moves; it must have Arm, Gripper and Workspace among its devices, and `POSE_FAILURES`.
-        pose, variation: as in `named_pose`.
-        map: obstacles besides the fixed surroundings.
-        carrying: the grasp by which a fruit is held; the fruit is then part of the robot.
+        skill: it must have Arm, Gripper and Workspace among its devices, and `POSE_FAILURES`.
+        map, carrying: obstacles besides the fixed surroundings, and the grasp by which a fruit is held.
         clearance: kept by the arm's links [m], as in `arm_space`.
-        budget: of planning [s].
         avoiding: a fruit that was left out of the map and is still there.
         speed: ratio of the speed that the limits allow, above 0 to 1.
         upright: largest tilt of the fruit on the path [rad], against its pose at the grasp, or without `carrying`

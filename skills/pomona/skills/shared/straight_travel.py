@@ -35,9 +35,6 @@ def free_line(
     """Return the complete and free straight line of the tool to a pose.
 
     Args:
-        skill: moves; it must declare the codes.
-        T_base_goal: pose of the TCP at the end.
-        space: obstacles on the line.
         codes: failure codes of a line that the arm cannot follow, and of one that is blocked.
         words: begins the message of a blocked line, such as "on the way up".
         data: added to the failure.
@@ -61,11 +58,7 @@ def free_line(
 def vertical_way(skill: MovingSkill, rise: float, code: str, space: ArmSpace | None = None) -> Float64:
     """Return postures straight up, or down for a negative rise [m], as far as the arm reaches, shape (n, dof).
 
-    Args:
-        skill: moves; it must declare the code.
-        rise: height of the last posture over the first [m].
-        code: failure code if the tool cannot move at all.
-        space: obstacles, before which the postures end; None on a way that the arm has just come.
+    They end before obstacles of a space; None on a way that the arm has just come.
 
     Raises:
         SkillFailure: the code; nothing has moved.
@@ -91,15 +84,10 @@ def follow_way(
     watch: Callable[[], None] | None = None,
     held: Grasp | None = None,
 ) -> Watching:
-    """Follow postures on a straight line of the tool.
+    """Follow postures on a straight line of the tool, shape (n, dof) [rad], at a speed [m/s].
 
-    Args:
-        skill: moves.
-        way: shape (n, dof) [rad].
-        speed: of the tool [m/s].
-        dynamics: acceleration [m/s²] and jerk [m/s³] of the tool.
-        watch: see `following.follow_motion`.
-        held: the grasp by which a fruit is held.
+    `dynamics` are acceleration [m/s²] and jerk [m/s³] of the tool; `watch`: see `following.follow_motion`; `held` is
+    the grasp by which a fruit is held.
     """
     arm = skill.device(Arm)
     robot = RobotModel.load(arm.description)

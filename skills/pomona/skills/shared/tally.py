@@ -43,11 +43,9 @@ class Tally:
     known: int = 0
 
     def with_entry(self, entry: TalliedFruit, found: int = 1) -> Tally:
-        """Return the tally with one more try; a fruit that failed before at the same place is the same fruit.
+        """Return the tally with one more try, of a frame with `found` fruit.
 
-        Args:
-            entry: outcome of the try.
-            found: number of fruit in its frame, itself included.
+        A fruit that failed before at the same place is the same fruit.
         """
         seen = len(self.entries) - len(self.left) + found
         for k, known in enumerate(self.entries):

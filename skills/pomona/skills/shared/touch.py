@@ -46,12 +46,7 @@ class Touch:
     """
 
     def __init__(self, sensor: ForceSensor, of: Callable[[Float64], Float64] = each_finger) -> None:
-        """Start listening.
-
-        Args:
-            sensor: the fingers.
-            of: maps forces (finger, axis) to the vectors (n, k) whose norms are compared.
-        """
+        """Start listening; `of` maps forces (finger, axis) to the vectors (n, k) whose norms are compared."""
         self._sensor, self._of = sensor, of
         first = sensor.latest()
         self._reference = None if first is None else of(first.wrenches[:, :3])

@@ -1,8 +1,7 @@
 """Spheres that cover a convex collision shape, so that a free cover proves a free shape.
 
-Boxes are tiled and every tile put into its circumscribed sphere; capsules are strung along their segment; cylinders,
-ellipsoids and hulls of meshes are cut into small cells, and spheres inside are chosen greedily until every cell lies
-wholly in one of them. Each construction is a proof by itself; the tests sample surfaces none the less.
+Boxes are tiled, capsules strung along their segment. Cylinders, ellipsoids and hulls of meshes are cut into cells;
+spheres inside are chosen greedily until each cell lies wholly in one of them.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Collision checks of postures, compiled by numba; `segment` proves the paths between them.
 
-Distances are lower bounds. A geom is first checked by one sphere around it; its covering spheres (or, against planes,
-its support points) are only used if that is not sufficient. `enough` is the distance above which the caller needs no
-exact value.
+Distances are lower bounds. The covering spheres of a geom (support points against planes) are only checked if one
+sphere around it is not sufficient. Above the distance `enough` the caller needs no exact value.
 """
 
 from __future__ import annotations
@@ -125,11 +124,10 @@ def check_states(
     clearances: Float64,
     closest: Int64,
 ) -> None:
-    """Judge postures Q, shape (n, dof), with one opening of the gripper.
+    """Write the smallest clearance of postures Q, (n, dof), beyond the margins, (n,) [m], at most `enough`.
 
-    Writes the smallest clearance beyond the margins, shape (n,) [m], capped at `enough`, and who has it, shape (n, 2):
-    a geom, and the number of an obstacle or -1 - another geom. With enough = 0, a posture is judged no further once it
-    is known to collide.
+    `closest` (n, 2) gets a geom, and the number of an obstacle or -1 - another geom. With enough = 0 a posture that
+    collides is judged no further.
     """
     numbers = robot.links.shape[0] + robot.pairs.shape[0]
     active = np.ones(numbers, np.bool_)

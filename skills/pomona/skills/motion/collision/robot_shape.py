@@ -56,13 +56,7 @@ class RobotShape:
         return _shape_of(model)
 
     def spheres_of(self, geom: int, q: ArrayLike, width: float) -> Float64:
-        """Covering spheres of one geom in the base frame, shape (n, 4) [m].
-
-        Args:
-            geom: its number.
-            q: joints, shape (dof,) [rad].
-            width: opening of the gripper [m].
-        """
+        """Return the covering spheres of a geom at joints q, (dof,) [rad], in the base frame, shape (n, 4) [m]."""
         return self._spheres(geom, self.model.link_poses(q), width)
 
     def spheres(self, q: ArrayLike, width: float) -> Float64:
@@ -78,12 +72,9 @@ class RobotShape:
         return np.column_stack(((own[:, :3] + shift) @ T[:3, :3].T + T[:3, 3], own[:, 3]))
 
     def holding(self, points_tcp: Float64) -> RobotShape:
-        """Return the same robot with an object between its fingers.
+        """Return the robot with an object between its fingers: the hull of points in the TCP's frame, shape (n, 3) [m].
 
         The object collides with the arm's links and with the world, not with the gripper that holds it.
-
-        Args:
-            points_tcp: points whose convex hull is the object, shape (n, 3), in the TCP's frame [m].
         """
         T_link_tcp = self.model.T_link_tcp
         held = cover_points(points_tcp @ T_link_tcp[:3, :3].T + T_link_tcp[:3, 3])
@@ -160,11 +151,7 @@ class _Part(NamedTuple):
 
 
 def _parts(model: RobotModel) -> list[_Part]:
-    """Return the model's geoms; a body that is described by many spheres is one part with all of them.
-
-    Each part, and each pair of parts, costs the proof of a segment a step of its own: one for every single sphere
-    would be a hundred times as many.
-    """
+    """Return the model's geoms; a body of many spheres is one part: each costs every proof of a step."""
     parts: list[_Part] = []
     for number, body in enumerate(model.bodies):
         own = [geom for geom in model.geoms if geom.body == number]
@@ -203,10 +190,9 @@ def _support_of(shape: Cover) -> Float64:
 
 
 def _reach(model: RobotModel, link: int, spheres: Float64) -> Float64:
-    """Upper bound of the distance of spheres in a link's frame from every joint's axis, shape (dof,).
+    """Return an upper bound of the distance of spheres from every joint's axis, shape (dof,).
 
-    In its own link's frame the axis is z. For an earlier joint the distance is at most the offset of the next joint's
-    origin from the axis plus the lengths of all links between.
+    In its own link's frame the axis is z. For an earlier joint the links between are added to the next joint's offset.
     """
     reach = np.zeros(model.dof)
     from_axis = float(np.max(np.hypot(spheres[:, 0], spheres[:, 1]) + spheres[:, 3]))

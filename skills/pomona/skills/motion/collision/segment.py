@@ -38,11 +38,10 @@ _LOOK_AHEAD = 0.15  # clearances beyond this are not resolved further while movi
 def check_segment(
     robot: RobotArrays, world: WorldArrays, start: Float64, end: Float64, width: float, tolerance: float
 ) -> tuple[float, float, int, int]:
-    """Prove a segment free, or find where it is not; nothing comes closer than its margin minus `tolerance + SLACK`.
+    """Prove a segment free; nothing comes closer than its margin minus `tolerance + SLACK`.
 
-    Returns:
-        Where on the segment something is closer than its margin less the tolerance (0 to 1; 2 when nothing is), the
-        smallest clearance met beyond the margins [m], and who has it, as in `check_states`.
+    Returns where something is too close (0 to 1; 2 for nothing), the smallest clearance beyond the margins [m], and who
+    has it, as in `check_states`.
     """
     dof, geoms, pairs, of_geom = start.shape[0], robot.links.shape[0], robot.pairs, robot.links
     numbers = geoms + pairs.shape[0]
@@ -98,10 +97,9 @@ def check_segment(
 def check_path(
     robot: RobotArrays, world: WorldArrays, path: Float64, width: float, tolerance: float
 ) -> tuple[int, float, float, int, int]:
-    """`check_segment` for all segments between waypoints, shape (n, dof), until one is not free.
+    """Check the segments between waypoints, shape (n, dof), until one is not free.
 
-    Returns:
-        Number of the first segment that is not free, -1 when there is none, and the result of `check_segment` for it.
+    Returns its number, or -1, and the result of `check_segment` for it.
     """
     for k in range(max(path.shape[0] - 1, 1)):
         end = path[min(k + 1, path.shape[0] - 1)]

@@ -58,14 +58,12 @@ class CollisionWorld:
         obstacles: Sequence[Convex] = (),
         margins: Margins | None = None,
     ) -> CollisionWorld:
-        """Put a world together.
+        """Build a world from a robot, or its shape with a held fruit.
 
         Args:
-            robot: its model, or its shape with a held fruit.
             workspace: table, fixed obstacles, meshes and zones of the cell.
-            field: of the map (`OccupancyMap.usable_field`); without it only shapes are known.
-            obstacles: further shapes, such as the target (`Convex.of_fruit`).
-            margins: defaults to `Margins()`.
+            field: of the map (`OccupancyMap.usable_field`); obstacles: further shapes, such as the target
+                (`Convex.of_fruit`).
         """
         shape = RobotShape.of(robot) if isinstance(robot, RobotModel) else robot
         fixed = (*standing(workspace), *map(Convex.of_box, workspace.zones)) if workspace else ()
@@ -85,25 +83,19 @@ class CollisionWorld:
         return self._changed(obstacles=(*self.obstacles, *obstacles))
 
     def without(self, name: str) -> CollisionWorld:
-        """Return the same world without the obstacles of a name.
-
-        Raises:
-            UnknownObstacle: there is none.
-        """
+        """Return the same world without the obstacles of a name; UnknownObstacle if there is none."""
         kept = tuple(o for o in self.obstacles if o.name != name)
         if len(kept) == len(self.obstacles):
             raise UnknownObstacle(name, self.names)
         return self._changed(obstacles=kept)
 
     def allowing(self, name: str, *groups: str) -> CollisionWorld:
-        """Return the same world, in which some groups of the robot's geoms may touch an obstacle.
+        """Return the same world in which groups of geoms may touch an obstacle, "map" or "table".
 
-        Args:
-            name: an obstacle's name, "map" or "table".
-            groups: of "arm", "gripper", "fingers", "held"; all when left out.
+        Groups are "arm", "gripper", "fingers" and "held"; all when left out.
 
         Raises:
-            UnknownObstacle: there is none.
+            UnknownObstacle: there is none of this name.
         """
         if name not in self.names:
             raise UnknownObstacle(name, self.names)
@@ -123,11 +115,7 @@ class CollisionWorld:
     # -------------------------------------------------------------------------------------------- questions
 
     def check(self, q: ArrayLike, width: float) -> Collision | None:
-        """Return the worst collision of a posture, or None.
-
-        Args:
-            q: joints, shape (dof,) [rad].
-            width: opening of the gripper [m].
+        """Return the worst collision of a posture q, shape (dof,) [rad], at an opening [m], or None.
 
         Raises:
             BadJoints: q is no posture of this robot.
@@ -139,11 +127,7 @@ class CollisionWorld:
         return self._collision(joints, width, float(clearances[0]), int(closest[0, 0]), int(closest[0, 1]), 0.0)
 
     def clearance(self, q: ArrayLike, width: float) -> float:
-        """Return the distance beyond the margins [m], negative in collision; at most 0.25 m.
-
-        Raises:
-            BadJoints: q is no posture of this robot.
-        """
+        """Return the distance beyond the margins [m], negative in collision, at most 0.25; BadJoints: no posture."""
         return float(self._judge(self.shape.model.checked(q)[None], width, _FAR)[0][0])
 
     def clearances(self, Q: ArrayLike, width: float) -> Float64:
@@ -182,11 +166,7 @@ class CollisionWorld:
         return self._collision(start + at * (end - start), width, away, geom, other, number + at)
 
     def first_blocked(self, waypoints: ArrayLike, width: float) -> int | None:
-        """Return the number of the first segment of `check_path` that is not free, or None.
-
-        Raises:
-            BadJoints: a waypoint is no posture of this robot.
-        """
+        """Return the number of the first segment of `check_path` that is not free, or None; BadJoints as there."""
         path = self._checked_many(waypoints)
         number = check_path(self.shape.arrays, self.arrays, path, width, SLACK)[0]
         return None if number < 0 else number

@@ -33,12 +33,9 @@ class CrossSection:
 
 
 def fruit_section(measured: MeasuredFruit, vertices_base: Float64, R_base_tcp: Float64) -> CrossSection:
-    """Measure the refined shape along a gripper's axes.
+    """Measure a refined fruit along the TCP's axes R_base_tcp, shape (3, 3): z approach, y sliding.
 
-    Args:
-        measured: the refined fruit with its covariance.
-        vertices_base: its refined shape, shape (n, 3) [m], handed in because one shape serves many grasps.
-        R_base_tcp: axes of the TCP: z approach, y sliding; shape (3, 3).
+    `vertices_base`, shape (n, 3) [m], is its refined shape, handed in because one shape serves many grasps.
     """
     widest = np.empty(3)
     low, high, top = extent(vertices_base, measured.T_base_fruit[:3, 3], R_base_tcp, WIDEST_BAND, widest)

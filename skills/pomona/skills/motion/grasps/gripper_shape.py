@@ -34,12 +34,11 @@ class GripperShape:
         return float(heights[lowest]), self.bodies[lowest]
 
     def first_touch(self, points_tcp: Float64, width: float, error: float) -> float:
-        """Distance before the grasp at which a finger may touch an object that is displaced by an error, >= 0 [m].
+        """Return the distance before the grasp at which a finger may touch a displaced object, >= 0 [m].
 
         Args:
-            points_tcp: points of the object's surface in the TCP frame at the grasp, shape (n, 3) [m].
-            width: opening of the gripper on the way [m].
-            error: largest displacement of the object in any direction [m].
+            points_tcp: surface of the object in the TCP frame at the grasp, shape (n, 3) [m].
+            width, error: opening on the way, and largest displacement of the object in any direction [m].
         """
         corners = self.points + (width - self.closed) * self.slides
         before = 0.0

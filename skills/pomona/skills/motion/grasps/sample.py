@@ -87,19 +87,13 @@ def sample_pre_grasps(
     sphere: Sphere | None = None,
     rules: GraspRules | None = None,
 ) -> tuple[tuple[Grasp, ...], tuple[RuledOut, ...]]:
-    """Sample the sphere around a fruit.
+    """Sample the sphere around a fruit; return candidates, best first, and those ruled out with their reasons.
 
     Args:
         measured: the refined fruit; its covariance enters as margin.
-        robot: kinematics and geometry.
         space: collision checks; the target must be left out of its map, and the fingers allowed near it.
         q_now: where the arm stands, shape (dof,) [rad]; near solutions are preferred.
         table_z: height of the plane below the fruit [m], None for none.
-        sphere: which part of the sphere, how finely.
-        rules: margins.
-
-    Returns:
-        candidates, best first (without `check`: in the sampling's order), and those ruled out with their reasons.
     """
     chosen = sphere or Sphere()
     setting = grasp_setting(measured, robot, space, q_now, table_z, chosen, rules or GraspRules())
@@ -135,11 +129,10 @@ def grasp_setting(
 
 
 def cost(grasp: Grasp, robot: RobotModel, q_now: Float64) -> float:
-    """Order of candidates, smallest first: a sum of shares between 0 and 1, by how much each matters for a safe grasp.
+    """Return the order of a candidate, smallest first: a sum of ratios weighted by their effect on a safe grasp.
 
-    Little clearance (30 mm is plenty), pads that meet the skin obliquely or press on the ends of a long fruit (both
-    turn it), a tilted approach (the fingers come nearer to the table), a posture near a singularity, and a long way
-    from where the arm stands.
+    They are little clearance (30 mm is plenty), pads that meet the skin obliquely or press on the ends of a long fruit,
+    a tilted approach, a posture near a singularity, and a long way from the arm.
     """
     q = grasp.q_pre_grasp[0]
     tight = 1.0 - min(grasp.clearance / 0.03, 1.0)

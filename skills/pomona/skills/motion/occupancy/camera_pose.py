@@ -28,11 +28,10 @@ def pose_of_camera(frame: Frame, model: RobotModel) -> Float64:
 
 
 def check_camera_pose(frame: Frame, T_base_camera: Float64, model: RobotModel, arm: ArmState) -> None:
-    """Compare a stated camera pose with the frame's joints, and these with an arm that stands still.
+    """Compare a camera pose with the frame's joints, and these with an arm that stands still.
 
     Raises:
-        CameraPoseMismatch: they contradict each other.
-        BadJoints: the frame's joints are none of this arm.
+        CameraPoseMismatch, BadJoints: they contradict each other, or are none of this arm.
     """
     T_base_expected = pose_of_camera(frame, model)
     distance = float(np.linalg.norm(T_base_camera[:3, 3] - T_base_expected[:3, 3]))

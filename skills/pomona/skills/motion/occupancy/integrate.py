@@ -52,13 +52,9 @@ def integrate(
     """Return the map after one more frame; `previous` is not changed.
 
     Args:
-        previous: an earlier map, or `OccupancyMap.empty` of the workspace.
         frame: the look; its stamp becomes the age of the cells that it saw.
-        T_base_camera: pose of the camera at the look.
-        workspace: for the height of the table.
         robot: spheres that cover the robot at the look, shape (n, 4), in the base frame [m].
         target: refined shape of the fruit to be picked; its cells are kept out of the map.
-        sensing: how the depth image is read.
 
     Raises:
         NothingMeasured: the frame has no depth, or none of it lies inside the mapped volume.

@@ -67,14 +67,10 @@ class OccupancyMap:
         return DistanceField.of_blocked(self.blocked, self.origin, self.resolution, FIELD_LIMIT)
 
     def usable_field(self, now: float, max_age: float) -> DistanceField:
-        """Return the distance field, if the map may be relied on.
-
-        Args:
-            now: time on the cell's clock [s].
-            max_age: largest allowed age of the newest look [s].
+        """Return the distance field if the newest look is at most `max_age` old at `now` on the cell's clock [s].
 
         Raises:
-            MapEmpty, MapStale: it may not.
+            MapEmpty, MapStale: the map may not be relied on.
         """
         if self.stamp is None:
             raise MapEmpty

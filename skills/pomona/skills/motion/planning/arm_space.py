@@ -105,9 +105,7 @@ def arm_space(
     """Return the obstacles of a skill's arm.
 
     Args:
-        arm: names the robot's description.
-        workspace: table and fixed obstacles.
-        field: further obstacles from the camera (`usable_field`), without the target.
+        field: obstacles from the camera (`usable_field`), without the target.
         width: opening of the gripper [m].
         clearance: kept by the arm's links [m]; gripper and fingers keep their usual ratio of it (see `Margins`).
         target: a fruit that is to be grasped: the fingers may come near to it, nothing else may.

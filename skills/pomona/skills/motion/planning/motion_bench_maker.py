@@ -40,11 +40,7 @@ class PlanningProblem:
 
 
 def problem_sets(folder: Path) -> tuple[Path, ...]:
-    """Return the folders with requests in them: this one, or those inside.
-
-    Raises:
-        BadProblem: there is none.
-    """
+    """Return the folders with requests in them: this one, or those inside; BadProblem if there is none."""
     sets = tuple(sorted({request.parent for request in folder.rglob("request*.yaml")}))
     if not sets:
         raise BadProblem(folder, "holds no request*.yaml of MotionBenchMaker")
@@ -52,12 +48,7 @@ def problem_sets(folder: Path) -> tuple[Path, ...]:
 
 
 def read_problems(folder: Path, robot: RobotModel, limit: int = 0) -> Iterator[PlanningProblem]:
-    """Yield the problems of one set, in order.
-
-    Args:
-        folder: with scenes and requests.
-        robot: the robot of the requests.
-        limit: how many at most; 0 for all.
+    """Yield the problems of one set for a robot, in order, at most `limit` of them; 0 for all.
 
     Raises:
         BadProblem: a file that cannot be read, a joint that the request lacks, a shape that is not known.

@@ -44,18 +44,9 @@ def solve_by_ompl(
     deadline: float,
     good_enough: float | None = None,
 ) -> Solution:
-    """Run one planner from a start to a set of goals.
+    """Run one planner, a class in `ompl.geometric`; the other arguments are those of `planners.solve`.
 
-    Args:
-        space: joint limits and collision checks.
-        q_start: free of collision, shape (dof,) [rad].
-        q_goals: free of collision, shape (n, dof) [rad]; n >= 1 (with none free, OMPL would burn the whole budget).
-        planner: the name of a class in `ompl.geometric`.
-        iterations: after which it ends; a feasible planner ends earlier, with its first path.
-        seed: of OMPL's random numbers.
-        deadline: on `time.perf_counter`; the last resort.
-        good_enough: path length at which an optimising planner ends, 0 for never; None for a planner that does not
-            optimise.
+    `good_enough` is None for a planner that does not optimise.
     """
     util.RNG.setSeed(int(seed % 2**31) + 1)
     dof = len(q_start)

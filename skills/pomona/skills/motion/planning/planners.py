@@ -60,15 +60,10 @@ def solve(
     deadline: float,
     good_enough: float = 0.0,
 ) -> Solution:
-    """Run one planner from a start to a set of goals.
+    """Run one planner, a name in `PLANNERS`, from a start, shape (dof,), to goals, shape (n >= 1, dof) [rad], all free.
 
     Args:
-        space: joint limits and collision checks.
-        q_start: free of collision, shape (dof,) [rad].
-        q_goals: free of collision, shape (n, dof) [rad]; n >= 1 (with none free, OMPL would burn the whole budget).
-        planner: a name in `PLANNERS`.
         iterations: after which it ends; a feasible planner ends earlier, with its first path.
-        seed: of the planner's random numbers.
         deadline: on `time.perf_counter`; the last resort.
         good_enough: path length at which an optimising planner ends; 0 lets it use all its iterations.
 

@@ -14,14 +14,9 @@ _SHARPER = {0.0: 0.35, 0.35: 0.7, 0.7: 1.0}
 
 
 def time_free_path(space: Space, waypoints: Float64, limits: ArmLimits) -> Trajectory:
-    """Time a polyline and check the trajectory; corners that touch an obstacle are rounded less.
+    """Time a free polyline, shape (n, dof) [rad]; corners that would touch an obstacle are rounded less.
 
     A corner at which the motion rests follows the polyline exactly, so this ends with a free motion.
-
-    Args:
-        space: collision checks.
-        waypoints: free polyline, shape (n, dof) [rad].
-        limits: of the arm.
 
     Raises:
         PlanningFailed: NO_PATH: the polyline itself is not free.

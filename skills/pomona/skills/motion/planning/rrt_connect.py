@@ -99,22 +99,15 @@ def grow(
     iterations: int,
     rng: np.random.Generator,
 ) -> tuple[int, int, int]:
-    """Grow the start's tree (0) and the goals' tree (1) until they meet.
+    """Grow the start's tree (0) and the goals' tree (1) until they meet; robot, world and width as for `check_segment`.
 
     Args:
-        robot: and `world` and `width`: as for `check_segment`.
-        world: the obstacles.
-        width: opening of the gripper [m].
-        lower: joint limits, and `upper`, shape (dof,) [rad].
-        upper: joint limits [rad].
+        lower, upper: joint limits, shape (dof,) [rad].
         trees: with the start in the first place of tree 0 and the goals in the first `roots` places of tree 1.
-        roots: number of goals.
         max_step: longest new edge [rad].
-        iterations: after which it ends.
-        rng: draws the random postures.
 
     Returns:
-        The nodes of tree 0 and tree 1 that are the same posture, or -1 and -1, and the iterations used.
+        The nodes of both trees that are the same posture, or -1 and -1, and the iterations used.
     """
     q_all, parent = trees.q, trees.parent
     capacity, dof = q_all.shape[1], q_all.shape[2]

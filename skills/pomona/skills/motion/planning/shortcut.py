@@ -16,13 +16,7 @@ def path_length(waypoints: Float64) -> float:
 
 
 def shortcut(space: Space, waypoints: Float64, rng: np.random.Generator) -> Float64:
-    """Return a path with the same ends that is never longer; its new segments are checked.
-
-    Args:
-        space: collision checks.
-        waypoints: free polyline, shape (n, dof) [rad].
-        rng: where to cut.
-    """
+    """Return a path from a free polyline, shape (n, dof) [rad], that is never longer; its new segments are checked."""
     path = _leave_out_corners(space, waypoints)
     for _ in range(ROUNDS):
         if len(path) < 3:

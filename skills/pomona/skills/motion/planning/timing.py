@@ -83,17 +83,12 @@ def time_polyline(
     dwells: ArrayLike | None = None,
     period: float = PERIOD,
 ) -> Trajectory:
-    """The quickest of a family of jerk-limited motions from rest to rest along a joint polyline, corners rounded.
+    """Return the quickest of a family of jerk-limited motions from rest to rest along a polyline with rounded corners.
 
     Args:
-        waypoints: shape (n, dof) [rad]; repeated neighbours are dropped.
-        limits: of the arm; velocity, acceleration and jerk are held exactly.
-        dwells: per waypoint, shape (n,), how sharp the corner stays: 0 drives through and rounds it, 1 comes to rest in
-            it and follows the polyline exactly.
+        waypoints: shape (n, dof) [rad]; repeated neighbours are dropped. Without a length the motion stands still.
+        dwells: per waypoint, shape (n,), how sharp the corner stays: 0 rounds it, 1 comes to rest in it.
         period: spacing of the samples [s].
-
-    Returns:
-        the timed motion; one that stands still for one period when the polyline has no length.
     """
     q = np.atleast_2d(np.asarray(waypoints, dtype=np.float64))
     stay = np.zeros(len(q)) if dwells is None else np.asarray(dwells, dtype=np.float64)
@@ -161,8 +156,7 @@ def time_curve(
         points: joints at equal steps along the curve, shape (n, dof) [rad], n >= 4.
         length: of the curve [m].
         limits: of the arm; where they bind, the whole motion is slowed down.
-        speed, acceleration, jerk: along the curve [m/s, m/s², m/s³].
-        period: spacing of the samples [s].
+        speed, acceleration, jerk, period: along the curve [m/s, m/s², m/s³], and spacing of the samples [s].
         slow_end: length at the end of the curve [m], and the speed there [m/s].
     """
     from scipy.interpolate import CubicSpline  # takes 0.3 s of the processor to load

@@ -18,13 +18,9 @@ from pomona.executive.values.arrays import Float64
 
 @njit(cache=True, nogil=True)
 def forward(steps: Float64, sliding: NDArray[np.bool_], q: Float64, links: Float64) -> None:
-    """Write the poses of all links into `links`, shape (dof + 1, 3, 4), for joints q, shape (dof,).
+    """Write the poses of all links into `links`, shape (dof + 1, 3, 4), for joints q, shape (dof,) [rad or m].
 
-    Args:
-        steps: pose of each joint in the frame of the link before it, shape (dof, 3, 4).
-        sliding: which joints shift instead of turn, shape (dof,).
-        q: joint positions, shape (dof,) [rad or m].
-        links: the result.
+    `steps` (dof, 3, 4) are the poses of the joints in the link before, `sliding` (dof,) marks those that shift.
     """
     for row in range(3):
         for column in range(4):

@@ -69,11 +69,7 @@ class Description:
 
 
 def read_description(path: Path, tool: str = "tool0") -> Description:
-    """Read an MJCF or URDF file.
-
-    Args:
-        path: the file.
-        tool: the site or body at the flange; the chain is the joints between it and the base.
+    """Read an MJCF or URDF file; the chain is the joints between its base and the site or body `tool`.
 
     Raises:
         BadRobotFile: the file does not compile, or lacks the tool, joints or geometry that are needed.

@@ -21,12 +21,9 @@ def inverse_kinematics(
     """Return joints within the limits that put the TCP at a pose, shape (n, dof) [rad]; n = 0 when it is out of reach.
 
     Args:
-        model: any serial arm.
-        T_base_tcp: where the TCP shall be.
         arm_angles: how finely the redundancy is sampled: angles of the elbow about the line from shoulder to wrist for
             an arm with a closed form (about 90 solutions for 36), pairs of starts of the descent for any other.
-        near: joints to stay close to, shape (dof,): solutions are then sorted by their distance from it, and the one
-            that keeps the arm's posture is among them.
+        near: joints, shape (dof,): solutions are sorted by their distance from it, and its posture is among them.
 
     Raises:
         NotAPose, BadJoints: the pose is no rigid transform, or `near` no joints of this arm.
@@ -50,9 +47,7 @@ def inverse_kinematics(
 
 
 def nearest_solution(model: RobotModel, T_base_tcp: ArrayLike, near: ArrayLike) -> Float64 | None:
-    """Joints that put the TCP at a pose by descending from `near`, shape (dof,), or None when that does not lead there.
-
-    For poses close to where the arm stands, as along a straight line: continuous, and fast (some 10 µs).
+    """Return the joints of a pose by descending from `near`, shape (dof,), or None; continuous and fast (some 10 µs).
 
     Raises:
         NotAPose, BadJoints: the pose is no rigid transform, or `near` no joints of this arm.

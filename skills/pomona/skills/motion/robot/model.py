@@ -61,11 +61,8 @@ class RobotModel:
     def load(path: Path | str, tool: str = "tool0", tcp: str = "tcp") -> RobotModel:
         """Read an MJCF or URDF file; a file that has not changed is read once in a process.
 
-        Args:
-            path: the file.
-            tool: site or body at the flange.
-            tcp: site or body at the gripper's centre point: z approach, y sliding direction of the fingers. A robot
-                without it has its TCP at the flange.
+        `tool` is the flange, `tcp` the gripper's centre point (z approach, y sliding direction; else the flange): sites
+        or bodies.
 
         Raises:
             BadRobotFile: the file does not compile, or lacks a frame, joint or geometry that is needed.
@@ -98,11 +95,7 @@ class RobotModel:
         return T
 
     def checked(self, q: ArrayLike) -> Float64:
-        """Return joints as a contiguous float64 array of shape (dof,).
-
-        Raises:
-            BadJoints: a wrong number of values, or values that are not finite.
-        """
+        """Return joints as a contiguous float64 array of shape (dof,); BadJoints: a wrong number, or not finite."""
         try:
             joints = np.ascontiguousarray(q, dtype=np.float64)
         except (TypeError, ValueError) as error:
@@ -158,11 +151,7 @@ class RobotModel:
 
 
 def checked_pose(T: ArrayLike) -> Float64:
-    """Return a pose as a contiguous float64 array (4, 4).
-
-    Raises:
-        NotAPose: it is no finite rigid transform.
-    """
+    """Return a pose as a contiguous float64 array (4, 4); NotAPose: it is no finite rigid transform."""
     try:
         pose = np.ascontiguousarray(T, dtype=np.float64)
     except (TypeError, ValueError) as error:

@@ -53,18 +53,12 @@ class Noise(NamedTuple):
 def see(
     depth: Float32, camera: CameraView, cells: WatchedCells, noise: Noise, found: Float64, moved: NDArray[np.bool_]
 ) -> int:
-    """Find the occupied cells of a depth image that are not known, and note the free cells.
+    """Find the occupied cells of a depth image that are not known, and note the free cells; return their number.
 
     Args:
         depth: z-depth, shape (h, w) [m]; 0 where nothing was measured.
-        camera: the camera of the image.
         cells: the volume; its state is written.
-        noise: limits of a surface.
-        found: centres of the new cells, shape (most, 3); written.
-        moved: True if the cell was free before, shape (most,); written.
-
-    Returns:
-        The number of new cells that were written.
+        found, moved: result: centres of the new cells, (most, 3), and True for those that were free before, (most,).
     """
     origin, resolution, known, own, state, area, touched = cells
     T = camera.T_base_camera

@@ -56,16 +56,9 @@ def apple_mesh(
     around: int = 64,
     rings: int = 40,
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Build a watertight apple with its stem axis along -y, centred in its cuboid.
+    """Build a watertight apple with its stem axis along -y, centred in its cuboid (d_x, d_y, d_z) [m].
 
-    Args:
-        shape: the individual form of this apple.
-        dimensions: outer cuboid (d_x, d_y, d_z) [m].
-        around: vertices on a ring.
-        rings: rings between the two poles.
-
-    Returns:
-        vertices (2 + around * rings, 3) [m] and faces (2 * around * rings, 3), normals outwards.
+    Returns vertices (2 + around * rings, 3) [m] and faces (2 * around * rings, 3), normals outwards.
     """
     radius, height = _outline(shape, rings + 2)
     angle = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)
@@ -110,12 +103,10 @@ def stem_mesh(
 def revolved_body(
     radius: NDArray[np.float64], height: NDArray[np.float64], dimensions: tuple[float, float, float], around: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Turn an outline about the stem axis and stretch it to a cuboid [m].
+    """Turn an outline (radius, height) about the stem axis and stretch it to a cuboid (d_x, d_y, d_z) [m].
 
-    Args:
-        radius, height: points of the outline from the stem's pole to the opposite one, where the radius is 0.
-        dimensions: cuboid (d_x, d_y, d_z) [m].
-        around: vertices on a ring.
+    The outline goes from the stem's pole to the opposite one, where the radius is 0; `around` vertices lie on a ring.
+    Returns vertices (n, 3) [m] and faces (m, 3).
     """
     angle = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)
     x, z = radius[1:-1, None] * np.cos(angle), radius[1:-1, None] * np.sin(angle)

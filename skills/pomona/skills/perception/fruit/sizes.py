@@ -47,16 +47,9 @@ class KindSizes:
     def given(
         self, shown: float, deviation: float, sine: float, model_height_over_width: float
     ) -> tuple[Float64, Float64]:
-        """Return the width and height of a fruit of which the scaled model is `shown` wide.
+        """Return width and height, (2,) [m], and covariance, (2, 2), of a fruit whose scaled model is `shown` wide.
 
-        Args:
-            shown: width of the scaled model [m].
-            deviation: of ln shown, as the measurement knows of itself.
-            sine: of the angle between the line of sight and the stem's axis.
-            model_height_over_width: the model's proportion.
-
-        Returns:
-            (width, height), shape (2,) [m], and their covariance, shape (2, 2) [m²].
+        `deviation` is that of ln shown, `sine` of the angle between the line of sight and the stem's axis.
         """
         mean = np.log([self.width, self.height_over_width])
         prior = np.diag([self.width_deviation**2, self.height_over_width_deviation**2])
@@ -81,13 +74,10 @@ def learn_sizes(
     """Estimate a kind's sizes from fruit measured by hand or by their shape, and seen by the camera.
 
     Args:
-        sizes: widths and heights, shape (n, 2) [m].
-        shown: width that the scaled model had for each, shape (n,) [m].
-        deviations: of ln shown, estimated by each measurement, shape (n,).
-        sines: of the angle between the line of sight and the stem's axis, shape (n,).
-        model_height_over_width: the model's proportion.
-        own: standard deviations of ln width and of ln height over width as they were measured, shape (n, 2); 0 for hand
-            measurements. They are subtracted from the spread between fruit.
+        sizes, shown: widths and heights, (n, 2), and width of the scaled model, (n,) [m].
+        deviations, sines: of ln shown, and of the angle between line of sight and stem axis, (n,).
+        own: standard deviations of ln width and of ln height over width as measured, (n, 2), subtracted from the spread
+            between fruit; 0 for hand measurements.
 
     Raises:
         TooFewFruit: fewer than `LEAST_FRUIT`, or a size that is none.
@@ -123,11 +113,9 @@ def held_out(
     model_height_over_width: float,
     own: Float64 | float = 0.0,
 ) -> tuple[Float64, Float64]:
-    """Return the errors of width and height of each fruit with the sizes of all others; for the arguments see
-    `learn_sizes`.
+    """Return the errors of width and height of each fruit with the sizes of all others, shape (n, 2) each [m].
 
-    Returns:
-        with the others' mean size, and with that and the fruit's own image, shape (n, 2) each [m].
+    The first are with the others' mean size, the second with that and the fruit's own image; see `learn_sizes`.
 
     Raises:
         TooFewFruit: without one of them there are fewer than `LEAST_FRUIT`.

@@ -20,15 +20,10 @@ Two sightings reach 0.48 of a diameter at the gate: no two solid fruit are as ne
 def associate(
     known: Sequence[tuple[Float64, Float64]], seen: Sequence[tuple[Float64, Float64]], diameter: float
 ) -> list[int | None]:
-    """For each sighting of one frame the fruit that it shows, by its place; None where it is new.
+    """Return for each sighting of one frame the known fruit that it shows, by its place; None where it is new.
 
-    Each fruit is given once: two sightings in one frame are two fruit. The sum of squared Mahalanobis distances is the
-    least possible, where a new fruit counts as the gate.
-
-    Args:
-        known: place, shape (3,) [m], and its covariance, shape (3, 3) [m²], of each fruit.
-        seen: the same of each sighting.
-        diameter: of the kind of fruit [m].
+    Both are places, (3,) [m], with covariances, (3, 3) [m²]. Two sightings in one frame are two fruit. The sum of
+    squared Mahalanobis distances is the least possible, where a new fruit counts as the gate.
     """
     if not known or not seen:
         return [None] * len(seen)

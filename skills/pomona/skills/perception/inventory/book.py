@@ -67,19 +67,14 @@ class FruitBook:
     def add_frame(
         self, sightings: Sequence[Sighting], T_scene_base: Float64 | None, deviation: float = 0.0
     ) -> list[int]:
-        """Add one frame.
+        """Add all sightings of one frame; return the number of the fruit that each one shows.
 
-        Measured sightings are assigned to the known fruit first: the distances of the others are estimates by their
-        size in the picture.
+        Measured sightings are assigned first: the distances of the others are estimates by their size in the picture.
 
         Args:
-            sightings: all of one frame.
             T_scene_base: from the frame's base frame to that of the newest scene, shape (4, 4); None begins a new
                 scene, since the camera's motion is unknown.
             deviation: standard deviation of that, at the fruit [m].
-
-        Returns:
-            the number of the fruit that each sighting shows.
         """
         if T_scene_base is None or not self.scenes:
             self.scenes += 1

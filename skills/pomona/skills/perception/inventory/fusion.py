@@ -43,13 +43,7 @@ class SizeOfLooks:
     _squares: float = 0.0
 
     def add(self, dimensions: Float64, covariance: Float64, R: Float64) -> None:
-        """One look more.
-
-        Args:
-            dimensions: shape (3,) [m].
-            covariance: of them, shape (3, 3) [m²].
-            R: the fruit's axes in a frame that all looks have in common, shape (3, 3).
-        """
+        """Add a look's dimensions, (3,) [m], their covariance, and the fruit's axes R in the common frame, (3, 3)."""
         if not self.looks:
             self._axes = R
         dimensions, covariance = _turned_as(self._axes, dimensions, covariance, R)

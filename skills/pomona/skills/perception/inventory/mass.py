@@ -9,12 +9,9 @@ from pomona.skills.perception.fruit import FruitModel
 
 
 def mass_of(fruit: FruitModel, dimensions: Float64, covariance: Float64) -> tuple[float, float] | None:
-    """Return the mass and its standard deviation [kg]; None for a kind without weighed fruit.
+    """Return the mass and its standard deviation [kg] by the dimensions, (3,) [m], and their covariance, (3, 3) [m²].
 
-    Args:
-        fruit: the model, whose `mass` is that of a fruit of the model's size.
-        dimensions: shape (3,) [m].
-        covariance: of them, shape (3, 3) [m²].
+    It is None for a kind without weighed fruit.
     """
     if fruit.mass is None:
         return None

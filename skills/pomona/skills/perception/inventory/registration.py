@@ -51,9 +51,7 @@ def misplaced_depth(frame: Frame) -> str:
 def depth_elsewhere(frame: Frame, or_nowhere: bool = False) -> str:
     """Describe the misregistration of depth that fits better shifted, mirrored or turned; else empty.
 
-    Args:
-        frame: one without depth gives an empty text.
-        or_nowhere: also report depth that fits nowhere. A view of few things does so at times.
+    `or_nowhere` also reports depth that fits nowhere, as a view of few things does at times.
     """
     if frame.depth is None or not frame.depth.any():
         return ""

@@ -47,13 +47,7 @@ class Cloud:
 
 
 def cloud(look: DepthLook, box: ImageBox, mask: NDArray[np.bool_] | None = None) -> Cloud:
-    """Return the measured points of a box, in the frame of the look's camera.
-
-    Args:
-        look: the depth image.
-        box: the part of the image.
-        mask: pixels of the box, shape `box.shape`; all by default.
-    """
+    """Return the measured points of a box, or of those pixels of it in `mask`, in the frame of the look's camera."""
     intrinsics, model = look.intrinsics, look.depth_model
     z = look.depth[box.slices].astype(np.float64)
     taken = np.isfinite(z) & (z > 0.0)

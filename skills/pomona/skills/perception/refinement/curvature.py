@@ -45,16 +45,12 @@ class Curvature(NamedTuple):
 def least_curvature(
     depth: DepthImage, virtual_depth: DepthImage, inliers: NDArray[np.bool_], band: float, alike: float
 ) -> Curvature | None:
-    """Return the curvature of the surface that agrees with a model, in the direction of its minimum.
+    """Return the least curvature of the surface that agrees with a model; None if it is small or the model flat.
 
     Args:
         depth, virtual_depth: measured and of the refined model, shape (h, w) [m]; 0 where there is none.
-        inliers: pixels that agree, shape (h, w).
-        band: half-width of the band in which depth agrees [m].
+        inliers, band: pixels that agree, shape (h, w), and half-width of the band in which depth agrees [m].
         alike: number of neighbouring pixels with a common error.
-
-    Returns:
-        None if too little of one connected surface is visible, or the model itself is flat there.
     """
     step = max(1, math.isqrt(depth.size // _MOST_PIXELS))
     depth, virtual_depth, inliers = depth[::step, ::step], virtual_depth[::step, ::step], inliers[::step, ::step]

@@ -30,12 +30,7 @@ class DepthLook:
     renderer: RendererName = "pyrender"  # name of the renderer of the virtual depth
 
     def check(self) -> None:
-        """Refuse a depth image of another size and a pose that is none.
-
-        Raises:
-            BadDepth: the depth is no array of real numbers with the shape of the camera's image.
-            BadPose: the camera's pose is no finite rigid transform.
-        """
+        """Raise BadDepth for a depth of another shape or type, BadPose for a pose that is not rigid."""
         check_depth(self.depth, self.intrinsics)
         check_pose(self.T_camera_look)
 

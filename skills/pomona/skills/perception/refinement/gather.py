@@ -26,16 +26,9 @@ _OTHER_LOOK = 2.0  # another look agrees with the model of the first within this
 
 
 def gather(look: DepthLook, scaled: RefineResult, known: Plane | None) -> tuple[Cloud, Plane | None]:
-    """Return the points of a look around a scaled fruit, and the plane that the fruit stands on.
+    """Return the points of a look around a scaled fruit, without its support, and the plane that it stands on.
 
-    Args:
-        look: the depth image.
-        scaled: the fruit's model, scaled to this look.
-        known: expected support in the camera frame; None if unknown.
-
-    Returns:
-        The points that do not lie on the support, and the support as the camera sees it. If the camera does not see
-        it, the known support; None if it is unknown.
+    The plane is the support as the camera sees it, else the expected one `known` in the camera frame, None if unknown.
 
     Raises:
         TooFewInliers: the points that agree with the model lie on the known support.

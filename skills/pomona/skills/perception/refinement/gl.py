@@ -1,13 +1,10 @@
-"""pyrender's context and mesh buffers through EGL, with a draw call of Pomona, in one process with MuJoCo's EGL
-renderer.
+"""pyrender's context and mesh buffers through EGL, with a draw call of Pomona, beside MuJoCo's EGL renderer.
 
-For a small picture, pyrender's own `render` spends most of its time on things that depth does not need: buffers with
-four samples a pixel and their resolution, colour, walking the scene. Here a program with one matrix draws a mesh that
-pyrender uploaded into a buffer that holds depth alone. The picture equals pyrender's (tested).
+A program with one matrix draws a mesh that pyrender uploaded into a buffer of depth alone: pyrender's own `render`
+spends most of its time on colour and on walking the scene. The picture equals pyrender's (tested).
 
-A context belongs to the thread in which it is current. This one is current for the time of one call, under a lock, in
-the caller's thread; afterwards the previous context of another library is current again. The renderer is never deleted,
-since deleting it terminates the display that other renderers of the process use.
+A context belongs to the thread in which it is current. This one is current for one call, under a lock; afterwards the
+context before is current again. The renderer is never deleted, since that terminates the display of other renderers.
 """
 
 from __future__ import annotations

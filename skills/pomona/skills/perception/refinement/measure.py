@@ -30,15 +30,10 @@ def measure(
     table_z: float | None = None,
     earlier: MeasuredFruit | None = None,
 ) -> MeasuredFruit:
-    """Refine a detection and express it in the base frame.
-
-    With method `none` the detector's pose and the CAD model's size are handed on as they are: the paper's arm without
-    refinement.
+    """Refine a detection and express it in the base frame; method `none` keeps the detector's pose and the CAD size.
 
     Args:
-        detection: the fruit as the detector saw it.
         method, limits: see `refinement.refine`.
-        renderer: name of the renderer of the virtual depth.
         table_z: height of the table in the base frame [m], if the fruit may stand on one.
         earlier: the same fruit, measured from another place: its looks are fused in.
 

@@ -45,15 +45,12 @@ def fit_scale_by_rendering(
 ) -> ScaleFit:
     """Fit sigma by eq. (f_obj) within +- 0.8 p_hat_z, rendering anew for every sigma that the search tries.
 
-    Outliers are found first, by RANSAC with a straight line between virtual and measured depth; then a bounded search
-    (Brent's) minimises the mean square over the rest.
+    RANSAC with a straight line between virtual and measured depth finds outliers first; then a bounded search (Brent's)
+    minimises the mean square over the rest.
 
     Args:
-        look: the depth image.
-        mesh, T_camera_object: the model as detected.
         box: part of the image that is rendered and compared; the whole image in the paper.
-        inlier_band: half-width of RANSAC's band [m].
-        tolerance: of sigma, at which the search stops [m].
+        inlier_band, tolerance: half-width of RANSAC's band, and tolerance of sigma at which the search stops [m].
 
     Raises:
         NoDepth: too few of the model's pixels hold a measurement.

@@ -69,20 +69,15 @@ def points_to_surface(
     texture: float,
     patches: float,
 ) -> tuple[Float64, Float64, float]:
-    """Return the normal equations of point-to-plane distances, weighted by Tukey's function and each point's
-    uncertainty.
+    """Return the normal equations of point-to-plane distances, with Tukey's weights and each point's uncertainty.
+
+    They are H, shape (11, 11), b, shape (11,), and the ratio of the points that count.
 
     Args:
-        measured: points of the camera's frame.
-        samples: of the model's surface.
-        placed: assumed pose and size of the object.
         nearest: the previous nearest sample of each point, start of the search, shape (n,); changed in place.
         reach: points farther from the surface do not count [m].
         texture: standard deviation of the surface against the model [m].
         patches: number of independently deviating parts of the visible surface.
-
-    Returns:
-        H, shape (11, 11), b, shape (11,), and the ratio of the points that count.
     """
     count = len(measured.points)
     jacobian = np.empty((count, PARAMETERS))

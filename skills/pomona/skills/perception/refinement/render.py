@@ -82,17 +82,12 @@ def render_depth(
     box: ImageBox | None = None,
     using: RendererName = "pyrender",
 ) -> tuple[DepthImage, ImageBox]:
-    """Render the z-depth of one mesh, only where it can be seen.
+    """Render the z-depth of one mesh; return it, float32 [m], 0 where it is not seen, and its box of the image.
 
     Args:
         mesh: anything with `vertices` and `faces`.
         T_camera_mesh: maps mesh coordinates into the camera frame, shape (4, 4); its linear part may scale.
-        intrinsics: of the camera; pixel centres lie at integer coordinates.
         box: part of the image to render; the mesh's own box by default.
-        using: name of the renderer.
-
-    Returns:
-        z-depth, float32 [m], 0 where the mesh is not seen, and the box of the image that it covers.
 
     Raises:
         RenderFailed: the mesh is behind the camera or outside the image, or the renderer does not work here.

@@ -45,16 +45,11 @@ class ScaleFit:
 
 
 def fit_scale(depth: DepthImage, virtual_depth: DepthImage, inlier_band: float = 4e-3) -> ScaleFit:
-    """Fit mu in depth = mu * virtual_depth, robust to occluders, background and holes.
+    """Fit mu in depth = mu * virtual_depth, robust to occluders and background; shapes (h, w) [m], 0: no depth.
 
-    Starts at the scale with the largest consensus: of the measured ratios, the one with the most others within the band
-    (RANSAC's criterion, but every hypothesis is tried, so the result does not depend on chance). Then least squares on
-    the inliers, mu = sum(d d_hat) / sum(d_hat^2), until the inliers no longer change.
-
-    Args:
-        depth: measured z-depth, shape (h, w) [m]; 0 or not finite where the sensor saw nothing.
-        virtual_depth: rendered z-depth at sigma = 0, same shape [m]; 0 outside the model.
-        inlier_band: half-width of the consensus band around mu * virtual_depth [m].
+    Of the measured ratios, that with the most others within `inlier_band` [m] is the start (RANSAC, but every
+    hypothesis is tried). Then least squares on the inliers, mu = sum(d d_hat) / sum(d_hat^2), until they no longer
+    change.
 
     Raises:
         NoDepth: fewer than `MIN_PIXELS` of the model's pixels, or less than `MIN_VALID` of them, hold a measurement.

@@ -19,16 +19,13 @@ _LEAST_PIXELS = 20
 def connected_to(
     agreeing: NDArray[np.bool_], depth: DepthImage, covered: NDArray[np.bool_], stride: int = 1
 ) -> NDArray[np.bool_]:
-    """Return the surfaces that mostly agree with a model where the model is.
+    """Return the surfaces that mostly agree with a model where the model is, shapes (h, w).
 
-    A leaf or a finger in front of a fruit is cut off by the step in depth around it, even where it touches the band in
-    which depth counts as agreeing.
+    A leaf or a finger in front of a fruit is cut off by the step in depth around it, even where its depth agrees.
 
     Args:
-        agreeing: pixels whose depth agrees with the model, shape (h, w).
-        depth: z-depth, shape (h, w) [m]; 0 or not finite where there is none.
-        covered: pixels that the model covers, shape (h, w).
-        stride: distance of these pixels in the image, in both directions; steps in depth are higher by this factor.
+        depth: z-depth [m]; 0 or not finite where there is none.
+        stride: distance of these pixels in the image; steps in depth are higher by this factor.
     """
     valid = np.isfinite(depth) & (depth > 0.0)
     z = np.where(valid, depth, np.inf)

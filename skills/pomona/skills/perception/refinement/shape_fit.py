@@ -102,16 +102,12 @@ def fit_shape(
     band: float = 4e-3,
     priors: Priors | None = None,
 ) -> ShapeFit:
-    """Fit the stretched model to points.
+    """Fit the stretched model to measured points, mostly the fruit's; outliers are left out during the fit.
 
     Args:
-        cloud: measured points, mostly the fruit's; outliers are left out during the fit.
-        mesh: the CAD model.
         T_camera_object: where to start, with the model scaled by `mu`; the tilt refers to its axis.
-        mu: uniform scale to start with.
         support: the plane that the fruit stands on; used if the fruit turns out to reach it.
         band: half-width of the band about the surface in which points count, at the end [m].
-        priors: prior distributions.
     """
     priors = priors or Priors()
     measured = _Measured.of(cloud.thinned(_MAX_POINTS), surface_of(mesh), T_camera_object, mu)

@@ -38,13 +38,9 @@ def horizontal_plane(T_base_camera: Float64, z: float) -> Plane:
 
 
 def seen_near(known: Plane, points: Float64) -> Plane | None:
-    """Return a plane near a known one, as the camera measures it.
+    """Return a plane near a known one, as the camera measures it; None if none lies within 15 mm and 5 degrees.
 
-    A depth camera errs by some millimetres as a whole, and the camera's own pose may be off: the fruit and its support
-    share these errors, so their distance is better taken from one image than from two sources.
-
-    Returns:
-        None when the points around the fruit do not show it within 15 mm and 5 degrees.
+    A fruit and its support in one image share the errors of depth and of the camera's pose.
     """
     near = np.abs(known.height(points)) <= _MAX_SHIFT
     if np.count_nonzero(near) < _LEAST_POINTS or near.mean() < _LEAST_SHARE:
@@ -57,12 +53,10 @@ def seen_near(known: Plane, points: Float64) -> Plane | None:
 
 
 def seen_elsewhere(known: Plane, points: Float64) -> tuple[float, float] | None:
-    """Return height above and tilt against a known plane of another one in its place [m], [rad].
+    """Return height above [m] and tilt against [rad] a known plane of another one in its place; None if there is none.
 
-    Then the plane's height, the camera's place or its focal length is wrong, or the fruit lies on another object.
-
-    Returns:
-        None when most points lie on the known plane, or on none that is about parallel and less than 60 mm away.
+    Then the plane's height, the camera's pose or its focal length is wrong, or the fruit lies on another object. The
+    other plane is about parallel and less than 60 mm away.
     """
     near = np.abs(known.height(points)) <= _ELSEWHERE
     if seen_near(known, points) is not None or np.count_nonzero(near) < _LEAST_POINTS:

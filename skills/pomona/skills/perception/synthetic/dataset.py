@@ -64,15 +64,10 @@ def render_dataset(
 ) -> DatasetReport:
     """Render `frames` frames of a seed into `folder`: NNNNNN.jpg beside NNNNNN.json.
 
-    Frame i depends on (seed, i) alone, not on the number of workers or on frames rendered before; frames that are there
-    already are kept.
+    Frame i depends on (seed, i) alone; frames that are there already are kept.
 
     Args:
-        folder: made when missing.
-        frames: how many.
-        seed: seed of the data set; training and held-out sets take different ones.
         fruit: name in the catalogue, or path.
-        options: of the scenes.
         workers: processes on this machine; None for one per core.
         progress: called with (frames done, frames in all).
         engine: renders elsewhere instead, a Ray cluster for instance; files are written by this process alone.

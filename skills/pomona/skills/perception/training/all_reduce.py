@@ -21,12 +21,7 @@ PATIENCE = 600.0  # longest wait for the others [s]: the first process validates
 
 
 class GradientAllReduce:
-    """Memory that the processes share; made by the first and handed to the others.
-
-    Args:
-        processes: how many.
-        network: the one that is learnt, for its number of weights.
-    """
+    """Memory that the processes share; made by the first and handed to the others."""
 
     def __init__(self, processes: int, network: nn.Module) -> None:
         weights = sum(p.numel() for p in network.parameters() if p.requires_grad)

@@ -83,12 +83,7 @@ class PhotoWindows:
 
 
 class FrameWindows:
-    """Windows of rendered frames.
-
-    Args:
-        frames: annotated.
-        empty: pictures without fruit on which some are pasted.
-    """
+    """Windows of annotated rendered frames; some are pasted on the pictures without fruit in `empty`."""
 
     def __init__(self, frames: FrameFolder, empty: Sequence[Photograph] = ()) -> None:
         self._frames, self._empty = frames, EmptyWindows(empty) if empty else None
@@ -118,11 +113,7 @@ class FinderBatches(Dataset[tuple[Tensor, ...]]):
     """Batches of windows: pictures (n, 320, 320, 3) uint8 and targets (n, 8, 80, 80).
 
     Window k of batch s is a function of (seed, s, k) alone, so that a run may be resumed, and shared among processes.
-
-    Args:
-        sources: of windows, and how many of each are in a batch.
-        seed, steps: of the run.
-        rank, processes: this one's part of every batch.
+    `sources` has windows, and how many of each are in a batch.
     """
 
     def __init__(

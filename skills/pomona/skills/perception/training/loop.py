@@ -89,16 +89,9 @@ def train_network(
     checkpoint holds weights, averages and the optimiser's state.
 
     Args:
-        network: learnt in place.
-        batches: batch k at index k.
-        loss: of a network and a batch.
-        schedule: length and rates.
-        checkpoint: file.
-        validate: figures of the averaged network.
-        device: "cpu" or "cuda".
+        validate, report: figures of the averaged network, and called now and then.
         workers: processes that prepare batches; 0 prepares them here.
-        report: called now and then.
-        together: with the processes that learn the same network; each has batches of its own.
+        all_reduce: with the processes that learn the same network; each has batches of its own.
         rank: of this process among them; only the first, 0, validates, reports and saves.
         slow: part of the network that was trained before, as in `Optimiser`.
 

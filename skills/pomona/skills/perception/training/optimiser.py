@@ -21,13 +21,9 @@ BETAS = (0.9, 0.99)
 
 
 class Optimiser:
-    """Steps of a network's weights along its gradients.
+    """Steps of a network's weights along its gradients, in place, by "muon" or "adam" (AdamW alone).
 
-    Args:
-        network: its parameters are moved in place.
-        method: "muon", or "adam" for AdamW alone.
-        decay: weight decay, on matrices and kernels only.
-        slow: part of the network that was trained before, moved at `SLOW` of the rate; None for none.
+    `decay` acts on matrices and kernels only; `slow` is a part that was trained before, moved at `SLOW` of the rate.
     """
 
     def __init__(self, network: nn.Module, method: Method, decay: float, slow: nn.Module | None = None) -> None:

@@ -122,16 +122,10 @@ def photo_table(found: Sequence[Finds], score: float) -> str:
 def calibration(
     scores: Float64, right: NDArray[np.bool_], bins: int = 10
 ) -> tuple[float, list[tuple[float, float, int]]]:
-    """Expected calibration error, and the points of its plot.
+    """Return the expected calibration error of scores, (n,) in 0..1, and the points of its plot.
 
-    Args:
-        scores: of detections, 0..1, (n,).
-        right: which are fruit, (n,).
-        bins: of equal width.
-
-    Returns:
-        The error, the mean over all detections of |mean score - ratio right| of their bin; and (mean score, ratio
-        right, count) of each bin that is not empty.
+    The error is the mean over all detections of |mean score - ratio right| of their bin of equal width; a point is
+    (mean score, ratio right, count) of a bin that is not empty.
     """
     which = np.minimum((scores * bins).astype(int), bins - 1)
     points = [

@@ -34,16 +34,11 @@ TRAIN, VAL, NEITHER = ("train", "training"), ("val", "valid", "validation"), ("t
 def read_photographs(
     folder: Path, fruit: str = "apple", progress: Callable[[int, int], None] | None = None
 ) -> PhotoSet:
-    """Read all labelled photographs of a folder.
+    """Read all labelled photographs of a folder; `progress` is called with (pictures checked, in all).
 
     Five layouts are known: `images.csv` (image, split, and tree or group) with `fruit.csv` (image, x, y, w, h in
     pixels) and the pictures in `images/`; YOLO's `images/` with `labels/` of the same names and `data.yaml`; COCO's
     `.json`; and the folders of MinneApple and KFuji RGB-DS as they are unpacked.
-
-    Args:
-        folder: of one of these layouts.
-        fruit: class that is wanted, where classes have names.
-        progress: called with (pictures checked, in all).
 
     Raises:
         BadPhotographs: naming the file, and the line where there is one.

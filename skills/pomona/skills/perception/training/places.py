@@ -20,12 +20,9 @@ def find_places(
     frames: FrameFolder,
     progress: Callable[[int, int], None] | None = None,
 ) -> dict[str, Float64]:
-    """Return places by frame name: rows (u, v, size [px], score), (n, 4).
+    """Return the finder's places by frame name: rows (u, v, size [px], score), shape (n, 4).
 
-    Args:
-        detector: whose finder is asked.
-        frames: to search.
-        progress: called with (frames searched, frames in all).
+    `progress` is called with (frames searched, frames in all).
     """
     places = {}
     for index in range(len(frames)):

@@ -80,14 +80,7 @@ def write_proposals(
 ) -> tuple[int, int]:
     """Write frames and proposed labels as COCO files, `train.json` and `val.json`, for a person to correct.
 
-    Args:
-        folder: new.
-        looks: frames of one or more runs.
-        detector: with weights that give boxes.
-        fruit: to label.
-
-    Returns:
-        Numbers of labels and of doubtful boxes.
+    Returns the numbers of labels and of doubtful boxes.
     """
     searching = detector.looking(replace(detector.options, finder_threshold=DOUBTFUL))
     runs = list(dict.fromkeys(look.run for look in looks))

@@ -41,12 +41,8 @@ def write_report(
 ) -> Evaluation:
     """Measure weights on held-out frames and write report.md with pictures beside it.
 
-    Args:
-        weights: file of the compact detector.
-        held_out: folder of annotated frames that were not trained on.
-        out: folder for the report; made when missing.
-        fruit: name in the catalogue.
-        photographs: with boxes; those to measure on get figures and pictures of their own.
+    `held_out` is a folder of annotated frames that were not trained on; `photographs` have boxes and get figures of
+    their own.
     """
     out.mkdir(parents=True, exist_ok=True)
     detector = CompactDetector.load(weights)

