@@ -28,8 +28,6 @@ from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.values.arrays import Float64
 
 LEAST_BALLS = 3  # with fewer than this nothing can be held out
-OUTLINE = 0.5  # standard deviation of either drawn side of a box [px]
-GROWTH_PRIOR = 1.0  # standard deviation of the outlines' excess width, before any ball is measured [px]
 
 LEAST_OFFSET, LEAST_SCALE = 5e-3, 1e-3
 """Lower bounds of an unmeasured sensor's standard deviation of offset [m] and scale."""
@@ -38,12 +36,8 @@ DOUBT = 3.0  # limit of the learnt offset and scale, as a multiple of the prior'
 AROUND = 15  # depth may lie so far beside the picture [px]
 LEAST_POINTS = 100  # a ball of fewer points has no sphere
 LEAST_SQUARE = 11  # side of the squares in which a wall's noise is looked for [px]
-PLANES = 200  # number of planes through three points each that are tried: a wall is found by the first few
 LEAST_WALL = 0.7  # required ratio of points on one plane: two orchard frames have 0.27 and 0.28
 BENT = 0.03  # a sensor may bend a flat wall by such a share of the distance
-LEAST_NOISE = 1e-5  # lower bound of the noise at 1 m: every real depth sensor has more [m]
-INNER = 2  # width of a ball's margin that is left out: its points are mixed with the background [px]
-LEARNT = 0.8  # upper bound of the ratio of the learnt uncertainty to the prior's
 
 
 class UnusableDepth(DriverError):
@@ -170,7 +164,8 @@ def look_at_ball(ball: Ball, depth: NDArray[np.float32], intrinsics: Intrinsics)
         float(each.mean()), 0.5 * ball.diameter
     )  # the visible part of a ball lies within its tangent cone
     per_pixel = float((each / [w, h]).mean())
-    deviation = float(np.sqrt(np.sum((each / [w, h]) ** 2)) * math.sqrt(2.0) * OUTLINE / 2.0)
+    # standard deviation of either drawn side of a box [px]
+    deviation = float(np.sqrt(np.sum((each / [w, h]) ** 2)) * math.sqrt(2.0) * 0.5 / 2.0)
     points = _points_of(ball, depth, intrinsics)
     centre = _centre_of_sphere(points, 0.5 * ball.diameter, ball)
     rays = points - centre
@@ -200,7 +195,8 @@ def _points_of(ball: Ball, depth: NDArray[np.float32], intrinsics: Intrinsics) -
     labels, _ = ndimage.label(near)
     inside = labels[y - top : y - top + h, x - left : x - left + w]
     largest = int(np.argmax(np.bincount(inside[inside > 0], minlength=2))) if inside.any() else 0
-    surface = ndimage.binary_erosion(labels == largest, iterations=INNER) if largest else np.zeros_like(near)
+    # width of a ball's margin that is left out: its points are mixed with the background [px]
+    surface = ndimage.binary_erosion(labels == largest, iterations=2) if largest else np.zeros_like(near)
     rows, columns = np.nonzero(surface)
     if len(rows) < LEAST_POINTS:
         raise nothing
@@ -262,7 +258,7 @@ def calibrate_balls(
     row = np.array([1.0, middle])
     known_before = math.sqrt(float(np.sum((_known_before(prior) * row) ** 2)))
     known = math.sqrt(row @ covariance[:2, :2] @ row)
-    if known > LEARNT * known_before:
+    if known > 0.8 * known_before:  # upper bound of the ratio of the learnt uncertainty to the prior's
         raise UnusableDepth(
             f"these balls give the depth at {middle:.2f} m to ± {1e3 * known:.1f} mm, and "
             f"± {1e3 * known_before:.1f} mm was known before: show more or larger balls, "
@@ -291,7 +287,8 @@ def calibrate_balls(
 
 def _solve(seen: Sequence[Seen], prior: DepthModel) -> tuple[Float64, Float64]:
     """(offset, scale, outline growth) and their covariance, (3,) and (3, 3): least squares beside the prior."""
-    known = np.array([*(DOUBT * _known_before(prior)), GROWTH_PRIOR])
+    # standard deviation of the outlines' excess width, before any ball is measured [px]
+    known = np.array([*(DOUBT * _known_before(prior)), 1.0])
     start = np.array([prior.offset, prior.scale, 0.0])
     rows = np.array([[1.0, s.true, s.per_pixel] for s in seen])
     deviation = np.array([s.deviation for s in seen])
@@ -346,7 +343,7 @@ def calibrate_wall(depths: Sequence[NDArray[np.float32]], sensor: str) -> DepthC
             f"only {len(all_noise)} squares of {side} px are wholly measured: show a larger or nearer wall"
         )
     growth = float(np.median(all_noise))
-    if growth < LEAST_NOISE:
+    if growth < 1e-5:  # lower bound of the noise at 1 m: every real depth sensor has more [m]
         raise UnusableDepth("the wall has no noise at all: its depth was smoothed, or is no camera's")
     flat = float(np.mean(all_noise < 2.0 * growth))
     if flat < 0.7:
@@ -368,7 +365,8 @@ def _share_of_plane(depth: NDArray[np.float32], growth: float) -> float:
     inverse = 1.0 / depth[::step, ::step][rows, columns].astype(np.float64)
     points = np.column_stack([np.ones_like(inverse), columns, rows])
     rng, most = np.random.default_rng(0), 0.0
-    for _ in range(PLANES if len(points) >= LEAST_POINTS else 0):
+    # number of planes through three points each that are tried: a wall is found by the first few
+    for _ in range(200 if len(points) >= LEAST_POINTS else 0):
         chosen = rng.choice(len(points), 3, replace=False)
         if abs(np.linalg.det(points[chosen])) < 1.0:  # they lie on a line
             continue

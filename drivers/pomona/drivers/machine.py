@@ -39,7 +39,6 @@ EXTRAS = {
     "lsp": ("pygls",),
 }
 """Optional features with the packages that each installs."""
-CHECKS = "pomona.checks"  # entry point group of further checks: functions without arguments that return a ReportLine
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 EGL = "apt install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
 ROOM = 1e9  # minimum free space for a folder of records [byte]: some hundred picks
@@ -117,7 +116,8 @@ def _graphics() -> ReportLine:
 
 
 def _checks() -> Iterator[ReportLine]:
-    for point in sorted(entry_points(group=CHECKS), key=lambda point: point.name):
+    # entry point group of further checks: functions without arguments that return a ReportLine
+    for point in sorted(entry_points(group="pomona.checks"), key=lambda point: point.name):
         try:
             yield point.load()()
         except Exception as error:  # a package of a third party, or one that lacks another

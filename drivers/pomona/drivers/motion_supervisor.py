@@ -23,10 +23,6 @@ from pomona.executive.values.units import ANGLE, TIME
 PERIOD = 0.01  # period of the checks [s]; a controller pushes its state every 25 ms
 OVERSPEED = 1.5
 """Joints are never measured faster than their limits times this: controllers stop an arm at 1.05 to 1.2 of them."""
-JITTER = 0.05  # jitter of messages over a network [s]: two pushes of 25 ms
-BEYOND_RANGE = 0.1  # mechanical stops keep every joint within this distance of its range [rad]
-FROZEN_PATH = 0.01
-"""A set-point that has moved this far moves an encoder, too [rad]: hundreds of steps of a 17-bit encoder."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,7 +156,7 @@ class MotionSupervisor:
         if not (np.isfinite(q).all() and np.isfinite(qd).all()):
             return "its joints are not finite numbers"
         outside = np.maximum(limits.lower - q, q - limits.upper)
-        if outside.max() > BEYOND_RANGE:
+        if outside.max() > 0.1:  # mechanical stops keep every joint within this distance of its range [rad]
             return f"joint {outside.argmax() + 1} at {q[outside.argmax()]:.4g} rad, far outside its range"
         speed = np.abs(qd) / limits.velocity
         if speed.max() > OVERSPEED:
@@ -170,7 +166,8 @@ class MotionSupervisor:
         if stamp < self._feedback.stamp:
             return "its time goes back"
         jump = np.abs(q - self._feedback.q)
-        beyond = jump - OVERSPEED * limits.velocity * (stamp - self._feedback.stamp + JITTER)
+        # jitter of messages over a network [s]: two pushes of 25 ms
+        beyond = jump - OVERSPEED * limits.velocity * (stamp - self._feedback.stamp + 0.05)
         if beyond.max() > 0.0:
             joint = int(beyond.argmax())
             return f"joint {joint + 1} jumped by {np.degrees(jump[joint]):.1f}°"
@@ -205,7 +202,8 @@ class MotionSupervisor:
         if feedback.commanded is None:
             feedback.commanded = commanded
         old_enough = feedback.stamp - feedback.since > self._supervision.lag
-        if old_enough and np.abs(commanded - feedback.commanded).max() > FROZEN_PATH:
+        # A set-point that has moved this far moves an encoder, too [rad]: hundreds of steps of a 17-bit encoder
+        if old_enough and np.abs(commanded - feedback.commanded).max() > 0.01:
             same = f"{1e3 * (feedback.stamp - feedback.since):.0f} ms"
             raise DeviceLost(self._device, f"its feedback has been the same for {same} although the arm is moved")
 

@@ -17,9 +17,6 @@ from pomona.executive.values.rotations import is_rigid
 from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import TIME
 
-FARTHEST = 5.0
-"""A camera is within this distance of the flange or base that carries it [m]; in millimetres it would be far beyond."""
-
 
 class UnusableHandEye(ValueError):
     """A file that holds no pose of a camera."""
@@ -64,6 +61,7 @@ def read_hand_eye(path: Path) -> Float64:
         raise UnusableHandEye(f"{path} holds no 'T_mount_camera': {error}") from error
     if T.shape != (4, 4) or not is_rigid(T):
         raise UnusableHandEye(f"'T_mount_camera' in {path} is no rigid 4 x 4 transform")
-    if np.linalg.norm(T[:3, 3]) > FARTHEST:
+    # A camera is within this distance of the flange or base that carries it [m]; in millimetres it would be far beyond
+    if np.linalg.norm(T[:3, 3]) > 5.0:
         raise UnusableHandEye(f"'T_mount_camera' in {path} is {np.linalg.norm(T[:3, 3]):.3g} m long: it is in metres")
     return T

@@ -31,7 +31,6 @@ from pomona.executive.clock import Clock
 T = TypeVar("T")
 
 ANSWER = 0.5  # deadline of a call with a waiting caller [s]: steps take a few milliseconds
-LOOK = 1e-3  # period of a caller's polls for a result [s]
 HUNG = 1.0  # time without a step after which the thread counts as hung [s]; a blocked send takes 50 ms
 
 
@@ -120,7 +119,7 @@ class Owner:
         while not answer.done():
             if self._clock.now() > end and answer.cancel():
                 raise DeviceLost(self._device, f"its thread did nothing for {deadline:g} s")
-            self._clock.advance(LOOK)
+            self._clock.advance(1e-3)  # period of a caller's polls for a result [s]
         return answer.result()
 
     def check(self) -> None:

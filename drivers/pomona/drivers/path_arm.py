@@ -26,8 +26,6 @@ from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import Float64
 
 AT_REST = 5e-3  # no joint moves faster than this when the arm rests [rad/s]
-LEAVING = 2.0  # an arm comes to rest on its path within this time when its driver is closed [s]
-DIFFERENCE = 0.2  # longest distance in time between positions for a velocity by difference [s]
 
 
 class SetPointStream(Protocol):
@@ -142,7 +140,8 @@ class PathArm(Device, ABC):
         before = self._state
         if qd is None:
             elapsed = 0.0 if before is None else stamp - before.stamp
-            near = before is not None and 0.0 < elapsed < DIFFERENCE
+            # longest distance in time between positions for a velocity by difference [s]
+            near = before is not None and 0.0 < elapsed < 0.2
             qd = (q - before.q) / elapsed if before is not None and near else np.zeros_like(q)
         self._believed = False
         self._supervisor.on_feedback(stamp, q, qd)
@@ -286,7 +285,7 @@ class PathArm(Device, ABC):
     def close(self) -> None:
         """Come to rest on the path, then leave."""
         self.safe_stop("closed")
-        end = self._clock.now() + LEAVING
+        end = self._clock.now() + 2.0  # an arm comes to rest on its path within this time when its driver is closed [s]
         while not self.settled() and self._clock.now() < end:
             self._clock.advance(0.02)
         self._owner.close()

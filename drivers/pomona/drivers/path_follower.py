@@ -15,8 +15,6 @@ import numpy as np
 from pomona.drivers.interfaces import ArmLimits, Trajectory
 from pomona.executive.values.arrays import Float64
 
-LEAST = 1e-6  # the rate of a path that is followed: one of 0 rests
-
 
 class PathFollower:
     """The set-point on a trajectory, stepped at a fixed period."""
@@ -104,7 +102,8 @@ class PathFollower:
         if back:
             slower = min(max(abs(self._rate_change) - ease * self._period, 0.0), float(room.min()))
             self._rate_change = math.copysign(slower, self._rate_change)
-            self.rate = min(max(self.rate + self._rate_change * self._period, LEAST), 1.0)
+            # the rate of a path that is followed: one of 0 rests
+            self.rate = min(max(self.rate + self._rate_change * self._period, 1e-6), 1.0)
             return
         left = abs(self._wanted - self.rate)
         change = min(float(room.min()), math.sqrt(2.0 * ease * left), abs(self._rate_change) + ease * self._period)

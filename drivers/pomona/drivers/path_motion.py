@@ -9,7 +9,6 @@ from pomona.drivers.interfaces import ArmLimits, MotionState, Trajectory
 from pomona.drivers.path_follower import PathFollower
 from pomona.executive.values.arrays import Float64
 
-ARRIVED = 2e-3  # joints so near to the path's end are there [rad]
 HELD_UP = 1.0  # time after which joints that rest beside the path's end count as blocked [s]
 
 
@@ -120,7 +119,7 @@ class PathMotion:
         """
         self._resting_since = min(self._resting_since, now) if resting else math.inf
         if self._follower.finished and not self._stopping:
-            if resting and beside < ARRIVED:
+            if resting and beside < 2e-3:  # joints so near to the path's end are there [rad]
                 self.state, self.settled = MotionState.DONE, True
             elif now - self._resting_since > HELD_UP:
                 self.fail(f"the arm rests {math.degrees(beside):.1f}° off the end of its path: something holds it")

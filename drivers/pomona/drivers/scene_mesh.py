@@ -21,8 +21,6 @@ LARGEST, SMALLEST = 20.0, 0.002
 MOST_BYTES = 100_000_000
 MOST_TRIANGLES = 200_000
 MOST_PARTS = 400  # each costs every collision check about as much as a box
-MOST_NORMALS = 64
-"""Maximum number of face directions that define a part's hull, the largest faces first; others round it off."""
 
 
 def read_parts(path: Path, unit: float = 1.0, detail: float | None = None) -> tuple[Hull, ...]:
@@ -131,7 +129,8 @@ def _hull(name: str, triangles: Float64) -> Hull:
     known = area > 1e-12
     looks, of = np.unique(np.round(across[known] / area[known, None], 3), axis=0, return_inverse=True)
     weight = np.bincount(of.reshape(-1), area[known], len(looks))
-    largest = looks[np.argsort(-weight, kind="stable")[:MOST_NORMALS]]
+    # Maximum number of face directions that define a part's hull, the largest faces first; others round it off
+    largest = looks[np.argsort(-weight, kind="stable")[:64]]
     normals = np.concatenate((largest, -largest))  # of a sheet both sides, however it is wound
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return Hull(name, np.unique(triangles.reshape(-1, 3), axis=0), normals)

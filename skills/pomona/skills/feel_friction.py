@@ -31,7 +31,6 @@ come to rest and creep back."""
 
 RISING = 0.5  # upward path beyond the distance, relative to it: the force rises, the fruit's weight comes on gently
 SETTLING = 0.1  # error of the grip force that counts as reached [N]
-PATIENCE = 1.0  # longest time for the grip force to be reached [s]
 
 
 class Felt(Outputs):
@@ -132,7 +131,8 @@ class FeelFriction(MovingSkill):
     def _press(self, hold: Hold, force: float) -> Watching:
         """Wait until the fingers press with this grip force [N]."""
         began = self.context.elapsed()
-        while abs(hold.tracked_force - force) > SETTLING and self.context.elapsed() - began < PATIENCE:
+        # longest time for the grip force to be reached [s]
+        while abs(hold.tracked_force - force) > SETTLING and self.context.elapsed() - began < 1.0:
             self._watch(hold)
             yield f"{hold.tracked_force:.1f} N, on the way to {force:.1f} N"
 

@@ -15,8 +15,6 @@ from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
 from pomona.skills.shared.usable_map import usable_field
 from pomona.skills.shared.warm_motion import prepare_moving
 
-WIDTH_TOLERANCE = 1e-3  # an opening that differs by less is the one asked for [m]
-
 
 class OpenFingers(MovingSkill):
     """Open the fingers for a grasp while the arm follows a path, as a child of a `parallel` beside `Follow`.
@@ -43,7 +41,7 @@ class OpenFingers(MovingSkill):
     ) -> Work[None]:
         gripper = self.device(Gripper)
         width = min(grasp.width, gripper.limits.width_max)
-        if abs(gripper.state().width - width) <= WIDTH_TOLERANCE:
+        if abs(gripper.state().width - width) <= 1e-3:  # an opening that differs by less is the one asked for [m]
             return None
         field = usable_field(self, map)
         space = arm_space(self.device(Arm), self.device(Workspace), field, width, clearance, target=grasp.fruit)

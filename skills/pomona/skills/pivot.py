@@ -11,9 +11,6 @@ from pomona.executive.skill import Skill, Work
 from pomona.skills.grip.hold import Hold
 from pomona.skills.shared.grip_view import show_grip, watch_grip
 
-STEADY = 0.3  # time without a change of the lever after which the fruit hangs still [s]
-STILL = 0.0005  # smallest change of the lever [m]
-
 
 class Pivot(Skill):
     """Let a held fruit turn in the fingers under gravity until it hangs plumb.
@@ -65,9 +62,9 @@ class Pivot(Skill):
         while self.context.elapsed() - start < patience:
             watch_grip(self, hold)
             lever, now = lever_of(hold), self.context.elapsed()
-            if abs(lever - before) > STILL or not hold.has_settled:
+            if abs(lever - before) > 0.0005 or not hold.has_settled:  # smallest change of the lever [m]
                 before, since = lever, now
-            if now - since > STEADY:
+            if now - since > 0.3:  # time without a change of the lever after which the fruit hangs still [s]
                 return lever
             yield f"turning: {1e3 * lever:.1f} mm off the vertical, {hold.reading.f_n:.1f} N"
         return lever_of(hold)

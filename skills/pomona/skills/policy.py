@@ -15,8 +15,6 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
 from pomona.skills.shared.policy_network import PolicyNetwork, UnusablePolicy, read_policy
 
-STILL = 0.5  # time without a demanded motion after which a policy has arrived [s]
-
 
 class Policy(MovingSkill):
     """Let a learned policy move the arm: from joints and a goal it repeatedly returns the next target.
@@ -101,7 +99,7 @@ class Policy(MovingSkill):
                 decided_at = now
                 way = self._decide(motion, network, goal, max_age)
                 wanted_at = now if way > still else wanted_at
-                if now - wanted_at >= STILL:
+                if now - wanted_at >= 0.5:  # time without a demanded motion after which a policy has arrived [s]
                     return
             if self.context.elapsed() - began > patience:
                 raise self.failure("TIMEOUT", f"it has not arrived within {patience:g} s", patience_s=patience)

@@ -29,8 +29,6 @@ NARROWEST = 0.5  # smallest width of a fruit between the fingers, relative to it
 
 GRAVITY = 9.81  # [m/s²]
 
-LIFTED = 1.1  # factor on the weight in a lift of 1 m/s²
-
 
 class Grasped(Outputs):
     """Outputs of SlipAvoidGrasp."""
@@ -150,4 +148,5 @@ class SlipAvoidGrasp(Skill):
 def _expected_load(fruit: MeasuredFruit) -> float:
     """Return the largest expected load of a fruit of this size in a lift [N]; 0 where it is unknown."""
     known = mass_of(fruit.fruit, fruit.dimensions, fruit.covariance[3:, 3:])
-    return 0.0 if known is None else LIFTED * GRAVITY * (known[0] + 2.0 * known[1])
+    # factor on the weight in a lift of 1 m/s²
+    return 0.0 if known is None else 1.1 * GRAVITY * (known[0] + 2.0 * known[1])

@@ -10,7 +10,6 @@ from pomona.drivers.emulators.virtual_time import VirtualTime
 from pomona.drivers.faults import FaultSwitch
 
 LATE = 0.15  # delay that the fault `late` adds to bytes for the driver [s]
-LOSS = 7  # interval of lost bytes of the fault `lossy`, towards the driver
 
 
 class Pipe(FaultSwitch):
@@ -98,7 +97,8 @@ class PipeEnd:
         if pipe.fault == "silent":
             return
         if pipe.fault == "lossy":
-            kept = [byte for place, byte in enumerate(chunk, self._count) if place % LOSS]
+            # interval of lost bytes of the fault `lossy`, towards the driver
+            kept = [byte for place, byte in enumerate(chunk, self._count) if place % 7]
             self._count += len(chunk)
             chunk = bytes(kept)
         elif pipe.fault == "garbage":

@@ -10,7 +10,6 @@ from pomona.drivers.emulators.server import Peer
 from pomona.drivers.suntouch.codec import REQUEST, TAXELS, encode
 from pomona.executive.values.arrays import Float64
 
-PITCH = 0.004  # distance of neighbouring taxels [m]
 SPREAD = 0.006  # width of the dent that a contact makes [m]
 NOISE = 4e-4  # of every taxel [V]: half a step of the converter. No live sensor repeats a value.
 
@@ -24,7 +23,7 @@ class Pad:
 
     def __init__(self, seed: int) -> None:
         rng = np.random.default_rng([seed, 25])
-        grid = (np.arange(5) - 2.0) * PITCH
+        grid = (np.arange(5) - 2.0) * 0.004  # distance of neighbouring taxels [m]
         self._x, self._y = (axis.ravel() for axis in np.meshgrid(grid, grid, indexing="ij"))
         self.rest = rng.uniform(1.2, 1.8, TAXELS)
         """Voltages without contact, shape (25,) [V]."""

@@ -13,8 +13,6 @@ from collections.abc import Callable
 from pomona.executive.clock import Clock
 
 EPSILON = 1e-9  # times that differ by less are the same [s]
-POLLS = 100
-"""Number of polls without time passing after which a thread waits for the next step, instead of polling for ever."""
 
 
 class Turn(threading.Thread):
@@ -118,7 +116,8 @@ class VirtualTime:
                 self.step()
             return
         turn.polls = turn.polls + 1 if timeout <= 0.0 else 0
-        if ready() or (timeout <= 0.0 and turn.polls < POLLS):
+        # Number of polls without time passing after which a thread waits for the next step, instead of polling for ever
+        if ready() or (timeout <= 0.0 and turn.polls < 100):
             return
         turn.polls = 0
         turn.until, turn.ready = self.now() + max(timeout, EPSILON * 10.0), ready

@@ -28,8 +28,6 @@ from pomona.drivers.sim.scene import TIMESTEP
 from pomona.drivers.sim.world import SimWorld
 from pomona.drivers.wire import raise_priority
 
-SLIP = 0.2  # a world that falls behind real time by more than this lets the time go [s]
-
 
 class _Control:
     """Standard input: requests of the parent, and its end."""
@@ -122,7 +120,7 @@ def _run(server: Server, control: _Control, world: SimWorld, pace: float) -> Non
         due = began + (world.clock.now() + TIMESTEP) / pace
         server.turn(max(due - time.monotonic(), 0.0))
         behind = time.monotonic() - due
-        if behind > SLIP / pace:
+        if behind > 0.2 / pace:  # a world that falls behind real time by more than this lets the time go [s]
             began += behind
         if behind >= 0.0:
             world.clock.advance(TIMESTEP)

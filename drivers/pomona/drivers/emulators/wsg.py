@@ -27,8 +27,6 @@ from pomona.drivers.wsg.codec import (
 )
 from pomona.drivers.wsg.frame import FrameDecoder, encode_frame
 
-SCRIPT_WATCHDOG = 0.1  # the finger script stops the fingers when the speed is not renewed within this time [s]
-
 
 class WsgEmulator:
     """The gripper's controller on top of any `Gripper` that moves its fingers.
@@ -235,7 +233,8 @@ class WsgEmulator:
                 self._reply(command, Status.ACCESS_DENIED)
                 return
             self._end_motion(Status.CMD_ABORTED)
-            self._speed, self._speed_until = speed, self._now + SCRIPT_WATCHDOG
+            # the finger script stops the fingers when the speed is not renewed within this time [s]
+            self._speed, self._speed_until = speed, self._now + 0.1
             self._fingers.set_speed(self.runaway or self._limited(speed))
         self._reply(command, values=(*self._observe(Command.WIDTH), *self._observe(Command.SPEED)))
 

@@ -20,7 +20,6 @@ from pomona.executive.values.arrays import Float64
 
 INTERPOLATION = 0.004  # period of the controller's own interpolation, and of stepping the path here [s]
 BLEND = 0.3  # time over which the distance between the path's start and the arm's true position is taken up [s]
-BUSY_PAUSE = 0.01  # wait before a point that was answered BUSY is sent again [s]
 GAP = 0.1
 """Gap between points after which a moving arm has come to rest [s]; continuing would be an unrequested start. A shorter
 gap is a jolt.
@@ -97,7 +96,7 @@ class PointStream:
                 return
             if reply.result == Result.BUSY:
                 self.busy += 1
-                self._resend_at = now + BUSY_PAUSE
+                self._resend_at = now + 0.01  # wait before a point that was answered BUSY is sent again [s]
             elif reply.result == Result.SUCCESS:
                 self._accepted(now)
             else:

@@ -33,7 +33,6 @@ from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import TIME
 
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
-SAY = 0.03  # period of repeated set-points [s]: if several get lost, one arrives before the lead is over
 PATIENCE = 0.004  # the wire is waited for no longer than this at a time [s]
 HOLD = 0.05  # time within which an arm that does not follow is commanded to its present position [s]
 FIRST = 3.0  # deadline of the first joint state [s]
@@ -133,7 +132,8 @@ class Ros2Arm(PathArm):
             self._abandon(error.message)  # the last message brings it to rest
             return
         if now >= self._say_at and not path.played:
-            self._say_at = now + SAY
+            # period of repeated set-points [s]: if several get lost, one arrives before the lead is over
+            self._say_at = now + 0.03
             self._send(path.window())
 
     def _send(self, points: Sequence[SetPoint]) -> None:

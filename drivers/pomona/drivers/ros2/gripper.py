@@ -33,7 +33,6 @@ from pomona.executive.values.units import FORCE, LENGTH, SPEED, TIME
 COMMAND = "std_msgs/msg/Float64MultiArray"
 PATIENCE = 0.004  # receive timeout [s]
 SET_POINT_PERIOD = 0.01  # period of the set-points while anything moves [s]
-REPEAT_PERIOD = 0.1  # period at which a set-point that does not change is repeated [s], in case one was lost on the way
 ARRIVED = 1e-3  # position tolerance: fingers this close to their target have arrived [m]
 BLOCKED = 0.2  # fingers at rest off their target for this long, beyond the allowed lag, are blocked [s]
 SPEED_WINDOW = 0.04
@@ -181,7 +180,8 @@ class Ros2Gripper(Device):
         elif wanted > self._set_point:
             wanted = max(min(wanted, state.width + ahead), self._set_point)
         self._set_point = wanted
-        if now - self._sent_at >= (SET_POINT_PERIOD if wanted != self._sent else REPEAT_PERIOD):
+        # period at which a set-point that does not change is repeated [s], in case one was lost on the way
+        if now - self._sent_at >= (SET_POINT_PERIOD if wanted != self._sent else 0.1):
             self._publish(wanted)
 
     def _publish(self, width: float) -> None:

@@ -24,7 +24,6 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 KEPT = 16  # messages that wait to be read; of a flood, only the newest
 LARGEST = 65536
 """Longer messages are not even read [bytes]: a joint takes some 60, and a megabyte takes longer than a step may."""
-EARLY = 0.02  # stamps ahead of this machine's clock by more than this are wrong [s]
 
 
 class RosNode(Protocol):
@@ -133,7 +132,7 @@ class JointFeed:
             return None
         taken = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
         age = self._host_time() - taken / 1e9
-        if not -EARLY <= age <= self._silence:
+        if not -0.02 <= age <= self._silence:  # stamps ahead of this machine's clock by more than this are wrong [s]
             self._instead = f"was taken {age:.3g} s ago" if age > 0.0 else f"is of the future, by {-age:.3g} s"
             return None
         if taken <= self._last_taken:

@@ -19,7 +19,6 @@ from pomona.executive.values.arrays import Float64
 
 PERIOD = 0.01  # time between the points of a message, which a controller joins by cubics [s]
 BLEND = 0.3  # time over which the distance between the path's start and the arm's true position is taken up [s]
-LONGEST = 500  # maximum number of points of a stopping path; five seconds, ten times the need of any arm
 
 
 class OutOfSetPointsError(DeviceFault):
@@ -101,7 +100,8 @@ class RollingPath:
         """
         points, follower = list(self._promised), self.motion.braking()
         due, time = self._last.due, self._time
-        while not follower.at_rest and len(points) < LONGEST:
+        # maximum number of points of a stopping path; five seconds, ten times the need of any arm
+        while not follower.at_rest and len(points) < 500:
             q, qd = follower.step()
             due, time = due + PERIOD, time + PERIOD
             points.append(self._blended(due, time, q, qd))

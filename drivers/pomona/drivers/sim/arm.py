@@ -18,7 +18,6 @@ from pomona.drivers.trajectory import START_TOLERANCE, check_trajectory
 from pomona.executive.values.arrays import Float64
 
 AT_REST = 5e-3  # no joint moves faster than this when the arm rests [rad/s]
-PRESSES_FOR = 0.05  # time beside the set-point of a stop after which the arm presses on an obstacle [s]
 PRESSES_BEYOND = START_TOLERANCE / 2.0
 """Distance to the set-point of a stop beyond which the arm presses on an obstacle [rad]: half of the tolerance at the
 start of the next motion, since a pressed arm moves on a little as the obstacle yields (after a slow approach onto a
@@ -204,7 +203,8 @@ class SimArm(FaultyDevice):
             self._supervise(motion)
         if motion is not None and not motion.settled and motion.set_point_rests:
             self._rests_since = min(self._rests_since, self._world.clock.now())
-            self._settle(motion, self._world.clock.now() - self._rests_since > PRESSES_FOR)
+            # time beside the set-point of a stop after which the arm presses on an obstacle [s]
+            self._settle(motion, self._world.clock.now() - self._rests_since > 0.05)
         else:
             self._rests_since = np.inf
 

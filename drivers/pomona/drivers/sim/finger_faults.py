@@ -14,9 +14,7 @@ from pomona.executive.values.arrays import Float64
 
 OFFSET = 1.0  # of a channel that jumps [N]
 CLIPPED = 0.5  # where a channel that clips has its end, unknown to its `saturated` flag [N]
-DRIFT = 0.5  # how fast a channel drifts [N/s]
 STEP = 0.5  # of a force that is measured coarsely [N]
-COPIES = 10  # number of successive samples with one measurement of slow fingers: 50 Hz of 500 Hz
 LATE, EARLY = 0.5, 10.0  # how old, and how far in the future, wrong stamps are [s]
 
 Lie = Callable[[WrenchSample, WrenchSample], WrenchSample]
@@ -73,7 +71,8 @@ class _Slow:
         self._measured: tuple[int, Float64] | None = None
 
     def __call__(self, sample: WrenchSample, _before: WrenchSample) -> WrenchSample:
-        number = sample.sequence // COPIES
+        # number of successive samples with one measurement of slow fingers: 50 Hz of 500 Hz
+        number = sample.sequence // 10
         if self._measured is None or self._measured[0] != number:
             self._measured = number, sample.wrenches
         return WrenchSample(sample.stamp, sample.sequence, self._measured[1], sample.saturated)
@@ -88,7 +87,7 @@ def _drift(index: Any, sign: float = 1.0) -> Lie:
 
     def lie(sample: WrenchSample, before: WrenchSample) -> WrenchSample:
         wrenches = sample.wrenches.copy()
-        wrenches[index] += sign * DRIFT * (sample.stamp - before.stamp)
+        wrenches[index] += sign * 0.5 * (sample.stamp - before.stamp)  # how fast a channel drifts [N/s]
         return WrenchSample(sample.stamp, sample.sequence, wrenches, sample.saturated)
 
     return lie

@@ -25,7 +25,6 @@ STALE = 0.045  # a state that is older than this is none [s]; as of a WSG
 RUNAWAY, FAST_STOP = 0.03, 0.2
 """Speed of runaway fingers [m/s], and time from a safe stop to the fast stop that ends it [s]."""
 
-ENCODER_NOISE = 2e-5  # noise of a width that sticks [m]: without it each reading would repeat the last one exactly
 MOTOR_STEP = 0.5  # step of the grip force by the motor's current [N]
 
 
@@ -70,7 +69,8 @@ class SimGripper(FaultyDevice):
         self._latched_at = 0.0
         self._estranged = False  # lost since the last acknowledgement
         self._frozen = GripperState(0.0, 0.0, 0.0, False)
-        self._noise = np.random.default_rng([world.seed, 9]).normal(0.0, ENCODER_NOISE, 512).tolist()
+        # noise of a width that sticks [m]: without it each reading would repeat the last one exactly
+        self._noise = np.random.default_rng([world.seed, 9]).normal(0.0, 2e-5, 512).tolist()
         self._supervisor = GripperSupervisor(self.limits, ACCELERATION, supervision)
         self._supervisor.rest(world.clock.now())
         world.before_step.append(self._command)

@@ -6,9 +6,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-END = 0.1  # length of the end of a grip [s]
-LEAST = 0.2  # minimum grip force below which the ratio to it is not computed [N]
-
 
 @dataclass(slots=True)
 class HeldForce:
@@ -32,12 +29,12 @@ class HeldForce:
     def report(self) -> dict[str, float | None]:
         """Median force and median ratio to the least while it hung, both at the end, and one finger's peak."""
         stamps, forces, least = map(np.asarray, (self.stamps, self.forces, self.least))
-        loaded = least > LEAST
+        loaded = least > 0.2  # minimum grip force below which the ratio to it is not computed [N]
         figures: dict[str, float | None] = dict.fromkeys(
             ("hold_force_n", "hold_ratio", "end_force_n", "end_ratio"), None
         )
         if loaded.any():
-            late = loaded & (stamps >= stamps[-1] - END)
+            late = loaded & (stamps >= stamps[-1] - 0.1)  # length of the end of a grip [s]
             figures["hold_force_n"] = float(np.median(forces[loaded]))
             figures["hold_ratio"] = float(np.median(forces[loaded] / least[loaded]))
             if late.any():

@@ -21,7 +21,6 @@ from pomona.executive.values.units import LENGTH, SPEED, TIME
 BODY = "intruder"
 PALM, FOREARM = (0.045, 0.020, 0.095), (0.040, 0.150)
 """Half axes of the hand, an ellipsoid; radius and half length of the forearm behind it, a capsule [m]: an adult's."""
-STILL = 0.02  # speed of the joints below which the robot rests [rad/s]
 FAR = 1.0  # distances are measured up to this [m]
 
 
@@ -119,7 +118,7 @@ class Intruder(FaultSwitch):
                 away = self._mujoco.mj_geomDistance(self._model, self._state, own, geom, distance, line)
                 distance = min(distance, float(away))
         self.nearest = min(self.nearest, distance)
-        if np.abs(self._state.qvel[self._dofs]).max() > STILL:
+        if np.abs(self._state.qvel[self._dofs]).max() > 0.02:  # speed of the joints below which the robot rests [rad/s]
             self.nearest_moving = min(self.nearest_moving, distance)
 
     def truth(self) -> dict[str, object]:

@@ -16,13 +16,11 @@ LIFTED = 0.03  # a fruit counts as lifted this far above where it stood [m]
 CLEAR = 1e-3
 """A fruit hangs when nothing carries it and it has risen by more than this [m]: pads that rub make it hop by less."""
 TOUCH = 0.05  # a pad holds a fruit when it is pressed by more than this [N]
-REGAINED = 0.5  # a fruit that both pads touch again within this time is still in the same grip [s]
 SLID_OUT = 10e-3
 """Slip at the end of a grip beyond which the fruit is lost [m]; opening pads cause far less. It is also the distance
 from the gripped position at which the pads have released a fruit: a jolt interrupts stiff contacts for some
 milliseconds repeatedly without that.
 """
-REST = 3e-3  # the tool is at rest below this speed [m/s]
 
 
 @dataclass(slots=True)
@@ -157,7 +155,8 @@ class Scorer:
         T_base_tool, T_base_fruit = self._tool(), self._pose(i)
         supported = sensors.supported or T_base_fruit[2, 3] - record.rest[2, 3] < CLEAR
         if record.grip is None:
-            again = record.last_grip is not None and self.state.time - record.lost_at < REGAINED
+            # a fruit that both pads touch again within this time is still in the same grip [s]
+            again = record.last_grip is not None and self.state.time - record.lost_at < 0.5
             record.grip = record.last_grip if again else self._take_hold(T_base_tool, T_base_fruit)
         grip = record.grip
         assert grip is not None
@@ -165,7 +164,7 @@ class Scorer:
         normal = self._normal_forces(sensors)
         grip.held.finger_peak = max(grip.held.finger_peak, *normal)
         grip.held.grasp_peak = max(grip.held.grasp_peak, sum(normal))
-        if supported and not grip.hung and self._tool_speed() < REST:
+        if supported and not grip.hung and self._tool_speed() < 3e-3:  # the tool is at rest below this speed [m/s]
             fresh = self._take_hold(T_base_tool, T_base_fruit)
             grip.T_tool_fruit, grip.point = fresh.T_tool_fruit, fresh.point
             grip.slip = grip.turn = 0.0  # pads that slide over a fruit that stands are no slip of a held one

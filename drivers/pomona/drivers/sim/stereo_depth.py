@@ -14,7 +14,6 @@ from pomona.executive.values.arrays import Float32
 SUBPIXEL = 1.0 / 32.0  # disparity is measured in steps of this [px] …
 DEPTH_UNIT = 1e-3  # … and depth is handed out in steps of this [m]
 CORRELATION = 1.3  # noise is correlated over the matcher's window: deviation of the blur [px]
-GRAZING = 0.22  # cosine between the surface's normal and the ray below which most of the depth is missing
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +74,8 @@ def _lost_at_edges(depth: Float32, focal: float, rng: np.random.Generator) -> ND
     cosine = step / np.sqrt(step**2 + across**2 + 1e-12)
     chance = cv2.GaussianBlur(rng.random(depth.shape, dtype=np.float32), (0, 0), 1.0)
     chance = (chance - 0.5) / np.float32(0.163) * np.float32(0.3) + 0.5  # back to a wide spread after the blur
-    lost: NDArray[np.bool_] = cosine < GRAZING * 2.0 * chance
+    # cosine between the surface's normal and the ray below which most of the depth is missing
+    lost: NDArray[np.bool_] = cosine < 0.22 * 2.0 * chance
     return lost
 
 

@@ -17,7 +17,6 @@ from pomona.executive.values.arrays import Float64
 from pomona.executive.values.plain_arrays import read_plain_arrays
 from pomona.executive.values.plain_text import read_plain_text
 
-KEPT_ASIDE = 0.2  # share of the recording, in blocks, on which the error is measured
 BLOCKS = 50
 STEPS = 10  # steps of L-BFGS in an epoch
 _PATIENCE = 10 * STEPS  # steps without a lower error after which the fit ends
@@ -130,7 +129,8 @@ def fit_calibration(
 def _kept_aside(count: int, seed: int) -> NDArray[np.bool_]:
     """Whole blocks of time: neighbouring samples are too alike to test each other."""
     block = np.minimum(np.arange(count) * BLOCKS // count, BLOCKS - 1)
-    chosen = np.random.default_rng(seed).permutation(BLOCKS)[: round(KEPT_ASIDE * BLOCKS)]
+    # share of the recording, in blocks, on which the error is measured
+    chosen = np.random.default_rng(seed).permutation(BLOCKS)[: round(0.2 * BLOCKS)]
     return np.isin(block, chosen)
 
 

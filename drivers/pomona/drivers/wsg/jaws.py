@@ -25,7 +25,6 @@ from pomona.executive.clock import Clock
 RECONNECT = 0.5  # pause between attempts to reconnect [s]
 STREAM_PERIOD = 0.018  # shortest period of the speed set-points [s]: the finger script manages about 50 Hz
 PATIENCE = 0.002  # receive timeout [s]: posted calls wait meanwhile
-GRACE = 0.3  # time that the gripper has to clear its fault after an acknowledgement [s]
 STOPPING = 0.2  # deadline for coming to rest after a stop [s]: braking from 0.2 m/s at 2 m/s² takes 0.1 s
 
 ARRIVED, ARRIVAL = 2e-3, 0.1
@@ -219,7 +218,7 @@ class Jaws:
         now = self._clock.now()
         if self.bits & SystemState.FAST_STOP:
             self.send(Plain(Command.ACKNOWLEDGE), Command.ACKNOWLEDGE)
-        self._grace_until = now + GRACE
+        self._grace_until = now + 0.3  # time that the gripper has to clear its fault after an acknowledgement [s]
         self.supervisor.rest(now)
         self._obey_by = None
         self.latched, self.problem, self.estranged = None, None, False

@@ -36,7 +36,6 @@ _STYLE = {
     "axes.axisbelow": True,
     "grid.color": LINE,
 }
-_WIDTH = 9.6  # of a figure [in]
 
 
 class Plot:
@@ -49,7 +48,7 @@ class Plot:
 
     def __init__(self, rows: int = 1, columns: int = 1, height: float = 3.2, **grid: Any) -> None:
         self._context = mpl.rc_context(_STYLE)
-        self._shape, self._size, self._grid = (rows, columns), (_WIDTH, height), grid
+        self._shape, self._size, self._grid = (rows, columns), (9.6, height), grid  # of a figure [in]
         self.svg = ""
 
     def __enter__(self) -> Plot:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-BOOTSTRAP = 2000  # resamples of a median's interval, always drawn with the same seed
 FEWEST = 5
 """Runs from which a mean or median has an interval and a box: of fewer an interval is wider than the question."""
 
@@ -50,7 +49,8 @@ def median(values: Sequence[float]) -> Estimate:
     data = np.asarray(values, dtype=np.float64)
     if data.size == 0:
         return Estimate(math.nan, math.nan, math.nan, 0)
-    drawn = np.random.default_rng(0).integers(0, data.size, (BOOTSTRAP, data.size))
+    # resamples of a median's interval, always drawn with the same seed
+    drawn = np.random.default_rng(0).integers(0, data.size, (2000, data.size))
     medians = np.median(data[drawn], axis=1)
     low, high = np.quantile(medians, (0.025, 0.975))
     return Estimate(float(np.median(data)), float(low), float(high), data.size)

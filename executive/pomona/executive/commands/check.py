@@ -19,7 +19,6 @@ from pomona.executive.terminal.filtered import write_json
 from pomona.executive.values.findings import Finding, Findings, Source, format_findings, mended, place_of, said
 from pomona.executive.values.yaml_nodes import YamlMapping, read_yaml
 
-MOST_ROUNDS = 20  # times that a file is mended and checked again: one mistake may hide the next
 _ROOT = re.compile(r"^root\s*:", re.MULTILINE)
 
 
@@ -66,7 +65,7 @@ def main(options: argparse.Namespace) -> int:
 def _fix(path: Path, cell: Path | None, settings: dict[str, str]) -> list[Finding]:
     """Apply the hints that name a correction to a file; return the remaining findings."""
     found = _check(path, cell, settings)
-    for _ in range(MOST_ROUNDS):
+    for _ in range(20):  # times that a file is mended and checked again: one mistake may hide the next
         text, applied = mended(path.read_bytes().decode(), (finding for finding in found if finding.path == str(path)))
         if not applied:
             break

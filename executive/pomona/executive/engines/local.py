@@ -15,8 +15,6 @@ from pomona.executive.engine import ONE_THREAD, RENEWED_AFTER, TRIES, Engine, Or
 from pomona.executive.errors import UsageError
 from pomona.executive.running.compute import Worker
 
-SAFE_LIMIT = 5.0  # seconds that an order's process has to end its run in the safe state before it is killed
-
 
 @dataclass(slots=True)
 class _Running:
@@ -103,7 +101,8 @@ def _end(busy: Sequence[_Running]) -> None:
     try:
         for running in busy:
             running.worker.tell_to_end()
-        end = time.monotonic() + SAFE_LIMIT
+        # seconds that an order's process has to end its run in the safe state before it is killed
+        end = time.monotonic() + 5.0
         for running in busy:
             running.worker.process.join(max(0.0, end - time.monotonic()))
     finally:

@@ -22,8 +22,6 @@ from pomona.executive.recording.well_known import DEPTH, IMAGES
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.image_bytes import size_of_image
 
-SAME = 1e-6  # seconds within which two times are one: a stamp in a record has six decimals
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Channel:
@@ -34,7 +32,8 @@ class Channel:
 
     def at(self, times: Float64) -> NDArray[np.int64]:
         """Return indices of the newest samples at `times` (n,) [s], shape (n,); -1 before the first."""
-        found: NDArray[np.int64] = np.searchsorted(self.t, times + SAME, side="right") - 1
+        # seconds within which two times are one: a stamp in a record has six decimals
+        found: NDArray[np.int64] = np.searchsorted(self.t, times + 1e-6, side="right") - 1
         return found
 
 

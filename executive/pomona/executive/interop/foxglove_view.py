@@ -19,7 +19,6 @@ from pomona.executive.views import ImageView
 EXTRA = "foxglove"
 PORT = 8765
 HOST = "127.0.0.1"
-BACKLOG = 256  # messages that wait for a slow viewer; of more, the oldest are dropped
 
 KEPT = (SCENE_UPDATE.name, CAMERA_CALIBRATION.name, "foxglove.CompressedImage", "foxglove.PointCloud")
 """Latched topics: a later subscriber receives the newest message."""
@@ -42,7 +41,7 @@ class FoxgloveView:
         try:
             self._server = self._sdk.start_server(
                 name="Pomona", host=HOST, port=port, context=self._context, server_listener=_Listener(self._again),
-                message_backlog_size=BACKLOG,
+                message_backlog_size=256,  # messages that wait for a slow viewer; of more, the oldest are dropped
             )  # fmt: skip
         except Exception as error:
             raise UsageError(f"no live view at {HOST}:{port}: {error}") from error

@@ -27,7 +27,6 @@ MOST = 1000  # steps a second: no device of a record measures more often
 CHUNK = 1000  # files in a folder
 ROWS = 200  # of a group in a table: a look that many steps share is stored once in each group
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
-DICTIONARY = 64 << 20  # bytes of the distinct images of a group that are stored once each
 STATED_LOOKS, STATED_STEP = 10, 4  # images and pixels of them from which their statistics are made
 
 STATE, WRENCH, ACTION = "observation.state", "observation.wrench", "action"
@@ -149,7 +148,8 @@ class _Dataset:
                     arrays[key] = pa.array(coded, pa.struct({"bytes": pa.binary(), "path": pa.string()}))
                 table = pa.table({key: arrays[key] for key in self._features})
                 if writer is None:
-                    writer = pa.parquet.ParquetWriter(path, table.schema, dictionary_pagesize_limit=DICTIONARY)
+                    # bytes of the distinct images of a group that are stored once each
+                    writer = pa.parquet.ParquetWriter(path, table.schema, dictionary_pagesize_limit=(64 << 20))
                 writer.write_table(table)
         finally:
             if writer is not None:

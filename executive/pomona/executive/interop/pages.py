@@ -32,7 +32,6 @@ from pomona.executive.values.image_bytes import size_of_image
 from pomona.executive.views import TableView
 
 LOOKS = 2  # the newest pictures of a failed run that are shown beside others
-MOST_PICTURES = 24  # of one run, the newest
 MOST_PICTURE_BYTES = 20_000_000  # of the run's own picture
 
 _STYLE = """body{font:16px/1.5 system-ui,sans-serif;max-width:78rem;margin:2rem auto;padding:0 1rem;color:#222}
@@ -92,7 +91,7 @@ def write_run(record: Path, file: Path) -> None:
     refuse_taken(file)
     body = f"{_whole(record)}{''.join(_tables(record))}"
     title = f"Events of {record.name}"
-    section = _section(record, trusted(record), MOST_PICTURES, body)
+    section = _section(record, trusted(record), 24, body)  # of one run, the newest
     _write(file, title, f"<h1>{escape(title)}</h1>{section}")
 
 

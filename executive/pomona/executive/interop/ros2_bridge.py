@@ -27,10 +27,8 @@ from pomona.executive.views import ImageView
 
 ACT, RUN_TREE = "pomona_msgs/srv/Act", "pomona_msgs/action/RunTree"
 ACTIONS = ("take", "release", "pause", "resume", "step", "stop", "speed", "safe_stop", "acknowledge")
-AGAIN = 1.0  # period of the diagnostics, for late subscribers [s]
 EXECUTING, SUCCEEDED, CANCELED, ABORTED = 2, 4, 5, 6  # action_msgs/GoalStatus
 MOST_NAME = 60  # letters of an operator's name, as for the page
-MOST_WAITING = 64  # requests for a goal's result that are kept; of more, the oldest get none
 Starts = Callable[[dict[str, Any]], str]  # begins the run that a form describes, as the dashboard's page fills it in
 
 
@@ -43,7 +41,8 @@ class _Goal:
     began: bool = False
     canceled: bool = False
     result: dict[str, Any] = field(default_factory=dict)
-    waiting: deque[Reply] = field(default_factory=lambda: deque(maxlen=MOST_WAITING))
+    # requests for a goal's result that are kept; of more, the oldest get none
+    waiting: deque[Reply] = field(default_factory=lambda: deque(maxlen=64))
 
 
 class Ros2Bridge:
@@ -92,7 +91,7 @@ class Ros2Bridge:
             self._publish(RosMessage(*depth_message(topic, f"camera/{topic}", metres, stamp)))
 
     def rest(self) -> None:
-        if self._links and time.monotonic() - self._said > AGAIN:
+        if self._links and time.monotonic() - self._said > 1.0:  # period of the diagnostics, for late subscribers [s]
             self._said = time.monotonic()
             self._publish(diagnostics(time.time_ns(), self._links))
         with self._lock:  # a goal that is being taken has not cleared the last one's problem yet

@@ -10,7 +10,6 @@ from pomona.executive.language.model import Document
 from pomona.executive.language.outline import DrawnNode, outline
 
 NAME, SMALL = 13.0, 10.5  # font sizes of names, and of ports and modifiers [px]
-WIDE = 0.58  # mean width of a character over the font's size; DejaVu Sans, a wide one, has 0.57
 MOST_NAME, MOST_PORTS, MOST_MODIFIER = 34, 46, 30
 """Characters that are drawn; the rest stands in the node's title, which browsers show under the pointer."""
 PADDING, GAP, STEP = 10.0, 10.0, 36.0  # inside a box, between two branches, and between a box and its children [px]
@@ -144,4 +143,4 @@ def _cut(words: str, most: int) -> str:
 
 
 def _width(words: str, size: float) -> float:
-    return WIDE * size * len(words)
+    return 0.58 * size * len(words)  # mean width of a character over the font's size; DejaVu Sans, a wide one, has 0.57

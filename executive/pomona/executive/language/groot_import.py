@@ -28,7 +28,6 @@ _PRECONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")
 """In the order in which BehaviorTree.CPP evaluates them."""
 _AFTERWARDS = ("_onSuccess", "_onFailure", "_post")
 _KEY = re.compile(r"\{\w+\}")
-MAX_INLINED = 10_000  # most nodes in inlined subtrees; as many as can run
 _SAME_FAILURE: Words = {"fail": {"code": "{failure.code}", "message": "{failure.message}"}}
 """Fails with the code and message of the last failure."""
 
@@ -199,7 +198,7 @@ class _Importer:
         tree, model = self.forest.trees.get(called), self.forest.models.get(called)
         if tree is None:
             return element.untranslated(f"calls '{called}', which none of the files defines")
-        if called in self.inside or self.count > MAX_INLINED:
+        if called in self.inside or self.count > 10_000:  # most nodes in inlined subtrees; as many as can run
             return element.untranslated("calls itself" if called in self.inside else "is too large to be inlined")
         wires = {n: t for n, t in element.attributes.items() if n not in _ATTRIBUTES and not n.startswith("_")}
         declared = model is not None and _own(model) is not None

@@ -10,8 +10,6 @@ from pomona.executive.nodes.calls import SUBTREE
 from pomona.executive.nodes.node_type import NodeType
 from pomona.executive.values.yaml_nodes import written
 
-MOST_NODES = 20_000  # number of nodes beyond which subtrees are not drawn
-
 
 @dataclass(frozen=True, slots=True)
 class DrawnNode:
@@ -43,7 +41,8 @@ class _Outline:
         self.count += 1
         below = [(child, lead.removesuffix(": "), calls) for child, lead in zip(node.children, node.leads, strict=True)]
         called = self.called(node)
-        if called is not None and node.key.text not in calls and self.count < MOST_NODES:
+        # number of nodes beyond which subtrees are not drawn
+        if called is not None and node.key.text not in calls and self.count < 20_000:
             below.append((called, "", (*calls, node.key.text)))
         below += [(part, slot.replace("_", " "), calls) for slot, part in node.parts.items()]
         named = node.name.text if node.name is not None else ""

@@ -64,7 +64,6 @@ SUBTREE = {
     "description": "description for readers",
     "file": "another file",
 }
-MAX_BESIDE = 200  # files in the folder of a renamed one that are searched for callers
 _PATH = re.compile(r"\s*([A-Za-z_]\w*)((?:\.\w+|\[[^\]]*\])*)\.\w*$")
 _CODES = re.compile(r"failure\.codes?\s*(?:==|!=|in|not in)\s*\[?[^\]]*$")
 
@@ -384,7 +383,8 @@ class TreeService:
     def callers(self, path: Path) -> Iterator[Document]:
         """Other trees that call a file: those that are open, and those beside it."""
         texts = dict(self.others())
-        for beside in sorted(path.parent.glob("*.yaml"))[:MAX_BESIDE]:
+        # files in the folder of a renamed one that are searched for callers
+        for beside in sorted(path.parent.glob("*.yaml"))[:200]:
             if str(beside) not in texts:
                 texts[str(beside)] = _text_of(beside)
         for name, text in texts.items():

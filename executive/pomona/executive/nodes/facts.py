@@ -13,7 +13,6 @@ from pomona.executive.values.findings import Located
 
 Plain = bool | int | float | str
 MAX_CASES = 32  # maximum number of cases to analyse; a condition with more is assumed to be possible
-MAX_FACTS = 20  # facts about the same names that are looked at together; the newest stay
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +98,8 @@ class Facts:
         cases = [case for case in fact.cases if not any(possible.none for possible in case.values())]
         if not cases:
             return fact
-        for known in [known for known in self.known if known.names & fact.names][-MAX_FACTS:]:
+        # facts about the same names that are looked at together; the newest stay
+        for known in [known for known in self.known if known.names & fact.names][-20:]:
             joined = [both for one in cases for other in known.cases if (both := _joined(one, other)) is not None]
             if not joined:
                 return known

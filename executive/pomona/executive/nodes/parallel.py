@@ -25,8 +25,6 @@ from pomona.executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
 from pomona.executive.nodes.node_type import Composite
 from pomona.executive.values.yaml_nodes import YamlList, YamlScalar
 
-MOST_CHOICES = 1_000  # choices of children that the check follows; of more, the first stand for all
-
 
 class Parallel(Branch):
     """Ticks its children in order, in each tick all that have not ended; ends with the first decisive child.
@@ -137,7 +135,8 @@ class ParallelType(Composite):
         chosen = self.chosen(at.node)
         if isinstance(chosen, int):
             success = ALL
-            for some in islice(combinations(ends, min(chosen, len(ends))), MOST_CHOICES):
+            # choices of children that the check follows; of more, the first stand for all
+            for some in islice(combinations(ends, min(chosen, len(ends))), 1_000):
                 written = before
                 for end in some:
                     written |= end.success

@@ -20,8 +20,6 @@ EVENTS_FILE = "run.mcap"
 EVENTS = "/events"
 DEVICES = "/devices/"
 
-NAME_BYTES = 120  # part of the tree's name in the folder's name [bytes]; file systems allow 255
-
 
 PROBE = 4096  # size of the trial before a run: one block of a file system [bytes]
 
@@ -54,7 +52,8 @@ def new_record_folder(root: Path, tree: str, now: datetime | None = None) -> Pat
     Raises:
         RecordError: the folder cannot be made.
     """
-    stem = f"{now or datetime.now():%Y-%m-%d_%H-%M-%S}_{tree.encode()[:NAME_BYTES].decode(errors='ignore')}"
+    # part of the tree's name in the folder's name [bytes]; file systems allow 255
+    stem = f"{now or datetime.now():%Y-%m-%d_%H-%M-%S}_{tree.encode()[:120].decode(errors='ignore')}"
     for number in range(1000):
         folder = root / (stem if number == 0 else f"{stem}_{number + 1}")
         try:

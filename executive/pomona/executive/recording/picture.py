@@ -23,8 +23,6 @@ KINDS = {"N": "force", "N·m": "torque", "m": "length", "m/s": "speed", "rad": "
 """Axis labels for several quantities of one unit."""
 
 GAP = 0.5  # longest time between two samples of one curve [s]
-MOST_REASON = 150  # longest reason under the title [characters]
-MOST_LABELS = 8  # largest number of entries of a legend
 
 
 class Picture:
@@ -125,7 +123,7 @@ class Picture:
         assert self._reason is not None
         name = self._names.get(self._reason.node_path, self._reason.node_path)
         words = f"{name} {self._reason.code} at {self._moment():.1f} s: {self._reason.message}".strip()
-        return textwrap.shorten(words, MOST_REASON, placeholder=" …")
+        return textwrap.shorten(words, 150, placeholder=" …")  # longest reason under the title [characters]
 
     def _moment(self) -> float:
         """Return the time of the failure that ended the run [s]."""
@@ -238,6 +236,6 @@ def _legend(
     """Draw the legend of `axes`: there, in other axes, or beside them."""
     handles, labels = axes.get_legend_handles_labels()
     named = {label: handle for handle, label in zip(handles, labels, strict=True) if label and label[0] != "_"}
-    named = dict(list(named.items())[-MOST_LABELS:])
+    named = dict(list(named.items())[-8:])  # largest number of entries of a legend
     if named:
         (where or axes).legend(named.values(), named.keys(), fontsize=8, loc=place, bbox_to_anchor=beside)

@@ -22,7 +22,6 @@ from pomona.executive.values.image_bytes import size_of_image
 from pomona.executive.views import ImageView
 
 MOST_PIXELS = 50_000_000  # largest image that is decoded [pixels]: a few kilobytes may decode to gigabytes
-MOST_WAITING = 64  # largest number of images without their events
 
 
 def read_events(record: Path) -> Iterator[Event]:
@@ -37,7 +36,7 @@ def read_events(record: Path) -> Iterator[Event]:
     for topic, data, *_ in scan(path):
         try:
             if topic.startswith(("/images/", "/depth/")):
-                if len(pixels) >= MOST_WAITING:
+                if len(pixels) >= 64:  # largest number of images without their events
                     pixels.clear()
                 pixels[topic] = decode_image(parse_object(data)["data"])
             elif topic == EVENTS:

@@ -49,7 +49,6 @@ from pomona.executive.views import ImageView, SeriesView
 
 BATCH = 0.1  # time between two writes [s]; a killed process loses the events of this time
 CHUNK_BYTES = 65_536  # largest chunk, except for one large message [bytes]: a damaged byte makes one chunk unreadable
-_BUFFER = 1 << 20  # write buffer, flushed with every batch [bytes]
 _DECIMALS = 6  # decimals of a reading: micrometres, microradians, micronewtons
 
 
@@ -72,7 +71,7 @@ class Recorder:
         self._images = Images()
         try:
             self._path = self.folder / EVENTS_FILE
-            self._file = self._path.open("wb", buffering=_BUFFER)
+            self._file = self._path.open("wb", buffering=(1 << 20))  # write buffer, flushed with every batch [bytes]
             lock(self._file)
             self._ending = EndingFile(self.folder, next_number(self.folder.parent))
         except OSError as error:

@@ -101,16 +101,13 @@ class Images:
         frame = f"camera/{topic}"
         if view.image is not None:
             if view.image is not self._last[0]:
-                self._last = view.image, _text(to_jpeg(view.image, QUALITY))
+                self._last = view.image, _text(to_jpeg(view.image, 90))  # quality of JPEG
             yield f"{IMAGES}{topic}", COMPRESSED_IMAGE, _image(stamp, frame, self._last[1], "jpeg")
         if view.depth is not None:
             metres = np.where(np.isfinite(view.depth), view.depth, np.float32(0.0))
             millimetres = np.rint(np.clip(metres * np.float32(1e3), 0, 65535)).astype(np.uint16)
-            yield f"{DEPTH}{topic}", COMPRESSED_IMAGE, _image(stamp, frame, _text(to_png(millimetres, LEVEL)), "png")
-
-
-QUALITY = 90  # quality of JPEG
-LEVEL = 1  # compression level of PNG: the fastest, since the recorder shares the processor with the run
+            # compression level of PNG: the fastest, since the recorder shares the processor with the run
+            yield f"{DEPTH}{topic}", COMPRESSED_IMAGE, _image(stamp, frame, _text(to_png(millimetres, 1)), "png")
 
 
 def samples(topic: str, view: SeriesView) -> Iterator[Message]:

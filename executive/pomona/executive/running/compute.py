@@ -25,10 +25,6 @@ from pomona.executive.running.traces import keep_place, place_of, traceback_of
 from pomona.executive.values.sentences import sentence_of
 
 COMPUTING = "pomona-compute"  # prefix of the names of the threads
-NICENESS = 10  # of computations, beside 0 of the tick. On two busy processors the tick was up to 14 ms late without it.
-
-
-ORPHAN_LIMIT = 15.0  # seconds that a run has to end in its safe state when the process that wanted it is gone
 
 
 class WorkerDied(PomonaError):
@@ -42,7 +38,8 @@ class WorkerDied(PomonaError):
 def _give_way() -> None:
     """Lower this thread's priority: the tick and the control loops come first when processors are scarce."""
     if sys.platform == "linux":  # elsewhere a niceness belongs to the whole process, the tick included
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
+        # of computations, beside 0 of the tick. On two busy processors the tick was up to 14 ms late without it.
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 10)
 
 
 class _Threaded:
@@ -97,7 +94,7 @@ def _end_with_parent(runs: bool) -> None:
     parent.join()
     if runs:
         os.kill(os.getpid(), signal.SIGTERM)
-        time.sleep(ORPHAN_LIMIT)
+        time.sleep(15.0)  # seconds that a run has to end in its safe state when the process that wanted it is gone
     os._exit(1)
 
 

@@ -33,7 +33,6 @@ It was replaced (os.exec), or a skill or a library ended it. The record, if any,
 
 _FOLLOWED = frozenset({*WORDS, getattr(signal, "SIGCHLD", signal.SIGTERM)})
 _END = 0
-_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of Linux' prctl
 
 
 LOOKS, APART = 5, 0.1
@@ -89,7 +88,7 @@ def in_child(work: Callable[[], int]) -> int:
         os.close(writing)
         return _Follower(child, reading).status()
     os.close(reading)
-    ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGKILL)
+    ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG of Linux' prctl
     if os.getppid() != parent:
         os._exit(LEFT)
     global _launcher

@@ -24,7 +24,6 @@ from typing import Any
 from pomona.executive.running.signals import WORDS
 
 STOPPING = 3.0  # seconds for which each device is tried again: its old connection may have to be noticed as gone first
-AGAIN = 0.05  # seconds between two tries
 REPORT = "supervisor.json"  # file in the record's folder: actions of the supervisor and their reasons
 
 LOOKS = 20
@@ -114,7 +113,7 @@ def _stop_all(stops: dict[str, tuple[Callable[..., None], list[Any]]]) -> dict[s
                 return
             if time.monotonic() > end:
                 return
-            time.sleep(AGAIN)
+            time.sleep(0.05)  # seconds between two tries
 
     threads = [threading.Thread(target=stop, args=(device, *how)) for device, how in stops.items()]
     for thread in threads:

@@ -24,16 +24,9 @@ from pomona.executive.running.launcher import LauncherWatch
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.supervise import PRIORITY
 
-READY = 60.0  # seconds that the process may take to be ready
-GOODBYE = 5.0  # seconds that it may take to end
-
-
 LATE = 0.5
 """Of the deadline: a tick that is later was held up too long to go on. Two were 0.43 s apart at most on a computer that
 was far too busy, 0.10 s with the priority that a run asks for."""
-
-
-UNANSWERED = 10  # unanswered heartbeats from which the supervisor counts as lost; fewer may be a stall of the computer
 
 
 class NoSupervisorError(UsageError):
@@ -69,7 +62,8 @@ class Supervisor:
         }  # fmt: skip
         with contextlib.suppress(OSError):
             self._process.stdin.write(json.dumps(orders).encode() + b"\n")
-        ready, _, _ = select.select([self._process.stdout], [], [], READY)
+        # seconds that the process may take to be ready
+        ready, _, _ = select.select([self._process.stdout], [], [], 60.0)
         if not ready or self._process.stdout.readline() != b"ready\n":
             self._process.kill()
             self.close()
@@ -99,7 +93,7 @@ class Supervisor:
         with contextlib.suppress(OSError):
             self._process.stdin.close()
         with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(GOODBYE)
+            self._process.wait(5.0)  # seconds that it may take to end
         if self._process.poll() is None:
             self._process.kill()
             self._process.wait()
@@ -116,7 +110,8 @@ class Supervisor:
             if os.read(self._process.stdout.fileno(), 65536):
                 self._unanswered = 0
         silent = now - self._silent_since
-        if self._unanswered > UNANSWERED and silent > self._deadline:
+        # unanswered heartbeats from which the supervisor counts as lost; fewer may be a stall of the computer
+        if self._unanswered > 10 and silent > self._deadline:
             self._lost = self._lost or f"the supervisor process has not answered for {silent:.1f} s"
 
     def _say(self, sign: bytes) -> None:

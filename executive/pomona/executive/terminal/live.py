@@ -27,7 +27,6 @@ from pomona.executive.terminal.filtered import visible
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import ICONS, STYLES, say, seconds
 
-REFRESH = 0.08  # seconds between two drawings
 PATIENCE = 5.0  # preparation time after which a message is printed even where the display cannot be redrawn [s]
 
 
@@ -115,7 +114,8 @@ class LiveTree:
         return self._names.get(path, path)
 
     def _draw(self) -> None:
-        if self._live is None or not self._live.is_started or time.monotonic() - self._drawn < REFRESH:
+        # seconds between two drawings
+        if self._live is None or not self._live.is_started or time.monotonic() - self._drawn < 0.08:
             return
         self._drawn = time.monotonic()
         self._live.update(self._text(), refresh=True)

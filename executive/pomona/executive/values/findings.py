@@ -228,7 +228,8 @@ def mended(text: str, findings: Iterable[Finding]) -> tuple[str, list[Finding]]:
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """`did you mean 'Refine'?`, or an empty text when nothing is close."""
     left = _left.get()
-    if len(word) > MAX_WORD or (left is not None and left[0] <= 0):
+    # characters of a word for which one that was meant is looked for
+    if len(word) > 60 or (left is not None and left[0] <= 0):
         return ""
     candidates = tuple(sorted(set(known)))
     if left is not None:
@@ -248,7 +249,6 @@ def _close_to(word: str, candidates: tuple[str, ...]) -> str:
     return Instead(f"did you mean '{best}'?", word, best)
 
 
-MAX_WORD = 60  # characters of a word for which one that was meant is looked for
 MAX_COMPARED = 20_000
 """Words that are compared in one reading, about a second's work (30 000 unknown keys took 20 s without it)."""
 MAX_EXCERPT = 160

@@ -34,7 +34,6 @@ much (52 calipered apples).
 
 MOST_TIMES = 2.0
 """A caliper and a camera that differ by more than this factor do not measure the same thing, or not in millimetres."""
-MOST_APART = 0.05  # calipers give a fruit's size the same in all of its rows, but for this share
 
 
 MOST_UNLIKE = 0.12
@@ -180,7 +179,8 @@ def _by_shape(table: Path, line: int, row: dict[str, str]) -> list[float] | None
 def _agree(table: Path, line: int, row: dict[str, str], first: Sequence[float]) -> None:
     """A fruit has one size, in whichever of its rows it is written."""
     for name, before in zip(TRUE, first[:2], strict=True):
-        if abs(float(row[name]) / (1e3 * before) - 1.0) > MOST_APART:
+        # calipers give a fruit's size the same in all of its rows, but for this share
+        if abs(float(row[name]) / (1e3 * before) - 1.0) > 0.05:
             other = f"another row of fruit {row[_FRUIT]} has {1e3 * before:g}"
             raise UnusableTable(f"{table}:{line}: {name} is {row[name]}, and {other}: a fruit has one size")
 

@@ -28,7 +28,6 @@ ENDINGS = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 DEPTH = "_depth_mm.png"  # of an RGB-D frame, beside its colour: no picture to find fruit in
 TABLE = "found.csv"
 COLUMNS = ("picture", "fruit", "score", "left_px", "top_px", "width_px", "height_px", "visible")
-MOST = 200  # places that are looked at closely in one picture
 COLOUR = (46, 176, 255)  # of boxes and numbers, BGR: `pomona.executive.palette.OVERLAY["found"]`
 
 
@@ -129,7 +128,8 @@ def _search(options: argparse.Namespace) -> Search:
             raise BadWeights(options.weights, "is neither a file nor the name of shipped weights")
     if weights is None:
         raise BadWeights(options.fruit, f"train some: pomona train detect --fruit {options.fruit}")
-    detector = CompactDetector.load(weights, DetectorOptions(working_width=options.width, most_fruit=MOST))
+    # places that are looked at closely in one picture
+    detector = CompactDetector.load(weights, DetectorOptions(working_width=options.width, most_fruit=200))
     return lambda colour: find_fruit(detector, colour)
 
 

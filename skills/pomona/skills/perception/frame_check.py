@@ -19,7 +19,6 @@ from pomona.skills.perception.table_view import SeenTable, depth_points, frame_v
 
 POSE_MISMATCH, DEPTH_MISMATCH = "POSE_MISMATCH", "DEPTH_MISMATCH"
 MISMATCHES = (POSE_MISMATCH, DEPTH_MISMATCH)  # failure codes of every skill that checks its frames
-BETTER = 0.5  # another explanation counts where it fits this much better: the ratio of both deviations, in tolerances
 
 FLIPS = {"left to right": (-1.0, 1.0), "top to bottom": (1.0, -1.0)}
 """How mirrored depth is mirrored back: factors of the image's columns and rows."""
@@ -86,7 +85,8 @@ def _other_depth(
     table_z = workspace.table_z
     lens, errs = frame.intrinsics, frame.depth_model
     points = depth_points(frame.depth, lens)
-    best, words = BETTER * deviation, ""
+    # another explanation counts where it fits this much better: the ratio of both deviations, in tolerances
+    best, words = 0.5 * deviation, ""
     for name, signs in FLIPS.items():
         centre = np.array([lens.width - 1 - 2.0 * lens.cx, lens.height - 1 - 2.0 * lens.cy]) / (lens.fx, lens.fy)
         flipped = points.copy()

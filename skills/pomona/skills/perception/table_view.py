@@ -15,21 +15,16 @@ from pomona.drivers.depth_model import DepthModel
 from pomona.drivers.interfaces import Frame, Intrinsics, Workspace
 from pomona.executive.values.arrays import Float64
 
-REACH = 0.12  # greatest distance from the expected table at which the seen one is searched [m]
 LARGEST_TILT = np.radians(20.0)  # greatest angle between the expected table and the seen one [rad]
 HEIGHT, TILT = 0.010, np.radians(1.5)
 """Tolerances of a sound cell [m, rad]: hand-eye calibration, levelling of the table and the arm's own accuracy. At a
 distance of 0.6 m a tilt of 1.5° displaces a fruit by 16 mm."""
-SURE = 2.0  # standard deviations of the depth's common error that the height may deviate in addition
 COLUMNS = 80  # pixels of a row that are used; 4800 of an image of 4:3
 FARTHEST = 2.0  # depth beyond this is not used [m]: noise grows with its square
 LEAST_POINTS, LEAST_SHARE, LEAST_SPREAD = 300, 0.35, 0.04
 """A plane counts as the table with this number of points, this ratio of all points within reach, and this standard
 deviation of its points along its shorter side [m]."""
-BAND = 4e-3
-"""Distance from a plane within which a point lies on it, or three deviations of its noise where these are more [m]."""
 AROUND = 0.02  # points this near to a fixed obstacle belong to it [m]: a crate's floor is about parallel to the table
-MOST_OF_VIEW = 0.6  # share of the image's rays that meet the table inside the workspace, where it should be seen
 DRAWS = 96  # triples of points that are tried; with a third of the points on the table one in 27 hits it
 
 
@@ -89,11 +84,12 @@ def view_table(
     """
     normal, offset = T_base_camera[2, :3], float(T_base_camera[2, 3] - table_z)
     height = points @ normal + offset
-    within = np.abs(height) <= REACH
+    within = np.abs(height) <= 0.12  # greatest distance from the expected table at which the seen one is searched [m]
     if np.count_nonzero(within) < LEAST_POINTS:
         return None
     points, height = points[within], height[within]
-    band = np.maximum(BAND, 3.0 * errs.deviation(points[:, 2], lens.fx))
+    # Distance from a plane within which a point lies on it, or three deviations of its noise where these are more [m]
+    band = np.maximum(4e-3, 3.0 * errs.deviation(points[:, 2], lens.fx))
     near = np.abs(height) <= HEIGHT + band
     plane = _refined(points, band, near) if near.mean() >= LEAST_SHARE else None
     if plane is None or not _is_table(points, band, plane):
@@ -106,7 +102,8 @@ def view_table(
     if tilt > LARGEST_TILT:
         return None
     distance = float(middle[2])
-    allowed = HEIGHT + SURE * errs.of_the_whole(distance) * distance
+    # standard deviations of the depth's common error that the height may deviate in addition
+    allowed = HEIGHT + 2.0 * errs.of_the_whole(distance) * distance
     seen = float(middle @ normal)
     return SeenTable(seen + offset, tilt, distance, int(on_it.sum()), allowed, -(seen + offset) / offset)
 
@@ -189,4 +186,5 @@ def should_show_table(frame: Frame, T_base_camera: Float64, workspace: Workspace
     hits = rays[falling > 1e-6] * (above / falling[falling > 1e-6])[:, None]
     hits = hits[(hits[:, 2] > 0.0) & (hits[:, 2] < FARTHEST)] @ T_base_camera[:3, :3].T + T_base_camera[:3, 3]
     inside = ((hits >= workspace.lower) & (hits <= workspace.upper))[:, :2].all(axis=1)
-    return bool(inside.sum() >= MOST_OF_VIEW * len(rays))
+    # share of the image's rays that meet the table inside the workspace, where it should be seen
+    return bool(inside.sum() >= 0.6 * len(rays))

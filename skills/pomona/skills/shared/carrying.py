@@ -22,7 +22,6 @@ from pomona.skills.shared.touch import HELD_FORCE, Touch, load, pressing_forces,
 
 JERK_TIME = 0.1  # time in which the arm reaches its acceleration [s]
 NEAR = 0.015  # height above the support below which a fruit may touch down [m]: it may have slid down in the fingers
-SETTING_DOWN = 0.03  # speed of the tool near the support [m/s]
 GENTLE = 0.3  # acceleration of the tool near the support [m/s²]
 
 CONTACT, CARRIED = 0.35, 0.1
@@ -148,7 +147,8 @@ def lower_until_contact(
         quickly = time_curve(line.q[: split + 1], height, limits, speed, acceleration, acceleration / JERK_TIME)
         yield from skill.travel(quickly, watch)
     height = (steps - split) / steps * line.length
-    gently = time_curve(line.q[split:], height, limits, SETTING_DOWN, GENTLE, GENTLE / JERK_TIME)
+    # speed of the tool near the support [m/s]
+    gently = time_curve(line.q[split:], height, limits, 0.03, GENTLE, GENTLE / JERK_TIME)
     with Touch(skill.device(ForceSensor), load) as touch:
         contact = max(CONTACT, CARRIED * touch.at_first())
 

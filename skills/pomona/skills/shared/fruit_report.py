@@ -24,8 +24,6 @@ UNLIKE_MODEL = 0.5, 1.25
 """Fruit of a kind of which only the model is known are at least and at most so large, beside it, in the middle: the
 orchard's 52 calipered apples are 0.73 of theirs."""
 
-UNLIKE_KIND = 0.15  # typical relative difference between a kind's known sizes and those of fruit from another place
-
 _SIZE = (
     "width_mm", "width_90_mm", "height_mm", "height_90_mm", "depth_mm", "depth_90_mm", "mass_g", "mass_90_g",
     "mass_model",
@@ -145,7 +143,8 @@ class FruitReport:
         if kind.sizes is not None:
             usual = kind.sizes.width * kind.sizes.looks / float(kind.dimensions[[0, 2]].mean())
             spread = float(np.hypot(kind.sizes.width_deviation, kind.sizes.looks_deviation))
-            apart = UNLIKE_KIND + 3.0 * spread / np.sqrt(len(shown))
+            # typical relative difference between a kind's known sizes and those of fruit from another place
+            apart = 0.15 + 3.0 * spread / np.sqrt(len(shown))
             least, most = usual * np.exp(-apart), usual * np.exp(apart)
         if least <= middle <= most:
             return ""

@@ -14,13 +14,12 @@ from pomona.skills.motion.grasp import Grasp, RuledOut
 from pomona.skills.motion.robot.solids import hull
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 
-CORNERS = 160  # approximate number of vertices of the fruit's shape in a view
-
 
 def fruit_mesh(fruit: MeasuredFruit) -> Mesh3:
     """Return the measured fruit in the base frame."""
     points = fruit_points(fruit)
-    vertices, faces = hull(points[:: max(1, len(points) // CORNERS)])
+    # approximate number of vertices of the fruit's shape in a view
+    vertices, faces = hull(points[:: max(1, len(points) // 160)])
     return Mesh3(np.round(vertices, 4), faces, "measured fruit", "object")
 
 

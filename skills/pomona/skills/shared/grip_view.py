@@ -7,8 +7,6 @@ from pomona.executive.views import SeriesView
 from pomona.skills.grip.hold import Hold
 from pomona.skills.grip.limit_surface import bruising_force
 
-EVERY = 0.1  # seconds of samples in one view
-
 TOPIC = "grip"
 
 NO_BRUISE_BELOW = round(bruising_force(), 1)  # of one finger with the pads that the default contact describes [N]
@@ -27,7 +25,7 @@ def show_grip(skill: Skill, hold: Hold, everything: bool = False) -> None:
 
     `everything` publishes all samples, even few (when a node ends).
     """
-    if hold.waiting < EVERY and not (everything and hold.waiting > 0.0):
+    if hold.waiting < 0.1 and not (everything and hold.waiting > 0.0):  # seconds of samples in one view
         return
     samples = hold.drain()
     skill.publish(

@@ -11,9 +11,6 @@ from pomona.skills.grip.hold import Hold
 LEAST = 0.25
 """The tangential load of a fruit that hangs [N]; the lightest weighs 0.5 N, noise and bias are 0.1 N."""
 
-LEFT = 0.35
-"""Less than this share of the load that was there has gone: a lift that slows down with 3 m/s² leaves 0.5."""
-
 LASTING = 0.06
 """Minimum duration [s]."""
 
@@ -42,7 +39,8 @@ class Hanging:
         self._stamp = reading.stamp
         self._load += (1.0 - math.exp(-elapsed / AVERAGED)) * (reading.f_t - self._load)
         self._most = max(self._load, self._most * math.exp(-elapsed / REMEMBERED))
-        light = self._most > LEAST and reading.f_t < LEFT * self._most
+        # Less than this share of the load that was there has gone: a lift that slows down with 3 m/s² leaves 0.5
+        light = self._most > LEAST and reading.f_t < 0.35 * self._most
         self._light_for = self._light_for + elapsed if light else 0.0
         if self._light_for > LASTING:
             return f"its weight has gone from the fingers: {reading.f_t:.1f} N of {self._most:.1f} N are left"

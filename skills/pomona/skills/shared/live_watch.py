@@ -46,7 +46,6 @@ WATCH_FAILURES = (BLOCKED, *MISMATCHES)
 """Codes of every skill with watched motions: an obstacle, or a camera with implausible frames."""
 
 TOO_OLD = 0.3  # age from which a frame is stale [s]; a camera that sends no others is lost, which its driver reports
-KEPT = 64  # postures that are remembered, to know where the arm was when a fixed camera looked: a second of ticks
 
 T = TypeVar("T")
 
@@ -76,7 +75,8 @@ class LiveWatch:
         self._robot, self._workspace = RobotModel.load(arm.description), workspace
         self._duration = duration
         self._stamps: dict[int, float] = {}
-        self._states: deque[ArmState] = deque(maxlen=KEPT)
+        # postures that are remembered, to know where the arm was when a fixed camera looked: a second of ticks
+        self._states: deque[ArmState] = deque(maxlen=64)
         self._motion: Motion | None = None
         self._gripper = skill.optional_device(Gripper)
 

@@ -29,8 +29,6 @@ from pomona.skills.shared.planning import PLANNING_FAILURES, patience, planned
 from pomona.skills.shared.usable_map import usable_field
 from pomona.skills.shared.warm_motion import prepare_planning
 
-POSE_TOLERANCE = 1e-3  # an arm this near to the pose in every joint is there [rad]
-
 CARRIED_ACCELERATION = 2.0
 """Usual largest acceleration of a held fruit [m/s²]: every bit of it must be held by friction."""
 
@@ -99,7 +97,7 @@ def move_to_pose(
         known = ", ".join(workspace.poses) or "none"
         raise skill.failure("UNKNOWN_POSE", f"the cell file has no pose '{pose}'; it has {known}") from None
     q = arm.state().q
-    if np.abs(q_goal - q).max() < POSE_TOLERANCE:
+    if np.abs(q_goal - q).max() < 1e-3:  # an arm this near to the pose in every joint is there [rad]
         return
     field, width = usable_field(skill, map), skill.device(Gripper).state().width
     space = arm_space(arm, workspace, field, width, clearance, held=carrying)

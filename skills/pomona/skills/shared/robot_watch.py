@@ -14,7 +14,6 @@ from pomona.skills.motion.robot.model import RobotModel
 from pomona.skills.motion.robot.solids import solid
 
 TOPIC = "robot"
-STILL = 1e-4  # motion below which a part has not moved since the last picture [rad, m]
 
 
 class RobotWatch:
@@ -39,7 +38,8 @@ class RobotWatch:
         if self._shown is None:
             yield TOPIC, self._shape
         now = np.append(self._arm.state().q, self._gripper.state().width)
-        if self._shown is not None and np.abs(now - self._shown).max() < STILL:
+        # motion below which a part has not moved since the last picture [rad, m]
+        if self._shown is not None and np.abs(now - self._shown).max() < 1e-4:
             return
         self._shown = now
         yield TOPIC, self._poses(now[:-1], float(now[-1]))

@@ -9,7 +9,6 @@ import numpy as np
 
 from pomona.executive.values.arrays import Float64
 
-SAME_PLACE = 0.04  # a fruit seen this near to an earlier one is the same, tried again [m]: less than half a fruit
 DONE = "done"  # the outcome that is no failure
 
 
@@ -50,7 +49,8 @@ class Tally:
         seen = len(self.entries) - len(self.left) + found
         for k, known in enumerate(self.entries):
             apart = np.linalg.norm(known.p_base[:2] - entry.p_base[:2])
-            if known.outcome != DONE and apart < SAME_PLACE:
+            # a fruit seen this near to an earlier one is the same, tried again [m]: less than half a fruit
+            if known.outcome != DONE and apart < 0.04:
                 again = replace(entry, tries=known.tries + 1, size=known.size if entry.size is None else entry.size)
                 return Tally((*self.entries[:k], again, *self.entries[k + 1 :]), seen)
         return Tally((*self.entries, entry), seen)

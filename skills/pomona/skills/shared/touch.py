@@ -12,12 +12,9 @@ from pomona.executive.values.arrays import Float64
 
 STALE_AFTER = 0.1  # a newest sample older than this means that the fingers feel nothing any more [s]
 SPIKE = 3  # number of successive samples that confirm a change of force: one sample may be a spike
-AVERAGED = 0.1  # time of an average [s]
 
 HELD_FORCE = 0.25
 """Pressing force of each finger above which something is between them [N]; the noise is 0.2 N at worst."""
-
-HELD_WIDTH = 2e-3  # opening above the closed gripper's at which something is between the fingers [m]
 
 
 def each_finger(forces: Float64) -> Float64:
@@ -51,7 +48,7 @@ class Touch:
         first = sensor.latest()
         self._reference = None if first is None else of(first.wrenches[:, :3])
         self._recent: deque[Float64] = deque(maxlen=SPIKE)
-        self._felt: deque[Float64] = deque(maxlen=max(1, round(AVERAGED * sensor.rate)))
+        self._felt: deque[Float64] = deque(maxlen=max(1, round(0.1 * sensor.rate)))  # time of an average [s]
         self.change = 0.0
         self.finger = ""
         self._limit, self._act = np.inf, _nothing
@@ -129,5 +126,6 @@ def pressing_forces(sensor: ForceSensor) -> tuple[float, float]:
 
 def something_between(gripper: Gripper, sensor: ForceSensor) -> bool:
     """Return True if force and opening both show an object between the fingers."""
-    open_enough = gripper.state().width > gripper.limits.width_min + HELD_WIDTH
+    # opening above the closed gripper's at which something is between the fingers [m]
+    open_enough = gripper.state().width > gripper.limits.width_min + 2e-3
     return open_enough and min(pressing_forces(sensor)) > HELD_FORCE

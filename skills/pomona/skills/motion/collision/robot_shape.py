@@ -15,7 +15,6 @@ from pomona.skills.motion.collision.cover import Cover, cover, cover_points
 from pomona.skills.motion.robot import Body, RobotModel
 
 FEW_SPHERES = 3  # spheres of one body that are kept apart; more of them become one shape
-_POSTURES = 64  # random postures in which a pair of bodies must overlap, every time, to count as always overlapping
 
 
 class RobotArrays(NamedTuple):
@@ -223,7 +222,8 @@ def _without_overlapping(
     Overlap is judged by spheres *inside* the shapes, so a pair is left out only when it truly overlaps each time.
     """
     rng = np.random.default_rng(0)
-    postures = np.vstack((np.zeros(model.dof), rng.uniform(model.lower, model.upper, (_POSTURES, model.dof))))
+    # random postures in which a pair of bodies must overlap, every time, to count as always overlapping
+    postures = np.vstack((np.zeros(model.dof), rng.uniform(model.lower, model.upper, (64, model.dof))))
     by_bodies: dict[tuple[str, str], list[tuple[int, int]]] = defaultdict(list)
     for i, j in pairs:
         by_bodies[bodies[i].name, bodies[j].name].append((i, j))

@@ -31,8 +31,6 @@ from pomona.skills.motion.collision.robot_shape import RobotArrays
 
 SLACK = 5e-4  # by how much a margin may be undershot between two looks [m]
 
-_LOOK_AHEAD = 0.15  # clearances beyond this are not resolved further while moving [m]
-
 
 @njit(cache=True, nogil=True)
 def check_segment(
@@ -80,7 +78,7 @@ def check_segment(
                     turns, shifts, inner, of_geom[outer], scratch.centres[outer], robot.bounds[outer, 3]
                 )
                 motion = min(rates[n] * rest, (speeds[n] + 0.5 * bends[n] * rest) * rest)
-                wanted[n] = min(motion, _LOOK_AHEAD) + 1e-9
+                wanted[n] = min(motion, 0.15) + 1e-9  # clearances beyond this are not resolved further while moving [m]
         worst = evaluate_clearances(robot, world, width, active, wanted, np.inf, scratch, found, which)
         if found[worst] < smallest:
             geom = worst if worst < geoms else pairs[worst - geoms, 1]

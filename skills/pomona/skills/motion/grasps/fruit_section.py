@@ -10,8 +10,6 @@ from numba import njit
 from pomona.executive.values.arrays import Float64
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 
-WIDEST_BAND = 1e-3  # points within this distance of the outermost one belong to the widest section [m]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CrossSection:
@@ -38,7 +36,8 @@ def fruit_section(measured: MeasuredFruit, vertices_base: Float64, R_base_tcp: F
     `vertices_base`, shape (n, 3) [m], is its refined shape, handed in because one shape serves many grasps.
     """
     widest = np.empty(3)
-    low, high, top = extent(vertices_base, measured.T_base_fruit[:3, 3], R_base_tcp, WIDEST_BAND, widest)
+    # points within this distance of the outermost one belong to the widest section [m]
+    low, high, top = extent(vertices_base, measured.T_base_fruit[:3, 3], R_base_tcp, 1e-3, widest)
     axis = R_base_tcp.T @ measured.T_base_fruit[:3, :3] @ measured.fruit.symmetry_axis
     centre = (widest @ axis) * axis  # on the axis of the nearly round fruit: the load then has no lever on the pads
     centre[1] = (low + high) / 2.0

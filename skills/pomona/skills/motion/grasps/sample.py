@@ -30,7 +30,6 @@ from pomona.skills.motion.robot.inverse_kinematics import inverse_kinematics
 from pomona.skills.motion.straight_line import LARGEST_RATE
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 
-OBLIQUE = 0.35  # pads that meet the skin at this angle turn a fruit between them, even with good friction [rad]
 LINE_STEP = 30e-3  # distance of poses along an approach when it is judged [m]; segments between them are checked whole
 
 
@@ -138,7 +137,8 @@ def cost(grasp: Grasp, robot: RobotModel, q_now: Float64) -> float:
     tight = 1.0 - min(grasp.clearance / 0.03, 1.0)
     tilted = grasp.theta / (np.pi / 2.0)
     stiff = 1.0 / (1.0 + 20.0 * robot.manipulability(q))
-    oblique = min(grasp.oblique / OBLIQUE, 1.0)
+    # pads that meet the skin at this angle turn a fruit between them, even with good friction [rad]
+    oblique = min(grasp.oblique / 0.35, 1.0)
     wide = min(grasp.width / float(grasp.fruit.dimensions.min()) - 1.0, 1.0)
     far = min(float(np.abs(q - q_now).max()) / np.pi, 1.0)
     return 1.0 * tight + 1.0 * oblique + 1.0 * wide + 0.5 * tilted + 0.5 * stiff + 0.5 * far

@@ -11,8 +11,6 @@ from pomona.skills.motion.occupancy.errors import CameraPoseMismatch
 from pomona.skills.motion.robot import RobotModel
 
 _DISTANCE, _ANGLE = 2e-3, 5e-3  # between two statements about one pose [m, rad]
-_JOINTS = 0.02  # between the joints at the exposure and those of an arm that stands still [rad]
-_SAME_TIME = 0.05  # [s]
 
 
 def pose_of_camera(frame: Frame, model: RobotModel) -> Float64:
@@ -42,8 +40,8 @@ def check_camera_pose(frame: Frame, T_base_camera: Float64, model: RobotModel, a
             distance,
             angle,
         )
-    if frame.q is None or arm.moving or abs(arm.stamp - frame.stamp) > _SAME_TIME:
+    if frame.q is None or arm.moving or abs(arm.stamp - frame.stamp) > 0.05:  # [s]
         return
     off = float(np.max(np.abs(model.checked(frame.q) - arm.q)))
-    if not off <= _JOINTS:
+    if not off <= 0.02:  # between the joints at the exposure and those of an arm that stands still [rad]
         raise CameraPoseMismatch(f"the frame's joints are {off:.3f} rad from those of the arm, which stands still")

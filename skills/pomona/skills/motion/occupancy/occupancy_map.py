@@ -15,8 +15,6 @@ from pomona.skills.motion.occupancy.errors import MapEmpty, MapStale
 UNKNOWN, FREE, OCCUPIED, HIDDEN = 0, 1, 2, 3
 """States of a cell. HIDDEN: close behind a seen surface, where the rest of the object is."""
 
-FIELD_LIMIT = 0.30  # distances are known up to this [m]
-
 
 @dataclass(frozen=True, eq=False)
 class OccupancyMap:
@@ -64,7 +62,8 @@ class OccupancyMap:
     @cached_property
     def field(self) -> DistanceField:
         """Distance to blocked cells, computed once."""
-        return DistanceField.of_blocked(self.blocked, self.origin, self.resolution, FIELD_LIMIT)
+        # distances are known up to this [m]
+        return DistanceField.of_blocked(self.blocked, self.origin, self.resolution, 0.30)
 
     def usable_field(self, now: float, max_age: float) -> DistanceField:
         """Return the distance field if the newest look is at most `max_age` old at `now` on the cell's clock [s].

@@ -23,8 +23,6 @@ from pomona.skills.motion.collision import CollisionWorld, Convex, Margins, Robo
 from pomona.skills.motion.planning.errors import BadProblem
 from pomona.skills.motion.robot import RobotModel
 
-ROUNDING = 1e-3  # how far a file's joint may lie beyond its limit [rad or m]: files round, and limits too
-
 _NUMBER = re.compile(r"request(\d+)\.yaml$")
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -93,7 +91,8 @@ def _joints(robot: RobotModel, values: Mapping[str, Any]) -> Float64:
     """Return joints by name as an array; rounding beyond a limit is taken back, which planners would refuse."""
     q = np.array([float(values[joint]) for joint in robot.joint_names])
     within = np.clip(q, robot.lower, robot.upper)
-    return np.where(np.abs(within - q) < ROUNDING, within, q)
+    # how far a file's joint may lie beyond its limit [rad or m]: files round, and limits too
+    return np.where(np.abs(within - q) < 1e-3, within, q)
 
 
 def _read(path: Path) -> Mapping[str, Any]:

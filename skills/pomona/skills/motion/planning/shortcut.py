@@ -7,8 +7,6 @@ import numpy as np
 from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.planning.space import Space
 
-ROUNDS = 60  # random cuts of a polyline
-
 
 def path_length(waypoints: Float64) -> float:
     """Length of a joint polyline, shape (n, dof) [rad]."""
@@ -18,7 +16,7 @@ def path_length(waypoints: Float64) -> float:
 def shortcut(space: Space, waypoints: Float64, rng: np.random.Generator) -> Float64:
     """Return a path from a free polyline, shape (n, dof) [rad], that is never longer; its new segments are checked."""
     path = _leave_out_corners(space, waypoints)
-    for _ in range(ROUNDS):
+    for _ in range(60):  # random cuts of a polyline
         if len(path) < 3:
             break
         along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])

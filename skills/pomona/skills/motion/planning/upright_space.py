@@ -18,9 +18,7 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.planning.arm_space import ArmSpace
 
 SLACK = np.radians(0.25)  # tolerance of the bound between two checks [rad]; for a path before its execution twice that
-INSIDE = 0.7  # steps are pulled back to this share of the bound, so that the way between two of them stays within it
 STEP = 0.3  # longest step of a tree [rad]
-TRIES = 8  # Newton steps of a projection
 COST = 20  # cost of a step of these trees in steps without a bound, which are compiled: budgets stay in seconds
 
 
@@ -126,7 +124,7 @@ class UprightSpace:
         model = self.space.world.shape.model
         if self.tilt(q) <= self.most:
             return q
-        for _ in range(TRIES):
+        for _ in range(8):  # Newton steps of a projection
             up = model.tcp(q)[:3, :3] @ self.up
             axis = np.cross(up, (0.0, 0.0, 1.0))
             length = float(np.linalg.norm(axis))
@@ -136,7 +134,8 @@ class UprightSpace:
             if length < 1e-6:  # upside down: no way back is nearer than another
                 return None
             row = axis / length @ model.jacobian(q)[3:]
-            q = np.clip(q + row * (tilt - INSIDE * self.most) / (row @ row + 1e-6), self.lower, self.upper)
+            # steps are pulled back to this share of the bound, so that the way between two of them stays within it
+            q = np.clip(q + row * (tilt - 0.7 * self.most) / (row @ row + 1e-6), self.lower, self.upper)
         return None
 
     def _tilted_between(self, q_a: Float64, q_b: Float64, tolerance: float) -> bool:

@@ -11,7 +11,6 @@ from pomona.skills.motion.robot.model import RobotModel, checked_pose
 from pomona.skills.motion.robot.numeric_ik import descend, spread_starts
 from pomona.skills.motion.robot.spherical_arm import as_spherical_arm
 
-_SAME = 1e-4  # solutions closer than this in every joint are one [rad]
 _STARTS_PER_ARM_ANGLE = 2
 
 
@@ -60,7 +59,8 @@ def _distinct(solutions: Float64) -> Float64:
     """Solutions without those that repeat an earlier one."""
     kept: list[Float64] = []
     for q in solutions:
-        if all(np.abs(q - other).max() > _SAME for other in kept):
+        # solutions closer than this in every joint are one [rad]
+        if all(np.abs(q - other).max() > 1e-4 for other in kept):
             kept.append(q)
     return np.array(kept).reshape(len(kept), solutions.shape[1])
 

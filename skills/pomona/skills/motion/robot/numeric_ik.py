@@ -16,9 +16,6 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.robot.chain import compose, forward, jacobian
 from pomona.skills.motion.robot.model import RobotModel
 
-_CONVERGED = 1e-11  # norm of the pose error [m, rad]
-_ACCEPTED = 1e-9  # accepted error when rounding stops the descent earlier
-
 
 def descend(model: RobotModel, T_base_tcp: Float64, starts: Float64, iterations: int = 80) -> Float64:
     """Solutions within the limits that the starts, shape (m, dof), descend to; shape (n, dof) [rad]."""
@@ -136,7 +133,7 @@ def _descend(
             forward(steps, sliding, q, links)
             compose(links[dof], T_link_tcp, T)
             squared = _pose_error(T, target, error)
-            if squared < _CONVERGED**2:
+            if squared < 1e-11**2:  # norm of the pose error [m, rad]
                 break
             jacobian(links, sliding, T[:, 3].copy(), J)
             newton_step(J, error, 0.05 * squared + 1e-9, A, step)
@@ -144,7 +141,7 @@ def _descend(
                 q[k] = min(max(q[k] + min(max(step[k], -0.5), 0.5), lower[k]), upper[k])
         forward(steps, sliding, q, links)
         compose(links[dof], T_link_tcp, T)
-        if _pose_error(T, target, error) < _ACCEPTED**2:
+        if _pose_error(T, target, error) < 1e-9**2:  # accepted error when rounding stops the descent earlier
             for i in range(q.shape[0]):
                 solutions[count, i] = q[i]
             count += 1

@@ -24,16 +24,9 @@ from pomona.skills.motion.occupancy.integrate import mark_spheres
 from pomona.skills.motion.watch.braking import Braking
 from pomona.skills.motion.watch.kernel import CameraView, Nearest, Noise, WatchedCells, nearest_ahead, see
 
-STEP = 0.02
-"""Postures of the rest of a path are looked at so far apart [s]; the fastest joint moves by 0.12 rad meanwhile."""
-
 CELL = 0.025  # edge of the grid's cells [m]: a hand takes dozens of them
 AROUND = 0.03  # distance within which points belong to a known object [m]: noise at its edge, or a stem
-TABLE = 0.02  # height above the table below which everything is the table's [m]
 BEYOND = 0.6  # the grid reaches so far beyond the workspace, upwards and sideways [m]: a hand needs 0.4 s for it
-LEAST_AREA = 1e-4  # of a surface in a cell, as the camera sees it; less is noise [m²]: a quarter of a cell's face
-FEW = 3  # fewer cells that were free and are taken now are noise, and count as standing there: a hand has dozens
-FINE = 480  # an image with more columns than this is looked at in every second pixel each way
 SURE = 3.0  # standard deviations of the depth's noise that are allowed for
 MOST = 4096  # new cells of one frame that are looked at: 1.6 m² of surface
 
@@ -79,10 +72,12 @@ class PathWatch:
     ) -> None:
         self._how = workspace.watch or PathWatchSettings()
         self._shape, self.width, self._braking = shape, width, Braking(trajectory, limits)
-        self._times = np.append(np.arange(0.0, trajectory.duration, STEP), trajectory.duration)
+        # Postures of the rest of a path are looked at so far apart [s]; the fastest joint moves by 0.12 rad meanwhile
+        self._times = np.append(np.arange(0.0, trajectory.duration, 0.02), trajectory.duration)
         self._Q = np.column_stack([np.interp(self._times, trajectory.t, q) for q in trajectory.q.T])
         floor = -np.inf if workspace.table_z is None else workspace.table_z
-        self._lowest = float(max(floor + TABLE, workspace.lower[2]))
+        # height above the table below which everything is the table's [m]
+        self._lowest = float(max(floor + 0.02, workspace.lower[2]))
         self._origin = workspace.lower - (BEYOND, BEYOND, 0.0)
         shape_of_grid = np.ceil((workspace.upper + BEYOND - self._origin) / CELL).astype(int)
         nx, ny, nz = (int(n) for n in shape_of_grid)
@@ -112,7 +107,8 @@ class PathWatch:
         if new == 0:
             return None
         how, points, moved = self._how, self._found[:new], self._moved[:new]
-        if np.count_nonzero(moved) < FEW:
+        # fewer cells that were free and are taken now are noise, and count as standing there: a hand has dozens
+        if np.count_nonzero(moved) < 3:
             moved = np.zeros(new, np.bool_)
         stopping = age + how.delay + self._braking.time(path_time)
         first = max(int(np.searchsorted(self._times, path_time, side="right")) - 1, 0)
@@ -133,7 +129,8 @@ class PathWatch:
         if frame.depth is None:
             return 0
         lens, errs = frame.intrinsics, frame.depth_model
-        step = 2 if lens.width > FINE else 1
+        # an image with more columns than this is looked at in every second pixel each way
+        step = 2 if lens.width > 480 else 1
         # A read-only image would be compiled for once more.
         depth = np.require(frame.depth[::step, ::step], np.float32, ["C", "W"])
         own = np.zeros(self._known.shape, np.bool_)
@@ -146,7 +143,8 @@ class PathWatch:
         rays = np.array([lens.fx, lens.fy, lens.cx, lens.cy]) / step
         view = CameraView(rays, np.ascontiguousarray(T_base_camera[:3]), frame.q is None)
         cells = WatchedCells(self._origin, CELL, self._known, own, state, self._area, self._touched)
-        noise = Noise(self._lowest + SURE * errs.floor, spread, LEAST_AREA)
+        # of a surface in a cell, as the camera sees it; less is noise [m²]: a quarter of a cell's face
+        noise = Noise(self._lowest + SURE * errs.floor, spread, 1e-4)
         new: int = see(depth, view, cells, noise, self._found, self._moved)
         return new
 

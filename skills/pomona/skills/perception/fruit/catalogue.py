@@ -26,8 +26,6 @@ from pomona.skills.perception.fruit.sizes import KindSizes
 CATALOGUE = installed_trees() / "fruits"
 SHIPPED_WEIGHTS = Path(__file__).resolve().parents[1] / "detection" / "weights"
 
-_AGREES = 1e-4  # tolerance between a mesh's dimensions and those in the file [m]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
@@ -131,7 +129,8 @@ class FruitFileSection:
 
     def _misfits(self, mesh: Mesh) -> Iterator[Problem]:
         extents = np.ptp(mesh.vertices, axis=0)
-        if np.any(np.abs(extents - self.dimensions) > _AGREES):
+        # tolerance between a mesh's dimensions and those in the file [m]
+        if np.any(np.abs(extents - self.dimensions) > 1e-4):
             measured = " ".join(f"{1e3 * size:.2f}" for size in extents)
             yield Problem("dimensions", f"they are not the mesh's, which measures {measured} mm", "a mesh is in metres")
         closed, outwards = _surface(mesh)

@@ -21,10 +21,6 @@ import numpy as np
 from pomona.executive.values.arrays import Float64
 
 LEAST_FRUIT = 6  # minimum number of fruit for the spread of a kind's sizes
-_AS_SURE_AS_ANY = 0.03  # measurements that know better than this share how large a fruit looks count no more for it
-
-
-_LEAST_SPREAD = 0.01  # no fruit of one kind are more alike than this share
 
 
 class TooFewFruit(ValueError):
@@ -88,13 +84,15 @@ def learn_sizes(
         raise TooFewFruit("a size that is zero, negative or no number teaches nothing: leave its fruit out")
     ln_width, ln_ratio = np.log(sizes[:, 0]), np.log(sizes[:, 1] / sizes[:, 0])
     seen = np.log(shown) - ln_width - 0.5 * sines**2 * (ln_ratio - math.log(model_height_over_width))
-    weight = 1.0 / (deviations**2 + _AS_SURE_AS_ANY**2)
+    # measurements that know better than this share how large a fruit looks count no more for it
+    weight = 1.0 / (deviations**2 + 0.03**2)
     looks = float(weight @ seen / weight.sum())
     beyond = float(weight @ ((seen - looks) ** 2 - deviations**2) / weight.sum())
     wider = math.sqrt(1.0 + 1.0 / len(sizes))  # uncertainty of the medians of this number of fruit
     told = np.broadcast_to(own, sizes.shape)
     spread = np.var([ln_width, ln_ratio], axis=1, ddof=1) - np.mean(np.square(told), axis=0)
-    width_deviation, ratio_deviation = wider * np.sqrt(np.maximum(spread, _LEAST_SPREAD**2))
+    # no fruit of one kind are more alike than this share
+    width_deviation, ratio_deviation = wider * np.sqrt(np.maximum(spread, 0.01**2))
     return KindSizes(
         width=float(np.exp(ln_width.mean())),
         width_deviation=float(width_deviation),

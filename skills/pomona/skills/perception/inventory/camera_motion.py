@@ -18,13 +18,9 @@ from pomona.drivers.interfaces import Frame
 from pomona.executive.values.arrays import Float64
 
 FEATURES = 4000
-RATIO = 0.75  # a point's best match must be nearer than this share of its second best (Lowe, 2004)
 
 LEAST_POINTS = 60
 LEAST_SHARE = 0.3  # minimum ratio of matches that agree with the motion; the others are moving or similar objects
-LEAST_SPREAD = 0.15
-"""Standard deviation of the agreeing points in the picture, as a share of its width and of its height."""
-MOST_DEVIATION = 0.01  # two halves must put the scene at the same place within this [m]: a tenth of a fruit
 
 ROUNDS = 500
 
@@ -59,13 +55,14 @@ def camera_motion(earlier: Frame, later: Frame) -> CameraMotion:
         )
     size = np.array([earlier.intrinsics.width, earlier.intrinsics.height])
     spread = float((pixels[agree].std(axis=0) / size).min())
-    if spread < LEAST_SPREAD:
+    # Standard deviation of the agreeing points in the picture, as a share of its width and of its height
+    if spread < 0.15:
         return _unknown("the points that agree on a motion all lie close together")
     order = rng.permutation(np.flatnonzero(agree))
     halves = [_rigid(first[half], second[half]) for half in (order[::2], order[1::2])]
     moved = [_apply(half, second[agree]) for half in halves]
     deviation = float(np.sqrt(np.mean(np.sum((moved[0] - moved[1]) ** 2, axis=1))))
-    if deviation > MOST_DEVIATION:
+    if deviation > 0.01:  # two halves must put the scene at the same place within this [m]: a tenth of a fruit
         return _unknown(f"two halves of the points put the scene {1e3 * deviation:.0f} mm apart")
     return CameraMotion(T, 0.5 * deviation, "")
 
@@ -82,7 +79,8 @@ def _matches(earlier: Frame, later: Frame) -> tuple[Float64, Float64, Float64]:
     if any(descriptors is None or len(descriptors) < 2 for _points, descriptors in found):
         return nothing
     pairs = cv2.BFMatcher(cv2.NORM_L2).knnMatch(found[0][1], found[1][1], k=2)
-    best = [a for a, b in pairs if a.distance < RATIO * b.distance]
+    # a point's best match must be nearer than this share of its second best (Lowe, 2004)
+    best = [a for a, b in pairs if a.distance < 0.75 * b.distance]
     if not best:
         return nothing
     pixels = [

@@ -14,8 +14,6 @@ SHARED = 0.9
 model's from any side. Measured: 0.61 of the width's and 0.98 of the height's
 (`python -m benchmarks.bench_count`)."""
 
-DOUBT = 0.01  # looks that differ by more than so rarely happens by chance disagree
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FusedSize:
@@ -64,7 +62,8 @@ class SizeOfLooks:
         covariance = (1.0 - SHARED) * spread + SHARED * common @ common.T
         distance = self._squares - float(mean @ self._weighted)
         freedom = mean.size * (self.looks - 1)
-        agree = distance <= float(chdtri(freedom, DOUBT))
+        # looks that differ by more than so rarely happens by chance disagree
+        agree = distance <= float(chdtri(freedom, 0.01))
         widened: Float64 = covariance if agree else covariance * (distance / freedom)
         return FusedSize(mean, widened, self.looks, agree)
 

@@ -20,19 +20,9 @@ from pomona.executive.values.arrays import Float32, Float64, UInt8
 WIDTH = 320  # width at which it is looked for [px]: leaves and branches are still there
 SMOOTH = 1.5  # standard deviation by which both are smoothed [px of `WIDTH`]
 
-BESIDE = 0.01
-"""Registered depth may lie so far beside colour: a share of the picture's width (12 of 1920 px in the orchard)."""
-
-OVERLAP = 0.6  # of the depth's edges that a shift must leave in the picture
-
 SURE = 8.0
 """With this score depth and colour belong together: 44 right frames score 9.8 (simulated) to 23 (an orchard's)."""
 
-NOWHERE = 5.0
-"""Score below which the edges disagree everywhere: moved beyond the overlap, the orchard's depth scores 4.6 at most."""
-
-LEAST_EDGES = 0.02  # minimum ratio of the picture with depth edges for the conclusion that they match no colour edges
-FAINT = 0.03  # change of inverse depth that counts half as an edge [1/m per pixel of `WIDTH`]
 
 VARIANTS = {
     "is mirrored left to right": (slice(None), slice(None, None, -1)),
@@ -65,8 +55,10 @@ def depth_elsewhere(frame: Frame, or_nowhere: bool = False) -> str:
     score, words = max(found)
     if score >= SURE and here < 0.5 * score:
         return f"depth {words} against colour"
-    telling = float(np.abs(edges).mean()) >= LEAST_EDGES and score > 0.0
-    return "depth's edges lie nowhere on colour's" if or_nowhere and telling and max(here, score) < NOWHERE else ""
+    # minimum ratio of the picture with depth edges for the conclusion that they match no colour edges
+    telling = float(np.abs(edges).mean()) >= 0.02 and score > 0.0
+    # Score below which the edges disagree everywhere: moved beyond the overlap, the orchard's depth scores 4.6 at most
+    return "depth's edges lie nowhere on colour's" if or_nowhere and telling and max(here, score) < 5.0 else ""
 
 
 def _lies(shift: tuple[int, int], scale: float) -> str:
@@ -97,7 +89,7 @@ def _of_depth(depth: Float32) -> Complex:
     inverse = np.where(small > 0.0, 1.0 / np.maximum(small, 0.2), 0.0).astype(np.float32)
     smooth = cv2.GaussianBlur(inverse, (0, 0), SMOOTH)
     x, y = (np.asarray(cv2.Sobel(smooth, cv2.CV_32F, *order)) / 8.0 for order in ((1, 0), (0, 1)))
-    return _directions(x, y, FAINT)
+    return _directions(x, y, 0.03)  # change of inverse depth that counts half as an edge [1/m per pixel of `WIDTH`]
 
 
 def _directions(x: NDArray[Any], y: NDArray[Any], faint: float) -> Complex:
@@ -113,13 +105,15 @@ def _scores(colour: Complex, depth: Complex) -> tuple[float, float, tuple[int, i
     agree = ifft2(fft2(colour, size) * np.conj(fft2(depth, size))).real
     ones = np.ones(colour.shape, np.float32)
     weight = irfft2(rfft2(ones, size) * np.conj(rfft2(np.abs(depth), size)), size)
-    there = weight > OVERLAP * max(float(np.abs(depth).sum()), 1e-6)
+    # of the depth's edges that a shift must leave in the picture
+    there = weight > 0.6 * max(float(np.abs(depth).sum()), 1e-6)
     mean: Float64 = np.where(there, agree / np.sqrt(np.maximum(weight, 1.0)), -np.inf)
     spread = float(mean[there].std()) if there.any() else 0.0
     if spread < 1e-9:
         return 0.0, 0.0, (0, 0)
     score = (mean - np.median(mean[there])) / spread
-    beside = int(np.ceil(BESIDE * width))
+    # Registered depth may lie so far beside colour: a share of the picture's width (12 of 1920 px in the orchard)
+    beside = int(np.ceil(0.01 * width))
     near = float(np.roll(score, (beside, beside), (0, 1))[: 2 * beside + 1, : 2 * beside + 1].max())
     row, column = np.unravel_index(int(score.argmax()), score.shape)
     right, down = (int((at + half) % (2 * half) - half) for at, half in ((column, width), (row, height)))

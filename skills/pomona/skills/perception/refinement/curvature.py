@@ -23,7 +23,6 @@ _INNER = 0.87
 disturb."""
 
 _LEAST_PIXELS = 60
-_MOST_PIXELS = 1500  # of a larger box every second or third pixel of every second or third row is looked at
 _TRIMMED = 3.0
 """Distance from the fitted surface of outliers, dropped once, in standard deviations: holes' edges, stems."""
 
@@ -52,7 +51,8 @@ def least_curvature(
         inliers, band: pixels that agree, shape (h, w), and half-width of the band in which depth agrees [m].
         alike: number of neighbouring pixels with a common error.
     """
-    step = max(1, math.isqrt(depth.size // _MOST_PIXELS))
+    # of a larger box every second or third pixel of every second or third row is looked at
+    step = max(1, math.isqrt(depth.size // 1500))
     depth, virtual_depth, inliers = depth[::step, ::step], virtual_depth[::step, ::step], inliers[::step, ::step]
     covered = virtual_depth > 0.0
     connected = connected_to(inliers, depth, covered, step)

@@ -22,7 +22,6 @@ _AROUND = 16
 _ABOVE_PLANE = 4e-3
 _LEAST_ABOVE = 0.5
 _BEYOND_MODEL = 0.02
-_OTHER_LOOK = 2.0  # another look agrees with the model of the first within this many bands: the model is not right yet
 
 
 def gather(look: DepthLook, scaled: RefineResult, known: Plane | None) -> tuple[Cloud, Plane | None]:
@@ -66,7 +65,8 @@ def gather_others(
             virtual_depth, box = look.render(mesh, inverse(look.T_camera_look) @ T_camera_mesh)
         except RenderFailed:
             continue  # the fruit is not in this picture
-        near = np.abs(look.depth[box.slices] - virtual_depth) <= _OTHER_LOOK * band
+        # another look agrees with the model of the first within this many bands: the model is not right yet
+        near = np.abs(look.depth[box.slices] - virtual_depth) <= 2.0 * band
         points = _connected(look, box, virtual_depth, near).moved(look.T_camera_look)
         if plane is not None:
             points = points.chosen(plane.height(points.points) > _ABOVE_PLANE)

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from pomona.executive.values.arrays import Float64
 
 PARAMETERS = 11  # move 3, tilt about x and z, ln stretch 3, lean 2, turn about y
-_FACING = 0.1  # cosine between a normal and the ray from which a surface faces away: it is the far side of the model
 
 
 class Points(NamedTuple):
@@ -115,7 +114,8 @@ def points_to_surface(
         jacobian[i, 8] = b * stretch[1] * m[1] * m[0] / radius[0]
         jacobian[i, 9] = b * stretch[1] * m[1] * m[2] / radius[1]
         jacobian[i, 10] = q[2] * a - q[0] * c
-        counts[i] = abs(distance[i]) < reach and slant[i] < _FACING
+        # cosine between a normal and the ray from which a surface faces away: it is the far side of the model
+        counts[i] = abs(distance[i]) < reach and slant[i] < 0.1
         counted += counts[i]
     shared = math.sqrt(max(1.0, counted / patches))
     H, right = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)

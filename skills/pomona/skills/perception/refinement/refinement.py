@@ -50,23 +50,16 @@ _UNMODELLED_ON_SUPPORT = np.array([0.01, 0.01, 0.01, 0.003, 0.004, 0.003])
 higher than the other, the turn about the axis), relative to the mean dimension; over the visible ratio of the fruit.
 """
 
-_FIT_VARIANCE = 0.75  # factor on the fit's own variances: its weights measure best, but as variances they are too large
-
 _UNSEEN_DOUBT = 0.6
 """If a fruit is half hidden, the mean sizes of the stretched and the scaled model differ by errors of the former: the
 dimensions' uncertainty is this factor times the difference, times the hidden over the visible ratio.
 """
-
-_NO_DOUBT = 0.95
-"""Ratio of agreeing depth from which the shape is not checked: of 60 walls, posts and edges the most was 0.94."""
 
 _FLAT, _CURVED, _SURELY = 0.2, 0.5, 2.0
 _SMOOTH = 0.9
 """Relative curvature of flat and of curved surfaces, the number of standard deviations, and the ratio of the surface
 that one curvature must explain: a leaf beside a fruit makes no smooth surface. The least of 290 whole and half hidden
 apples was 0.77, with its uncertainty; 28 walls and posts had 0.2 at most; of 53 finds in real frames one is refused."""
-
-_OVAL = 0.02  # relative difference between either width and their mean for a fruit that is taken for round
 
 _MISPLACED = 0.02
 _PROPORTIONS = np.array([0.06, 0.09, 0.06])
@@ -214,7 +207,8 @@ def _check_curvature(task: _Task, result: RefineResult) -> None:
     Raises:
         NotItsShape: the points that agree with the model form one smooth surface that is flat in some direction.
     """
-    if result.inlier_ratio > _NO_DOUBT:
+    # Ratio of agreeing depth from which the shape is not checked: of 60 walls, posts and edges the most was 0.94
+    if result.inlier_ratio > 0.95:
         return
     measured, band = task.look.depth[result.box.slices], task.limits.inlier_band
     found = least_curvature(measured, result.virtual_depth, result.inliers, band, task.look.depth_model.alike)
@@ -299,7 +293,8 @@ def _of_kind(task: _Task, scaled: RefineResult, fit: ScaleFit, sizes: KindSizes)
     sine = float(np.linalg.norm(np.cross(ray, scaled.T_camera_object[:3, 1])))
     size, covariance = sizes.given(shown, deviation, sine, task.model_proportion)
     dimensions = size[[0, 1, 0]]
-    spread = covariance[np.ix_([0, 1, 0], [0, 1, 0])] + np.diag((_OVAL * dimensions * [1.0, 0.0, 1.0]) ** 2)
+    # relative difference between either width and their mean for a fruit that is taken for round
+    spread = covariance[np.ix_([0, 1, 0], [0, 1, 0])] + np.diag((0.02 * dimensions * [1.0, 0.0, 1.0]) ** 2)
     T_camera_object = scaled.T_camera_object.copy()
     T_camera_object[:3, 3] += 0.5 * (dimensions.mean() - scaled.dimensions.mean()) * ray
     deeper = np.outer(0.5 * ray, np.full(3, 1.0 / 3.0))
@@ -380,7 +375,8 @@ def _covariance(fit: ShapeFit, dimensions: Float64, whole: float, seen: float, d
     """
     change = np.concatenate([fit.T_camera_object[:3, 3], dimensions])
     to_size = np.diag(np.concatenate([np.ones(3), dimensions]))
-    covariance: Float64 = _FIT_VARIANCE * to_size @ fit.covariance @ to_size
+    # factor on the fit's own variances: its weights measure best, but as variances they are too large
+    covariance: Float64 = 0.75 * to_size @ fit.covariance @ to_size
     unmodelled = (_UNMODELLED_ON_SUPPORT if fit.on_support else _UNMODELLED) * dimensions.mean()
     unmodelled /= seen
     unmodelled[3:] = np.hypot(unmodelled[3:], doubt)

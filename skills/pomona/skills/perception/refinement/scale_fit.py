@@ -23,8 +23,6 @@ TOO_DEEP = 100.0  # depth/model ratio above which the depth is in millimetres
 
 _HYPOTHESES = 512
 _REFITS = 20
-_SEEN_THROUGH = 0.25
-"""Weight of a measurement beyond the model against one on it: less than that of a fruit that is 60 % visible."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,7 +125,8 @@ def _largest_consensus(ratio: NDArray[np.float64], half_width: float) -> float:
     ordered = np.sort(ratio[:: max(1, len(ratio) // _HYPOTHESES)])
     first = np.arange(len(ordered))
     beyond = np.searchsorted(ordered, ordered + 2.0 * half_width, side="right")
-    score = (beyond - first) - _SEEN_THROUGH * (len(ordered) - beyond)
+    # Weight of a measurement beyond the model against one on it: less than that of a fruit that is 60 % visible
+    score = (beyond - first) - 0.25 * (len(ordered) - beyond)
     best = np.flatnonzero(score == score.max())
     start = int(best[np.argmin(np.abs(0.5 * (first + beyond)[best] - 0.5 * len(ordered)))])
     return float(ordered[start : beyond[start]].mean())

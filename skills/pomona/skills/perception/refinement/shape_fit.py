@@ -32,11 +32,6 @@ from pomona.skills.perception.refinement.surface import Surface, surface_of
 
 _NARROWING = (3.0, 3.0, 2.0, 2.0, 1.5, 1.5)  # the band of the first steps, in final bands
 
-_STANDING = 0.05
-"""Standard deviation of the gap to its support that a fruit which stands on it may seem to have, of its height."""
-
-_PATCHES = 80  # number of independently deviating parts of the visible surface: a lobe or a dent is some 10 mm wide
-
 _MAX_STEPS = 25
 _MAX_POINTS = 1000
 _MAX_TURN = 0.3
@@ -117,7 +112,8 @@ def fit_shape(
     on_support = False
     if support is not None:
         gap, row = _contact(mesh, state, support)
-        doubt = row @ np.linalg.solve(equations.H, row) + (_STANDING * np.ptp(mesh.vertices[:, 1]) * mu) ** 2
+        # Standard deviation of the gap to its support that a fruit which stands on it may seem to have, of its height
+        doubt = row @ np.linalg.solve(equations.H, row) + (0.05 * np.ptp(mesh.vertices[:, 1]) * mu) ** 2
         on_support = bool(gap**2 <= 9.0 * doubt)
         if on_support:
             equations, share = _iterate(measured, mesh, state, start, band, priors, support, ())
@@ -166,7 +162,8 @@ class _Measured:
         """Of the points that lie within reach of the surface, and the share of these points."""
         R, t, form = np.ascontiguousarray(state.T[:3, :3]), state.T[:3, 3].copy(), state.form
         placed = PlacedForm(R, t, form.stretch, form.lean, form.radius)
-        H, b, share = points_to_surface(self.points, self.samples, placed, self.nearest, reach, texture, _PATCHES)
+        # number of independently deviating parts of the visible surface: a lobe or a dent is some 10 mm wide
+        H, b, share = points_to_surface(self.points, self.samples, placed, self.nearest, reach, texture, 80)
         return _Normal(H, b), share
 
 

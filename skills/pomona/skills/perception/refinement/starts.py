@@ -12,14 +12,11 @@ from pomona.skills.perception.refinement.depth_image import DepthImage
 from pomona.skills.perception.refinement.result import RefineResult
 from pomona.skills.perception.refinement.support_plane import Plane
 
-_SETTLED = 0.95  # ratio of agreeing depth from which the detected axis of the stem is accepted
 _CLEARLY = 0.02  # minimum additional ratio of the depth that another axis of the stem must explain
 
 _ASPECT_WEIGHT = 0.05
 """Additional ratio of the depth that the axis with less likely proportions must explain, per squared deviation:
 upside down a fruit fits its depth nearly as well, but wider and flatter than it is."""
-
-_HIDDEN = 5.0  # distance in front of the model from which an object hides it, in bands
 
 _ASIDE = np.radians(45.0)
 
@@ -68,7 +65,8 @@ class Judge:
         valid = (model > 0.0) & np.isfinite(measured) & (measured > 0.0)
         difference = measured[valid] - model[valid]
         agree = np.count_nonzero(np.abs(difference) <= self.band)
-        hidden = np.count_nonzero(difference < -_HIDDEN * self.band)
+        # distance in front of the model from which an object hides it, in bands
+        hidden = np.count_nonzero(difference < -5.0 * self.band)
         return int(agree), int(difference.size - agree - hidden)
 
     def aspect_penalty(self, dimensions: Float64) -> float:
@@ -82,4 +80,5 @@ class Judge:
         """
         agree, differ = self.explained(result)
         penalty = _ASPECT_WEIGHT * self.aspect_penalty(result.dimensions) * agree
-        return agree - differ - penalty, _CLEARLY * agree, agree >= _SETTLED * (agree + differ)
+        # ratio of agreeing depth from which the detected axis of the stem is accepted
+        return agree - differ - penalty, _CLEARLY * agree, agree >= 0.95 * (agree + differ)

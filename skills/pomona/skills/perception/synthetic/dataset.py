@@ -16,7 +16,6 @@ from pomona.skills.perception.synthetic.options import SceneOptions
 from pomona.skills.perception.synthetic.scene import RenderedFrame, render_scene
 
 CHUNK = 20
-CHUNK_LIMIT = 1800.0  # seconds after which a chunk that is not done is given up
 JPEG_QUALITY = 95
 
 Rendered = tuple[int, bytes, Annotation]  # index of a frame, its JPEG file and its annotation
@@ -98,7 +97,8 @@ def _rendered(
             yield render_chunk(*order)
         return
     with nullcontext(engine) if engine is not None else open_engine("local", count) as door:
-        for _index, answer in door.map(render_chunk, orders, CHUNK_LIMIT):
+        # seconds after which a chunk that is not done is given up
+        for _index, answer in door.map(render_chunk, orders, 1800.0):
             if isinstance(answer, BaseException):
                 raise answer
             yield answer

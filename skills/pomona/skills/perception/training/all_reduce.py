@@ -17,8 +17,6 @@ from pomona.skills.perception.detection.errors import BadTraining
 
 CONTEXT = get_context("spawn")
 
-PATIENCE = 600.0  # longest wait for the others [s]: the first process validates and saves in between
-
 
 class GradientAllReduce:
     """Memory that the processes share; made by the first and handed to the others."""
@@ -48,6 +46,6 @@ class GradientAllReduce:
 
     def _meet(self) -> None:
         try:
-            self._met.wait(PATIENCE)
+            self._met.wait(600.0)  # longest wait for the others [s]: the first process validates and saves in between
         except threading.BrokenBarrierError as error:
             raise BadTraining("a process that trains beside this one has ended; start again to resume") from error

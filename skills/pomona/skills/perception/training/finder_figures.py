@@ -21,16 +21,15 @@ Finds = tuple[Float64, Float64, Float64]
 """Of one picture: boxes that were found (n, 4), their scores (n,), boxes that were to be found (m, 4)."""
 
 PRECISION = 0.9  # recall is reported where precision is at least this
-WATCHED = 65  # photographs that are searched while training goes on, evenly from all of those to measure on
 FRAMES, FRAME_WIDTH = 30, 320  # rendered frames that are searched, and the width to which they are shrunk [px]
-LEAST_VISIBILITY = 0.3  # rendered fruit of which less is visible is not asked for
 
 
 def finder_figures(
     frames: FrameFolder | None, photographs: PhotoSet | None, device: str
 ) -> Callable[[nn.Module], dict[str, float]]:
     """Return figures of a finder on some photographs and on some rendered frames, of those that there are."""
-    val = () if photographs is None else photographs.val[:: max(1, len(photographs.val) // WATCHED)]
+    # photographs that are searched while training goes on, evenly from all of those to measure on
+    val = () if photographs is None else photographs.val[:: max(1, len(photographs.val) // 65)]
     scale = fruit_scale(photographs.train) if photographs is not None and val else 1.0
 
     def measure(network: nn.Module) -> dict[str, float]:
@@ -42,7 +41,8 @@ def finder_figures(
             found = []
             for k in range(min(FRAMES, len(frames))):
                 annotation, picture = frames.annotation(k), frames.picture(k, halved=False)
-                boxes = [item.box for item in annotation.objects if item.box and item.visibility >= LEAST_VISIBILITY]
+                # rendered fruit of which less is visible is not asked for
+                boxes = [item.box for item in annotation.objects if item.box and item.visibility >= 0.3]
                 places = places_in(network, picture, FRAME_WIDTH / annotation.width, device)
                 found.append(_finds(places, np.array(boxes, np.float64).reshape(-1, 4)))
             figures |= _named("rendered", found)

@@ -20,12 +20,9 @@ from pomona.skills.perception.training.samples import FrameFolder, cut_boxes, mo
 from pomona.skills.perception.training.targets import finder_targets
 
 SIDE = 320  # side of a window [px of the finder's input]
-SHOWN = 0.3  # least part of a box's area that a window must show for the fruit to be taught
 
 SHORTEST, NARROWEST = 6.0, 0.28
 """Least shorter side of a taught box [px of the input], and least ratio of it to the longer side."""
-
-LEAST_VISIBILITY = 0.2  # rendered fruit of which less is visible is neither fruit nor background
 
 FRAME_SCALE, FRAME_JITTER = 0.5, (0.8, 1.45)
 """Scale of a rendered frame of 640 px in a window, and the range of its factor: the detector searches at 0.5 to 0.7."""
@@ -34,7 +31,6 @@ PHOTO_JITTER = (1.0 / 1.22, 1.22)
 """Range of the factor on a photograph's scale: in orchards, size distinguishes near fruit from the next row's."""
 
 EMPTY_JITTER = (0.9, 3.0)  # range of the factor by which a picture without fruit is larger than the window
-ON_PICTURE = 0.4  # ratio of rendered frames that are pasted on a picture without fruit instead of one colour
 Window = tuple[UInt8, Float32]  # RGB (320, 320, 3) and the maps of `finder_targets`
 
 
@@ -97,7 +93,8 @@ class FrameWindows:
         small = cv2.resize(picture, extent.tolist(), interpolation=cv2.INTER_AREA)
         free = SIDE - extent
         u, v = np.round(np.minimum(0, free) + rng.uniform(0.0, 1.0, 2) * np.abs(free)).astype(int).tolist()
-        if self._empty is not None and rng.random() < ON_PICTURE:
+        # ratio of rendered frames that are pasted on a picture without fruit instead of one colour
+        if self._empty is not None and rng.random() < 0.4:
             canvas = self._empty.part(rng)
         else:
             canvas = np.broadcast_to(rng.integers(0, 256, 3).astype(np.uint8), (SIDE, SIDE, 3)).copy()
@@ -106,7 +103,8 @@ class FrameWindows:
         canvas[top : top + len(piece), left : left + piece.shape[1]] = piece
         seen = [item for item in annotation.objects if item.box is not None and min(item.box[2:]) > 0]
         boxes = np.array([item.box for item in seen], np.float64).reshape(-1, 4) * size + (u, v, 0.0, 0.0)
-        return _window(canvas, boxes, np.array([item.visibility >= LEAST_VISIBILITY for item in seen], np.bool_), rng)
+        # rendered fruit of which less is visible is neither fruit nor background
+        return _window(canvas, boxes, np.array([item.visibility >= 0.2 for item in seen], np.bool_), rng)
 
 
 class FinderBatches(Dataset[tuple[Tensor, ...]]):
@@ -139,7 +137,8 @@ def _window(picture: UInt8, boxes: Float64, fruit: NDArray[np.bool_], rng: np.ra
     inside = cut_boxes(boxes, SIDE, SIDE)
     area = inside[:, 2:].prod(axis=1)
     longer, shorter = inside[:, 2:].max(axis=1, initial=0.0), inside[:, 2:].min(axis=1, initial=np.inf)
-    taught = fruit & (area >= SHOWN * boxes[:, 2:].prod(axis=1))
+    # least part of a box's area that a window must show for the fruit to be taught
+    taught = fruit & (area >= 0.3 * boxes[:, 2:].prod(axis=1))
     taught &= (shorter >= SHORTEST) & (shorter >= NARROWEST * longer)
     there = area > 0.0
     cells = SIDE // FINDER_STRIDE

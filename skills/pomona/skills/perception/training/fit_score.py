@@ -22,8 +22,6 @@ NETS, UNITS = 3, 8
 STEPS, RATE, DECAY = 300, 0.03, 1e-3
 """Full-batch steps of Adam, their first rate, which falls to zero, and the weight decay."""
 
-LEAST_SCORE = 0.2  # least score of the finder's own for a place to be fitted on
-
 SAME, OTHER = 0.5, 0.15
 """A place is fruit with at least this intersection over union, none with less than the second, and doubtful between."""
 
@@ -46,7 +44,8 @@ def photo_places(
 
     def judged() -> Iterator[tuple[Float64, NDArray[np.bool_]]]:
         for number, photo in enumerate(photographs):
-            places, _, features = searching(detector, photo, scale, LEAST_SCORE).look(photo.picture(), photo.K, 0.0)
+            # least score of the finder's own for a place to be fitted on
+            places, _, features = searching(detector, photo, scale, 0.2).look(photo.picture(), photo.K, 0.0)
             boxes = np.array([place.box for place in places]).reshape(-1, 4)
             yield features, match_boxes(boxes, np.array([place.score for place in places]), photo.boxes, SAME)
             if progress is not None:

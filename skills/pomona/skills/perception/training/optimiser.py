@@ -13,7 +13,6 @@ from torch import Tensor, nn
 
 Method = Literal["muon", "adam"]
 
-LEAST_OUTPUTS = 32  # a matrix with fewer is a network's answer, whose numbers have nothing to share: AdamW moves it
 SLOW = 0.3  # rate of a part that was trained before, as a ratio of the others'
 
 BETAS = (0.9, 0.99)
@@ -79,4 +78,5 @@ class Optimiser:
 
 
 def _is_hidden(parameter: Tensor) -> bool:
-    return parameter.ndim == 4 or (parameter.ndim == 2 and parameter.shape[0] >= LEAST_OUTPUTS)
+    # a matrix with fewer is a network's answer, whose numbers have nothing to share: AdamW moves it
+    return parameter.ndim == 4 or (parameter.ndim == 2 and parameter.shape[0] >= 32)

@@ -30,7 +30,6 @@ TITLES = {
 
 AT_BORDER = 1.0  # a box that ends this near to the picture's border counts as cut by it [px]
 LEAST_SCORE = 0.05  # detections with less score are left out of calibration
-MOST_FRUIT = 60  # places that are looked at in one photograph
 
 
 def searching(
@@ -40,7 +39,7 @@ def searching(
     options = replace(
         detector.options,
         working_width=max(16, round(scale * photo.width)),
-        most_fruit=MOST_FRUIT,
+        most_fruit=60,  # places that are looked at in one photograph
         finder_threshold=detector.options.finder_threshold if least is None else least,
     )
     return detector.looking(options)

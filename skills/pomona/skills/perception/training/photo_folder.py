@@ -22,11 +22,7 @@ from pomona.skills.perception.training.labelled import PICTURES, Labelled, files
 from pomona.skills.perception.training.photographs import Photograph, PhotoSet
 from pomona.skills.perception.training.published import kfuji, kfuji_folder, minneapple, minneapple_folders
 
-MOST_COCO = 1 << 30  # bytes of a COCO file; a hundred thousand pictures with their outlines have less
 SLACK = 3.0  # a box may end this far outside of its picture, as rounding leaves it, and is cut there [px]
-
-HELD_OUT = 8
-"""Without given splits, the last of this many parts by name is measured on: tiles of one place are neighbours."""
 
 TRAIN, VAL, NEITHER = ("train", "training"), ("val", "valid", "validation"), ("test", "testing")
 
@@ -92,7 +88,8 @@ def _split(folder: Path, labelled: list[Labelled], photographs: list[Photograph]
                 )
     else:
         by_name = sorted(photographs, key=lambda photograph: (photograph.group, photograph.name))
-        first = len(by_name) - len(by_name) // HELD_OUT
+        # Without given splits, the last of this many parts by name is measured on: tiles of one place are neighbours
+        first = len(by_name) - len(by_name) // 8
         while 0 < first < len(by_name) and by_name[first].group and by_name[first].group == by_name[first - 1].group:
             first -= 1  # a group is measured on whole
         sets = {"train": by_name[:first], "val": by_name[first:]} if first else {"train": by_name, "val": []}
@@ -252,7 +249,8 @@ def _class_of(path: Path, names: dict[int, str], fruit: str) -> int:
 
 def _coco(path: Path, folder: Path, fruit: str) -> list[Labelled]:
     try:
-        content: Any = json.loads(read_plain_text(path, MOST_COCO))
+        # bytes of a COCO file; a hundred thousand pictures with their outlines have less
+        content: Any = json.loads(read_plain_text(path, (1 << 30)))
         images, annotations, categories = (content[key] for key in ("images", "annotations", "categories"))
         wanted = _class_of(path, {int(c["id"]): str(c["name"]) for c in categories}, fruit)
         split = next((word for word in path.stem.replace("-", "_").split("_") if _is_split(word)), "")

@@ -86,9 +86,6 @@ def cut_boxes(boxes: Float64, width: int, height: int) -> Float64:
     return np.hstack([low, high - low])
 
 
-DOPE_INPUT = 400  # side of the square pictures on which the full network learns [px]; its maps are 50 x 50 then
-
-
 class DopeBatches(_FrameBatches):
     """Batches for the full network: normalised pictures (n, 3, 400, 400), belief and affinity maps."""
 
@@ -100,7 +97,8 @@ class DopeBatches(_FrameBatches):
 
     def _sample(self, index: int, rng: np.random.Generator) -> Sample:
         """Return a square cut at a random place and angle, as DOPE's crop and rotation augmentations do."""
-        annotation, side = self.frames.annotation(index), DOPE_INPUT
+        # side of the square pictures on which the full network learns [px]; its maps are 50 x 50 then
+        annotation, side = self.frames.annotation(index), 400
         picture = self.frames.picture(index, halved=False)
         height, width = picture.shape[:2]
         angle = rng.uniform(-0.5, 0.5) * np.pi if self.augment else 0.0
