@@ -338,12 +338,7 @@ def connect_cell(
     missing: Callable[[str, DriverError], None] | None = None,
     cleared: bool = False,
 ) -> Cell:
-    """Connect the devices of a cell file.
-
-    Args:
-        file: without errors.
-        seed, missing: as of `load_cell`.
-        cleared: as of `ConnectContext`.
+    """Connect the devices of a cell file without errors; for the arguments see `load_cell` and `ConnectContext`.
 
     Raises:
         CellFileError: a value is wrong on use: for example an address without a device.

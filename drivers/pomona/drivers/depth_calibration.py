@@ -108,10 +108,7 @@ class DepthCalibration:
 def read_balls(path: Path, diameter: str = "diameter_mm", only: str = "") -> list[Ball]:
     """Read balls from a table (CSV) with the columns frame, x, y, w, h, one with the diameter in mm, and a name or id.
 
-    Args:
-        path: the table.
-        diameter: name of the column with the diameter.
-        only: prefix of the names of the rows to use.
+    `diameter` is the name of its column; only rows whose names begin with `only` are used.
 
     Raises:
         UnusableDepth: a column is missing, or a number is none; the text has the line.
@@ -228,13 +225,9 @@ def _centre_of_sphere(points: Float64, radius: float, ball: Ball) -> Float64:
 def calibrate_balls(
     balls: Sequence[Ball], depths: Mapping[str, NDArray[np.float32]], intrinsics: Intrinsics, sensor: str
 ) -> DepthCalibration:
-    """Learn a sensor's depth model from balls.
+    """Learn a sensor's depth model from balls of known size; the known `sensor` gives the prior.
 
-    Args:
-        balls: of known size, each seen in one frame.
-        depths: depth images by the frames' labels, shape (h, w) [m].
-        intrinsics: of all of them.
-        sensor: name of a known sensor: the prior.
+    `depths` are depth images by the frames' labels, shape (h, w) [m].
 
     Raises:
         UnusableDepth: the balls are insufficient.

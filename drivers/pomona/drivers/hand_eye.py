@@ -102,12 +102,7 @@ def find_board(image: NDArray[np.uint8], intrinsics: Intrinsics, board: Chessboa
 
 
 def calibrate_hand_eye(T_base_tool0: Float64, T_camera_board: Float64, names: tuple[str, ...] = ()) -> HandEye:
-    """Compute the camera's pose in the flange.
-
-    Args:
-        T_base_tool0: pose of the flange at each look, shape (n, 4, 4).
-        T_camera_board: pose of the board in the camera at each look, shape (n, 4, 4).
-        names: of the looks, for the report.
+    """Compute the camera's pose in the flange from poses of the flange and of the board, shape (n, 4, 4) each.
 
     Raises:
         UnusableLooks: too few, or the flange hardly turned between them.

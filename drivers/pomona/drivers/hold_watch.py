@@ -37,13 +37,10 @@ def _has_room(width: float, limits: GripperLimits) -> bool:
 
 
 def may_hold(state: GripperState, limits: GripperLimits, last: HandRecord | None, force: float | None) -> str:
-    """Return why something may be between the fingers; empty when nothing can be.
+    """Return why something may be between fingers at rest; empty when nothing can be.
 
-    Args:
-        state: of the gripper, at rest.
-        limits: of the gripper.
-        last: last known state of the hand; None when nothing is known.
-        force: smaller of both fingers' pressing forces, measured from the last known bias [N]; None without one.
+    `last` is the last known state of the hand, `force` the smaller pressing force from the last known bias [N]; None if
+    unknown.
     """
     if not state.referenced:
         return "the gripper has no reference, so its opening is unknown"

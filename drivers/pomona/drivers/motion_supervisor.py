@@ -133,12 +133,7 @@ class MotionSupervisor:
         self._phase, self._deadline = Phase.RESTING, np.inf
 
     def look(self, now: float, motion: PathMotion | StreamedMotion, advance: float) -> None:
-        """Look after a motion.
-
-        Args:
-            now: the time.
-            motion: that the arm carries out.
-            advance: any number that grows as long as the arm's controller goes along with the motion.
+        """Look after a motion; `advance` is any number that grows while the arm's controller goes along with it.
 
         Raises:
             DeviceFault: the arm does not follow, its controller does not go on, or the motion does not end.

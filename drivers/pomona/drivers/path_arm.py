@@ -128,11 +128,7 @@ class PathArm(Device, ABC):
         self._owner.start()
 
     def _believe(self, stamp: float, q: Float64, qd: Float64 | None) -> None:
-        """Accept joint feedback.
-
-        Args:
-            stamp: of the cell's clock [s].
-            q, qd: (dof,) [rad], [rad/s]; without velocities those of the positions are taken.
+        """Accept joint feedback, (dof,) [rad, rad/s]; without velocities those of the positions are taken.
 
         Raises:
             DeviceLost: it is implausible.

@@ -108,14 +108,9 @@ class PathMotion:
         return self._follower.braking()
 
     def look(self, resting: bool, beside: float, now: float) -> None:
-        """Update the state.
+        """Update the state, from whether the measured joints rest and their largest distance from the set-point [rad].
 
         An arm that was stopped against something rests beside its set-point: that is stopped all the same.
-
-        Args:
-            resting: whether the measured joints rest.
-            beside: how far they are from the set-point, the most of them [rad].
-            now: time [s].
         """
         self._resting_since = min(self._resting_since, now) if resting else math.inf
         if self._follower.finished and not self._stopping:

@@ -40,11 +40,9 @@ WIDEST = 100.0  # no joint turns further from its zero [rad]: 16 turns
 
 
 def read_limits(path: Path, dof: int | None = None) -> ArmLimits:
-    """Ranges of the arm's actuated joints, and the numerics arm_velocity, arm_acceleration and arm_jerk.
+    """Return the ranges of the arm's joints, and the numerics arm_velocity, arm_acceleration and arm_jerk.
 
-    Args:
-        path: of the description.
-        dof: number of the arm's joints; all actuators but the gripper's without it.
+    Without `dof` the joints are those of all actuators but the gripper's.
 
     Raises:
         UnusableRobotFile: the file cannot be read, has fewer joints, or lacks one of the numerics.

@@ -24,12 +24,9 @@ MOST_PARTS = 400  # each costs every collision check about as much as a box
 
 
 def read_parts(path: Path, unit: float = 1.0, detail: float | None = None) -> tuple[Hull, ...]:
-    """Read the parts of a mesh file, in its own frame.
+    """Read the parts of a mesh file (STL, OBJ, PLY), in its own frame; `unit` is that of its numbers [m].
 
-    Args:
-        path: of an STL, OBJ or PLY file.
-        unit: of the file's numbers [m].
-        detail: edge of the cubes by which its surface is cut [m]; None: each body of the file is one part.
+    Its surface is cut by cubes with the edge `detail` [m]; None: each body of the file is one part.
 
     Raises:
         UnusableMesh: no mesh can be read, it is empty, or its size is impossible in this unit.

@@ -15,12 +15,7 @@ T = TypeVar("T")
 
 
 def read_section_file(path: Path, what: str, read: Callable[[ValueFile], T]) -> T:
-    """Read a file with `read`.
-
-    Args:
-        path: of the file.
-        what: the kind of file for messages, for example 'a depth model'.
-        read: its section, from the file as it is written; `Refused` when it cannot be used.
+    """Read a file with `read`, which raises `Refused` if it cannot be used; `what` names the kind of file in messages.
 
     Raises:
         CellFileError: it cannot be used; the exception has all errors with their places.

@@ -49,10 +49,7 @@ class StreamedMotion:
     # ------------------------------------------------------------------------------------ set-points
 
     def aim(self, q: Float64) -> None:
-        """Go there from now on.
-
-        Args:
-            q: joints, shape (dof,) [rad].
+        """Go to joints, shape (dof,) [rad], from now on.
 
         Raises:
             BadTrajectory: not finite, or outside the joints' limits; it is ignored, and the watchdog runs on.

@@ -182,11 +182,7 @@ def folder_intrinsics(folder: Path) -> Intrinsics | None:
 
 
 def folder_poses(folder: Path, labels: Collection[str]) -> dict[str, Float64]:
-    """Read T_base_camera (4, 4) of the frames in a folder's file of poses, by their labels.
-
-    Args:
-        folder: of the frames.
-        labels: of the frames that are there.
+    """Read T_base_camera (4, 4) of the frames with these labels in a folder's file of poses.
 
     Raises:
         UnusableFrames: the file is there and cannot be used, or names none of the frames.

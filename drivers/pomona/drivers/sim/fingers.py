@@ -24,13 +24,11 @@ _NOISE_ROWS = 8192
 
 @numba.njit(cache=True)
 def pad_wrench(contact: Float64, site_position: Float64, site_rotation: Float64, wrench: Float64) -> None:
-    """Compute the wrench of the fruit on a pad, in the pad's frame, from the engine's net contact.
+    """Compute the wrench of the fruit on a pad, (6,), in the pad's frame, from the engine's net contact.
 
     Args:
         contact: net force [N], torque [N·m] and their point [m] that the pad exerts, shape (9,), in the base frame.
-        site_position: pad frame's origin, shape (3,) [m].
-        site_rotation: its axes as columns, row-major, shape (9,).
-        wrench: result, shape (6,).
+        site_position, site_rotation: pad frame's origin, shape (3,) [m], and axes as columns, row-major, shape (9,).
     """
     fx, fy, fz = -contact[0], -contact[1], -contact[2]
     px, py, pz = contact[6] - site_position[0], contact[7] - site_position[1], contact[8] - site_position[2]

@@ -233,10 +233,7 @@ def fixed_names(fixed: tuple[Box, ...]) -> tuple[str, ...]:
 def container_of(fixed: tuple[Box, ...], p: Float64, radius: float) -> str:
     """Return the name of the crate that a fruit lies in, or nothing; a crate's first box is its floor.
 
-    Args:
-        fixed: boxes around the robot.
-        p: the fruit's middle in the base frame, shape (3,) [m].
-        radius: the fruit's [m]; its lowest point must be below the crate's rim.
+    `p` is the fruit's middle in the base frame, shape (3,) [m]; its lowest point must be below the crate's rim.
     """
     for name in fixed_names(fixed):
         boxes = [box for box in fixed if box.name == name]

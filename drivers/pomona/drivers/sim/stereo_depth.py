@@ -32,13 +32,10 @@ class Stereo:
 
 
 def measure_depth(true_depth: Float32, stereo: Stereo, rng: np.random.Generator) -> Float32:
-    """Simulate the measured depth.
+    """Simulate the measured depth of a true z-depth, shape (h, w) [m]; 0 without a surface.
 
     The deviation is z² · disparity_noise / (f · b). Pixels that the second imager does not see, surfaces seen at a
     grazing angle, and those nearer than `nearest` give 0.
-
-    Args:
-        true_depth: z-depth, shape (h, w) [m]; 0 without a surface.
     """
     shape = true_depth.shape
     hit = true_depth > 0.0

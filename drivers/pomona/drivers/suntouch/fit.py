@@ -91,9 +91,7 @@ def fit_calibration(
     Args:
         volts: voltages without their bias, shape (n, 25) [V]; a whole recording, in the order of time.
         wrenches: simultaneous measurements of a reference sensor, in the pad's frame, shape (n, 6) [N, N·m].
-        finger: name of the finger.
-        components: of the PCA that are kept.
-        hidden: sizes of the tansig layers.
+        components, hidden: of the PCA that are kept, and sizes of the tansig layers.
         epochs: times `STEPS` steps of L-BFGS; ends earlier when the error on the samples kept aside no longer falls.
 
     Raises:

@@ -22,12 +22,9 @@ def bind_skill(
     keys: Mapping[str, str],
     board: Board,
 ) -> None:
-    """Wire a skill.
+    """Wire a skill: `getters` are the sources of its inputs by port, `keys` the absolute keys that its outputs write.
 
-    Args:
-        inputs: the ports as the tree's author knows them (a mock has the ports of the skill that it replaces).
-        getters: the sources of the wired inputs, by port.
-        keys: absolute keys that the wired outputs write.
+    `inputs` are the ports as the tree's author knows them; a mock has those of the skill that it replaces.
     """
     defaults = {name: port.default_value for name, port in inputs.items() if name not in getters}
     wired = [(name, inputs[name], get) for name, get in getters.items()]

@@ -47,13 +47,9 @@ def build(
     interfaces: tuple[type, ...] | None = None,
     mocks: Mocks | None = None,
 ) -> BuiltTree:
-    """Build a tree.
+    """Build a tree from a document, bound to the run `context`.
 
     Args:
-        document: from `read`.
-        skills: the skills that it may use.
-        context: the run that its skills are bound to.
-        board: a fresh one is made when it is left out.
         overrides: values for parameters, as a mapping or as texts `name=value`.
         interfaces: the cell's device interfaces; None skips the check of devices.
         mocks: replaces skills, for dry runs.

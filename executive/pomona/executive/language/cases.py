@@ -35,10 +35,7 @@ _ANYTHING: tuple[Case, ...] = ({},)
 def fact_of(expression: Expression, known: Mapping[str, Any], where: Located, text: str) -> Fact | None:
     """Return the fact that a true condition implies, or None if it has none that can be compared.
 
-    Args:
-        expression: the condition.
-        known: values that are known before the run, by name.
-        where, text: as it is written.
+    `known` are the values before the run by name; `where` and `text` are the condition as it is written.
     """
     cases = _cases(expression, True, known)
     names = frozenset(reference.name for reference in references(expression))

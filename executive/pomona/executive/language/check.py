@@ -56,13 +56,10 @@ def check(
     overrides: Mapping[str, str] | Sequence[str] = (),
     interfaces: tuple[type, ...] | None = None,
 ) -> list[Finding]:
-    """Everything that is wrong with a document, errors and warnings, in reading order.
+    """Return everything that is wrong with a document, errors and warnings, in reading order.
 
-    Args:
-        document: from `read`.
-        skills: the skills that it may use.
-        overrides: values for parameters, as a mapping or as texts `name=value`.
-        interfaces: the device interfaces of the cell that it will run on; None when that is not known.
+    `overrides` are values for parameters, as a mapping or as texts `name=value`; `interfaces` are those of the cell's
+    devices, None if unknown.
     """
     return analyse(document, skills, overrides=overrides, interfaces=interfaces).findings
 

@@ -40,15 +40,11 @@ def import_groot(
     nodes: Sequence[tuple[str, str | Path]] = (),
     main: str = "",
 ) -> tuple[str, list[Finding]]:
-    """Return the text of a tree file and the parts without translation. The text is empty if there is nothing to
-    translate.
+    """Return the text of a tree file, empty if nothing can be translated, and the parts without translation.
 
-    Args:
-        beside: further files, texts and paths, whose trees are called.
-        nodes: texts and paths of files with models of nodes (`<TreeNodesModel>`).
-        main: ID of the tree to run, if the file does not name it.
-
-    Raises nothing. Check the text before a run: foreign nodes may not be installed as skills.
+    `beside` are further files (texts and paths) whose trees are called, `nodes` files with models of nodes
+    (`<TreeNodesModel>`), `main` the ID of the tree to run. Raises nothing. Foreign nodes may not be installed as
+    skills: check the text before a run.
     """
     findings = Findings()
     forest = Forest(findings)

@@ -35,9 +35,7 @@ def read(
     """Read the document of a tree file's text. Raises nothing: the findings hold the errors.
 
     Args:
-        text: the file's content.
-        path: where it stands; files that it calls are found beside it or below.
-        tree_folders: folders of installed trees, in which called files are looked for as well.
+        path: where it stands; files that it calls are found beside it or below, or in `tree_folders`.
         texts: contents of called files, by the path that findings show, that are not to be read from the disk.
         types: the words of the language; all that are installed when it is left out.
     """

@@ -19,13 +19,7 @@ _BAD_IN_NAMES = re.compile(r"[/:#{}\x00-\x1f]")
 
 
 class NodeReader:
-    """Reads the nodes of one file (a `Reading`).
-
-    Args:
-        findings: receives the errors.
-        file: of the nodes.
-        types: the words of the language.
-    """
+    """Reads the nodes of one file (a `Reading`)."""
 
     def __init__(self, findings: Findings, file: TreeFile, types: NodeTypes) -> None:
         self.findings, self.file, self.types = findings, file, types

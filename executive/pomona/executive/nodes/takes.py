@@ -19,12 +19,10 @@ _CONDITION: Schema = {"$ref": "#/$defs/condition"}
 
 
 class Value(Field):
-    """A value of a port's type: a literal, or an expression.
+    """A literal, or an expression, of a port's type.
 
-    Args:
-        port: type, range and choices.
-        words: also allowed, and no value: the type reads `given` for them.
-        known: whether the value must be known before the run.
+    `words` are also allowed, and no value: the type reads `given` for them. `known` values must be known before the
+    run.
     """
 
     def __init__(

@@ -49,12 +49,7 @@ class EndingFile:
 
 
 def why_cut(record: Path, size: int | None = None) -> str:
-    """Return why a record ends too early, and the reaction of the supervisor, as a phrase.
-
-    Args:
-        record: folder of the record.
-        size: size of its MCAP file [bytes], if known.
-    """
+    """Return why a record ends too early, and the reaction of the supervisor, as a phrase."""
     why, stopped = _why(record, size), _stopped(record)
     return f"{why}; {stopped}" if stopped else why
 

@@ -34,10 +34,7 @@ from pomona.executive.views import ImageView, PosesView, SceneView, TableView
 
 
 def extract(record: Path, folder: Path) -> dict[str, str]:
-    """Write all content into a folder.
-
-    Returns:
-        the content of each written file or folder, by its name.
+    """Write all content into a folder; return the content of each written file or folder, by its name.
 
     Raises:
         UsageError: the folder exists and is not empty, cannot be written, or the record cannot be read.

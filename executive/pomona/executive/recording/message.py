@@ -24,9 +24,7 @@ Key = tuple[str, ...]  # kind of a message, or of its view, and its subject
 def message_of(event: Event, views: int = VIEW) -> dict[str, Any]:
     """Return an event as an object for `pomona.executive.encode.encoded`, without the pixels of an image.
 
-    Args:
-        event: the event.
-        views: largest array of a view that is written out [elements]; a larger one is described.
+    Larger arrays of a view than `views` [elements] are described instead.
     """
     if isinstance(event, Published) and isinstance(event.value, ImageView):
         event = replace(event, value=replace(event.value, image=None, depth=None))

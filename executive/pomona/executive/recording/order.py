@@ -24,10 +24,8 @@ def next_number(root: Path) -> int:
 def in_order(records: Iterable[Path], moment: Callable[[Path], T]) -> list[Path]:
     """Return folders of records, the oldest first.
 
-    Args:
-        records: in any order.
-        moment: estimates the time of a record without a number (of an earlier version, or with a damaged file). Such a
-            record comes after the numbered ones with an earlier estimate.
+    `moment` estimates the time of a record without a number (of an earlier version, or with a damaged file). Such a
+    record comes after the numbered ones with an earlier estimate.
     """
     places: dict[Path, tuple[int, bool, T]] = {}
     greatest = 0

@@ -68,13 +68,10 @@ class Repaired:
 
 
 def repair(record: Path) -> Repaired | None:
-    """Complete the MCAP file and make the missing files beside it.
+    """Complete the MCAP file and make the missing files beside it; return the changes, or None for a whole record.
 
     No byte is lost: an incomplete end is kept in `run.mcap.tail`, and a file with damage in its middle as
     `run.mcap.damaged`.
-
-    Returns:
-        the changes, or None for a whole record.
 
     Raises:
         UsageError: the run is in progress, or the file is no record.
@@ -105,12 +102,9 @@ def repair(record: Path) -> Repaired | None:
 
 
 def copy(source: Path, target: Path, *, compressed: bool) -> Copied:
-    """Copy every undamaged record; after a damaged one the copy continues with the next undamaged chunk.
+    """Copy every undamaged record of an MCAP file; after a damaged one the copy goes on with the next undamaged chunk.
 
-    Args:
-        source: an MCAP file.
-        target: the copy; it is replaced.
-        compressed: with zstd, for other tools; otherwise as a run writes it.
+    It is compressed with zstd for other tools, or as a run writes it.
 
     Raises:
         UsageError: the source is not an MCAP file, or one of the files cannot be used.

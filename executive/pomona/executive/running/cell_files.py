@@ -72,15 +72,9 @@ class CellFiles(Protocol):
         ...
 
     def connect(self, file: CellFile, seed: int, cleared: bool = False) -> Cell:
-        """Connect the devices.
+        """Connect the devices of a cell file without errors; devices connected before one that fails are released.
 
-        Args:
-            file: without errors.
-            seed: of everything random.
-            cleared: an operator has checked the cell: fingers without a reference may find it by moving.
-
-        Raises:
-            Exception: a device cannot be connected; devices connected before are released.
+        `cleared`: an operator has checked the cell, so fingers without a reference may find it by moving.
         """
         ...
 

@@ -26,13 +26,8 @@ class CellInUseError(UsageError):
 def alone_on(cell: Path, kind: str, wires: Iterable[str] = ()) -> Iterator[None]:
     """Keep other processes from a real cell, and from the wires of any cell, for as long as it lasts.
 
-    The locks are the system's, on the file of a real cell and on a name for each wire: they end with their process,
-    however that ends, and never grow stale. A second name of the same device is not recognised.
-
-    Args:
-        cell: its file.
-        kind: of the cell; the file of a simulated, emulated or mock cell may serve several runs at once.
-        wires: addresses at which the cell reaches devices outside this process.
+    The locks are the system's, on the file of a real cell and on a name for each wire: they end with their process. A
+    second name of the same device is not recognised. The file of a cell of another kind may serve several runs.
 
     Raises:
         CellInUseError: another run has one of them.

@@ -57,19 +57,14 @@ def read_value_file(
     texts: Mapping[str, str] | None = None,
     shipped: Path | None = None,
 ) -> ValueFile | None:
-    """Read a file whose root is a mapping.
+    """Read a file whose root is a mapping; None when it cannot be used at all.
 
     Args:
-        path: of the file.
-        findings: receives every error and warning.
         what: the kind of file for messages, for example 'a cell file'.
         overrides: of its options: texts, or scalars that know where they are written. None for a file in which
             `options` and braces mean nothing.
         texts: contents of files, by path, that are not to be read from the disk.
         shipped: folder in which an included file is looked for that does not stand beside the one that includes it.
-
-    Returns:
-        the file, or None when it cannot be used at all.
     """
     opener = _Opener(findings, what, path.parent, texts or {}, shipped)
     root = opener.open(path, None, ())

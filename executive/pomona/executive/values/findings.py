@@ -205,12 +205,9 @@ def few_hints() -> Iterator[None]:
 
 
 def mended(text: str, findings: Iterable[Finding]) -> tuple[str, list[Finding]]:
-    """Apply the edits of findings to the text.
+    """Apply the edits of findings to the text; return the new text, and the findings whose edits were applied.
 
     If the edits of several findings touch one line, only the first is applied; the next check shows the remaining ones.
-
-    Returns:
-        the new text, and the findings whose edits were applied.
     """
     lines, touched, applied = text.splitlines(keepends=True), set[int](), list[Finding]()
     for finding in findings:

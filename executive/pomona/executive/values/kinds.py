@@ -295,9 +295,7 @@ class OrWord(ScalarKind[Any]):
 class PathTo(ScalarKind[Path]):
     """A file or a folder; a relative path starts at the folder of the file in which it is written.
 
-    Args:
-        what: 'file' or 'folder'.
-        hint: remedy shown when it does not exist.
+    `what` is 'file' or 'folder'; `hint` is the remedy shown when it does not exist.
     """
 
     def __init__(self, what: str = "file", hint: str = "") -> None:

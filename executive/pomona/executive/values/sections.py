@@ -47,13 +47,10 @@ class SelfJudging(Protocol):
 
 
 def value(kind: Kind[Any], default: Any = _REQUIRED, help: str = "") -> Any:
-    """Declare a value of a section.
+    """Declare a value of a section, with its help in one line.
 
-    Args:
-        kind: the allowed values.
-        default: the value when the file holds none; a text is parsed like a written one. If omitted, the value is
-            required.
-        help: description in one line.
+    The default is the value when the file holds none; a text is parsed like a written one. Without it the value is
+    required.
     """
     written = default
     if isinstance(default, str) and isinstance(kind, ScalarKind):
@@ -115,12 +112,7 @@ class Placed(Generic[S]):
 
 
 class Section(Kind[S]):
-    """A mapping whose keys are a dataclass's fields.
-
-    Args:
-        of: the dataclass; its fields are declared with `value`.
-        ignore: keys that other code reads.
-    """
+    """A mapping whose keys are the fields of the dataclass `of`, declared with `value`; other code reads `ignore`."""
 
     def __init__(self, of: type[S], ignore: tuple[str, ...] = ()) -> None:
         self.of, self.ignore = of, ignore

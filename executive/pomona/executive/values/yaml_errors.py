@@ -27,13 +27,9 @@ class _Block(NamedTuple):
 
 
 def report_unreadable(source: Source, error: Any, findings: Findings, modifiers: Collection[str] = ()) -> None:
-    """Report why a text is not YAML.
+    """Report why a text is not YAML, from the parser's error with marks.
 
-    Args:
-        source: of the file.
-        error: the parser's, with marks.
-        findings: get the reason.
-        modifiers: words that stand beside a node's type in this kind of file.
+    `modifiers` are words that stand beside a node's type in this kind of file.
     """
     mark = error.problem_mark or error.context_mark
     line, column = (mark.line + 1, mark.column + 1) if mark is not None else (1, 1)

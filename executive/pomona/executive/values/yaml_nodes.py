@@ -86,11 +86,7 @@ def read_yaml(
 ) -> YamlNode | None:
     """Return the file's only document, or None when it cannot be read; every reason is a finding.
 
-    Args:
-        source: of the file.
-        findings: receives the reasons.
-        what: the kind of file for messages.
-        modifiers: words that stand beside a node's type, for messages.
+    `what` is the kind of file for messages, `modifiers` are words that stand beside a node's type.
     """
     start = YamlScalar(source, 1, 1, 1, 2, "", True)
     if len(source.text) > MAX_CHARACTERS:
