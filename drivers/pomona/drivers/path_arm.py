@@ -20,7 +20,6 @@ from pomona.drivers.interfaces import Arm, ArmLimits, ArmState, Motion, MotionSt
 from pomona.drivers.motion_supervisor import MotionSupervisor, Supervision
 from pomona.drivers.owner import Owner
 from pomona.drivers.path_motion import PathMotion
-from pomona.drivers.posted_motion import PostedMotion
 from pomona.drivers.trajectory import check_trajectory
 from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import Float64
@@ -292,3 +291,29 @@ class PathArm(Device, ABC):
 def words(problem: DeviceError | None) -> str:
     """Return the problem as part of a sentence."""
     return "no problem is known" if problem is None else problem.message
+
+
+class PostedMotion:
+    """A `Motion` whose stop is posted to the device's owner thread; every attribute read is a single value."""
+
+    def __init__(self, motion: Motion, owner: Owner) -> None:
+        self._motion, self._owner = motion, owner
+
+    @property
+    def state(self) -> MotionState:
+        return self._motion.state
+
+    @property
+    def progress(self) -> float:
+        return self._motion.progress
+
+    @property
+    def settled(self) -> bool:
+        return self._motion.settled
+
+    @property
+    def problem(self) -> str:
+        return self._motion.problem
+
+    def stop(self) -> None:
+        self._owner.post(self._motion.stop)

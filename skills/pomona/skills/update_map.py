@@ -13,9 +13,8 @@ from pomona.skills.compiled_code import wait_for_first
 from pomona.skills.motion.collision import Convex, RobotShape
 from pomona.skills.motion.occupancy.camera_pose import check_camera_pose, pose_of_camera
 from pomona.skills.motion.occupancy.errors import CameraPoseMismatch, NothingMeasured
-from pomona.skills.motion.occupancy.integrate import Sensing, integrate
+from pomona.skills.motion.occupancy.integrate import Sensing, integrate, warm_up
 from pomona.skills.motion.occupancy.occupancy_map import HIDDEN, OCCUPIED, OccupancyMap
-from pomona.skills.motion.occupancy.warm import warm_up
 from pomona.skills.motion.robot import BadJoints, RobotModel
 from pomona.skills.perception.detection.detection import Detection
 from pomona.skills.perception.frame_check import MISMATCHES

@@ -17,7 +17,7 @@ from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.planning.timing import time_polyline
 from pomona.skills.move_to import MoveTo
 from pomona.skills.release import Release
-from pomona.skills.shared.zones import zone_entered
+from pomona.skills.shared.following import zone_entered
 from tests.skills.picking_scene import HOME, OBSERVE, ROBOT_MODEL, WORKSPACE, PickingScene, a_grasp
 from tests.skills.test_release import over_ground
 

@@ -10,9 +10,8 @@ from pomona.drivers.errors import BadTrajectory, DeviceError, DeviceFault, Devic
 from pomona.drivers.interfaces import Arm, ArmLimits, ArmState, Motion, SetPoints, StreamedArm, Trajectory
 from pomona.drivers.motion_supervisor import MotionSupervisor, Supervision
 from pomona.drivers.path_motion import PathMotion, Phase
-from pomona.drivers.sim.faults import FaultyDevice
 from pomona.drivers.sim.scene import TIMESTEP
-from pomona.drivers.sim.world import PhysicsWorld
+from pomona.drivers.sim.world import FaultyDevice, PhysicsWorld
 from pomona.drivers.streamed_motion import StreamedMotion
 from pomona.drivers.trajectory import START_TOLERANCE, check_trajectory
 from pomona.executive.values.arrays import Float64

@@ -15,10 +15,9 @@ from pomona.drivers.camera_options import scaled
 from pomona.drivers.errors import DeviceLost
 from pomona.drivers.interfaces import Camera, Frame, Intrinsics
 from pomona.drivers.sim.camera_faults import CHANGES, FrameChanger
-from pomona.drivers.sim.faults import FaultyDevice
 from pomona.drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
 from pomona.drivers.sim.stereo_depth import Stereo, measure_depth
-from pomona.drivers.sim.world import PhysicsWorld
+from pomona.drivers.sim.world import FaultyDevice, PhysicsWorld
 from pomona.drivers.streams import FrameGuard
 from pomona.executive.values.arrays import Float64, UInt8
 

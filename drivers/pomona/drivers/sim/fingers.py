@@ -10,11 +10,10 @@ import numpy as np
 
 from pomona.drivers.errors import DeviceLost
 from pomona.drivers.interfaces import ForceSensor, Subscription, WrenchSample
-from pomona.drivers.sim.faults import FaultyDevice
 from pomona.drivers.sim.finger_faults import DELAYS, LIES
 from pomona.drivers.sim.robot import PADS
 from pomona.drivers.sim.scene import TIMESTEP
-from pomona.drivers.sim.world import PhysicsWorld
+from pomona.drivers.sim.world import FaultyDevice, PhysicsWorld
 from pomona.drivers.streams import SILENCE, Belief, WrenchStream
 from pomona.executive.values.arrays import Float64
 

@@ -11,9 +11,8 @@ from pomona.drivers.errors import DeviceFault, DeviceLost, MotionRefused
 from pomona.drivers.gripper_motion import DirectMotion, allowed_speed, require_move
 from pomona.drivers.gripper_supervisor import GripperSupervision, GripperSupervisor
 from pomona.drivers.interfaces import Gripper, GripperLimits, GripperState, Motion, MotionState
-from pomona.drivers.sim.faults import FaultyDevice
 from pomona.drivers.sim.scene import TIMESTEP
-from pomona.drivers.sim.world import PhysicsWorld
+from pomona.drivers.sim.world import FaultyDevice, PhysicsWorld
 from pomona.drivers.watchdog import Watchdog
 
 ACCELERATION = 2.0  # of the opening, during moves [m/s²]

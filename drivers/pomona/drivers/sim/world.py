@@ -142,3 +142,14 @@ class SimWorld(PhysicsWorld):
         self.score.watch()
         if self.intruder is not None:
             self.intruder.measure()
+
+
+class FaultyDevice(Device, FaultSwitch):
+    """A simulated device with a switch."""
+
+    def __init__(self, name: str) -> None:
+        Device.__init__(self, name)
+        FaultSwitch.__init__(self)
+
+    def link(self) -> str:
+        return "ok" if self.fault is None else self.fault

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from pomona.skills.grip import controller as grip
 from pomona.skills.motion.grasps.sample import warm_up as warm_sampling
-from pomona.skills.motion.occupancy import warm as occupancy
+from pomona.skills.motion.occupancy.integrate import warm_up as warm_map
 from pomona.skills.motion.robot import RobotModel
 
 
@@ -22,7 +22,7 @@ def main(description: Path) -> None:
     """Compile map, grip and grasps. Grasps come last: their collision checks are compiled by the run."""
     threading.Thread(target=_end_with_parent, name="pomona-parent", daemon=True).start()
     robot = RobotModel.load(description)
-    for part in (occupancy.warm_up, grip.warm_up, partial(warm_sampling, robot)):
+    for part in (warm_map, grip.warm_up, partial(warm_sampling, robot)):
         with suppress(Exception):
             part()
 

@@ -2,10 +2,9 @@
 
 from pomona.skills.motion.collision.convex import Convex, fruit_points
 from pomona.skills.motion.collision.distance_field import DistanceField
-from pomona.skills.motion.collision.errors import CollisionError, UnknownObstacle
 from pomona.skills.motion.collision.robot_shape import RobotShape
 from pomona.skills.motion.collision.verdict import Collision, Margins
-from pomona.skills.motion.collision.world import CollisionWorld
+from pomona.skills.motion.collision.world import CollisionError, CollisionWorld, UnknownObstacle
 
 __all__ = [
     "Collision",

@@ -15,7 +15,6 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.collision import kernel
 from pomona.skills.motion.collision.convex import Convex
 from pomona.skills.motion.collision.distance_field import DistanceField
-from pomona.skills.motion.collision.errors import UnknownObstacle
 from pomona.skills.motion.collision.kernel import WorldArrays
 from pomona.skills.motion.collision.robot_shape import RobotShape
 from pomona.skills.motion.collision.segment import SLACK, check_path, check_segment
@@ -290,3 +289,15 @@ def _assemble(
         ignored=np.array([[(name, group) in ignored for group in groups] for name in names]),
     )
     return CollisionWorld(shape, field, obstacles, margins, table_z, ignored, arrays)
+
+
+class CollisionError(Exception):
+    """Root of this package's errors."""
+
+
+class UnknownObstacle(CollisionError):
+    """A name that no obstacle of the world has."""
+
+    def __init__(self, name: str, known: tuple[str, ...]) -> None:
+        self.name, self.known = name, known
+        super().__init__(f"no obstacle is named '{name}'; there are {', '.join(known)}")

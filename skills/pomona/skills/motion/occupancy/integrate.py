@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pomona.drivers.interfaces import Frame, Workspace
+from pomona.drivers.interfaces import Frame, Intrinsics, Workspace
 from pomona.executive.values.arrays import Float32, Float64, UInt8
 from pomona.skills.geometry import inverse
 from pomona.skills.motion.collision.convex import Convex
@@ -231,3 +231,15 @@ def _carve(
                     if states[i, j, k] == UNKNOWN:
                         states[i, j, k] = HIDDEN
                     last_look[i, j, k] = look
+
+
+def warm_up() -> None:
+    """Fuse a look at a wall of four pixels, and compute the distance field."""
+    lens = Intrinsics(1.0, 1.0, 0.5, 0.5, 2, 2)
+    depth = np.full((2, 2), 0.05, dtype=np.float32)
+    frame = Frame(0.0, 0, np.zeros((2, 2, 3), np.uint8), depth, lens, None, np.eye(4))
+    workspace = Workspace(None, np.full(3, -0.1), np.full(3, 0.1))
+    grid = OccupancyMap.empty(workspace.lower, workspace.upper, 0.02)
+    robot = np.array([[0.0, 0.0, -1.0, 0.01]])
+    target = Convex.of_points("target", np.eye(3))
+    _ = integrate(grid, frame, np.eye(4), workspace, robot=robot, target=target, sensing=Sensing()).field

@@ -12,8 +12,7 @@ import numpy as np
 from ompl import base, geometric, util
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.motion.planning.solution import Solution
-from pomona.skills.motion.planning.space import Space
+from pomona.skills.motion.planning.space import Solution, Space
 
 util.setLogLevel(util.LOG_NONE)
 

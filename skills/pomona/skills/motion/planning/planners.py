@@ -13,8 +13,7 @@ from enum import Enum
 from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.planning.errors import BadRequest
 from pomona.skills.motion.planning.rrt_connect import FIRST_ROUND
-from pomona.skills.motion.planning.solution import Solution
-from pomona.skills.motion.planning.space import Space
+from pomona.skills.motion.planning.space import Solution, Space
 
 
 class BudgetUse(Enum):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 from pomona.executive.values.arrays import Float64
@@ -39,3 +40,12 @@ class Space(Protocol):
     def explain(self, q: Float64) -> tuple[str, dict[str, object]]:
         """Explain why a configuration is not free: part of a sentence, and data (link, obstacle, distance)."""
         ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """A path that a planner found: waypoints (n, dof), or None, and how much of the budget it took."""
+
+    waypoints: Float64 | None
+    iterations: int
+    out_of_time: bool

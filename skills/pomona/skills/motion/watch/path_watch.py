@@ -9,6 +9,7 @@ path are reported, and do not stop the arm yet.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,13 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.drivers.interfaces import ArmLimits, Frame, PathWatchSettings, Trajectory, Workspace
+from pomona.drivers.path_follower import PathFollower
 from pomona.executive.values.arrays import Float64, UInt8
 from pomona.skills.motion.collision import Convex, RobotShape
 from pomona.skills.motion.collision.world import standing
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.occupancy.integrate import mark_spheres
-from pomona.skills.motion.watch.braking import Braking
 from pomona.skills.motion.watch.kernel import CameraView, Nearest, Noise, WatchedCells, nearest_ahead, see
+
+PERIOD = 0.005  # of the trial's steps [s]; drivers step finer (a test compares)
 
 CELL = 0.025  # edge of the grid's cells [m]: a hand takes dozens of them
 AROUND = 0.03  # distance within which points belong to a known object [m]: noise at its edge, or a stem
@@ -189,3 +192,21 @@ class PathWatch:
             spheres = np.column_stack((centres, np.full(len(centres), map.resolution * np.sqrt(3.0) / 2.0)))
             mark_spheres(spheres, reach - AROUND / 2.0, self._origin, CELL, marked)
         return marked
+
+
+class Braking:
+    """How long the arm brakes, at any time of a trajectory that it follows at the trajectory's own pace."""
+
+    def __init__(self, trajectory: Trajectory, limits: ArmLimits) -> None:
+        self._follower = PathFollower(trajectory, limits, PERIOD)
+
+    def time(self, t: float) -> float:
+        """Return seconds from the order to stop at time `t` [s] of the trajectory until the arm rests on its path."""
+        follower = copy.copy(self._follower)  # the path itself is only read
+        follower.path_time = t
+        follower.slow_down()
+        steps = 0
+        while not follower.at_rest:
+            follower.step()
+            steps += 1
+        return steps * PERIOD

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
 import trimesh
+from numpy.typing import NDArray
 
-from pomona.skills.perception.fruit.apple_mesh import apple_mesh, stem_mesh
+from pomona.skills.perception.fruit.apple_mesh import apple_mesh, revolved_body, stem_mesh
 from pomona.skills.perception.fruit.catalogue import CATALOGUE
-from pomona.skills.perception.fruit.lemon_mesh import lemon_mesh
+
+AROUND, RINGS = 64, 40  # corners of a ring, and rings between the poles
+LEMON_DIMENSIONS = (0.0580, 0.0820, 0.0580)  # cuboid (d_x, d_y, d_z) of the CAD lemon [m]; d_y runs from neck to nipple
 
 
 def write_meshes() -> None:
@@ -14,6 +18,17 @@ def write_meshes() -> None:
     meshes = {"apple/apple.ply": apple_mesh(), "apple/stem.ply": stem_mesh(), "lemon/lemon.ply": lemon_mesh()}
     for name, (vertices, faces) in meshes.items():
         trimesh.Trimesh(vertices, faces, process=False).export(CATALOGUE / name)
+
+
+def lemon_mesh() -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Build a watertight lemon, stem along -y, centred in its cuboid; vertices (n, 3) [m] and faces (m, 3)."""
+    polar = np.linspace(0.0, np.pi, RINGS + 2)
+    body = np.sin(polar) ** 1.15
+    nipple = 0.16 * np.exp(-(((polar - np.pi) / 0.30) ** 2))
+    neck = 0.07 * np.exp(-((polar / 0.22) ** 2))
+    height = np.cos(polar) * 0.86 + neck - nipple
+    body[[0, -1]] = 0.0
+    return revolved_body(body, height, LEMON_DIMENSIONS, AROUND)
 
 
 if __name__ == "__main__":
