@@ -42,8 +42,15 @@ STOPPING = 1.0
 """Seconds that a device has to take a safe stop; the supervisor process has as long to notice that all hangs."""
 
 COUNTS_MOST = (
-    "lifted", "drops", "lost", "collisions", "slip_mm", "finger_peak_n", "position_error_mm", "size_error_mm",
-)  # fmt: skip
+    "lifted",
+    "drops",
+    "lost",
+    "collisions",
+    "slip_mm",
+    "finger_peak_n",
+    "position_error_mm",
+    "size_error_mm",
+)
 """Quantities that come first in a world's score: a summary shows the first five figures that are not 0."""
 
 

@@ -90,10 +90,13 @@ def plain(value: Any, *, arrays: int = LARGE, depth: int = 12, keep: bool = Fals
 
 def _reason(reason: Reason, arrays: int, keep: bool) -> dict[str, Any]:
     return {
-        "type": "Reason", "node_path": reason.node_path, "code": reason.code, "message": reason.message,
+        "type": "Reason",
+        "node_path": reason.node_path,
+        "code": reason.code,
+        "message": reason.message,
         "data": plain(reason.data, arrays=arrays, keep=keep),
         "causes": [_reason(cause, arrays, keep) for cause in reason.causes],
-    }  # fmt: skip
+    }
 
 
 def encoded(message: Any) -> bytes:

@@ -165,9 +165,14 @@ def drive(
             ended = True
         if ended:
             return SkillEnd(
-                skill.status, outputs, skill.reason, tuple(context.published), context.clock.now() - start,
-                skill.feedback_message, sum(computation.cancelled for computation in context.computations),
-            )  # fmt: skip
+                skill.status,
+                outputs,
+                skill.reason,
+                tuple(context.published),
+                context.clock.now() - start,
+                skill.feedback_message,
+                sum(computation.cancelled for computation in context.computations),
+            )
         context.clock.advance(period)
         if context.clock.now() - start > limit:
             skill.stop(Status.INVALID)

@@ -52,10 +52,18 @@ class DetectAll(LookingSkill):
             raise self.failure("NOTHING_FOUND", words, found=len(instances))
         detections = tuple(
             Detection(
-                model, frame, T_base_camera, i.T_camera_object, i.keypoints, i.score, i.covariance, k, len(sure),
+                model,
+                frame,
+                T_base_camera,
+                i.T_camera_object,
+                i.keypoints,
+                i.score,
+                i.covariance,
+                k,
+                len(sure),
                 i.visibility,
             )
             for k, i in enumerate(sure)
             if i.T_camera_object is not None and i.covariance is not None
-        )  # fmt: skip
+        )
         return AllDetected(AllDetections(detections, frame, T_base_camera))

@@ -84,8 +84,19 @@ class MotomanEmulator(FaultSwitch):
     """
 
     known_faults = (
-        "e_stop", "teach", "alarm", "hold", "lost", "busy", "stuck", "frozen", "nan", "wild", "no_status", "nonsense",
-    )  # fmt: skip
+        "e_stop",
+        "teach",
+        "alarm",
+        "hold",
+        "lost",
+        "busy",
+        "stuck",
+        "frozen",
+        "nan",
+        "wild",
+        "no_status",
+        "nonsense",
+    )
 
     def __init__(
         self, joints: Joints, velocity: Float64, order: Order = "<", buffer: float = 0.8, drives_on: bool = False

@@ -147,9 +147,13 @@ def connect(settings: Settings[Ros2CameraFile], context: ConnectContext) -> Stre
     )
     mount = CameraMount(context.find(Arm), read_hand_eye(said.hand_eye))
     camera = StreamingCamera(
-        lambda: Ros2Images(Ros2Peer(said.address, node="pomona_camera"), topics), mount, context.clock,
-        silence=said.silence, depth_model=said.depth_errs, label="ros2",
-    )  # fmt: skip
+        lambda: Ros2Images(Ros2Peer(said.address, node="pomona_camera"), topics),
+        mount,
+        context.clock,
+        silence=said.silence,
+        depth_model=said.depth_errs,
+        label="ros2",
+    )
     try:
         camera.connect()
     except DeviceError as error:

@@ -443,9 +443,16 @@ def connect(settings: Settings[Ros2GripperFile], context: ConnectContext) -> Ros
     """Listen to the gripper that a cell file describes; nothing moves."""
     said = settings.values
     options = Ros2GripperOptions(
-        said.joint, said.scale, said.finger_offset, said.states, said.commands, said.ahead, said.watchdog,
-        said.silence, said.supervision,
-    )  # fmt: skip
+        said.joint,
+        said.scale,
+        said.finger_offset,
+        said.states,
+        said.commands,
+        said.ahead,
+        said.watchdog,
+        said.silence,
+        said.supervision,
+    )
     limits = GripperLimits(*said.opening, said.speed_max, said.force_max)
     wire = Ros2Peer(said.address, node="pomona_gripper")
     gripper = Ros2Gripper(wire, context.clock, limits, options)

@@ -31,8 +31,13 @@ INTERRUPTED = "interrupted"
 
 FORMAT = 2  # of a line: since 2 it has a checksum
 _KINDS: Mapping[str, type] = {
-    "name": str, "arm": str, "varied": dict, "number": int, "fingerprint": str, "outcome": str
-}  # fmt: skip
+    "name": str,
+    "arm": str,
+    "varied": dict,
+    "number": int,
+    "fingerprint": str,
+    "outcome": str,
+}
 
 Result = dict[str, Any]
 Progress = Callable[[Result, int, int], None]

@@ -32,9 +32,18 @@ help is read from its source, from the call `add_parser("name", help="…")`.
 """
 
 ELSEWHERE = (
-    "bench", "calibrate", "data", "detect", "doctor", "emulate", "evidence", "export-weights", "learn", "measure",
+    "bench",
+    "calibrate",
+    "data",
+    "detect",
+    "doctor",
+    "emulate",
+    "evidence",
+    "export-weights",
+    "learn",
+    "measure",
     "train",
-)  # fmt: skip
+)
 """Subcommands of the distribution `pomona` that the executive alone lacks."""
 
 EPILOG = """Exit status: 0 the task succeeded, 1 the tree failed, 2 unusable input, 3 stopped

@@ -100,10 +100,17 @@ def document(evidence: Evidence) -> ReportPage:
     report = ReportPage("Evidence", f"{_number(len(runs), 'run')}: {_counted(outcomes)}; cells: {_counted(cells)}")
     report.add(Paragraph(f"Runs by commit: {', '.join(f'{commit} ({n})' for commit, n in commits.most_common())}."))
     rows = [
-        (f"✗ {hazard.name}" if measured.beyond else hazard.name, hazard.node, _limit(measured, hazard.unit),
-         _largest(measured, hazard.unit), _where(measured), f"{measured.beyond} of {measured.runs}", hazard.meaning)
+        (
+            f"✗ {hazard.name}" if measured.beyond else hazard.name,
+            hazard.node,
+            _limit(measured, hazard.unit),
+            _largest(measured, hazard.unit),
+            _where(measured),
+            f"{measured.beyond} of {measured.runs}",
+            hazard.meaning,
+        )
         for hazard, measured in _beyond_first(evidence)
-    ]  # fmt: skip
+    ]
     header = ("hazard", "node", "limit", "measured maximum", "where", "runs beyond", "measured quantity")
     report.add(Heading("Hazards"), Table(header, tuple(rows), words=True))
     report.add(Heading("Limits of this evidence"), Bullets(NO_CLAIM))

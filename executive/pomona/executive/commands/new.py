@@ -129,8 +129,10 @@ def begin(folder: Path, module: str, *, example: bool = True) -> list[Path]:
 
 
 def _write(piece: Piece, words: Mapping[str, str], into: Path) -> list[Path]:
-    texts = {into / Template(path).substitute(words): Template(text).substitute(words).encode()
-             for path, text in piece.files.items()}  # fmt: skip
+    texts = {
+        into / Template(path).substitute(words): Template(text).substitute(words).encode()
+        for path, text in piece.files.items()
+    }
     texts |= {into / Template(path).substitute(words): make() for path, make in piece.data.items()}
     taken = [str(path) for path in texts if path.exists()]
     if taken:

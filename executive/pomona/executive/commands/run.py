@@ -47,22 +47,30 @@ def add(subparsers: Any) -> None:
     parser.add_argument("--cell", help="a cell file, or the name of an installed cell (default: the simulated one)")
     parser.add_argument("--seed", type=int, default=0, help="every random choice comes from it (default: 0)")
     parser.add_argument(
-        "--set", action="append", default=[], metavar="KEY=VALUE",
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
         help="a parameter of the tree or an option of the cell",
-    )  # fmt: skip
+    )
     parser.add_argument(
         "--pace", choices=("fast", "real"), default="fast", help="a simulated cell as fast as possible, or in real time"
     )
     parser.add_argument(
-        "--speed", default="100 %", metavar="SHARE",
+        "--speed",
+        default="100 %",
+        metavar="SHARE",
         help="speed of the arm relative to the commanded one, 10 %% to 100 %%; the page and ROS 2 change it",
-    )  # fmt: skip
+    )
     add_records_folder(parser)
     parser.add_argument("--no-record", action="store_true", help="leave no record")
     parser.add_argument(
-        "--dry", nargs="?", const="", metavar="MOCKS",
+        "--dry",
+        nargs="?",
+        const="",
+        metavar="MOCKS",
         help="run without a cell: the mocks of a file replace all skills",
-    )  # fmt: skip
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object as the last line")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
     _add_beginnings(parser)
@@ -77,25 +85,31 @@ def _add_beginnings(parser: argparse.ArgumentParser) -> None:
     """Add the options for waiting at the start, and for a start after a run that was cut off."""
     for side in ("before", "after"):
         parser.add_argument(
-            f"--break-{side}", action="append", default=[], metavar="NODE",
+            f"--break-{side}",
+            action="append",
+            default=[],
+            metavar="NODE",
             help=f"pause {side} this node (its name, type or path); go on from the page, so it needs --dashboard",
-        )  # fmt: skip
+        )
     parser.add_argument(
-        "--recover", action="store_true",
+        "--recover",
+        action="store_true",
         help="bring the arm home slowly first: after a run that was cut, or that has left something in the gripper",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--cleared", action="store_true",
+        "--cleared",
+        action="store_true",
         help="the cell was checked: start although the last run was cut off, or something is in the gripper",
-    )  # fmt: skip
+    )
 
 
 def _add_views(parser: argparse.ArgumentParser) -> None:
     """Where a run is shown while it goes on."""
     parser.add_argument(
-        "--dashboard", action="store_true",
+        "--dashboard",
+        action="store_true",
         help="show the run in the browser, too; in a terminal the page stays until Ctrl-C",
-    )  # fmt: skip
+    )
     parser.add_argument(
         "--wait-for-page", action="store_true", help="with --dashboard: begin when the page is open in a browser"
     )

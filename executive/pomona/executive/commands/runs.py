@@ -52,11 +52,13 @@ def add(subparsers: Any) -> None:
     exporting = _command(commands, "export", _export, "a run as one portable file, or in the format of another tool")
     exporting.add_argument("run", help=RUN)
     exporting.add_argument(
-        "file", nargs="?", type=Path,
+        "file",
+        nargs="?",
+        type=Path,
         help="default: RUN.zip here. The ending selects the format: "
         + ", ".join(f"{ending} {what}" for ending, (_write, what) in FORMATS.items())
         + ", .html a page that can be sent",
-    )  # fmt: skip
+    )
     exporting.add_argument(
         "--to", choices=tuple(FOLDERS), help="a folder: images and tables (frames), or of another tool"
     )
@@ -66,9 +68,11 @@ def add(subparsers: Any) -> None:
 
     failures = _command(commands, "failures", _failures, "failed runs with pictures as one page that can be sent")
     failures.add_argument(
-        "words", nargs="*", metavar="[FILE.html] [WORD ...]",
+        "words",
+        nargs="*",
+        metavar="[FILE.html] [WORD ...]",
         help=f"a new file for the page (default: {FAILURES} here); only runs with all of these words",
-    )  # fmt: skip
+    )
 
     prune = _command(commands, "prune", _prune, "remove old records after a question; a run in progress stays")
     prune.add_argument("--older", type=pruning.AGE.option, metavar="AGE", help="older than this: 30 d, 12 h, 4 w")

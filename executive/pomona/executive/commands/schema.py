@@ -17,8 +17,13 @@ DRAFT = "https://json-schema.org/draft/2020-12/schema"
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser("schema", help="print the JSON Schema of a kind of file, for editors")
-    parser.add_argument("kind", nargs="?", default=TREE, choices=(TREE, *kind_names()), help="tree (the default), "
-                        "cell, campaign and installed extensions")  # fmt: skip
+    parser.add_argument(
+        "kind",
+        nargs="?",
+        default=TREE,
+        choices=(TREE, *kind_names()),
+        help="tree (the default), cell, campaign and installed extensions",
+    )
     parser.set_defaults(main=main)
 
 

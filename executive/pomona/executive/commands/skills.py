@@ -94,9 +94,12 @@ def _print_one(console: Screen, skill: SkillListing) -> None:
         for port in ports:
             default = "required" if port.get("required") else str(port.get("default", "not wired"))
             table.add_row(
-                str(port["name"]), str(port["type"]), "" if title == "outputs" else default, _range(port),
+                str(port["name"]),
+                str(port["type"]),
+                "" if title == "outputs" else default,
+                _range(port),
                 str(port.get("help", "")),
-            )  # fmt: skip
+            )
         console.print(table)
     console.print(f"devices: {', '.join(skill.devices) or 'none'}")
     if skill.optional_devices:

@@ -40,9 +40,13 @@ class FoxgloveView:
         self._images = Images()
         try:
             self._server = self._sdk.start_server(
-                name="Pomona", host=HOST, port=port, context=self._context, server_listener=_Listener(self._again),
+                name="Pomona",
+                host=HOST,
+                port=port,
+                context=self._context,
+                server_listener=_Listener(self._again),
                 message_backlog_size=256,  # messages that wait for a slow viewer; of more, the oldest are dropped
-            )  # fmt: skip
+            )
         except Exception as error:
             raise UsageError(f"no live view at {HOST}:{port}: {error}") from error
 

@@ -101,24 +101,39 @@ class _Dataset:
         self._stats.append(stats)
         self._episodes.append(
             {
-                "episode_index": number, "tasks": [task], "length": count, "data/chunk_index": chunk,
-                "data/file_index": file, "dataset_from_index": self._frames,
-                "dataset_to_index": self._frames + count, "meta/episodes/chunk_index": 0,
-                "meta/episodes/file_index": 0, "record": episode.name, "success": episode.succeeded,
+                "episode_index": number,
+                "tasks": [task],
+                "length": count,
+                "data/chunk_index": chunk,
+                "data/file_index": file,
+                "dataset_from_index": self._frames,
+                "dataset_to_index": self._frames + count,
+                "meta/episodes/chunk_index": 0,
+                "meta/episodes/file_index": 0,
+                "record": episode.name,
+                "success": episode.succeeded,
                 **{f"stats/{key}/{name}": value for key, about in stats.items() for name, value in about.items()},
             }
-        )  # fmt: skip
+        )
         self._frames += count
 
     def finish(self) -> None:
         pa = self._pa
         info = {
-            "codebase_version": VERSION, "robot_type": "pomona", "total_episodes": len(self._episodes),
-            "total_frames": self._frames, "total_tasks": len(self._tasks), "chunks_size": CHUNK,
-            "data_files_size_in_mb": 100, "video_files_size_in_mb": 200, "fps": self._rate,
-            "splits": {"train": f"0:{len(self._episodes)}"}, "data_path": _DATA, "video_path": None,
+            "codebase_version": VERSION,
+            "robot_type": "pomona",
+            "total_episodes": len(self._episodes),
+            "total_frames": self._frames,
+            "total_tasks": len(self._tasks),
+            "chunks_size": CHUNK,
+            "data_files_size_in_mb": 100,
+            "video_files_size_in_mb": 200,
+            "fps": self._rate,
+            "splits": {"train": f"0:{len(self._episodes)}"},
+            "data_path": _DATA,
+            "video_path": None,
             "features": self._features,
-        }  # fmt: skip
+        }
         meta = self._folder / "meta"
         _write_json(meta / "info.json", info)
         _write_json(meta / "stats.json", _merged(self._stats))
@@ -165,13 +180,16 @@ _INDEX_OF_TASKS = {
     "column_indexes": [],
     "columns": [
         {
-            "name": "task_index", "field_name": "task_index", "pandas_type": "int64", "numpy_type": "int64",
+            "name": "task_index",
+            "field_name": "task_index",
+            "pandas_type": "int64",
+            "numpy_type": "int64",
             "metadata": None,
         },
         {"name": "task", "field_name": "task", "pandas_type": "unicode", "numpy_type": "object", "metadata": None},
     ],
     "pandas_version": "2.0.0",
-}  # fmt: skip
+}
 """LeRobot reads this table with pandas and looks tasks up by their words."""
 
 

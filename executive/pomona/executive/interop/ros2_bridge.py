@@ -219,16 +219,22 @@ class Ros2Bridge:
             return  # the run before has its last words
         if event["event"] == "NodeChanged":
             feedback = {
-                "node": event["path"], "status": event["status"], "feedback": event["feedback"], "t": event["t"],
+                "node": event["path"],
+                "status": event["status"],
+                "feedback": event["feedback"],
+                "t": event["t"],
                 "tick": event["tick"],
-            }  # fmt: skip
+            }
             fields = {"goal_id": {"uuid": goal.uuid}, "feedback": feedback}
             self._publish(RosMessage("/pomona/run_tree/_action/feedback", f"{RUN_TREE}_FeedbackMessage", stamp, fields))
         elif event["event"] == "RunEnded":
             reason = event["reason"] or {"code": "", "message": ""}
             result = {
-                "outcome": event["outcome"], "code": reason["code"], "reason": reason["message"], "time": event["time"]
-            }  # fmt: skip
+                "outcome": event["outcome"],
+                "code": reason["code"],
+                "reason": reason["message"],
+                "time": event["time"],
+            }
             self._end_goal(goal, result)
 
     def _end_goal(self, goal: _Goal, result: dict[str, Any]) -> None:

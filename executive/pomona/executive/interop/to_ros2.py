@@ -221,21 +221,30 @@ class _TreeStatus:
         node = self._nodes.setdefault(event["path"], {"path": event["path"], "name": event["path"]})
         reason = event["reason"] or {"code": "", "message": ""}
         node |= {
-            "status": event["status"], "feedback": event["feedback"], "starts": event["starts"],
-            "code": reason["code"], "reason": reason["message"],
-        }  # fmt: skip
+            "status": event["status"],
+            "feedback": event["feedback"],
+            "starts": event["starts"],
+            "code": reason["code"],
+            "reason": reason["message"],
+        }
 
     def _behaviour(self, path: str, node: Mapping[str, Any]) -> dict[str, Any]:
         children = self._children.get(path, [])
         running = next((child for child in children if self._nodes[child]["status"] == "RUNNING"), None)
         kind = _KIND.get(node.get("type", ""), 1 if not children else 7 if len(children) > 1 else 6)
         return {
-            "name": node["name"], "class_name": node.get("type", ""), "own_id": self._id(path),
-            "parent_id": self._id(node.get("parent", "")), "child_ids": [self._id(child) for child in children],
-            "current_child_id": self._id(running or ""), "type": kind, "blackbox_level": 4,
-            "status": _STATUS.get(node["status"], 1), "message": node.get("feedback", ""),
+            "name": node["name"],
+            "class_name": node.get("type", ""),
+            "own_id": self._id(path),
+            "parent_id": self._id(node.get("parent", "")),
+            "child_ids": [self._id(child) for child in children],
+            "current_child_id": self._id(running or ""),
+            "type": kind,
+            "blackbox_level": 4,
+            "status": _STATUS.get(node["status"], 1),
+            "message": node.get("feedback", ""),
             "is_active": node["status"] != "INVALID",
-        }  # fmt: skip
+        }
 
     @staticmethod
     def _id(path: str) -> dict[str, Any]:
@@ -251,11 +260,12 @@ Translated = Iterator[tuple[str, str, int, Mapping[str, Any]]]  # topic, type, s
 def _transforms(_name: str, content: Mapping[str, Any], at: int) -> Translated:
     moved = [
         {
-            "header": header(at, item["parent_frame_id"]), "child_frame_id": item["child_frame_id"],
+            "header": header(at, item["parent_frame_id"]),
+            "child_frame_id": item["child_frame_id"],
             "transform": {"translation": item["translation"], "rotation": item["rotation"]},
         }
         for item in content["transforms"]
-    ]  # fmt: skip
+    ]
     yield "/tf", "tf2_msgs/msg/TFMessage", at, {"transforms": moved}
 
 
@@ -279,10 +289,15 @@ def _depth(name: str, content: Mapping[str, Any], at: int) -> Translated:
 
 def _calibration(name: str, content: Mapping[str, Any], at: int) -> Translated:
     fields = {
-        "header": header(at, content["frame_id"]), "height": content["height"], "width": content["width"],
-        "distortion_model": content["distortion_model"] or "plumb_bob", "d": content["D"] or [0.0] * 5,
-        "k": content["K"], "r": content["R"], "p": content["P"],
-    }  # fmt: skip
+        "header": header(at, content["frame_id"]),
+        "height": content["height"],
+        "width": content["width"],
+        "distortion_model": content["distortion_model"] or "plumb_bob",
+        "d": content["D"] or [0.0] * 5,
+        "k": content["K"],
+        "r": content["R"],
+        "p": content["P"],
+    }
     yield f"/camera/{ros_name(name)}/camera_info", "sensor_msgs/msg/CameraInfo", at, fields
 
 
@@ -298,13 +313,18 @@ def _points(name: str, content: Mapping[str, Any], at: int) -> Translated:
     """Foxglove's cloud of float32 x, y, z has the same bytes as ROS 2's."""
     data, stride = base64.b64decode(content["data"]), content["point_stride"]
     fields = {
-        "header": header(at, content["frame_id"]), "height": 1, "width": len(data) // stride,
+        "header": header(at, content["frame_id"]),
+        "height": 1,
+        "width": len(data) // stride,
         "fields": [
             {"name": field["name"], "offset": field["offset"], "datatype": field["type"], "count": 1}
             for field in content["fields"]
         ],
-        "point_step": stride, "row_step": len(data), "data": data, "is_dense": True,
-    }  # fmt: skip
+        "point_step": stride,
+        "row_step": len(data),
+        "data": data,
+        "is_dense": True,
+    }
     yield f"/pomona/points/{ros_name(name)}", "sensor_msgs/msg/PointCloud2", at, fields
 
 
@@ -322,19 +342,27 @@ def _scene(name: str, content: Mapping[str, Any], at: int) -> Translated:
                 corners = [corners[k] for k in np.asarray(piece["indices"]).tolist()]
             markers.append(
                 {
-                    "header": header(at, entity["frame_id"]), "ns": entity["id"], "id": number, "type": kind,
-                    "pose": piece["pose"], "scale": scale, "color": piece["color"], "points": corners,
+                    "header": header(at, entity["frame_id"]),
+                    "ns": entity["id"],
+                    "id": number,
+                    "type": kind,
+                    "pose": piece["pose"],
+                    "scale": scale,
+                    "color": piece["color"],
+                    "points": corners,
                     "frame_locked": entity["frame_locked"],
                 }
-            )  # fmt: skip
+            )
     yield f"/pomona/scene/{ros_name(name)}", "visualization_msgs/msg/MarkerArray", at, {"markers": markers}
 
 
 def _log(_name: str, content: Mapping[str, Any], at: int) -> Translated:
     fields = {
-        "stamp": time_of(at), "level": LEVELS.get(content["level"], 20), "name": f"pomona.{content['name']}",
+        "stamp": time_of(at),
+        "level": LEVELS.get(content["level"], 20),
+        "name": f"pomona.{content['name']}",
         "msg": content["message"],
-    }  # fmt: skip
+    }
     yield "/rosout", "rcl_interfaces/msg/Log", at, fields
 
 
@@ -345,9 +373,11 @@ def _intervention(_name: str, content: Mapping[str, Any], at: int) -> Translated
 def _sample(name: str, content: Mapping[str, Any], at: int) -> Translated:
     values = {key: value for key, value in content.items() if key != "t" and value is not None}
     fields = {
-        "header": header(at, ""), "t": content["t"], "names": list(values),
+        "header": header(at, ""),
+        "t": content["t"],
+        "names": list(values),
         "values": np.array(list(values.values()), float),
-    }  # fmt: skip
+    }
     yield f"/pomona/series/{ros_name(name)}", "pomona_msgs/msg/Sample", at, fields
 
 
@@ -415,7 +445,11 @@ def raw_image(frame: str, pixels: Any, coding: str, at: int) -> tuple[str, int, 
     """sensor_msgs/Image of pixels."""
     pixels = np.ascontiguousarray(pixels)
     fields = {
-        "header": header(at, frame), "height": pixels.shape[0], "width": pixels.shape[1], "encoding": coding,
-        "step": pixels.strides[0], "data": pixels.reshape(-1).view(np.uint8),
-    }  # fmt: skip
+        "header": header(at, frame),
+        "height": pixels.shape[0],
+        "width": pixels.shape[1],
+        "encoding": coding,
+        "step": pixels.strides[0],
+        "data": pixels.reshape(-1).view(np.uint8),
+    }
     return "sensor_msgs/msg/Image", at, fields

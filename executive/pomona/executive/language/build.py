@@ -165,20 +165,40 @@ class LayerBuild:
         node, layer, source = self.node, self.layer, self.node.at.source
         if self.wraps:
             return NodeInfo(
-                self.own_path, self.parent, layer.key, layer.key, layer.key, file=source.path, line=node.at.line,
-                end_line=node.at.end_line, settings=self.settings(), choices=layer.choices(node),
-            )  # fmt: skip
+                self.own_path,
+                self.parent,
+                layer.key,
+                layer.key,
+                layer.key,
+                file=source.path,
+                line=node.at.line,
+                end_line=node.at.end_line,
+                settings=self.settings(),
+                choices=layer.choices(node),
+            )
         name = self.path if self.parent is None and node.name is None else node.label
         inputs = {n: written(node.ports[n][1]) for n in self.found.inputs if n in node.ports}
         outputs = {n: written(node.ports[n][1]) for n in self.found.outputs if n in node.ports and n not in inputs}
         skill, mocked = self.found.skill, self.stand_in() is not None
         return NodeInfo(
-            self.path, self.parent, layer.key, name, node.key.text if layer.calls else layer.key,
-            node.description, node.comment, source.path, node.at.line, node.at.end_line,
-            inputs, outputs, self.settings(),
+            self.path,
+            self.parent,
+            layer.key,
+            name,
+            node.key.text if layer.calls else layer.key,
+            node.description,
+            node.comment,
+            source.path,
+            node.at.line,
+            node.at.end_line,
+            inputs,
+            outputs,
+            self.settings(),
             tuple(interface.__name__ for interface in skill.devices) if skill is not None else (),
-            skill.failures if skill is not None else (), mocked, layer.choices(node),
-        )  # fmt: skip
+            skill.failures if skill is not None else (),
+            mocked,
+            layer.choices(node),
+        )
 
     def settings(self) -> dict[str, str]:
         """Return the settings of the layer as written, without nodes and wires."""

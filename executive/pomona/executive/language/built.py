@@ -46,8 +46,10 @@ class NodeInfo:
         slots = self.__dataclass_fields__
         found = {name: getattr(self, name) for name in slots}
         kept = {name: value for name, value in found.items() if value not in ("", 0, (), {}, False)}
-        return {name: list(v) if isinstance(v, tuple) else dict(v) if isinstance(v, Mapping) else v
-                for name, v in kept.items()} | {"parent": self.parent}  # fmt: skip
+        return {
+            name: list(v) if isinstance(v, tuple) else dict(v) if isinstance(v, Mapping) else v
+            for name, v in kept.items()
+        } | {"parent": self.parent}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,8 +88,9 @@ class BuiltTree:
     def asked_by(self, name: str) -> tuple[Question, ...]:
         """Return the questions to the operator of the nodes of this name (see `find`) and of their modifiers."""
         named, kinds = set(self.find(name)), {info.path: info.kind for info in self.nodes}
-        return tuple(q for path, q in self.questions.items()
-                     if named.intersection((path, path.removesuffix(f":{kinds[path]}"))))  # fmt: skip
+        return tuple(
+            q for path, q in self.questions.items() if named.intersection((path, path.removesuffix(f":{kinds[path]}")))
+        )
 
     def prepare(self, tell: Callable[[str, int, int], None] = lambda _name, _done, _of: None) -> None:
         """Let every skill load and warm up; the callback gets (name, done, of) before each."""

@@ -120,9 +120,16 @@ class _Checker:
         scope = self.analysis.scopes[id(definition)] = Scope(definition, skills=self.skills)
         self.declared_names(definition, scope)
         checker = NodeChecker(
-            self.findings, self.skills, scope, self.document.types, self.called, self.outcomes,
-            self.analysis.interfaces, self.analysis.resolved, self.devices,
-        )  # fmt: skip
+            self.findings,
+            self.skills,
+            scope,
+            self.document.types,
+            self.called,
+            self.outcomes,
+            self.analysis.interfaces,
+            self.analysis.resolved,
+            self.devices,
+        )
         if definition.root is None:
             return
         checker.definition(definition.root)

@@ -143,9 +143,12 @@ class _Writer:
         if not all(limit is None or isinstance(limit, _SIMPLE) for limit in limits):
             raise _Unsayable
         found = {
-            "type": self.type_said(port.type), "help": port.help, "limits": limits, "choices": list(port.choices),
+            "type": self.type_said(port.type),
+            "help": port.help,
+            "limits": limits,
+            "choices": list(port.choices),
             "was": port.was,
-        }  # fmt: skip
+        }
         if not port.required:
             found["default"] = self.value(port.default)
         return found

@@ -34,9 +34,14 @@ from pomona.executive.ports import QUANTITIES, Quantity
 OR, AND, NOT, COMPARISON, SUM, PRODUCT = range(1, 7)  # how tightly operators bind
 _COMPARISONS = ("==", "!=", "<", "<=", ">", ">=", "in", "not")
 _BINDS = {
-    "or": OR, "and": AND, **dict.fromkeys(_COMPARISONS, COMPARISON), "+": SUM, "-": SUM, "*": PRODUCT,
+    "or": OR,
+    "and": AND,
+    **dict.fromkeys(_COMPARISONS, COMPARISON),
+    "+": SUM,
+    "-": SUM,
+    "*": PRODUCT,
     "/": PRODUCT,
-}  # fmt: skip
+}
 
 MAX_LENGTH = 1000
 MAX_TOKENS = 160

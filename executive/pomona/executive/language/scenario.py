@@ -194,9 +194,17 @@ def _case(said: ScenarioSection, placed: Placed[CaseSection], number: int) -> Sc
     expect = replace(own.expect, status=own.expect.status or "failure")
     plan = MockPlan({**said.mocks, **own.mocks})
     return ScenarioCase(
-        own.name or f"case {number}", placed.node.line, plan, settings, own.answers, expect,
-        own.visits, own.never, own.calls, own.limit,
-    )  # fmt: skip
+        own.name or f"case {number}",
+        placed.node.line,
+        plan,
+        settings,
+        own.answers,
+        expect,
+        own.visits,
+        own.never,
+        own.calls,
+        own.limit,
+    )
 
 
 class ScenarioKind:

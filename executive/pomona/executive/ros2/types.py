@@ -18,10 +18,20 @@ from pomona.executive.ros2.definitions import ACTIONS, OTHERS, POMONA, SERVICES
 EXTRA = "ros2"
 
 _ARRAYS = {
-    "bool": np.bool_, "byte": np.uint8, "char": np.uint8, "float32": np.float32, "float64": np.float64,
-    "int8": np.int8, "uint8": np.uint8, "int16": np.int16, "uint16": np.uint16, "int32": np.int32,
-    "uint32": np.uint32, "int64": np.int64, "uint64": np.uint64,
-}  # fmt: skip
+    "bool": np.bool_,
+    "byte": np.uint8,
+    "char": np.uint8,
+    "float32": np.float32,
+    "float64": np.float64,
+    "int8": np.int8,
+    "uint8": np.uint8,
+    "int16": np.int16,
+    "uint16": np.uint16,
+    "int32": np.int32,
+    "uint32": np.uint32,
+    "int64": np.int64,
+    "uint64": np.uint64,
+}
 
 
 @cache

@@ -567,10 +567,15 @@ class Runner(Requests):
     def _tell(self, node: str, during: str, error: BaseException) -> None:
         self._emit(
             ErrorRaised(
-                *self._stamp(), node, during, type(error).__name__, sentence_of(error), place_of(error),
+                *self._stamp(),
+                node,
+                during,
+                type(error).__name__,
+                sentence_of(error),
+                place_of(error),
                 traceback_of(error),
             )
-        )  # fmt: skip
+        )
 
     def _take_last_commands(self) -> None:
         """Record the commands that came at the last moment, too."""
@@ -596,9 +601,7 @@ class Runner(Requests):
         truth = None
         with self._telling("", "scoring the run"):
             truth = self._cell.truth(self._reported)
-        return RunResult(
-            outcome, self._reason, self._ticks, self.context.elapsed(), wall, truth, self._interrupted
-        )  # fmt: skip
+        return RunResult(outcome, self._reason, self._ticks, self.context.elapsed(), wall, truth, self._interrupted)
 
     # ------------------------------------------------------------------------------------------- events
 

@@ -57,9 +57,11 @@ class Supervisor:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         orders = {
-            "pid": os.getpid(), "deadline": deadline, "stops": {name: list(how) for name, how in stops.items()},
+            "pid": os.getpid(),
+            "deadline": deadline,
+            "stops": {name: list(how) for name, how in stops.items()},
             "record": str(record.resolve()) if record is not None else "",
-        }  # fmt: skip
+        }
         with contextlib.suppress(OSError):
             self._process.stdin.write(json.dumps(orders).encode() + b"\n")
         # seconds that the process may take to be ready

@@ -17,10 +17,16 @@ from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import seconds
 
 MARKS = {
-    "success": ("✓", "green"), "failure": ("✗", "red"), "stopped": ("■", "yellow"), "error": ("■", "red"),
-    "running": ("▶", "bold cyan"), "cut off": ("…", "yellow"),
-    "empty": ("…", "yellow"), "damaged": ("!", "bold red"), "unreadable": ("?", "red"),
-}  # fmt: skip
+    "success": ("✓", "green"),
+    "failure": ("✗", "red"),
+    "stopped": ("■", "yellow"),
+    "error": ("■", "red"),
+    "running": ("▶", "bold cyan"),
+    "cut off": ("…", "yellow"),
+    "empty": ("…", "yellow"),
+    "damaged": ("!", "bold red"),
+    "unreadable": ("?", "red"),
+}
 """By outcome, or by state for a run without one."""
 
 UNCHECKED = "This record was written without checksums: later changes cannot be detected."
@@ -43,9 +49,16 @@ def print_list(console: Screen, runs: Sequence[Digest], of: int, total: int) -> 
     """
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     for name, justify in (
-        ("", "left"), ("run", "left"), ("when", "left"), ("cell", "left"), ("seed", "right"), ("took", "right"),
-        ("size", "right"), ("settings", "left"), ("why", "left"),
-    ):  # fmt: skip
+        ("", "left"),
+        ("run", "left"),
+        ("when", "left"),
+        ("cell", "left"),
+        ("seed", "right"),
+        ("took", "right"),
+        ("size", "right"),
+        ("settings", "left"),
+        ("why", "left"),
+    ):
         table.add_column(name, justify=justify, no_wrap=True)  # type: ignore[arg-type]
     room = console.width - 58 - max((len(run.run) + len(run.cell) for run in runs), default=0)
     for run in runs:

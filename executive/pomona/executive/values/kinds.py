@@ -271,9 +271,7 @@ class Counts(Kind[tuple[int, ...]]):
         return tuple(read_each(self.of, [(item, reader) for item in found.items]))
 
     def schema(self, options: bool = False) -> Schema:
-        return {
-            "type": "array", "items": self.of.schema(options), "minItems": self.size, "maxItems": self.size
-        }  # fmt: skip
+        return {"type": "array", "items": self.of.schema(options), "minItems": self.size, "maxItems": self.size}
 
 
 class OrWord(ScalarKind[Any]):

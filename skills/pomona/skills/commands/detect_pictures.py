@@ -151,10 +151,15 @@ def _all(files: Sequence[Path], search: Search, score: float, out: Path, stream:
             raise UnusableInput(f"{drawn} cannot be written")
         height, width = picture.shape[:2]
         table.writerows(
-            (file, k + 1, f"{fruit.score:.3f}", *(f"{value:.1f}" for value in fruit.outline(width, height)),
-             "" if math.isnan(fruit.visibility) else f"{fruit.visibility:.2f}")
+            (
+                file,
+                k + 1,
+                f"{fruit.score:.3f}",
+                *(f"{value:.1f}" for value in fruit.outline(width, height)),
+                "" if math.isnan(fruit.visibility) else f"{fruit.visibility:.2f}",
+            )
             for k, fruit in enumerate(found)
-        )  # fmt: skip
+        )
         stream.flush()
         total += len(found)
         sys.stdout.write(f"{number + 1}/{len(files)}  {file}: {len(found)} found\n")

@@ -64,9 +64,16 @@ def write_policy(path: Path, network: PolicyNetwork) -> None:
     for k, (W, b) in enumerate(network.layers):
         layers |= {f"W{k}": W.astype(np.float32), f"b{k}": b.astype(np.float32)}
     np.savez_compressed(
-        path, format=FORMAT, joints=np.array(network.joints), rate=network.rate, in_mean=network.in_mean,
-        in_scale=network.in_scale, out_mean=network.out_mean, out_scale=network.out_scale, **layers,
-    )  # fmt: skip
+        path,
+        format=FORMAT,
+        joints=np.array(network.joints),
+        rate=network.rate,
+        in_mean=network.in_mean,
+        in_scale=network.in_scale,
+        out_mean=network.out_mean,
+        out_scale=network.out_scale,
+        **layers,
+    )
 
 
 def read_policy(path: Path) -> PolicyNetwork:

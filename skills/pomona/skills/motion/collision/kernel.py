@@ -96,9 +96,15 @@ def _half_space_distance(
 
 @njit(cache=True, nogil=True)
 def _pair_distance(
-    spheres: Float64, begin: int, end: int, other_begin: int, other_end: int, other: Float64, around: float,
+    spheres: Float64,
+    begin: int,
+    end: int,
+    other_begin: int,
+    other_end: int,
+    other: Float64,
+    around: float,
     placed: Float64,
-) -> float:  # fmt: skip
+) -> float:
     """Return the distance between two placed geoms; `other` and `around` are the sphere around the second one."""
     distance: float = 1e9
     for s in range(begin, end):
@@ -187,9 +193,16 @@ def place(robot: RobotArrays, q: Float64, width: float, scratch: Scratch) -> Non
 
 @njit(cache=True, nogil=True)
 def evaluate_clearances(
-    robot: RobotArrays, world: WorldArrays, width: float, active: NDArray[np.bool_], wanted: Float64,
-    slack: float, scratch: Scratch, found: Float64, which: Int64,
-) -> int:  # fmt: skip
+    robot: RobotArrays,
+    world: WorldArrays,
+    width: float,
+    active: NDArray[np.bool_],
+    wanted: Float64,
+    slack: float,
+    scratch: Scratch,
+    found: Float64,
+    which: Int64,
+) -> int:
     """Check the active parts in the present posture: geoms against the world, then pairs of geoms.
 
     Writes the clearance beyond the margin into `found` (resolved only below `wanted`) and into `which` the obstacle, or
@@ -202,8 +215,12 @@ def evaluate_clearances(
     support, support_start, pairs = robot.support, robot.support_start, robot.pairs
     links, centres, placed, ready = scratch.links, scratch.centres, scratch.placed, scratch.ready
     field, origin, resolution, planes, plane_start = (
-        world.field, world.origin, world.resolution, world.planes, world.plane_start,
-    )  # fmt: skip
+        world.field,
+        world.origin,
+        world.resolution,
+        world.planes,
+        world.plane_start,
+    )
     convex, half_spaces, margins, ignored = world.bounds, world.half_spaces, world.margins, world.ignored
     self_margin, opening, geoms, obstacles = world.self_margin, width - robot.closed, of_geom.shape[0], convex.shape[0]
     worst: int = -1
@@ -267,9 +284,15 @@ def evaluate_clearances(
             for g in (i, j):
                 if not ready[g]:
                     place_spheres(
-                        spheres, start[g], start[g + 1], links[of_geom[g]], opening * slides[g, 0],
-                        opening * slides[g, 1], opening * slides[g, 2], placed,
-                    )  # fmt: skip
+                        spheres,
+                        start[g],
+                        start[g + 1],
+                        links[of_geom[g]],
+                        opening * slides[g, 0],
+                        opening * slides[g, 1],
+                        opening * slides[g, 2],
+                        placed,
+                    )
                     ready[g] = True
             away = _pair_distance(
                 spheres, start[i], start[i + 1], start[j], start[j + 1], centres[j], bounds[j, 3], placed

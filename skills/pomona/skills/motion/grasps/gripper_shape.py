@@ -70,9 +70,13 @@ def gripper_shape(robot: RobotModel) -> GripperShape:
         elif body.group == "gripper":
             palm = max(palm, float(corners[:, 2].max()) + radius)
     return GripperShape(
-        np.vstack(points), np.concatenate(radii), np.vstack(slides), tuple(names), robot.width_min,
+        np.vstack(points),
+        np.concatenate(radii),
+        np.vstack(slides),
+        tuple(names),
+        robot.width_min,
         -palm if np.isfinite(palm) else np.inf,
-    )  # fmt: skip
+    )
 
 
 def outline(geom: Geom) -> tuple[Float64, float]:

@@ -121,10 +121,18 @@ def grasp_setting(
 ) -> GraspSetting:
     """Return what all candidates of one fruit share; the arguments are those of `sample_pre_grasps`."""
     return GraspSetting(
-        measured, fruit_points(measured), robot, gripper_shape(robot), space, table_z, robot.checked(q_now),
-        sphere, rules, np.ascontiguousarray(robot.T_link_tcp[:3]),
+        measured,
+        fruit_points(measured),
+        robot,
+        gripper_shape(robot),
+        space,
+        table_z,
+        robot.checked(q_now),
+        sphere,
+        rules,
+        np.ascontiguousarray(robot.T_link_tcp[:3]),
         np.linspace(sphere.radius, 0.0, 1 + max(3, int(np.ceil(sphere.radius / LINE_STEP)))),
-    )  # fmt: skip
+    )
 
 
 def cost(grasp: Grasp, robot: RobotModel, q_now: Float64) -> float:
@@ -167,7 +175,7 @@ def judge_candidate(setting: GraspSetting, index: int, theta: float, alpha: floa
         kept, clearance = _approachable(setting, solutions, T_base_grasp, width)
     return Grasp(
         index, theta, alpha, T_base_pre_grasp, T_base_grasp, width, kept, clearance, section.oblique, setting.measured
-    )  # fmt: skip
+    )
 
 
 def _opening(setting: GraspSetting, section: CrossSection) -> float:

@@ -114,9 +114,15 @@ def plan(request: PlanRequest) -> PlanResult:
                 waypoints, path, found_by = better, candidate, request.improve
     reached = int(np.linalg.norm(request.q_goals - waypoints[-1], axis=1).argmin())
     return PlanResult(
-        path, reached, waypoints, path_length(waypoints), found_by, progress.iterations, first_path_s,
+        path,
+        reached,
+        waypoints,
+        path_length(waypoints),
+        found_by,
+        progress.iterations,
+        first_path_s,
         time.perf_counter() - progress.began,
-    )  # fmt: skip
+    )
 
 
 def _free_goals(request: PlanRequest) -> Float64:

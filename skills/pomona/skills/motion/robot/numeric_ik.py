@@ -21,9 +21,16 @@ def descend(model: RobotModel, T_base_tcp: Float64, starts: Float64, iterations:
     """Solutions within the limits that the starts, shape (m, dof), descend to; shape (n, dof) [rad]."""
     solutions = np.empty_like(starts)
     count = _descend(
-        model.steps, model.sliding, np.ascontiguousarray(model.T_link_tcp[:3]), np.ascontiguousarray(T_base_tcp[:3]),
-        np.ascontiguousarray(starts), model.lower, model.upper, iterations, solutions,
-    )  # fmt: skip
+        model.steps,
+        model.sliding,
+        np.ascontiguousarray(model.T_link_tcp[:3]),
+        np.ascontiguousarray(T_base_tcp[:3]),
+        np.ascontiguousarray(starts),
+        model.lower,
+        model.upper,
+        iterations,
+        solutions,
+    )
     return solutions[:count]
 
 

@@ -49,9 +49,16 @@ class SphericalArm:
         solutions = np.empty((8 * len(arm_angles), 7))
         motion = T_base_tcp @ self.T_tcp_base_zero
         count = _solve(
-            self.axes, self.shoulder, self.elbow, self.wrist, motion, np.ascontiguousarray(arm_angles), lower, upper,
+            self.axes,
+            self.shoulder,
+            self.elbow,
+            self.wrist,
+            motion,
+            np.ascontiguousarray(arm_angles),
+            lower,
+            upper,
             solutions,
-        )  # fmt: skip
+        )
         return solutions[:count]
 
     def arm_angle(self, q: Float64, T_base_tcp: Float64) -> float:

@@ -200,9 +200,15 @@ def nearest_ahead(
                     continue
                 if not ready:
                     place_spheres(
-                        spheres, start[g], start[g + 1], scratch.links[links[g]], opening * slides[g, 0],
-                        opening * slides[g, 1], opening * slides[g, 2], placed,
-                    )  # fmt: skip
+                        spheres,
+                        start[g],
+                        start[g + 1],
+                        scratch.links[links[g]],
+                        opening * slides[g, 0],
+                        opening * slides[g, 1],
+                        opening * slides[g, 2],
+                        placed,
+                    )
                     ready = True
                 for s in range(start[g], start[g + 1]):
                     d = (px - placed[s, 0]) ** 2 + (py - placed[s, 1]) ** 2 + (pz - placed[s, 2]) ** 2

@@ -49,8 +49,12 @@ def _tomato(rng: np.random.Generator) -> Lookalike:
     """Smooth and flat, often ribbed, with a green star of sepals in place of a hollow."""
     shape = shapes.swollen_ball(int(rng.integers(3, 9)), rng.uniform(0.0, 0.05))
     angle, polar = _angles(shape)
-    skin = _spread(((0.55, 0.03, 0.015), (0.6, 0.12, 0.02), (0.62, 0.42, 0.03), (0.3, 0.36, 0.06))[rng.choice(
-        4, p=(0.62, 0.2, 0.08, 0.1))], rng)  # fmt: skip
+    skin = _spread(
+        ((0.55, 0.03, 0.015), (0.6, 0.12, 0.02), (0.62, 0.42, 0.03), (0.3, 0.36, 0.06))[
+            rng.choice(4, p=(0.62, 0.2, 0.08, 0.1))
+        ],
+        rng,
+    )
     star = (polar < rng.uniform(0.25, 0.6) * (0.4 + 0.6 * np.abs(np.cos(2.5 * angle)))).astype(np.float64)
     if rng.random() < 0.25:
         star[:] = 0.0

@@ -141,8 +141,10 @@ def _figures(weights: Path, bench: Path, fruit: str, photographs: PhotoSet) -> B
     frames = FrameFolder([bench])
     rendered = evaluate(detector, frames, load_fruit(fruit), len(frames))
     # Doubtful boxes are no labels: detections there count as wrong for both weights alike.
-    val = [replace(photo, boxes=photo.boxes[~photo.crowd], crowd=np.zeros(int((~photo.crowd).sum()), np.bool_))
-           for photo in photographs.val]  # fmt: skip
+    val = [
+        replace(photo, boxes=photo.boxes[~photo.crowd], crowd=np.zeros(int((~photo.crowd).sum()), np.bool_))
+        for photo in photographs.val
+    ]
     found = box_figures([finds.judged() for finds in find_boxes(detector, val, fruit_scale(photographs.train))])
     return BenchFigures(rendered.recall(SCORE), rendered.precision(SCORE), found.recall, found.ap50)
 

@@ -95,9 +95,7 @@ def write_proposals(
         height, width = look.colour.shape[:2]
         part["images"].append({"id": number, "file_name": name, "width": width, "height": height, "run": look.run})
         for box, doubtful in zip(proposed.boxes.tolist(), proposed.doubtful.tolist(), strict=True):
-            part["annotations"].append(
-                {"image_id": number, "category_id": 1, "bbox": box, "iscrowd": int(doubtful)}
-            )  # fmt: skip
+            part["annotations"].append({"image_id": number, "category_id": 1, "bbox": box, "iscrowd": int(doubtful)})
         doubts += int(proposed.doubtful.sum())
         labels += int((~proposed.doubtful).sum())
     for split, part in content.items():
