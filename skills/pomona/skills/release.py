@@ -17,16 +17,13 @@ from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import ArmSpace, arm_space
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.shared.carrying import TouchedDown, is_held, rest_on_contact
-from pomona.skills.shared.contact_check import LOST, Jolted, contact_doubt
+from pomona.skills.shared.carrying import is_held
+from pomona.skills.shared.contact_check import Jolted, lower_to_support
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
-from pomona.skills.shared.grip_view import show_grip
 from pomona.skills.shared.moving import CARRIED_ACCELERATION, POSE_FAILURES, PoseSkill, move_to_pose
 from pomona.skills.shared.straight_travel import follow_way, tool_pose, vertical_way
-from pomona.skills.shared.touch import Touch, load
 from pomona.skills.shared.usable_map import usable_field
 
-LOWERING = (0.5, 5.0)  # acceleration [m/s²] and jerk [m/s³]: with twice as much, inertia resembles a contact
 RISING = (1.5, 15.0)  # acceleration [m/s²] and jerk [m/s³] of the empty gripper's way up
 OPENING_SPEED = 0.05  # of the fingers while they release the fruit [m/s]
 BESIDE = 0.005  # distance to the path below which an obstacle is the first contact [m]; farther walls are passed
@@ -134,7 +131,7 @@ class Release(PoseSkill):
         before = float(tool_pose(self)[2, 3])
         for jolts in range(1, JOLTS + 2):
             try:
-                words = yield from self._lower_to_contact(legs, hold, grasp, contact)
+                words = yield from lower_to_support(self, legs, hold, grasp, contact, "LOWERING_BLOCKED")
             except Jolted:
                 words = f"the change of load on the way down has gone again {jolts} times, as after jolts"
                 left = depth - before + float(tool_pose(self)[2, 3])
@@ -151,28 +148,6 @@ class Release(PoseSkill):
         lowered = before - float(tool_pose(self)[2, 3])
         message = f"{words} ({1e3 * lowered:.0f} mm down); the fruit is still held"
         raise self.failure("NO_CONTACT", message, lowered_m=lowered)
-
-    def _lower_to_contact(
-        self, legs: Sequence[tuple[Float64, float]], hold: Hold | None, grasp: Grasp | None, contact: float
-    ) -> Work[str]:
-        """Return an empty text once a support carries the fruit, or why none does; raises Jolted."""
-        rest_on_contact(self, contact)
-        with Touch(self.device(ForceSensor), load) as touch:
-
-            def watch() -> None:
-                if hold is not None:
-                    show_grip(self, hold)
-                if touch.change > contact:  # first: the support's push may unload a finger
-                    raise TouchedDown
-                if not is_held(self):
-                    raise self.failure("LOST", LOST)
-
-            try:
-                for way, speed in legs:
-                    yield from follow_way(self, way, speed, LOWERING, watch, grasp)
-            except TouchedDown:
-                return (yield from contact_doubt(self, touch, contact, "LOWERING_BLOCKED"))
-        return "the fruit met nothing"
 
     def _near(
         self, way: Float64, grasp: Grasp | None, map: OccupancyMap | None, clearance: float, within: float

@@ -19,6 +19,7 @@ from pomona.skills.motion.planning.errors import BadProblem
 from pomona.skills.motion.planning.motion_bench_maker import PlanningProblem, problem_sets, read_problems
 from pomona.skills.motion.planning.planners import PLANNERS, solve
 from pomona.skills.motion.planning.shortcut import path_length, shortcut
+from pomona.skills.motion.planning.space import Effort
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.motion.robot.errors import RobotError
 
@@ -88,8 +89,8 @@ def _attempt(problem: PlanningProblem, planner: str, budget: float, seed: int) -
         waypoints = np.array([problem.q_start, problem.q_goal])
     else:
         iterations = int(budget * PLANNERS[planner].iterations_per_second)
-        deadline = time.perf_counter() + 10.0 * budget
-        found = solve(space, problem.q_start, problem.q_goal[None], planner, iterations, seed, deadline)
+        effort = Effort(iterations, seed, time.perf_counter() + 10.0 * budget)
+        found = solve(space, problem.q_start, problem.q_goal[None], planner, effort)
         if found.waypoints is None:
             return PlannedProblem(True, time.process_time() - began, np.nan)
         waypoints = found.waypoints

@@ -1,25 +1,65 @@
-"""Confirm that a fruit which was lowered stands on something, before the fingers open."""
+"""Lower a fruit until something carries it, and confirm that, before the fingers open."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from pomona.drivers.interfaces import ForceSensor
 from pomona.executive.skill import Work
-from pomona.skills.shared.carrying import RESTING
+from pomona.executive.values.arrays import Float64
+from pomona.skills.grip.hold import Hold
+from pomona.skills.motion.grasp import Grasp
+from pomona.skills.shared.carrying import RESTING, TouchedDown, is_held, rest_on_contact
 from pomona.skills.shared.following import MovingSkill
+from pomona.skills.shared.grip_view import show_grip
 from pomona.skills.shared.straight_travel import follow_way, vertical_way
-from pomona.skills.shared.touch import HELD_FORCE, Touch, pressing_forces
+from pomona.skills.shared.touch import HELD_FORCE, Touch, load, pressing_forces
 
 RAISED, RAISING_SPEED = 0.002, 0.02
 """Height [m] and speed [m/s] of raising the fruit from its support: a fruit that hangs again loads the pads as before,
 while a drift continues."""
 
-DYNAMICS = (0.5, 5.0)  # acceleration [m/s²] and jerk [m/s³] of raising
+DYNAMICS = (0.5, 5.0)  # acceleration [m/s²] and jerk [m/s³]: with twice as much, inertia resembles a contact
 
 LOST = "the fruit was lost on the way down: it presses on neither finger"
 
 
 class Jolted(Exception):
     """A change of load has gone again: it was no contact."""
+
+
+def lower_to_support(
+    skill: MovingSkill,
+    legs: Sequence[tuple[Float64, float]],
+    hold: Hold | None,
+    grasp: Grasp | None,
+    contact: float,
+    code: str,
+) -> Work[str]:
+    """Go down along legs, postures (n, dof) [rad] with a speed [m/s], until a support carries the fruit.
+
+    Returns an empty text then, or why none does. `contact` [N] is the change of load that shows contact.
+
+    Raises:
+        Jolted, SkillFailure: as `contact_doubt`.
+    """
+    rest_on_contact(skill, contact)
+    with Touch(skill.device(ForceSensor), load) as touch:
+
+        def watch() -> None:
+            if hold is not None:
+                show_grip(skill, hold)
+            if touch.change > contact:  # first: the support's push may unload a finger
+                raise TouchedDown
+            if not is_held(skill):
+                raise skill.failure("LOST", LOST)
+
+        try:
+            for way, speed in legs:
+                yield from follow_way(skill, way, speed, DYNAMICS, watch, grasp)
+        except TouchedDown:
+            return (yield from contact_doubt(skill, touch, contact, code))
+    return "the fruit met nothing"
 
 
 def contact_doubt(skill: MovingSkill, touch: Touch, contact: float, code: str) -> Work[str]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from pomona.drivers.interfaces import ArmLimits
 from pomona.skills.motion.planning.ompl_planners import solve_by_ompl
+from pomona.skills.motion.planning.space import Effort
 
 LIMITS = ArmLimits(
     lower=np.full(2, -2.0),
@@ -46,7 +47,9 @@ class DiscWorld:
         self, q_start: np.ndarray, q_goals: np.ndarray, iterations: int, seed: int
     ) -> tuple[np.ndarray | None, int]:
         """By OMPL: this project's own grows in compiled code among real robots only."""
-        found = solve_by_ompl(self, q_start, q_goals, "RRTConnect", iterations, seed, time.perf_counter() + 10.0)
+        found = solve_by_ompl(
+            self, q_start, q_goals, "RRTConnect", Effort(iterations, seed, time.perf_counter() + 10.0, None)
+        )
         return found.waypoints, found.iterations
 
     def explain(self, q: np.ndarray) -> tuple[str, dict[str, object]]:

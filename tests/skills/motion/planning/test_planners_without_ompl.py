@@ -9,6 +9,7 @@ import pytest
 
 from pomona.skills.motion.planning.errors import BadRequest
 from pomona.skills.motion.planning.planners import PLANNERS, solve
+from pomona.skills.motion.planning.space import Effort
 
 
 def test_a_planner_of_ompl_names_ompl_where_it_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -16,4 +17,4 @@ def test_a_planner_of_ompl_names_ompl_where_it_is_not_installed(monkeypatch: pyt
     monkeypatch.setitem(sys.modules, "ompl", None)
     name = next(name for name, offered in PLANNERS.items() if offered.ompl)
     with pytest.raises(BadRequest, match=f"the planner {name} needs OMPL, which is not installed"):
-        solve(None, np.zeros(6), np.zeros((1, 6)), name, 1, 0, 0.0)  # type: ignore[arg-type]
+        solve(None, np.zeros(6), np.zeros((1, 6)), name, Effort(1, 0, 0.0))  # type: ignore[arg-type]

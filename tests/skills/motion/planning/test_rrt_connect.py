@@ -13,6 +13,7 @@ from pomona.skills.motion.collision.segment import SLACK
 from pomona.skills.motion.planning import rrt_connect
 from pomona.skills.motion.planning.arm_space import ArmSpace
 from pomona.skills.motion.planning.planners import solve
+from pomona.skills.motion.planning.space import Effort
 from pomona.skills.motion.robot import RobotModel
 from tests.skills.picking_scene import OBSERVE, ROBOT_MODEL, WORKSPACE
 
@@ -39,7 +40,7 @@ def cluttered(seed: int) -> tuple[ArmSpace, np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("seed", range(6))
 def test_a_path_begins_at_the_start_ends_at_a_goal_and_keeps_the_margins_at_every_fine_sample(seed: int) -> None:
     space, start, goals = cluttered(seed)
-    found = solve(space, start, goals, "RRTConnect", 20_000, seed, np.inf)
+    found = solve(space, start, goals, "RRTConnect", Effort(20_000, seed, np.inf))
     assert found.waypoints is not None
     path = found.waypoints
     np.testing.assert_array_equal(path[0], start)
@@ -85,7 +86,7 @@ def test_a_ball_of_10_cm_passes_a_gap_that_is_wider_and_no_other(tmp_path: Path,
     )
     world = CollisionWorld.build(robot, obstacles=walls, margins=Margins(0.0, 0.0, 0.0, 0.0, 0.0))
     space = ArmSpace(world, robot.width_max)
-    found = solve(space, np.array([-0.8, 0.6]), np.array([[0.8, 0.6]]), "RRTConnect", 1200, 0, np.inf)
+    found = solve(space, np.array([-0.8, 0.6]), np.array([[0.8, 0.6]]), "RRTConnect", Effort(1200, 0, np.inf))
     assert (found.waypoints is not None) == passes
     assert not found.out_of_time
     if found.waypoints is None:
@@ -97,7 +98,7 @@ def test_a_ball_of_10_cm_passes_a_gap_that_is_wider_and_no_other(tmp_path: Path,
 
 def test_the_wall_clock_is_the_last_resort() -> None:
     space, start, goals = cluttered(0)
-    found = solve(space, start, goals, "RRTConnect", 20_000, 0, -np.inf)
+    found = solve(space, start, goals, "RRTConnect", Effort(20_000, 0, -np.inf))
     assert found.out_of_time
     assert found.iterations == 0
 

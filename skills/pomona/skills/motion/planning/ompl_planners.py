@@ -12,7 +12,7 @@ import numpy as np
 from ompl import base, geometric, util
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.motion.planning.space import Solution, Space
+from pomona.skills.motion.planning.space import Effort, Solution, Space
 
 util.setLogLevel(util.LOG_NONE)
 
@@ -33,21 +33,9 @@ class _Validity(base.MotionValidator):  # type: ignore[misc]
         return bool(self._space.free_between(_read(a, self._dof), _read(b, self._dof)))
 
 
-def solve_by_ompl(
-    space: Space,
-    q_start: Float64,
-    q_goals: Float64,
-    planner: str,
-    iterations: int,
-    seed: int,
-    deadline: float,
-    good_enough: float | None = None,
-) -> Solution:
-    """Run one planner, a class in `ompl.geometric`; the other arguments are those of `planners.solve`.
-
-    `good_enough` is None for a planner that does not optimise.
-    """
-    util.RNG.setSeed(int(seed % 2**31) + 1)
+def solve_by_ompl(space: Space, q_start: Float64, q_goals: Float64, planner: str, effort: Effort) -> Solution:
+    """Run one planner, a class in `ompl.geometric`; the other arguments are those of `planners.solve`."""
+    util.RNG.setSeed(int(effort.seed % 2**31) + 1)
     dof = len(q_start)
     states = base.RealVectorStateSpace(dof)
     bounds = base.RealVectorBounds(dof)
@@ -66,16 +54,16 @@ def solve_by_ompl(
     for q in q_goals:
         goals.addState(_write(states.allocState(), q))
     problem.setGoal(goals)
-    if good_enough is not None:
+    if effort.good_enough is not None:
         objective = base.PathLengthOptimizationObjective(information)
-        objective.setCostThreshold(base.Cost(good_enough))
+        objective.setCostThreshold(base.Cost(effort.good_enough))
         problem.setOptimizationObjective(objective)
     solver = getattr(geometric, planner)(information)
     solver.setProblemDefinition(problem)
     if hasattr(solver, "setRange"):
         solver.setRange(RANGE)
     solver.setup()
-    ending = _Ending(iterations, deadline)
+    ending = _Ending(effort.iterations, effort.deadline)
     solver.solve(base.PlannerTerminationCondition(ending))
     if not problem.hasExactSolution():
         return Solution(None, ending.count, ending.out_of_time)

@@ -22,7 +22,7 @@ from pomona.skills.motion.planning.errors import BadRequest, PlanningFailed
 from pomona.skills.motion.planning.planners import PLANNERS, BudgetUse, solve
 from pomona.skills.motion.planning.rounding import time_free_path
 from pomona.skills.motion.planning.shortcut import path_length, shortcut
-from pomona.skills.motion.planning.space import Space
+from pomona.skills.motion.planning.space import Effort, Space
 
 GOOD_ENOUGH = 1.02  # a path this close to the straight distance to the nearest goal is not worth improving
 
@@ -193,9 +193,9 @@ def _solve(request: PlanRequest, planner: str, goals: Float64, share: float, pro
     iterations = int(share * request.budget * PLANNERS[planner].iterations_per_second)
     if iterations < 1:
         return None
-    deadline = progress.began + request.patience
     good_enough = GOOD_ENOUGH * _nearest(request, goals) if request.direct else 0.0
-    solution = solve(request.space, request.q_start, goals, planner, iterations, request.seed, deadline, good_enough)
+    effort = Effort(iterations, request.seed, progress.began + request.patience, good_enough)
+    solution = solve(request.space, request.q_start, goals, planner, effort)
     progress.iterations += solution.iterations
     progress.out_of_time = progress.out_of_time or solution.out_of_time
     return solution.waypoints

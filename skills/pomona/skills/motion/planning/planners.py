@@ -7,13 +7,13 @@ the wall clock, decides, so that a seed gives the same path on a loaded machine.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.planning.errors import BadRequest
 from pomona.skills.motion.planning.rrt_connect import FIRST_ROUND
-from pomona.skills.motion.planning.space import Solution, Space
+from pomona.skills.motion.planning.space import Effort, Solution, Space
 
 
 class BudgetUse(Enum):
@@ -49,39 +49,27 @@ PLANNERS: dict[str, PlannerKind] = {
 }
 
 
-def solve(
-    space: Space,
-    q_start: Float64,
-    q_goals: Float64,
-    planner: str,
-    iterations: int,
-    seed: int,
-    deadline: float,
-    good_enough: float = 0.0,
-) -> Solution:
+def solve(space: Space, q_start: Float64, q_goals: Float64, planner: str, effort: Effort) -> Solution:
     """Run one planner, a name in `PLANNERS`, from a start, shape (dof,), to goals, shape (n >= 1, dof) [rad], all free.
-
-    Args:
-        iterations: after which it ends; a feasible planner ends earlier, with its first path.
-        deadline: on `time.perf_counter`; the last resort.
-        good_enough: path length at which an optimising planner ends; 0 lets it use all its iterations.
 
     Raises:
         BadRequest: the planner is OMPL's, which is not installed.
     """
     offered = PLANNERS[planner]
     if offered.ompl:
-        wanted = good_enough if offered.kind is BudgetUse.OPTIMISING else None
+        wanted = effort if offered.kind is BudgetUse.OPTIMISING else replace(effort, good_enough=None)
         try:
             from pomona.skills.motion.planning.ompl_planners import solve_by_ompl
         except ModuleNotFoundError as error:  # no wheel for this system: trees are still checked
             raise BadRequest(f"the planner {planner} needs OMPL, which is not installed ({error})") from error
-        return solve_by_ompl(space, q_start, q_goals, offered.ompl, iterations, seed, deadline, wanted)
+        return solve_by_ompl(space, q_start, q_goals, offered.ompl, wanted)
     used, round_ = 0, FIRST_ROUND
-    while used < iterations:
-        if time.perf_counter() > deadline:
+    while used < effort.iterations:
+        if time.perf_counter() > effort.deadline:
             return Solution(None, used, out_of_time=True)
-        waypoints, took = space.connect(q_start, q_goals, min(round_, iterations - used), (seed + used) % 2**31)
+        waypoints, took = space.connect(
+            q_start, q_goals, min(round_, effort.iterations - used), (effort.seed + used) % 2**31
+        )
         used, round_ = used + took, 2 * round_
         if waypoints is not None:
             return Solution(waypoints, used, out_of_time=False)

@@ -42,6 +42,17 @@ class Space(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """Limits of a planner's search."""
+
+    iterations: int  # after which it ends; a feasible planner ends earlier, with its first path
+    seed: int  # of the random postures
+    deadline: float  # on `time.perf_counter`; the last resort
+    # path length at which an optimising planner ends: 0 uses all iterations; None for a planner that does not optimise
+    good_enough: float | None = 0.0
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
     """A path that a planner found: waypoints (n, dof), or None, and how much of the budget it took."""
