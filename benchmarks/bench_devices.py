@@ -23,7 +23,8 @@ from pomona.drivers.emulators.free_gripper import FreeGripper
 from pomona.drivers.emulators.server import CanPort, Server
 from pomona.drivers.emulators.wsg import WsgEmulator
 from pomona.drivers.interfaces import ArmLimits, Trajectory, WrenchSample
-from pomona.drivers.motoman.driver import MotomanArm, MotomanOptions
+from pomona.drivers.motoman.driver import MotomanArm
+from pomona.drivers.motoman.stream import MotomanOptions
 from pomona.drivers.suntouch.calibration import FingerCalibration
 from pomona.drivers.suntouch.driver import SunTouchFingers
 from pomona.drivers.suntouch.finger import Finger

@@ -16,7 +16,8 @@ from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRe
 from pomona.drivers.interfaces import ArmLimits, Motion, MotionState, Trajectory
 from pomona.drivers.motion_supervisor import Supervision
 from pomona.drivers.motoman.codec import Communication, Message, RobotStatus, encode
-from pomona.drivers.motoman.driver import RECONNECT, MotomanArm, MotomanOptions
+from pomona.drivers.motoman.driver import RECONNECT, MotomanArm
+from pomona.drivers.motoman.stream import MotomanOptions
 from pomona.drivers.wire import Nonsense
 from pomona.executive.clock import ManualClock, SystemClock
 

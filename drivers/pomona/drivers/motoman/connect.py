@@ -10,7 +10,8 @@ from pomona.drivers.device import ConnectContext
 from pomona.drivers.errors import DeviceLost, UnusableRobotFile
 from pomona.drivers.motion_supervisor import Supervision
 from pomona.drivers.motoman.codec import Order
-from pomona.drivers.motoman.driver import MotomanArm, MotomanOptions
+from pomona.drivers.motoman.driver import MotomanArm
+from pomona.drivers.motoman.stream import MotomanOptions
 from pomona.drivers.registration import Settings, driver
 from pomona.drivers.robot_file import read_limits
 from pomona.drivers.wire import Address, tcp_opener

@@ -9,17 +9,15 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost
 from pomona.drivers.interfaces import ArmLimits, ArmState
-from pomona.drivers.motion_supervisor import Supervision
-from pomona.drivers.motoman.codec import Control, Order, Result, Valid
+from pomona.drivers.motoman.codec import Control, Result, Valid
 from pomona.drivers.motoman.session import ControllerSession
-from pomona.drivers.motoman.stream import INTERPOLATION, PointStream, RanDryError
+from pomona.drivers.motoman.stream import INTERPOLATION, MotomanOptions, PointStream, RanDryError
 from pomona.drivers.motoman.words import fault, refusal
 from pomona.drivers.path_arm import PathArm, words
 from pomona.drivers.path_motion import PathMotion
@@ -30,22 +28,6 @@ from pomona.executive.values.arrays import Float64
 RECONNECT = 0.5  # pause between attempts to open lost connections again [s]
 SERVO_ON = 15.0  # deadline of switching the servos on: the controller waits up to 5 s in each of its stages [s]
 FIRST_STATE = 1.0  # deadline of the first feedback and status [s]
-
-
-@dataclass(frozen=True, slots=True)
-class MotomanOptions:
-    """Options of the arm in the cell file."""
-
-    order: Order = "<"  # byte order of the controller, "<" or ">"
-    group: int = 0  # control group of the arm
-    # for every joint of the robot's description its place on the wire (S L E U R B T = 0 … 6)
-    wire_joints: tuple[int, ...] = (0, 1, 2, 3, 4, 5, 6)
-    # whether the servos are switched on at the connection; else the operator does it at the pendant
-    servo_on: bool = True
-    point_period: float = 0.02  # time between points that are sent [s]
-    lead: float = 0.15  # how far ahead of the arm points are sent [s]: a stop takes effect behind them
-    silence: float = 0.09  # time without feedback after which the arm is lost [s]
-    supervision: Supervision = field(default_factory=Supervision)  # how closely the arm must follow its commands
 
 
 class MotomanArm(PathArm):
@@ -245,18 +227,7 @@ class MotomanArm(PathArm):
         return self._points
 
     def _begin_stream(self, motion: PathMotion, q_start: Float64, q_arm: Float64) -> None:
-        options = self.options
-        self._points = PointStream(
-            motion,
-            q_start,
-            q_arm,
-            self._clock,
-            options.group,
-            options.point_period,
-            options.lead,
-            options.wire_joints,
-            self._supervisor.command,
-        )
+        self._points = PointStream(motion, q_start, q_arm, self._clock, self.options, self._supervisor.command)
 
     def _end_stream(self) -> None:
         self._points = None

@@ -6,12 +6,14 @@ kept short (`lead`), because queued points cannot be changed: a stop takes effec
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from pomona.drivers.errors import DeviceFault
-from pomona.drivers.motoman.codec import Result, TrajectoryPoint, Valid
+from pomona.drivers.motion_supervisor import Supervision
+from pomona.drivers.motoman.codec import Order, Result, TrajectoryPoint, Valid
 from pomona.drivers.motoman.session import ControllerSession
 from pomona.drivers.motoman.words import refusal
 from pomona.drivers.path_motion import PathMotion
@@ -30,6 +32,22 @@ class RanDryError(DeviceFault):
     """The controller had no points while the arm moved, and has stopped it."""
 
 
+@dataclass(frozen=True, slots=True)
+class MotomanOptions:
+    """Options of the arm in the cell file."""
+
+    order: Order = "<"  # byte order of the controller, "<" or ">"
+    group: int = 0  # control group of the arm
+    # for every joint of the robot's description its place on the wire (S L E U R B T = 0 … 6)
+    wire_joints: tuple[int, ...] = (0, 1, 2, 3, 4, 5, 6)
+    # whether the servos are switched on at the connection; else the operator does it at the pendant
+    servo_on: bool = True
+    point_period: float = 0.02  # time between points that are sent [s]
+    lead: float = 0.15  # how far ahead of the arm points are sent [s]: a stop takes effect behind them
+    silence: float = 0.09  # time without feedback after which the arm is lost [s]
+    supervision: Supervision = field(default_factory=Supervision)  # how closely the arm must follow its commands
+
+
 class PointStream:
     """The points of one motion.
 
@@ -45,26 +63,21 @@ class PointStream:
         q_start: Float64,
         q_arm: Float64,
         clock: Clock,
-        group: int,
-        period: float,
-        lead: float,
-        wire_joints: Sequence[int],
+        options: MotomanOptions,
         commanded: Callable[[float, Float64], None] = lambda due, q: None,
     ) -> None:
         """Begin at the arm's own position `q_arm`, which may differ a little from the path's start `q_start`.
 
-        Args:
-            wire_joints: for every joint of the path its place on the wire.
-            commanded: called with every accepted point and the time at which the arm shall pass it [s].
+        `commanded` is called with every accepted point and the time at which the arm shall pass it [s].
         """
         self._commanded = commanded
-        self._joint_of_place = np.argsort(wire_joints)
+        self._joint_of_place = np.argsort(options.wire_joints)
         self.motion = motion
         self.sent, self.busy, self.dry = 0, 0, 0
         self.q_last = q_arm
         self._offset = q_arm - q_start
-        self._clock, self._group, self._lead = clock, group, lead
-        self._steps = max(round(period / INTERPOLATION), 1)
+        self._clock, self._group, self._lead = clock, options.group, options.lead
+        self._steps = max(round(options.point_period / INTERPOLATION), 1)
         self._time = 0.0
         self._began: float | None = None
         self._resend_at = 0.0

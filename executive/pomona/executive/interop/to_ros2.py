@@ -29,7 +29,7 @@ TRACE_PERIOD, TRACE_POINTS = SECOND, 1000
 LEVELS = {2: 20, 3: 30, 4: 40}  # log levels, Foxglove's to ROS 2's: info, warning, error
 
 _STATUS = {"INVALID": 1, "RUNNING": 2, "SUCCESS": 3, "FAILURE": 4}
-_KIND = {"sequence": 2, "fallback": 3, "parallel": 4, "choose": 5}  # py_trees_ros_interfaces/Behaviour: status and type
+_KIND = {"sequence": 2, "fallback": 3, "parallel": 4}  # py_trees_ros_interfaces/Behaviour: status and type
 
 
 class RosMessage(NamedTuple):
