@@ -18,10 +18,8 @@ AZIMUTHS, ELEVATIONS = (0.0, 25.0, -25.0, 50.0, -50.0), (0.0, 25.0, -20.0, 45.0)
 """Of the approach, from straight towards the wall; positive elevations come from below [deg]."""
 ROLLS = (0.0, 25.0, -25.0, 50.0, -50.0, 90.0)
 """Of the hand about the approach; 0 closes the fingers from the sides [deg]."""
-BEFORE = 0.08
-"""The hand must also stand free so far before the grasp [m]."""
-SPARE = 0.02
-"""Opening of the fingers beyond the fruit's diameter [m]: wide open they touch neighbours."""
+BEFORE = 0.08  # the hand must also stand free so far before the grasp [m]
+SPARE = 0.02  # opening of the fingers beyond the fruit's diameter [m]: wide open they touch neighbours
 ROLLED, OUT, STEPS = 75.0, 0.06 * np.array([0.0, 0.94, 0.34]), 4
 """Motion that breaks a stem: roll about the approach [deg], shift in the base frame [m], and steps that are checked."""
 ITERATIONS, CLOSE = 40, 1e-3

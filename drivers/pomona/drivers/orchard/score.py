@@ -16,35 +16,25 @@ from pomona.drivers.orchard.wood import bending_stress
 from pomona.drivers.sim.scene import TIMESTEP, container_of
 from pomona.executive.values.arrays import Float64
 
-TOUCH = 0.05
-"""A pad holds a fruit when it is pressed by more than this [N]."""
-RECENT = 1.0
-"""A fruit that comes off so soon after the robot touched it or its branch was knocked off [s]."""
+TOUCH = 0.05  # a pad holds a fruit when it is pressed by more than this [N]
+RECENT = 1.0  # a fruit that comes off so soon after the robot touched it or its branch was knocked off [s]
 STEADY = 0.05
 """Time over which a pressing force is averaged before it counts as static [s]: impacts are judged by themselves."""
 GRIPPED = 0.05
 """Both pads held a fruit that comes off if they touched it within this time [s]: a break can unload one of them."""
-HIT = 0.5
-"""Force above which the robot strikes wood, a wire or a fixed object [N]."""
+HIT = 0.5  # force above which the robot strikes wood, a wire or a fixed object [N]
 
 
 @dataclass(slots=True)
 class FruitStory:
-    """The fate of one fruit.
+    """The fate of one fruit."""
 
-    Attributes:
-        came_off: when its stem broke [s], and how: "gripped", "knocked" or "fell".
-        stem_force: largest force of its stem up to the break [N].
-        pressure: largest static pressure on its skin [Pa]; impact: largest force of an impact [N].
-        looked: T_base_fruit at the last exposure of a camera.
-    """
-
-    looked: Float64
-    came_off: float | None = None
+    looked: Float64  # T_base_fruit at the last exposure of a camera
+    came_off: float | None = None  # when its stem broke [s], and how: "gripped", "knocked" or "fell"
     how: str = ""
-    stem_force: float = 0.0
-    pressure: float = 0.0
-    impact: float = 0.0
+    stem_force: float = 0.0  # largest force of its stem up to the break [N]
+    pressure: float = 0.0  # largest static pressure on its skin [Pa]
+    impact: float = 0.0  # largest force of an impact [N]
 
 
 @dataclass(slots=True)

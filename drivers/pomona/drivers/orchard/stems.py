@@ -13,8 +13,7 @@ from pomona.drivers.orchard.model import WallModel
 from pomona.drivers.orchard.strength import used
 from pomona.executive.values.arrays import Float64
 
-HANGS, AT_SPUR, TORN = 0, 1, 2
-"""How a stem stands: it holds, it came off the spur, it was torn out of the fruit."""
+HANGS, AT_SPUR, TORN = 0, 1, 2  # how a stem stands: it holds, it came off the spur, it was torn out of the fruit
 
 
 @numba.njit(cache=True)
@@ -54,19 +53,15 @@ class Stems:
     """Watches the stems of a wall and breaks them.
 
     A step breaks one stem at most: a load on two stems acts on the other alone once the first has broken.
-
-    Attributes:
-        state: HANGS, AT_SPUR or TORN, of each fruit.
-        loads: force [N] and moment [N·m] at the spur in the stem's frame, z along it, shape (n, 6); of broken stems the
-            last. The moment is the excess over that of the rest in which the stem grew.
-        peak: largest force so far, shape (n,) [N].
     """
 
     built: WallModel
     data: Any
-    state: NDArray[np.int8] = field(init=False)
+    state: NDArray[np.int8] = field(init=False)  # HANGS, AT_SPUR or TORN, of each fruit
+    # force [N] and moment [N·m] at the spur in the stem's frame, z along it, shape (n, 6); of broken stems the last.
+    # The moment is the excess over that of the rest in which the stem grew.
     loads: Float64 = field(init=False)
-    peak: Float64 = field(init=False)
+    peak: Float64 = field(init=False)  # largest force so far, shape (n,) [N]
 
     def __post_init__(self) -> None:
         count = len(self.built.stretch)

@@ -13,19 +13,13 @@ from pomona.executive.values.arrays import Float64
 
 @dataclass(frozen=True, slots=True)
 class Strength:
-    """Strength of one fruit's stem.
+    """Strength of one fruit's stem."""
 
-    Attributes:
-        pull: at the spur [N]; twist: about the stem [N·m]; bend: across it [N·m].
-        stiffness: of the stem against twist and bend [N·m/rad].
-        tear: pull at which the stem leaves the fruit instead [N].
-    """
-
-    pull: float
-    twist: float
-    bend: float
-    stiffness: float
-    tear: float
+    pull: float  # at the spur [N]
+    twist: float  # about the stem [N·m]
+    bend: float  # across it [N·m]
+    stiffness: float  # of the stem against twist and bend [N·m/rad]
+    tear: float  # pull at which the stem leaves the fruit instead [N]
 
     def row(self) -> Float64:
         """As `used` takes it: pull [N], twist, bend [N·m], tear [N], shape (4,)."""

@@ -14,8 +14,7 @@ from pomona.executive.values.arrays import Float64
 
 Index = NDArray[np.int64]
 
-BY_PAD, BY_LINING, BY_HARD = 0, 1, 2
-"""Columns of the forces on a fruit: soft pads, the bin's foam, all else."""
+BY_PAD, BY_LINING, BY_HARD = 0, 1, 2  # columns of the forces on a fruit: soft pads, the bin's foam, all else
 _OTHER, _FRUIT, _PAD, _ROBOT, _LINING, _WOOD, _WIRE, _GROUND = range(8)
 APART = 0.02
 """Two bodies that touch again within this time still touch: bounces of the engine's contact are shorter [s]."""

@@ -12,21 +12,16 @@ from pomona.drivers.orchard.model import WallModel
 from pomona.drivers.orchard.wood import GRAVITY
 from pomona.executive.values.arrays import Float64
 
-GUSTS = 5
-"""Cosines between the slowest and the fastest frequency."""
+GUSTS = 5  # cosines between the slowest and the fastest frequency
 
 
 @dataclass(slots=True)
 class Wind:
-    """F = A·m·g·Σ aₖ·cos(ωₖ·t + φₖ - ωₖ·x/c) on each body, Σ aₖ² = 2 (a unit deviation), along the wall and across it.
-
-    Attributes:
-        strength: over the numbers' own; 0 is calm.
-    """
+    """F = A·m·g·Σ aₖ·cos(ωₖ·t + φₖ - ωₖ·x/c) on each body, Σ aₖ² = 2 (unit deviation), along and across the wall."""
 
     built: WallModel
     data: Any
-    strength: float
+    strength: float  # over the numbers' own; 0 is calm
     _bodies: NDArray[np.int64] = field(init=False)
     _rates: Float64 = field(init=False)
     _cosines: Float64 = field(init=False)

@@ -17,20 +17,13 @@ GRAVITY = 9.81
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chain:
-    """A branch along one line.
+    """A branch along one line."""
 
-    Attributes:
-        length: [m]; modulus: Young's [Pa].
-        diameters: at the base and at the tip, between which it tapers evenly [m].
-        hinges: distances of the hinge pairs from the base, shape (n,) [m].
-        stiffness: of each pair's hinges, shape (n,) [N·m/rad].
-    """
-
-    length: float
-    modulus: float
-    diameters: tuple[float, float]
-    hinges: Float64
-    stiffness: Float64
+    length: float  # [m]
+    modulus: float  # Young's [Pa]
+    diameters: tuple[float, float]  # at the base and at the tip, between which it tapers evenly [m]
+    hinges: Float64  # distances of the hinge pairs from the base, shape (n,) [m]
+    stiffness: Float64  # of each pair's hinges, shape (n,) [N·m/rad]
 
     def diameter(self, s: float | Float64) -> Float64:
         """At distances from the base [m], in their shape [m]."""

@@ -13,10 +13,8 @@ from pomona.drivers.orchard.wind import Wind
 from pomona.drivers.sim.world import PhysicsWorld
 from pomona.executive.values.arrays import Float64
 
-SETTLING = 50
-"""Steps for the arm's drives to take up their load; the wall is drawn at rest."""
-WIND_EVERY = 5
-"""Steps between two values of the wind: it changes at 1.5 Hz at most."""
+SETTLING = 50  # steps for the arm's drives to take up their load; the wall is drawn at rest
+WIND_EVERY = 5  # steps between two values of the wind: it changes at 1.5 Hz at most
 
 
 class FruitWallWorld(PhysicsWorld):

@@ -19,25 +19,18 @@ from pomona.executive.running.events import Event, RunEnded, RunStarted
 
 logger = logging.getLogger(__name__)
 
-PATIENCE = 5.0
-"""Seconds that the other program may take to answer."""
+PATIENCE = 5.0  # seconds that the other program may take to answer
 
 TRIES = 3
 
 
 @dataclass(frozen=True, slots=True)
 class AlertRule:
-    """Condition and target of an alert.
+    """Condition and target of an alert."""
 
-    Attributes:
-        address: of the webhook, http or https; a JSON object is posted there.
-        below: success rate, 0 to 1, below which an alert is sent.
-        over: number of the last runs for the rate; no alert before this number is reached.
-    """
-
-    address: str
-    below: float = 0.8
-    over: int = 20
+    address: str  # of the webhook, http or https; a JSON object is posted there
+    below: float = 0.8  # success rate, 0 to 1, below which an alert is sent
+    over: int = 20  # number of the last runs for the rate; no alert before this number is reached
 
     def __post_init__(self) -> None:
         if problem := _unusable(self.address):

@@ -16,8 +16,7 @@ from pomona.executive.values.findings import Findings, format_findings
 from pomona.executive.values.shipped import installed_trees
 from pomona.executive.values.yaml_nodes import YamlNode, YamlScalar
 
-StartRun = Callable[[dict[str, Any]], str]
-"""Starts a run from the page's form and returns its tree's name."""
+StartRun = Callable[[dict[str, Any]], str]  # starts a run from the page's form and returns its tree's name
 
 JudgeForm = Callable[[dict[str, Any]], dict[str, str]]
 """Returns the unusable settings of the page's form with the reasons, by their names."""

@@ -15,11 +15,8 @@ from pomona.executive.values.image_bytes import size_of_image
 from pomona.executive.views import ImageView, Pinhole
 
 MOST_POINTS = 6_000
-MOST_PIXELS = 25_000_000
-"""Of an image that is unpacked."""
-
-FARTHEST = 3.0
-"""Distance beyond which points are not drawn [m], since they would make the rest small."""
+MOST_PIXELS = 25_000_000  # of an image that is unpacked
+FARTHEST = 3.0  # distance beyond which points are not drawn [m], since they would make the rest small
 
 
 def cloud_of(view: ImageView) -> dict[str, str] | None:

@@ -17,8 +17,7 @@ from websockets.protocol import State
 MOST_CONNECTIONS = 250
 """Connections that are no live stream. One more, and the one that has been idle longest is closed."""
 
-REQUEST_DEADLINE = 5.0
-"""Seconds in which a request must have come, head and body."""
+REQUEST_DEADLINE = 5.0  # seconds in which a request must have come, head and body
 
 
 class PatientHttp(H11Protocol):

@@ -19,8 +19,7 @@ from pomona.executive.speed import SpeedRefusedError, speed_of
 
 ACTIONS = ("pause", "resume", "step", "stop")
 
-CANCELLED = "the run that was being prepared does not begin"
-"""Answer to a safe stop during a preparation."""
+CANCELLED = "the run that was being prepared does not begin"  # answer to a safe stop during a preparation
 
 
 class RefusedError(PomonaError):
@@ -42,20 +41,13 @@ class Holder:
 
 @dataclass(frozen=True, slots=True)
 class ControlStatus:
-    """Status of control and of the run for the pages.
+    """Status of control and of the run for the pages."""
 
-    Attributes:
-        holder: of control.
-        start: the run in preparation, or the reason why the last one did not begin.
-        is_preparing: whether a run is being prepared.
-        known_faults: faults that can be injected into the run.
-        signs: of a run's life: its time, tick, state and the ages of its devices; None without a run.
-    """
-
-    holder: Holder = Holder()
-    start: dict[str, Any] | None = None
-    is_preparing: bool = False
-    known_faults: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    holder: Holder = Holder()  # of control
+    start: dict[str, Any] | None = None  # the run in preparation, or the reason why the last one did not begin
+    is_preparing: bool = False  # whether a run is being prepared
+    known_faults: dict[str, tuple[str, ...]] = field(default_factory=dict)  # faults that can be injected into the run
+    # of a run's life: its time, tick, state and the ages of its devices; None without a run
     signs: dict[str, Any] | None = None
 
 

@@ -9,8 +9,7 @@ from pomona.executive.language.documents import read_document
 from pomona.executive.language.drawing import show_svg
 from pomona.executive.recording.plain_file import is_plain
 
-MOST_TREE = 1_000_000
-"""Bytes of a tree file that is drawn."""
+MOST_TREE = 1_000_000  # bytes of a tree file that is drawn
 
 
 def drawing(folder: Path) -> str | None:

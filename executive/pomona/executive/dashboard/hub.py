@@ -28,8 +28,7 @@ HISTORY_BYTES = 32_000_000
 BATCH = 0.033
 """Seconds in which messages are gathered, so that fifty viewers cost thirty sends a second each and no more."""
 
-PICTURES = frozenset(("ImageView", "SceneView"))
-"""Kinds of views of which only the newest one of a topic is kept."""
+PICTURES = frozenset(("ImageView", "SceneView"))  # kinds of views of which only the newest one of a topic is kept
 
 LASTING = frozenset(("NodeChanged", "AttemptEnded", "PortWritten", "LinkChanged", "OperatorActed", "StateChanged"))
 LASTING |= {"SafeStopped", "RunEnded", "TableView", "BodiesView", "PosesView", "ProgressView"}
@@ -38,30 +37,18 @@ LASTING |= {"SafeStopped", "RunEnded", "TableView", "BodiesView", "PosesView", "
 URGENT = (OperatorActed, StateChanged, SafeStopped, type(None))
 """Events after which messages are sent at once: an operator waits for the effect of a press."""
 
-CHUNK = 500_000
-"""Characters of one batch of old messages."""
-
-BACKLOG = 600
-"""Batches that may wait for one viewer; one that is further behind is sent the whole state afresh."""
-
-Kept = tuple[int, str]
-"""A message's number and text."""
+CHUNK = 500_000  # characters of one batch of old messages
+BACKLOG = 600  # batches that may wait for one viewer; one that is further behind is sent the whole state afresh
+Kept = tuple[int, str]  # a message's number and text
 
 
 class Word(NamedTuple):
-    """One encoded event.
+    """One encoded event."""
 
-    Attributes:
-        seq: its number.
-        text: the message.
-        slot: "start" for a run's first one, "picture" where only the newest of a key is worth keeping, else "".
-        key: the subject of the event's state; None: without state beyond the history.
-    """
-
-    seq: int
-    text: str
-    slot: str
-    key: Hashable
+    seq: int  # its number
+    text: str  # the message
+    slot: str  # "start" for a run's first one, "picture" where only the newest of a key is worth keeping, else ""
+    key: Hashable  # the subject of the event's state; None: without state beyond the history
 
 
 class Encoder:

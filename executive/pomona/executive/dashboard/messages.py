@@ -22,11 +22,8 @@ from pomona.executive.running.events import Event, Published
 from pomona.executive.views import ImageView
 
 VERSION = 1
-MOST_SCENE_ELEMENTS = 60_000
-"""Larger arrays in a view are described instead of sent: no browser draws them in time."""
-
-MOST_TEXT = 32_000_000
-"""Largest message [bytes]."""
+MOST_SCENE_ELEMENTS = 60_000  # larger arrays in a view are described instead of sent: no browser draws them in time
+MOST_TEXT = 32_000_000  # largest message [bytes]
 
 
 def message(event: str, **fields: Any) -> str:

@@ -33,25 +33,17 @@ HEADERS = {
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """The rules of one start of the server.
+    """The rules of one start of the server."""
 
-    Attributes:
-        host, port: what it is bound to.
-        may_act: False when it is bound to another address without TLS and without the explicit insecure flag.
-        certificate, key: files for TLS, or None.
-        names: further names under which this machine is reached, for `--host 0.0.0.0`.
-        token: required for requests that act.
-        reading: on another address than this machine's, it or the token must accompany everything that reads. It stands
-            in addresses that a page opens by itself (downloads, the stream), and acts on nothing.
-    """
-
-    host: str
+    host: str  # host, port: what it is bound to
     port: int
-    may_act: bool = True
-    certificate: Path | None = None
+    may_act: bool = True  # False when it is bound to another address without TLS and without the explicit insecure flag
+    certificate: Path | None = None  # certificate, key: files for TLS, or None
     key: Path | None = None
-    names: tuple[str, ...] = ()
-    token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+    names: tuple[str, ...] = ()  # further names under which this machine is reached, for `--host 0.0.0.0`
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(24))  # required for requests that act
+    # on another address than this machine's, it or the token must accompany everything that reads. It stands in
+    # addresses that a page opens by itself (downloads, the stream), and acts on nothing.
     reading: str = field(default_factory=lambda: secrets.token_urlsafe(24))
 
     @property

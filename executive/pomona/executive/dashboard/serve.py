@@ -19,8 +19,7 @@ from pomona.executive.dashboard.server import Dashboard
 from pomona.executive.errors import PomonaError
 from pomona.executive.running.permit import Permit
 
-CALL_PATIENCE = 30.0
-"""Time that the run's process may take to answer a call [s]."""
+CALL_PATIENCE = 30.0  # time that the run's process may take to answer a call [s]
 
 
 class RemoteControl:

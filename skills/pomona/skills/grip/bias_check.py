@@ -16,11 +16,8 @@ from pomona.skills.grip.errors import UnfitSensor
 from pomona.skills.grip.grip import SIDES
 from pomona.skills.grip.settings import BiasSettings
 
-LEVER = 0.01
-"""Lever at which a torque's resolution is compared with a force's [m]."""
-
-SAME = 1e-9
-"""Values that differ by less are equal but for rounding [N, N·m]."""
+LEVER = 0.01  # lever at which a torque's resolution is compared with a force's [m]
+SAME = 1e-9  # values that differ by less are equal but for rounding [N, N·m]
 
 
 class BiasRecorder:

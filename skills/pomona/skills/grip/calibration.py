@@ -23,23 +23,12 @@ from pomona.skills.grip.errors import TooFewPushes, UnusablePushes
 from pomona.skills.grip.limit_surface import SoftContact, least_force
 from pomona.skills.grip.pads import PAD_HALF, pad_loads
 
-WINDOW = 25
-"""Samples of the average over a push: 50 ms."""
-
-SLIDING_SHARE = 0.05
-"""Most loaded fraction of a push, where the fruit slid."""
-
-FEW = 10
-"""Samples of the average of the present force."""
-
-LEAST_FORCE = 0.3
-"""Smallest normal force of a finger's usable sample [N]."""
-
-TYPICAL_RADIUS = 0.005
-"""Lever with which moments count as forces when the most loaded samples are chosen [m]."""
-
-SPREAD = 1.5
-"""Smallest ratio of the pushes' forces from which gamma is fitted."""
+WINDOW = 25  # samples of the average over a push: 50 ms
+SLIDING_SHARE = 0.05  # most loaded fraction of a push, where the fruit slid
+FEW = 10  # samples of the average of the present force
+LEAST_FORCE = 0.3  # smallest normal force of a finger's usable sample [N]
+TYPICAL_RADIUS = 0.005  # lever with which moments count as forces when the most loaded samples are chosen [m]
+SPREAD = 1.5  # smallest ratio of the pushes' forces from which gamma is fitted
 
 GROWTH_STD, SLIDE_STD = 0.15, 0.05
 """Assumed standard deviations of gamma among fruit, and of the logarithm of a slide's force: with noisy slides gamma
@@ -48,25 +37,18 @@ stays near the assumed value."""
 OUTLIER, MOST_OUTLIERS = 0.25, 0.34
 """Relative error of a slide that disagrees with the others, and largest fraction of the slides that is left out."""
 
-VAGUE = 0.25
-"""Relative uncertainty of the contact radius above which a note is written."""
+VAGUE = 0.25  # relative uncertainty of the contact radius above which a note is written
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Push:
-    """One recorded push or squeeze.
+    """One recorded push or squeeze."""
 
-    Attributes:
-        wrenches: of both pads with the bias removed, shape (n, 2, 6), in order, as in `WrenchSample`.
-        width: opening between the pads' faces, shape (n,) [m]; NaN where it is unknown.
-    """
-
-    wrenches: Float64
-    width: Float64
+    wrenches: Float64  # of both pads with the bias removed, shape (n, 2, 6), in order, as in `WrenchSample`
+    width: Float64  # opening between the pads' faces, shape (n,) [m]; NaN where it is unknown
 
 
-BIAS_SAMPLES = 100
-"""Number of first samples of a stream whose mean is the bias."""
+BIAS_SAMPLES = 100  # number of first samples of a stream whose mean is the bias
 
 
 class PushRecorder:
@@ -125,27 +107,17 @@ class PushRecorder:
 
 @dataclass(frozen=True, slots=True)
 class GripCalibration:
-    """Grip parameters from pushes, and their quality.
+    """Grip parameters from pushes, and their quality."""
 
-    Attributes:
-        contact: mu, delta, gamma; k is given.
-        mu_std, delta_std, gamma_std: standard errors of the fit; gamma_std is 0 where gamma was not fitted.
-        residual: root mean square of the relative error of the normal force at which the fruit slid.
-        pushes: number of slides (one of each finger in a push).
-        stiffness: grip force per metre of closing [N/m], or None without a squeeze.
-        stiffness_r2: fraction of the squeeze's variance that a straight line explains.
-        notes: limits of the result, as sentences.
-    """
-
-    contact: SoftContact
-    mu_std: float
+    contact: SoftContact  # mu, delta, gamma; k is given
+    mu_std: float  # mu_std, delta_std, gamma_std: standard errors of the fit; gamma_std is 0 where gamma was not fitted
     delta_std: float
     gamma_std: float
-    residual: float
-    pushes: int
-    stiffness: float | None
-    stiffness_r2: float
-    notes: tuple[str, ...]
+    residual: float  # root mean square of the relative error of the normal force at which the fruit slid
+    pushes: int  # number of slides (one of each finger in a push)
+    stiffness: float | None  # grip force per metre of closing [N/m], or None without a squeeze
+    stiffness_r2: float  # fraction of the squeeze's variance that a straight line explains
+    notes: tuple[str, ...]  # limits of the result, as sentences
 
     def __str__(self) -> str:
         contact = self.contact

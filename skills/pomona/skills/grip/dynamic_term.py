@@ -17,23 +17,15 @@ from pomona.skills.grip.observer import steps_in_a_sample
 
 
 class DynamicSettings(NamedTuple):
-    """Gains from slip velocity [rad/s] to grasp force [N].
+    """Gains from slip velocity [rad/s] to grasp force [N]."""
 
-    Attributes:
-        kp: proportional [N·s/rad].
-        ki: integral [N/rad].
-        kdc: of the integrator at rest [N·s/rad].
-        bound: largest dynamic term [N].
-    """
-
-    kp: float = 13.0
-    ki: float = 50.0
-    kdc: float = 35.0
-    bound: float = 10.0
+    kp: float = 13.0  # proportional [N·s/rad]
+    ki: float = 50.0  # integral [N/rad]
+    kdc: float = 35.0  # of the integrator at rest [N·s/rad]
+    bound: float = 10.0  # largest dynamic term [N]
 
 
-GENTLE = DynamicSettings(kp=1.3, ki=5.0, kdc=7.0)
-"""For fruit that bruises easily."""
+GENTLE = DynamicSettings(kp=1.3, ki=5.0, kdc=7.0)  # for fruit that bruises easily
 
 
 @njit(cache=True)

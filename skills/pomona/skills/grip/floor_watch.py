@@ -7,8 +7,7 @@ import numpy as np
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.pads import MIRROR
 
-LASTING = 3
-"""Number of consecutive samples that begin or end a contact: one may be a spike."""
+LASTING = 3  # number of consecutive samples that begin or end a contact: one may be a spike
 
 
 class FloorWatch:

@@ -15,15 +15,10 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, slots=True)
 class PadStiffness:
-    """Rise of the grip force (both fingers) as the opening closes on the fruit.
+    """Rise of the grip force (both fingers) as the opening closes on the fruit."""
 
-    Attributes:
-        linear: s1 [N/m], of the opening: two pads in series.
-        quadratic: s2 [N/m²] for pads that stiffen, f = s2 x²; 0 for linear ones.
-    """
-
-    linear: float = 2000.0
-    quadratic: float = 0.0
+    linear: float = 2000.0  # s1 [N/m], of the opening: two pads in series
+    quadratic: float = 0.0  # s2 [N/m²] for pads that stiffen, f = s2 x²; 0 for linear ones
 
     def pressed(self, f_n: float) -> float:
         """Return φ⁻¹, the closing of the opening under a grip force [m]."""
@@ -36,24 +31,15 @@ class PadStiffness:
 
 @dataclass(frozen=True, slots=True)
 class ForceLoopSettings:
-    """Gain and limits of the force loop.
+    """Gain and limits of the force loop."""
 
-    Attributes:
-        gain: c [1/s].
-        lag: of fingers and measurement: delay of a commanded motion in the measured force [s].
-        stiffness: of the pads.
-        max_force: largest grip force [N]; each finger presses with at most half of it.
-        closing_speed, opening_speed: bounds of the opening's rate, both positive [m/s].
-        command_period: time between two rates [s]; the WSG's finger script reaches 50 Hz.
-    """
-
-    gain: float = 20.0
-    lag: float = 0.015
-    stiffness: PadStiffness = field(default_factory=PadStiffness)
-    max_force: float = 14.0
-    closing_speed: float = 0.2
+    gain: float = 20.0  # c [1/s]
+    lag: float = 0.015  # of fingers and measurement: delay of a commanded motion in the measured force [s]
+    stiffness: PadStiffness = field(default_factory=PadStiffness)  # of the pads
+    max_force: float = 14.0  # largest grip force [N]; each finger presses with at most half of it
+    closing_speed: float = 0.2  # closing_speed, opening_speed: bounds of the opening's rate, both positive [m/s]
     opening_speed: float = 0.012
-    command_period: float = 0.02
+    command_period: float = 0.02  # time between two rates [s]; the WSG's finger script reaches 50 Hz
 
 
 def finger_speed(

@@ -12,8 +12,7 @@ from pomona.executive.values.units import FORCE, LENGTH, SPEED, TIME, TORQUE
 
 Newton = Annotated[float, FORCE]
 
-SIDES = ("left", "right")
-"""Names of the fingers, in the order of their wrenches."""
+SIDES = ("left", "right")  # names of the fingers, in the order of their wrenches
 
 
 class GripPhase(Enum):
@@ -29,12 +28,10 @@ class GripPhase(Enum):
     ENDED = "ended"
 
 
-IN_HAND = (GripPhase.HOLDING, GripPhase.PIVOTING, GripPhase.SLIDING)
-"""Phases of a held fruit."""
+IN_HAND = (GripPhase.HOLDING, GripPhase.PIVOTING, GripPhase.SLIDING)  # phases of a held fruit
 
 
-FREEZING = frozenset({"SENSOR_FAULT", "ONE_FINGER"})
-"""Problems after which the force of a held fruit never falls again."""
+FREEZING = frozenset({"SENSOR_FAULT", "ONE_FINGER"})  # problems after which the force of a held fruit never falls again
 
 LIES = frozenset({"SENSOR_FAULT", "SENSOR_STALE", "SENSOR_SATURATED", "ONE_FINGER"})
 """Problems of a held fruit that make the readings of the fingers unusable."""
@@ -42,54 +39,32 @@ LIES = frozenset({"SENSOR_FAULT", "SENSOR_STALE", "SENSOR_SATURATED", "ONE_FINGE
 
 @dataclass(frozen=True, slots=True)
 class GripProblem:
-    """Problem of a grip.
+    """Problem of a grip."""
 
-    Attributes:
-        code: NO_CONTACT, ONE_FINGER, OUT_OF_STROKE, FORCE_LIMIT, SENSOR_STALE, SENSOR_SATURATED, SENSOR_FAULT, SLIPPED
-            or LOST.
-        message: a sentence for the operator.
-        stamp: time of detection on the cell's clock [s].
-        data: numbers of the sentence.
-    """
-
+    # NO_CONTACT, ONE_FINGER, OUT_OF_STROKE, FORCE_LIMIT, SENSOR_STALE, SENSOR_SATURATED, SENSOR_FAULT, SLIPPED or LOST
     code: str
-    message: str
-    stamp: float
-    data: Mapping[str, float] = field(default_factory=dict)
+    message: str  # a sentence for the operator
+    stamp: float  # time of detection on the cell's clock [s]
+    data: Mapping[str, float] = field(default_factory=dict)  # numbers of the sentence
 
 
 @dataclass(frozen=True, slots=True)
 class GripReading:
-    """The grip after the newest sample.
+    """The grip after the newest sample."""
 
-    Attributes:
-        stamp: of the sample [s].
-        phase: of the grip.
-        f_n: measured grip force, 2 * min over the fingers [N].
-        finger_forces: pressing force of each finger [N].
-        f_ref: grip force that the force loop tracks [N].
-        f_least: minimum grip force for the measured load, without margin [N].
-        f_t, tau_n: tangential load [N] and torsional load [N·m] of both fingers together.
-        slip_speed: estimated speed of the fruit along the pads [m/s].
-        slip: estimated slip since the grip holds [m].
-        width: opening between the pads' faces [m].
-        speed: commanded rate of the opening [m/s]; negative closes.
-        saturated: True when a channel of a finger is at the end of its range.
-    """
-
-    stamp: Annotated[float, TIME]
-    phase: GripPhase
-    f_n: Newton
-    finger_forces: tuple[Newton, Newton]
-    f_ref: Newton
-    f_least: Newton
-    f_t: Newton
+    stamp: Annotated[float, TIME]  # of the sample [s]
+    phase: GripPhase  # of the grip
+    f_n: Newton  # measured grip force, 2 * min over the fingers [N]
+    finger_forces: tuple[Newton, Newton]  # pressing force of each finger [N]
+    f_ref: Newton  # grip force that the force loop tracks [N]
+    f_least: Newton  # minimum grip force for the measured load, without margin [N]
+    f_t: Newton  # f_t, tau_n: tangential load [N] and torsional load [N·m] of both fingers together
     tau_n: Annotated[float, TORQUE]
-    slip_speed: Annotated[float, SPEED]
-    slip: Annotated[float, LENGTH]
-    width: Annotated[float, LENGTH]
-    speed: Annotated[float, SPEED]
-    saturated: bool
+    slip_speed: Annotated[float, SPEED]  # estimated speed of the fruit along the pads [m/s]
+    slip: Annotated[float, LENGTH]  # estimated slip since the grip holds [m]
+    width: Annotated[float, LENGTH]  # opening between the pads' faces [m]
+    speed: Annotated[float, SPEED]  # commanded rate of the opening [m/s]; negative closes
+    saturated: bool  # True when a channel of a finger is at the end of its range
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,28 +9,18 @@ from pomona.skills.grip.calibration import Push, PushRecorder
 from pomona.skills.grip.errors import GuidanceEnded
 from pomona.skills.grip.stream_guard import STALE_AFTER
 
-SQUEEZE_SPEED = 0.004
-"""Closing speed on the fruit [m/s]."""
-
-NEAR_SPEED = 0.02
-"""Closing speed before contact [m/s]."""
-
-TOUCH = 0.3
-"""Grip force of fingers that touch [N]."""
-
-CHECK_PERIOD = 0.02
-"""Time between two checks of the force [s]; the gripper's watchdog needs a speed this often."""
+SQUEEZE_SPEED = 0.004  # closing speed on the fruit [m/s]
+NEAR_SPEED = 0.02  # closing speed before contact [m/s]
+TOUCH = 0.3  # grip force of fingers that touch [N]
+CHECK_PERIOD = 0.02  # time between two checks of the force [s]; the gripper's watchdog needs a speed this often
 
 WAYS = (
     ("pull it along the fingers", HandTask.PULL),
     ("twist it about the line between the pads while you pull", HandTask.TWIST),
 )
 
-CLOSEST = 0.0005
-"""Distance to the gripper's smallest opening at which the fingers are closed [m]."""
-
-BIAS_WITHIN = 2.0
-"""Longest time for the samples of the bias [s]."""
+CLOSEST = 0.0005  # distance to the gripper's smallest opening at which the fingers are closed [m]
+BIAS_WITHIN = 2.0  # longest time for the samples of the bias [s]
 
 
 class GuidedPushes:

@@ -251,8 +251,7 @@ def centre_of_rotation(f_t: float, tau_n: float, f_n: float, contact: SoftContac
     return math.inf if s >= 1.0 else contact.delta * f_n**contact.gamma * s / (1.0 - s)
 
 
-NO_BRUISE = 0.10e6
-"""Contact pressure below which no apple bruises [Pa] (Processes 2024, 12, 543)."""
+NO_BRUISE = 0.10e6  # contact pressure below which no apple bruises [Pa] (Processes 2024, 12, 543)
 
 
 def pressure(f_n: float, contact: SoftContact | None = None) -> float:

@@ -20,25 +20,15 @@ from pomona.skills.grip.timing import Timer
 
 
 class GripState(NamedTuple):
-    """A grip after one sample, as monitors see it.
+    """A grip after one sample, as monitors see it."""
 
-    Attributes:
-        sample: the newest one.
-        estimate: after it.
-        mode: of the force reference.
-        width: opening between the pads' faces [m].
-        f_wanted: grip force that the load needs by the law [N].
-        f_for_weight: the same without the load's moment [N].
-        has_dead_finger: True when one finger reads nothing while the other one presses.
-    """
-
-    sample: GripSample
-    estimate: GripEstimate
-    mode: ReferenceMode
-    width: float
-    f_wanted: float
-    f_for_weight: float
-    has_dead_finger: bool = False
+    sample: GripSample  # the newest one
+    estimate: GripEstimate  # after it
+    mode: ReferenceMode  # of the force reference
+    width: float  # opening between the pads' faces [m]
+    f_wanted: float  # grip force that the load needs by the law [N]
+    f_for_weight: float  # the same without the load's moment [N]
+    has_dead_finger: bool = False  # True when one finger reads nothing while the other one presses
 
     @property
     def counted_force(self) -> float:

@@ -17,37 +17,24 @@ from numpy.typing import ArrayLike
 
 from pomona.executive.values.arrays import Float64
 
-STEP = 5e-4
-"""Step of the integration [s], rounded to a whole number of steps in a sample."""
-
-LEAST_G = 1e-3
-"""Lower bound of the friction [N·m]."""
+STEP = 5e-4  # step of the integration [s], rounded to a whole number of steps in a sample
+LEAST_G = 1e-3  # lower bound of the friction [N·m]
 
 STIFFEST = 2.0
 """Bound of the bristles' relaxation in a step, for stability of the explicit integration in gross sliding."""
 
-FASTEST = 50.0
-"""Bound of the estimate [rad/s]."""
+FASTEST = 50.0  # bound of the estimate [rad/s]
 
 
 class ObserverSettings(NamedTuple):
-    """Constants of the observer; general values of the controller's authors.
+    """Constants of the observer; general values of the controller's authors."""
 
-    Attributes:
-        sigma0: stiffness of the bristles [N·m/rad].
-        beta: viscous friction [N·m·s/rad].
-        inertia: of the fruit about its own centre [kg·m²].
-        mass: assumed mass of the fruit [kg].
-        offset: b, distance from the contact's centre to the fruit's centre [m].
-        gain: l, of the output's error [1/s].
-    """
-
-    sigma0: float = 50.0
-    beta: float = 0.02
-    inertia: float = 7.4e-4
-    mass: float = 0.35
-    offset: float = 0.0
-    gain: float = 1000.0
+    sigma0: float = 50.0  # stiffness of the bristles [N·m/rad]
+    beta: float = 0.02  # viscous friction [N·m·s/rad]
+    inertia: float = 7.4e-4  # of the fruit about its own centre [kg·m²]
+    mass: float = 0.35  # assumed mass of the fruit [kg]
+    offset: float = 0.0  # b, distance from the contact's centre to the fruit's centre [m]
+    gain: float = 1000.0  # l, of the output's error [1/s]
 
 
 @njit(cache=True)

@@ -13,15 +13,11 @@ from numpy.typing import ArrayLike
 
 from pomona.executive.values.arrays import Float64
 
-PAD_HALF = 0.010
-"""Bound of the distance of a contact from the pad's centre [m]."""
-
-PRESSING = 0.2
-"""Normal force below which the contact's place is not computed [N]."""
+PAD_HALF = 0.010  # bound of the distance of a contact from the pad's centre [m]
+PRESSING = 0.2  # normal force below which the contact's place is not computed [N]
 
 
-LEVER_LOAD = 0.3
-"""Tangential load below which its lever is unknown [N]."""
+LEVER_LOAD = 0.3  # tangential load below which its lever is unknown [N]
 
 MIRROR = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 """Factors from the second pad's channels to the first pad's frame; pressing stays a negative force z."""

@@ -24,11 +24,8 @@ from pomona.skills.grip.reference_modes import (
 )
 from pomona.skills.grip.settings import GripSettings
 
-REQUESTED = (ReferenceMode.PIVOTING, ReferenceMode.SLIDING)
-"""Modes that a skill starts and ends."""
-
-HANGING = (ReferenceMode.CARRIED, ReferenceMode.CATCHING)
-"""Modes of a fruit that hangs in the fingers."""
+REQUESTED = (ReferenceMode.PIVOTING, ReferenceMode.SLIDING)  # modes that a skill starts and ends
+HANGING = (ReferenceMode.CARRIED, ReferenceMode.CATCHING)  # modes of a fruit that hangs in the fingers
 
 
 class ForceReference:

@@ -15,14 +15,9 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.limit_surface import SoftContact
 from pomona.skills.grip.pads import MIRROR, loads_of_finger
 
-SHORTEST, FEW = 0.02, 4
-"""Smallest duration [s] and number of samples of each half of a slide."""
-
-PRESSING = 0.1
-"""Smallest normal force of a finger that measures friction [N]."""
-
-STEADY = 0.15
-"""Largest relative difference of a slide's halves: until the pads slide, the force still rises."""
+SHORTEST, FEW = 0.02, 4  # smallest duration [s] and number of samples of each half of a slide
+PRESSING = 0.1  # smallest normal force of a finger that measures friction [N]
+STEADY = 0.15  # largest relative difference of a slide's halves: until the pads slide, the force still rises
 
 CAME_ALONG = 0.2
 """Ratio of the unchanged to the changing part above which the fruit was lifted on the way up. Pads that are not square
@@ -35,8 +30,7 @@ force, and with the sum of both fingers, of which one may press more (docs/decis
 NOT_SQUARE = 0.04
 """Relative uncertainty of friction from one direction: standard deviation of 15 fruits of the simulated cell."""
 
-UNMODELLED = 0.03
-"""Relative uncertainty that repetition does not reduce: other places of the skin, other speeds."""
+UNMODELLED = 0.03  # relative uncertainty that repetition does not reduce: other places of the skin, other speeds
 
 
 class NoSlideError(Exception):
@@ -45,19 +39,12 @@ class NoSlideError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Slide:
-    """Friction by a slide.
+    """Friction by a slide."""
 
-    Attributes:
-        mu: friction coefficient of both fingers together.
-        uncertainty: its relative standard deviation.
-        fingers: mu of each.
-        came_along: True when the fruit was lifted on the way up, so that only the way down counts.
-    """
-
-    mu: float
-    uncertainty: float
-    fingers: tuple[float, float]
-    came_along: bool = False
+    mu: float  # friction coefficient of both fingers together
+    uncertainty: float  # its relative standard deviation
+    fingers: tuple[float, float]  # mu of each
+    came_along: bool = False  # True when the fruit was lifted on the way up, so that only the way down counts
 
 
 def friction_of_slides(

@@ -17,8 +17,7 @@ from pomona.skills.grip.estimate_kernel import GripEstimate
 from pomona.skills.grip.pads import LEVER_LOAD, MIRROR
 from pomona.skills.grip.settings import SlipWatchSettings
 
-LEAST_FORCE = 0.15
-"""Mean normal force of the fingers below which the centre of pressure is unknown [N]."""
+LEAST_FORCE = 0.15  # mean normal force of the fingers below which the centre of pressure is unknown [N]
 
 
 class SlipWatch:

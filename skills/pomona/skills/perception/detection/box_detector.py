@@ -30,8 +30,7 @@ SIZE_ERROR = 0.05
 ACROSS_ERROR = 2e-3
 """Standard deviation of its centre across the line of sight [m], divided likewise (these apples: median 2 mm)."""
 
-ANY_STEM = 1.0
-"""Standard deviation of the rotation [rad]: depth in a box shows no stem."""
+ANY_STEM = 1.0  # standard deviation of the rotation [rad]: depth in a box shows no stem
 
 
 class BoxDetector:

@@ -48,18 +48,12 @@ def labels_of(found: Float64, scores: Float64, labelled: Float64, least: float) 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoxCurve:
-    """Precision over recall.
+    """Precision over recall."""
 
-    Attributes:
-        scores: of all finds, falling, (n,).
-        precision, recall: with the first k + 1 of them, (n,).
-        labelled: boxes that were to be found.
-    """
-
-    scores: Float64
-    precision: Float64
+    scores: Float64  # of all finds, falling, (n,)
+    precision: Float64  # precision, recall: with the first k + 1 of them, (n,)
     recall: Float64
-    labelled: int
+    labelled: int  # boxes that were to be found
 
     @property
     def average_precision(self) -> float:
@@ -102,34 +96,20 @@ def curve(pictures: Iterable[tuple[Float64, Float64, Float64]], least: float = 0
     )
 
 
-IOUS = np.linspace(0.5, 0.95, 10)
-"""Intersections over union over which COCO's mean average precision is the mean."""
-
-PRECISION = 0.9
-"""Recall is reported where precision is at least this."""
-
-RECALLS = np.linspace(0.0, 1.0, 101)
-"""Recalls at which COCO reads precision."""
-
-ROUNDS = 300
-"""Draws of an interval."""
+IOUS = np.linspace(0.5, 0.95, 10)  # intersections over union over which COCO's mean average precision is the mean
+PRECISION = 0.9  # recall is reported where precision is at least this
+RECALLS = np.linspace(0.0, 1.0, 101)  # recalls at which COCO reads precision
+ROUNDS = 300  # draws of an interval
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JudgedPicture:
-    """Detections of one picture against its labels.
+    """Detections of one picture against its labels."""
 
-    Attributes:
-        scores: of the detections, (n,).
-        right: whether each is right, by `IOUS`, (10, n).
-        labelled: number of labels.
-        group: pictures of one group show the same place.
-    """
-
-    scores: Float64
-    right: NDArray[np.bool_]
-    labelled: int
-    group: str = ""
+    scores: Float64  # of the detections, (n,)
+    right: NDArray[np.bool_]  # whether each is right, by `IOUS`, (10, n)
+    labelled: int  # number of labels
+    group: str = ""  # pictures of one group show the same place
 
 
 def judge(found: Float64, scores: Float64, labelled: Float64, group: str = "") -> JudgedPicture:
@@ -140,20 +120,13 @@ def judge(found: Float64, scores: Float64, labelled: Float64, group: str = "") -
 
 @dataclass(frozen=True, slots=True)
 class BoxFigures:
-    """Figures of many pictures.
+    """Figures of many pictures."""
 
-    Attributes:
-        recall: at precision `PRECISION` and IoU 0.5.
-        ap50, ap75: average precision at IoU 0.5 and 0.75, over 101 recalls as COCO's.
-        ap: mean of it over `IOUS`, COCO's mAP50:95.
-        threshold: score from which on `recall` is reached; NaN where it never is.
-    """
-
-    recall: float
-    ap50: float
+    recall: float  # at precision `PRECISION` and IoU 0.5
+    ap50: float  # ap50, ap75: average precision at IoU 0.5 and 0.75, over 101 recalls as COCO's
     ap75: float
-    ap: float
-    threshold: float
+    ap: float  # mean of it over `IOUS`, COCO's mAP50:95
+    threshold: float  # score from which on `recall` is reached; NaN where it never is
 
 
 def box_figures(pictures: Sequence[JudgedPicture]) -> BoxFigures:

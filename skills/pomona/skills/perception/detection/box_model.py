@@ -33,34 +33,21 @@ from pomona.skills.perception.detection.options import WORKING_WIDTH
 MULTIPLE = 32
 """Sides of an input without a fixed size are multiples of this [px], the coarsest stride of usual networks."""
 
-GREY = (114, 114, 114)
-"""Colour beside the picture, as in the training of YOLO networks."""
-
-LEAST_SCORE = 0.05
-"""Boxes with less score are dropped."""
-
-MOST_BOXES = 300
-"""Boxes that are read, surest first."""
-
-DTYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
-"""Types of the input that are served."""
+GREY = (114, 114, 114)  # colour beside the picture, as in the training of YOLO networks
+LEAST_SCORE = 0.05  # boxes with less score are dropped
+MOST_BOXES = 300  # boxes that are read, surest first
+DTYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16}  # types of the input that are served
 
 LAYOUTS = "boxes (n, 4) and scores (n,), or one output (1, 4 + classes, n)"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoredBox:
-    """One box.
+    """One box."""
 
-    Attributes:
-        box: x, y, w, h (4,) [px of the picture].
-        score: 0..1.
-        visibility: NaN, since boxes have no estimate of it.
-    """
-
-    box: Float64
-    score: float
-    visibility: float = float("nan")
+    box: Float64  # x, y, w, h (4,) [px of the picture]
+    score: float  # 0..1
+    visibility: float = float("nan")  # NaN, since boxes have no estimate of it
 
     def outline(self, width: int, height: int) -> Float64:
         """Return the box, (4,) [px]: it lies in the picture."""

@@ -38,17 +38,11 @@ def keypoint_size(keypoints: Float64) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VirtualCamera:
-    """A virtual camera at the real one's place, turned to a fruit.
+    """A virtual camera at the real one's place, turned to a fruit."""
 
-    Attributes:
-        K: matrix of the real camera (3, 3) [px].
-        R_camera_look: turn from the look's frame to the real camera's, (3, 3).
-        focal: focal length of the look [px of the look].
-    """
-
-    K: Float64
-    R_camera_look: Float64
-    focal: float
+    K: Float64  # matrix of the real camera (3, 3) [px]
+    R_camera_look: Float64  # turn from the look's frame to the real camera's, (3, 3)
+    focal: float  # focal length of the look [px of the look]
 
     @property
     def picture_from_look(self) -> Float64:

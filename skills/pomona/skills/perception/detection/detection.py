@@ -16,31 +16,22 @@ Pose = Annotated[Float64, Array(4, 4)]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detection:
-    """One fruit found in a frame, posed as if it had the CAD model's size.
+    """One fruit found in a frame, posed as if it had the CAD model's size."""
 
-    Attributes:
-        fruit: the model that the detector was trained on; the object frame is its cuboid's: x right, y down, z forward.
-        frame: the look in which it was found.
-        T_base_camera: pose of the camera at the look.
-        T_camera_object: pose of the CAD-sized model (the paper's p̂ and Q̂).
-        keypoints: the cuboid's 8 vertices and its centroid, shape (9, 2) [px]; NaN where not found.
-        score: belief of the centroid, 0 to 1.
-        covariance: of (rotation vector, translation) in the camera frame, (6, 6), from the errors
-            that the network expects (`rigid_pose`), or of the reprojection with DOPE's full network.
-        index: place among the instances of the frame, by decreasing score.
-        found: number of instances in the frame.
-        visibility: share of its silhouette that is seen, 0 to 1, as the detector estimates it; NaN where it does not.
-    """
-
+    # the model that the detector was trained on; the object frame is its cuboid's: x right, y down, z forward
     fruit: FruitModel
-    frame: Frame
-    T_base_camera: Pose
-    T_camera_object: Pose
+    frame: Frame  # the look in which it was found
+    T_base_camera: Pose  # pose of the camera at the look
+    T_camera_object: Pose  # pose of the CAD-sized model (the paper's p̂ and Q̂)
+    # the cuboid's 8 vertices and its centroid, shape (9, 2) [px]; NaN where not found
     keypoints: Annotated[Float64, Array(9, 2, of=PIXELS)]
-    score: Annotated[float, RATIO]
+    score: Annotated[float, RATIO]  # belief of the centroid, 0 to 1
+    # of (rotation vector, translation) in the camera frame, (6, 6), from the errors that the network expects
+    # (`rigid_pose`), or of the reprojection with DOPE's full network
     covariance: Annotated[Float64, Array(6, 6)]
-    index: int
-    found: int
+    index: int  # place among the instances of the frame, by decreasing score
+    found: int  # number of instances in the frame
+    # share of its silhouette that is seen, 0 to 1, as the detector estimates it; NaN where it does not
     visibility: float = float("nan")
 
     @property

@@ -11,31 +11,19 @@ from scipy.ndimage import gaussian_filter
 from pomona.executive.values.arrays import Float64
 from pomona.skills.perception.detection.errors import BadMaps
 
-OFFSET_DUE_TO_UPSAMPLING = 0.4395
-"""Where a peak lies within its cell, in DOPE's convention [cells]."""
-
-WINDOW = 5
-"""Half width of the window whose weighted mean locates a peak [cells]."""
-
-MOST_PEAKS = 200
-"""Peaks kept per map, strongest first: adversarial maps must not cost unbounded time."""
+OFFSET_DUE_TO_UPSAMPLING = 0.4395  # where a peak lies within its cell, in DOPE's convention [cells]
+WINDOW = 5  # half width of the window whose weighted mean locates a peak [cells]
+MOST_PEAKS = 200  # peaks kept per map, strongest first: adversarial maps must not cost unbounded time
 
 
 @dataclass(frozen=True, slots=True)
 class DecodeThresholds:
-    """DOPE's post-processing constants, under the names that config_pose.yaml uses.
+    """DOPE's post-processing constants, under the names that config_pose.yaml uses."""
 
-    Attributes:
-        thresh_angle: largest difference between the unit direction to the centroid and the affinity.
-        thresh_map: least smoothed belief of a peak.
-        sigma: of the smoothing [cells].
-        thresh_points: least belief of a centroid or corner.
-    """
-
-    thresh_angle: float = 0.5
-    thresh_map: float = 0.01
-    sigma: float = 3.0
-    thresh_points: float = 0.1
+    thresh_angle: float = 0.5  # largest difference between the unit direction to the centroid and the affinity
+    thresh_map: float = 0.01  # least smoothed belief of a peak
+    sigma: float = 3.0  # of the smoothing [cells]
+    thresh_points: float = 0.1  # least belief of a centroid or corner
 
 
 @dataclass(frozen=True, slots=True, eq=False)

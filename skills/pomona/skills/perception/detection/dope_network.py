@@ -10,8 +10,7 @@ from torch import Tensor, nn
 
 from pomona.skills.perception.detection.frame_check import check_picture
 
-STRIDE = 8
-"""Input pixels per cell of the maps."""
+STRIDE = 8  # input pixels per cell of the maps
 
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)

@@ -14,29 +14,18 @@ from pomona.skills.perception.detection.close_look import SIZE_OF_BOX
 from pomona.skills.perception.detection.errors import BadMaps
 from pomona.skills.perception.detection.outputs import FINDER_STRIDE, HEAT, QUALITY, REACHES
 
-LEAST_HEAT = 0.02
-"""Peaks with less heat are not read."""
-
-MOST_PEAKS = 200
-"""Peaks that are read, hottest first: adversarial maps must not cost unbounded time."""
-
-SAME_FRUIT = 0.6
-"""Of two boxes that overlap by at least this intersection over union, the less certain one is dropped."""
+LEAST_HEAT = 0.02  # peaks with less heat are not read
+MOST_PEAKS = 200  # peaks that are read, hottest first: adversarial maps must not cost unbounded time
+SAME_FRUIT = 0.6  # of two boxes that overlap by at least this intersection over union, the less certain one is dropped
 
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A box in which the finder proposes fruit.
+    """A box in which the finder proposes fruit."""
 
-    Attributes:
-        box: around its visible part, x, y, w, h (4,) [px].
-        heat: of the peak, logit.
-        quality: expected intersection over union of the box, logit.
-    """
-
-    box: Float64
-    heat: float
-    quality: float
+    box: Float64  # around its visible part, x, y, w, h (4,) [px]
+    heat: float  # of the peak, logit
+    quality: float  # expected intersection over union of the box, logit
 
     @cached_property
     def score(self) -> float:

@@ -13,27 +13,17 @@ from pomona.skills.perception.detection.close_look import SIZE_OF_BOX
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundFruit:
-    """One fruit in a picture.
+    """One fruit in a picture."""
 
-    Attributes:
-        p_camera: centre of a CAD-sized fruit of the same appearance, in the camera frame, (3,) [m].
-        stem: stem axis in the camera frame, unit vector (3,).
-        centre: the centre in the picture [px].
-        size: length of `REFERENCE_LENGTH` of a CAD-sized fruit in the picture [px].
-        spreads: mean errors of centre [px], of the logarithm of size, and of the axis [rad] that the network expects,
-            (3,).
-        score: estimated ratio of fruit among such detections, 0..1, by the weights' score.
-        visibility: part of its silhouette that is seen, 0..1, as the network estimates it.
-        box: around its visible part, x, y, w, h (4,) [px], inside the picture; None with weights without boxes.
-    """
-
-    p_camera: Float64
-    stem: Float64
-    centre: Float64
-    size: float
+    p_camera: Float64  # centre of a CAD-sized fruit of the same appearance, in the camera frame, (3,) [m]
+    stem: Float64  # stem axis in the camera frame, unit vector (3,)
+    centre: Float64  # the centre in the picture [px]
+    size: float  # length of `REFERENCE_LENGTH` of a CAD-sized fruit in the picture [px]
+    # mean errors of centre [px], of the logarithm of size, and of the axis [rad] that the network expects, (3,)
     spreads: Float64
-    score: float
-    visibility: float
+    score: float  # estimated ratio of fruit among such detections, 0..1, by the weights' score
+    visibility: float  # part of its silhouette that is seen, 0..1, as the network estimates it
+    # around its visible part, x, y, w, h (4,) [px], inside the picture; None with weights without boxes
     box: Float64 | None = None
 
     def outline(self, width: int, height: int) -> Float64:

@@ -6,8 +6,7 @@ import numpy as np
 
 from pomona.skills.perception.detection.errors import BadFrame
 
-LEAST_SIDE = 32
-"""Pictures smaller than this on either side are refused [px]."""
+LEAST_SIDE = 32  # pictures smaller than this on either side are refused [px]
 
 
 def check_picture(colour: object) -> None:

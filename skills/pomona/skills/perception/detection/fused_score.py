@@ -14,24 +14,16 @@ import numpy as np
 
 from pomona.executive.values.arrays import Float64
 
-FEATURES = 4
-"""Logits: heat, box quality, kind of the first look, and kind of the second look."""
-
-LARGEST = 12.0
-"""Logits are cut at ± this before the net reads them."""
+FEATURES = 4  # logits: heat, box quality, kind of the first look, and kind of the second look
+LARGEST = 12.0  # logits are cut at ± this before the net reads them
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FusedScore:
-    """A net with one hidden layer of tanh units.
+    """A net with one hidden layer of tanh units."""
 
-    Attributes:
-        hidden: weights and, last, bias of each unit, (units, 5).
-        output: weights of the units and, last, bias, (units + 1,).
-    """
-
-    hidden: Float64
-    output: Float64
+    hidden: Float64  # weights and, last, bias of each unit, (units, 5)
+    output: Float64  # weights of the units and, last, bias, (units + 1,)
 
     hopeless: float = 0.05
     """A place with less score after one look gets no second one."""

@@ -19,25 +19,16 @@ POLICIES = ("nearest", "largest", "most_visible", "surest", "index")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Instance:
-    """One fruit of a frame.
+    """One fruit of a frame."""
 
-    Attributes:
-        keypoints: (9, 2) [px].
-        score: estimated ratio of fruit among such detections, 0..1.
-        T_camera_object: pose of the CAD-sized model; None when the keypoints of DOPE's full network gave none.
-        covariance: of (rotation vector, translation) in the camera frame, (6, 6); None without a pose.
-        visibility: part of its silhouette that is seen, 0..1, as estimated; NaN without an estimate.
-        problem: why there is no pose; empty otherwise.
-        box: around its visible part, x, y, w, h (4,) [px]; None with weights without boxes.
-    """
-
-    keypoints: Float64
-    score: float
-    visibility: float
+    keypoints: Float64  # (9, 2) [px]
+    score: float  # estimated ratio of fruit among such detections, 0..1
+    visibility: float  # part of its silhouette that is seen, 0..1, as estimated; NaN without an estimate
+    # pose of the CAD-sized model; None when the keypoints of DOPE's full network gave none
     T_camera_object: Float64 | None
-    covariance: Float64 | None
-    problem: str = ""
-    box: Float64 | None = None
+    covariance: Float64 | None  # of (rotation vector, translation) in the camera frame, (6, 6); None without a pose
+    problem: str = ""  # why there is no pose; empty otherwise
+    box: Float64 | None = None  # around its visible part, x, y, w, h (4,) [px]; None with weights without boxes
 
     @property
     def size(self) -> float:

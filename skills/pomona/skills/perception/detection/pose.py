@@ -14,23 +14,16 @@ from pomona.skills.perception.detection.errors import PoseUnsolved
 from pomona.skills.perception.detection.reprojection import linearise, refine_pose
 
 LEAST_KEYPOINTS = 4
-LEAST_SPREAD = 0.3
-"""No keypoint is trusted better than this [px]."""
+LEAST_SPREAD = 0.3  # no keypoint is trusted better than this [px]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SolvedPose:
-    """The pose of a cuboid.
+    """The pose of a cuboid."""
 
-    Attributes:
-        T_camera_object: object's frame to camera frame [m].
-        covariance: of (rotation vector, translation) in the camera frame, (6, 6) [rad, m].
-        residual: root mean square reprojection error over the keypoints used [px].
-    """
-
-    T_camera_object: Float64
-    covariance: Float64
-    residual: float
+    T_camera_object: Float64  # object's frame to camera frame [m]
+    covariance: Float64  # of (rotation vector, translation) in the camera frame, (6, 6) [rad, m]
+    residual: float  # root mean square reprojection error over the keypoints used [px]
 
 
 def solve_pose(

@@ -17,23 +17,15 @@ from pomona.skills.perception.detection.symmetry import STEM_AXIS
 
 @dataclass(frozen=True, slots=True)
 class PoseErrors:
-    """Errors of one detection's pose in units of its covariance, as squared Mahalanobis distances.
+    """Errors of one detection's pose in units of its covariance, as squared Mahalanobis distances."""
 
-    Attributes:
-        across: of the place across the line of sight, two degrees of freedom.
-        along: of the place along it, one.
-        place: of the whole place, three.
-        axis: of the stem axis, two.
-    """
-
-    across: float
-    along: float
-    place: float
-    axis: float
+    across: float  # of the place across the line of sight, two degrees of freedom
+    along: float  # of the place along it, one
+    place: float  # of the whole place, three
+    axis: float  # of the stem axis, two
 
 
-FREEDOM = {"across": 2, "along": 1, "place": 3, "axis": 2}
-"""Degrees of freedom of each error."""
+FREEDOM = {"across": 2, "along": 1, "place": 3, "axis": 2}  # degrees of freedom of each error
 
 
 def pose_errors(found: Instance, truth: AnnotatedObject) -> PoseErrors | None:

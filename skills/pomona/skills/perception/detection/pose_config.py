@@ -14,35 +14,24 @@ from pomona.executive.values.plain_text import read_plain_text
 from pomona.skills.perception.detection.dope_decode import DecodeThresholds
 from pomona.skills.perception.detection.errors import BadPoseConfig
 
-SAME_SIZE = 0.05
-"""Greatest relative difference between the sides of a configured cuboid and those of the fruit's mesh."""
+SAME_SIZE = 0.05  # greatest relative difference between the sides of a configured cuboid and those of the fruit's mesh
 
 _THRESHOLDS = ("thresh_angle", "thresh_map", "sigma", "thresh_points")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObjectEntry:
-    """One object of a config_pose.yaml.
+    """One object of a config_pose.yaml."""
 
-    Attributes:
-        name: its key in the file.
-        weights: as written: a path or URL; empty in files of DOPE's newer tools, which take weights as an option.
-        dimensions: cuboid [m]; the file gives centimetres.
-        class_id: number for messages; 0 when the file gives none.
-        draw_colour: RGB.
-        model_transform: (4, 4) from the mesh's frame to the detection's.
-        mesh: path or URL, empty when there is none.
-        mesh_scale: factor to metres.
-    """
-
-    name: str
-    weights: str
-    dimensions: NDArray[np.float64]
-    class_id: int = 0
-    draw_colour: tuple[int, int, int] = (255, 255, 255)
+    name: str  # its key in the file
+    weights: str  # as written: a path or URL; empty in files of DOPE's newer tools, which take weights as an option
+    dimensions: NDArray[np.float64]  # cuboid [m]; the file gives centimetres
+    class_id: int = 0  # number for messages; 0 when the file gives none
+    draw_colour: tuple[int, int, int] = (255, 255, 255)  # RGB
+    # (4, 4) from the mesh's frame to the detection's
     model_transform: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
-    mesh: str = ""
-    mesh_scale: float = 1.0
+    mesh: str = ""  # path or URL, empty when there is none
+    mesh_scale: float = 1.0  # factor to metres
 
 
 @dataclass(frozen=True, slots=True)

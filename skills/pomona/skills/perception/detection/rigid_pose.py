@@ -24,8 +24,7 @@ over 958 apples and 634 lemons in rendered frames of seed 778001, these the leas
 90 % of those less than two fifths visible. docs/decisions/detect-pose-covariance.md has what all of them give on other
 frames (`python -m benchmarks.bench_detect`)."""
 
-LEAST_ROTATION = 1e-3
-"""Least standard deviation of the axis [rad]."""
+LEAST_ROTATION = 1e-3  # least standard deviation of the axis [rad]
 
 
 def pose_of(found: FoundFruit) -> Float64:

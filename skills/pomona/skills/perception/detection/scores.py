@@ -8,11 +8,8 @@ import numpy as np
 
 from pomona.executive.values.arrays import Float64
 
-HOPELESS = 0.2
-"""Least product after one look for a second one: a quarter of the places have less, and hardly any fruit."""
-
-EDGE = 1e-6
-"""Scores are kept so far from 0 and 1 before their logits are taken."""
+HOPELESS = 0.2  # least product after one look for a second one: a quarter of the places have less, and hardly any fruit
+EDGE = 1e-6  # scores are kept so far from 0 and 1 before their logits are taken
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,14 +17,10 @@ class ScoreMap:
     """Line through logits, from a product of the networks' outputs to a ratio of fruit (Platt's scaling).
 
     It rises, so that it changes no order. The default changes nothing.
-
-    Attributes:
-        slope: of the line, more than 0.
-        offset: of the line.
     """
 
-    slope: float = 1.0
-    offset: float = 0.0
+    slope: float = 1.0  # of the line, more than 0
+    offset: float = 0.0  # of the line
 
     def __call__(self, score: float) -> float:
         """Return the ratio of fruit among detections with this score, 0..1."""
@@ -42,13 +35,9 @@ class ScoreMap:
 
 @dataclass(frozen=True, slots=True)
 class PowerScore:
-    """Score of weights without a fitted one: product of powers of heat and of the kind that both looks give.
+    """Score of weights without a fitted one: product of powers of heat and of the kind that both looks give."""
 
-    Attributes:
-        line: from this product to the ratio of fruit.
-    """
-
-    line: ScoreMap = ScoreMap()
+    line: ScoreMap = ScoreMap()  # from this product to the ratio of fruit
 
     @property
     def hopeless(self) -> float:

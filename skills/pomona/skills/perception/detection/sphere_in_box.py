@@ -8,48 +8,29 @@ import numpy as np
 
 from pomona.executive.values.arrays import Float32, Float64
 
-LEAST_POINTS = 40
-"""Pixels with depth in a box, below which no sphere is fitted: a box of 7 × 7 px."""
-
-MOST_POINTS = 2500
-"""Pixels that are fitted; more of a box add no accuracy, since errors of neighbours are alike."""
-
-CORE = 0.5
-"""Part of the box's sides, about its middle, whose median depth stands for the fruit's front."""
-
-BAND = 4e-3
-"""Distance from the sphere within which depth agrees [m], as the default of Refine's `inlier_band`."""
+LEAST_POINTS = 40  # pixels with depth in a box, below which no sphere is fitted: a box of 7 × 7 px
+MOST_POINTS = 2500  # pixels that are fitted; more of a box add no accuracy, since errors of neighbours are alike
+CORE = 0.5  # part of the box's sides, about its middle, whose median depth stands for the fruit's front
+BAND = 4e-3  # distance from the sphere within which depth agrees [m], as the default of Refine's `inlier_band`
 
 LEAST_AGREEING = 0.5
 """Least ratio of agreeing pixels among those within a radius of the front: less is no fruit's shape."""
 
-RADIUS_PRIOR = 0.15
-"""Standard deviation of the logarithm of the radius about half the box's longer side."""
-
-POINT_ERROR = 2e-3
-"""Standard deviation of a point against the sphere [m]: apples are no spheres."""
-
-INDEPENDENT = 30.0
-"""Points that count as independent: an apple's dents and bulges move neighbouring points together."""
+RADIUS_PRIOR = 0.15  # standard deviation of the logarithm of the radius about half the box's longer side
+POINT_ERROR = 2e-3  # standard deviation of a point against the sphere [m]: apples are no spheres
+INDEPENDENT = 30.0  # points that count as independent: an apple's dents and bulges move neighbouring points together
 
 ITERATIONS = 12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedSphere:
-    """A sphere in the camera frame.
+    """A sphere in the camera frame."""
 
-    Attributes:
-        centre: (3,) [m].
-        radius: [m].
-        agreeing: ratio of the points within a radius of the front that lie within `BAND` of the sphere.
-        seen: area of the agreeing pixels over that of the whole sphere in the picture, at most 1.
-    """
-
-    centre: Float64
-    radius: float
-    agreeing: float
-    seen: float
+    centre: Float64  # (3,) [m]
+    radius: float  # [m]
+    agreeing: float  # ratio of the points within a radius of the front that lie within `BAND` of the sphere
+    seen: float  # area of the agreeing pixels over that of the whole sphere in the picture, at most 1
 
 
 class NoSphere(ValueError):

@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 MEAN_ELEVATION = np.deg2rad(57.0)
 """Elevation from which an upright fruit is seen on average; the label has its singularity opposite to it [rad]."""
 
-STEM_AXIS = np.array([0.0, -1.0, 0.0])
-"""The stem axis in the object frame."""
+STEM_AXIS = np.array([0.0, -1.0, 0.0])  # the stem axis in the object frame
 
 
 def minimal_rotation(source: ArrayLike, target: ArrayLike) -> NDArray[np.float64]:

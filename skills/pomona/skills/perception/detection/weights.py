@@ -28,8 +28,7 @@ from pomona.skills.perception.detection.weights_file import (
     write_weights,
 )
 
-TORCH_FORMAT = "pomona compact detector 2"
-"""Format of the files that earlier versions wrote with PyTorch."""
+TORCH_FORMAT = "pomona compact detector 2"  # format of the files that earlier versions wrote with PyTorch
 
 OPSET = 18
 
@@ -39,11 +38,8 @@ CLOSE_LOOK_EXAMPLE = (2, 3, CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE)
 
 Finder = FinderNetwork | BeliefFinder
 
-LAST_LAYER = "head.3.weight", "head.3.bias"
-"""Parameters of the close look's last layer."""
-
-_HALF = ".half"
-"""Ending of an initialiser in half precision; the graph casts it to the parameter of the name before."""
+LAST_LAYER = "head.3.weight", "head.3.bias"  # parameters of the close look's last layer
+_HALF = ".half"  # ending of an initialiser in half precision; the graph casts it to the parameter of the name before
 
 
 def load_weights(path: Path | str) -> DopeNetwork:

@@ -27,28 +27,20 @@ FINDER, CLOSE_LOOK, ABOUT = "finder.onnx", "close_look.onnx", "about.json"
 
 ENDING = ".weights"
 
-Score = FusedScore | PowerScore
-"""From the answers of both networks to the ratio of such detections that are fruit."""
-
-_YEAR_ZERO = (1980, 1, 1, 0, 0, 0)
-"""Date of each member: equal weights give equal files."""
+Score = FusedScore | PowerScore  # from the answers of both networks to the ratio of such detections that are fruit
+_YEAR_ZERO = (1980, 1, 1, 0, 0, 0)  # date of each member: equal weights give equal files
 
 
 @dataclass(frozen=True, slots=True)
 class StoredDetector:
-    """Content of a weights file.
+    """Content of a weights file."""
 
-    Attributes:
-        finder, close_look: networks as ONNX.
-        about: how the weights were made.
-        scores: from the answers of both networks to the ratio of such detections that are fruit.
-        widths: of the layers of each network that comes in several; only training reads them.
-    """
-
-    finder: bytes
+    finder: bytes  # finder, close_look: networks as ONNX
     close_look: bytes
-    about: Mapping[str, str] = field(default_factory=dict)
+    about: Mapping[str, str] = field(default_factory=dict)  # how the weights were made
+    # from the answers of both networks to the ratio of such detections that are fruit
     scores: Score = field(default_factory=PowerScore)
+    # of the layers of each network that comes in several; only training reads them
     widths: Mapping[str, Sequence[int]] = field(default_factory=dict)
 
     def members(self) -> dict[str, bytes]:
