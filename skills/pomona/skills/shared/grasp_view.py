@@ -6,21 +6,33 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from pomona.executive.values.arrays import Float64
 from pomona.executive.views import ImageView, Line2, Mesh3
 from pomona.skills.geometry import apply, inverse
-from pomona.skills.motion.collision.convex import fruit_points
 from pomona.skills.motion.grasp import Grasp, RuledOut
-from pomona.skills.motion.robot.solids import hull
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 
 
 def fruit_mesh(fruit: MeasuredFruit) -> Mesh3:
-    """Return the measured fruit in the base frame."""
-    points = fruit_points(fruit)
-    # approximate number of vertices of the fruit's shape in a view
-    vertices, faces = hull(points[:: max(1, len(points) // 160)])
-    return Mesh3(np.round(vertices, 4), faces, "measured fruit", "object")
+    """Return the measured fruit in the base frame, with its stem."""
+    stem = fruit.fruit.stem
+    parts = [_coarse(fruit.fruit.vertices, fruit.fruit.faces)] + ([] if stem is None else [(stem.vertices, stem.faces)])
+    vertices = np.vstack([part for part, _faces in parts]) * (fruit.dimensions / fruit.fruit.dimensions)
+    faces = np.vstack([parts[0][1], *(part_faces + len(parts[0][0]) for _part, part_faces in parts[1:])])
+    return Mesh3(np.round(apply(fruit.T_base_fruit, vertices), 4), faces.astype(np.int32), "measured fruit", "object")
+
+
+def _coarse(vertices: Float64, faces: NDArray[np.integer]) -> tuple[Float64, NDArray[np.integer]]:
+    """Return a surface with one vertex in each cell of a grid, and the faces that keep three of them."""
+    cell = np.ptp(vertices, axis=0).max() / 10.0
+    _cells, number = np.unique(np.round(vertices / cell).astype(int), axis=0, return_inverse=True)
+    number = number.reshape(-1)
+    sums = np.stack([np.bincount(number, column) for column in vertices.T], axis=1)
+    corners = np.sort(number[faces], axis=1)
+    kept = (np.diff(corners, axis=1) > 0).all(axis=1)
+    return sums / np.bincount(number)[:, None], number[faces[kept]]
 
 
 def grasp_picture(grasp: Grasp) -> ImageView:

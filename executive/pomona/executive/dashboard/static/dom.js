@@ -47,7 +47,7 @@ export function quantity(name, value, depth = 0) {
 
 export function show(value, depth = 0) {
   if (value === null || value === undefined) return "–";
-  if (typeof value === "number") return Number.isInteger(value) ? String(value) : figure(value, 5);
+  if (typeof value === "number") return Number.isInteger(value) ? String(value) : figure(value, Math.abs(value) < 1 ? 3 : 5);
   if (Array.isArray(value)) {
     const inner = value.slice(0, 16).map((v) => show(v, depth + 1)).join(", ");
     return `[${inner}${value.length > 16 ? ", …" : ""}]`;

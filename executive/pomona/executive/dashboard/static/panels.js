@@ -125,7 +125,7 @@ export function drawNode(s, onBreak) {
     page.recorded ? null : h("div", { class: "group joined", role: "group", "aria-label": "breakpoints of this node" }, breakButton("before", before, "b"), breakButton("after", after, "a")),
     ...wires("Settings", about.settings), ...wires("Reads", about.inputs), ...changed(s, about), ...wires("Writes", about.outputs),
     ...(node?.history.length ? [h("h3", {}, "Last results"), h("ol", { class: "history" }, node.history.slice(-8).reverse().map((e) => h("li", {}, moment(e.t), h("span", { class: e.status === "FAILURE" ? "bad" : "" }, `${STATUS[e.status].icon} ${STATUS[e.status].word}`, e.reason ? ` ${e.reason.code}: ${e.reason.message}` : ""))))] : []),
-    ...(source ? [h("h3", {}, "In the tree's file"), h("pre", {}, source)] : [])].filter(Boolean));
+    ...(source ? [h("h3", {}, "In the tree's file"), h("pre", { tabindex: "0" }, source)] : [])].filter(Boolean));
 }
 
 let portsKey = "";
@@ -143,7 +143,7 @@ export function drawPorts(s) {
 function compact(value) {
   const text = show(value);
   if (typeof value !== "object" || value === null || text.length < 60) return plain(text);
-  return h("details", {}, h("summary", {}, value.type ?? text.slice(0, 40)), h("pre", {}, text));
+  return h("details", {}, h("summary", {}, value.type ?? text.slice(0, 40)), h("pre", { tabindex: "0" }, text));
 }
 
 let logKey = "";

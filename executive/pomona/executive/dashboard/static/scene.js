@@ -41,7 +41,7 @@ export class SceneView {
     const anything = views.length || robots.length;
     this.canvas.hidden = !anything || Boolean(this.problem);
     $("scene-home").hidden = !anything;
-    if (!anything || this.problem) { $("scene-caption").textContent = ""; $("scene-legend").replaceChildren(h("p", { class: "empty" }, this.problem || "Nothing to show yet")); if (!anything) this.clear(); return; }
+    if (!anything || this.problem) { $("scene-caption").textContent = ""; $("scene-legend").dataset.key = ""; $("scene-legend").replaceChildren(h("p", { class: "empty" }, this.problem || "Nothing to show yet")); if (!anything) this.clear(); return; }
     if (!three) { load().then(() => { this.key = null; this.update(state, selected, over); }, (error) => { this.problem = `The scene cannot be drawn: ${error.message}`; this.key = null; }); return; }
     if (!this.begin()) return;
     if (this.run !== state.run?.run) { this.clear(); this.run = state.run?.run; this.mine = true; }
@@ -312,10 +312,10 @@ function meshOf({ vertices, faces, style }) {
   const geometry = new three.BufferGeometry();
   geometry.setAttribute("position", new three.BufferAttribute(new Float32Array(list(vertices).flat()), 3));
   geometry.setIndex(list(faces).flat());
-  const flat = geometry.toNonIndexed(); // each face has its own normal: what has edges is seen to have them
-  flat.computeVertexNormals();
-  geometry.dispose();
-  const mesh = new three.Mesh(flat, materialOf("sheet", style));
+  const shown = style === "object" ? geometry : geometry.toNonIndexed(); // a fruit is smooth; parts of a robot have edges
+  shown.computeVertexNormals();
+  if (shown !== geometry) geometry.dispose();
+  const mesh = new three.Mesh(shown, materialOf("sheet", style));
   mesh.userData = { mesh: true, kind: "sheet", style };
   return mesh;
 }
