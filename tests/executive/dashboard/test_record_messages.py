@@ -12,8 +12,9 @@ import pytest
 
 from pomona.executive.dashboard import record_messages as reading
 from pomona.executive.dashboard.messages import encode
-from pomona.executive.dashboard.record_messages import between, image, moment, overview, record_messages
+from pomona.executive.dashboard.record_messages import between, image, moment, overview, record_messages, thumbnail
 from pomona.executive.errors import UsageError
+from pomona.executive.images import from_file
 from pomona.executive.reasons import Reason
 from pomona.executive.recording import overview as thinning, recorder, scan as scanning
 from pomona.executive.recording.mcap_file import RawRecord, raw_record_at
@@ -54,6 +55,19 @@ def test_an_image_comes_back_with_its_drawings_and_size(tmp_path: Path) -> None:
     assert value["image"].startswith("data:image/jpeg;base64,")
     assert value["size"] == [64, 48]
     assert len(value["lines"]) == 1
+
+
+def test_a_thumbnail_is_the_newest_image_made_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    looks = [
+        Published(t, 1, "n", "camera", ImageView(np.full((480, 640, 3), grey, np.uint8)))
+        for t, grey in ((0.0, 10), (0.5, 200))
+    ]
+    pixels = from_file(thumbnail(write(tmp_path / "r", (*looks, *EVENTS))) or b"")
+    assert pixels.shape == (96, 128, 3)
+    assert abs(float(pixels.mean()) - 200.0) < 2.0
+    assert thumbnail(write(tmp_path / "none", EVENTS)) is None
+    monkeypatch.setattr(reading, "MOST_FOR_THUMBNAIL", 10)
+    assert thumbnail(tmp_path / "r") is None
 
 
 def test_a_record_that_was_cut_off_ends_there(tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 from pomona.executive.dashboard.cloud import cloud_of_messages
 from pomona.executive.dashboard.messages import VERSION, encode, numbered
 from pomona.executive.errors import UsageError
+from pomona.executive.images import from_file, shrunk, to_jpeg
 from pomona.executive.recording.decode import ForeignRecordError, event_from
 from pomona.executive.recording.folder import EVENTS, EVENTS_FILE
 from pomona.executive.recording.json_text import parse_object
@@ -41,6 +42,12 @@ LARGE = 200_000
 
 PIECE = 262_144
 """Size of one piece of the answer [bytes]."""
+
+THUMBNAIL = 128
+"""Width of a record's picture in the list [px]."""
+
+MOST_FOR_THUMBNAIL = 64_000_000
+"""Largest record of which a thumbnail is made [bytes]: the whole file is checked first."""
 
 _LONGEST = 1e10
 """Latest stamp [s]."""
@@ -115,6 +122,28 @@ def image(folder: Path, at: str) -> bytes | None:
         return base64.b64decode(found["data"]) if found["format"] == "jpeg" else None
     except (UsageError, ValueError, KeyError, TypeError, IndexError):
         return None
+
+
+def thumbnail(folder: Path) -> bytes | None:
+    """Return the newest image of a record as a small JPEG, or None: there is none, or the record is large."""
+    path = folder / EVENTS_FILE
+    try:
+        about = path.stat()
+        small = about.st_size <= MOST_FOR_THUMBNAIL
+        return _thumbnail_of(path, about.st_ino, about.st_size, about.st_mtime_ns) if small else None
+    except (OSError, UsageError, ValueError, KeyError, TypeError):
+        return None
+
+
+@lru_cache(maxsize=512)
+def _thumbnail_of(path: Path, _inode: int, _size: int, _changed: int) -> bytes | None:
+    newest = None
+    for newest in scan(path, _valid(path).verdict, topics=lambda topic: topic.startswith(IMAGES)):
+        pass
+    if newest is None:
+        return None
+    pixels = from_file(base64.b64decode(parse_object(newest.content)["data"]))
+    return to_jpeg(shrunk(pixels, min(1.0, THUMBNAIL / pixels.shape[1])), 75)
 
 
 def cloud(folder: Path, at: str) -> dict[str, str]:

@@ -30,7 +30,15 @@ from pomona.executive.dashboard.control_lock import ControlLock, RefusedError, R
 from pomona.executive.dashboard.drawn_tree import drawing
 from pomona.executive.dashboard.hub import Hub, Viewer
 from pomona.executive.dashboard.presses import Presses, now, object_of, text
-from pomona.executive.dashboard.record_messages import between, cloud, image, moment, overview, record_messages
+from pomona.executive.dashboard.record_messages import (
+    between,
+    cloud,
+    image,
+    moment,
+    overview,
+    record_messages,
+    thumbnail,
+)
 from pomona.executive.dashboard.security import Access, RequestGuard
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.recording.folder import EVENTS_FILE
@@ -110,6 +118,7 @@ class Dashboard:
                 Route("/api/runs/{name}/images/{at}/cloud", self._cloud),
                 Route("/api/runs/{name}/record", self._download),
                 Route("/api/runs/{name}/picture", self._picture),
+                Route("/api/runs/{name}/thumbnail", self._thumbnail),
                 Route("/api/runs/{name}/drawing", self._drawing),
                 Route("/api/act", self._act, methods=["POST"]),
                 Route("/api/judge", self._judge, methods=["POST"]),
@@ -121,6 +130,7 @@ class Dashboard:
             lifespan=self._lifespan,
         )
         self._told_silent = False
+        self._one_thumbnail = asyncio.Semaphore(1)  # a page asks for many at once; presses come first
         self.announce()
 
     def allow_starts(self, start_run: StartRun, choices: Choices, judge_form: JudgeForm = lambda _form: {}) -> None:
@@ -276,6 +286,14 @@ class Dashboard:
         if folder is None or not is_plain(folder / "picture.png"):
             return JSONResponse({"error": "no such picture"}, 404)
         return FileResponse(folder / "picture.png")
+
+    async def _thumbnail(self, request: Request) -> Response:
+        folder = self._folder(request)
+        async with self._one_thumbnail:
+            found = None if folder is None else await asyncio.to_thread(thumbnail, folder)
+        if found is None:
+            return Response(status_code=204)
+        return Response(found, media_type="image/jpeg", headers={"cache-control": "private, max-age=600"})
 
     async def _drawing(self, request: Request) -> Response:
         folder = self._folder(request)

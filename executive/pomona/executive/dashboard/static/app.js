@@ -108,6 +108,7 @@ function drawPlayback() {
   $("live").hidden = Boolean(page.recorded);
   put($("play"), page.playing ? "❚❚" : "▶");
   $("play").setAttribute("aria-label", page.playing ? "pause the playback" : "play");
+  document.body.classList.toggle("no-run", !page.whole.run);
   document.body.classList.toggle("past", page.at !== null && !page.recorded);
 }
 

@@ -55,7 +55,7 @@ export function drawWhy(s) {
 const progressOf = ({ progress }) => (progress ? `${progress.what} ${progress.number} of ${progress.of} · ` : "");
 
 function goingWords(s, doing, latest) {
-  if (!s.run) return [h("p", {}, "No run yet. Start one, or open a recorded one, under Runs.")];
+  if (!s.run) return [h("p", {}, "No run yet.")];
   const state = s.state === "running" ? "▶ " : s.state === "paused" ? "❚❚ Paused, at rest" : `❚❚ ${s.state}`;
   return [h("div", { class: "verdict" }, h("b", {}, state), s.state !== "running" && s.progress ? ` ${progressOf(s)}` : "", s.state === "running" ? h("b", { class: "doing" }, progressOf(s), doing || "between two nodes") : s.because && s.because !== "at rest" ? ` ${wordsOf(s, s.because)}` : ""),
     latest ? h("p", { class: "muted" }, "Failed on the way: ", moment(latest.t), " ", leavesOf(latest.reason).map((leaf) => `${s.byPath.get(leaf.node_path)?.name ?? ""} ${leaf.code}`).at(-1), latest.next ? [", then ", s.byPath.get(latest.next)?.name ?? latest.next] : "") : null];

@@ -3,6 +3,7 @@ import { $, h, seconds, show } from "./dom.js";
 import { holdsControl, page, post, read, say, withToken } from "./page.js";
 import { STATUS_WORD } from "./control.js";
 import { readRecord, recordAddress } from "./record.js";
+import { drawByHand } from "./steps.js";
 import { drawStatistics } from "./statistics.js";
 import { apply, emptyState, leavesOf } from "./store.js";
 
@@ -11,6 +12,7 @@ let choices = { trees: [], cells: [] };
 let unread = "Reading trees and cells …"; // why there are no choices yet
 let starting = false;
 const chosen = new Set();
+const HEADS = { look: "look", tree: "tree-name", cell: "cell-name", seed: "seed", settings: "settings", took: "took", record: "record" }; // classes of columns that narrow lists leave out
 
 export async function loadRuns() {
   try { runs = await (await read("/api/runs")).json(); } catch { return; }
@@ -28,6 +30,8 @@ export function showRuns(on) {
 $("show-runs").addEventListener("click", () => showRuns($("runs-view").hidden));
 $("runs-filter").addEventListener("input", drawRuns);
 $("compare").addEventListener("click", compare);
+$("show-failed").addEventListener("click", () => { $("runs-filter").value = $("show-failed").getAttribute("aria-pressed") === "true" ? "" : "failure"; drawRuns(); });
+new ResizeObserver(() => { if (!$("statistics").hidden) drawRuns(); }).observe($("runs"));
 $("show-statistics").addEventListener("click", () => { $("statistics").hidden = !$("statistics").hidden; $("show-statistics").setAttribute("aria-pressed", !$("statistics").hidden); drawRuns(); });
 document.addEventListener("open-run", () => showRuns(false));
 
@@ -38,15 +42,20 @@ function drawRuns() {
   const told = (r) => Object.entries(r.settings ?? {}).map(([name, value]) => `${name} ${value}`).join(", ");
   const row = (r) => h("tr", {},
     h("td", {}, h("input", { type: "checkbox", "aria-label": `compare ${r.run}`, checked: chosen.has(r.run), onchange: (e) => { if (e.target.checked) chosen.add(r.run); else chosen.delete(r.run); mayCompare(); } })),
-    h("td", { class: r.outcome === "success" ? "good" : "bad" }, `${STATUS_WORD[r.outcome] ?? "?"} ${r.outcome ?? r.state}`),
+    h("td", { class: "look" }, h("img", { src: withToken(recordAddress(r.run, "thumbnail")).href, alt: "", loading: "lazy", width: 64, height: 48, onerror: (e) => e.target.remove() })),
+    h("td", { class: `outcome ${r.outcome === "success" ? "good" : "bad"}` }, `${STATUS_WORD[r.outcome] ?? "?"} ${r.outcome ?? r.state}`),
     h("td", { class: "when", title: r.run }, h("button", { class: "moment open-run", "aria-label": r.run, onclick: () => { location.hash = `run=${encodeURIComponent(r.run)}`; showRuns(false); } }, whenOf(r)[1])),
-    h("td", {}, r.tree ?? ""),
-    h("td", {}, `${r.cell ?? ""}`), h("td", { class: "number" }, r.seed ?? ""), h("td", { class: "words settings" }, told(r)),
-    h("td", { class: "number" }, typeof r.time === "number" ? seconds(r.time) : ""), h("td", { class: "words" }, r.code ? h("code", {}, r.code) : "", ` ${r.message ?? ""}`),
-    h("td", { class: "number" }, h("a", { href: withToken(recordAddress(r.run, "record")), title: "Download the record" }, `${(r.bytes / 1e6).toFixed(1)} MB`)));
+    h("td", { class: "tree-name" }, r.tree ?? ""),
+    h("td", { class: "cell-name" }, `${r.cell ?? ""}`), h("td", { class: "number seed" }, r.seed ?? ""), h("td", { class: "words settings" }, told(r)),
+    h("td", { class: "number took" }, typeof r.time === "number" ? seconds(r.time) : ""), h("td", { class: "words why-ended" }, r.code ? h("code", {}, r.code) : "", ` ${r.message ?? ""}`),
+    h("td", { class: "number record" }, h("a", { href: withToken(recordAddress(r.run, "record")), title: "Download the record" }, `${(r.bytes / 1e6).toFixed(1)} MB`)));
   $("runs-count").textContent = `${rows.length} of ${runs.length}`;
+  const failed = runs.filter((r) => r.outcome === "failure").length;
+  $("show-failed").hidden = !failed;
+  $("show-failed").textContent = `✗ ${failed} failed`;
+  $("show-failed").setAttribute("aria-pressed", wanted.includes("failure"));
   const days = Map.groupBy(rows.slice(0, 300), (r) => whenOf(r)[0]);
-  $("runs").replaceChildren(h("table", {}, h("thead", {}, h("tr", {}, ["⇄", "outcome", "when", "tree", "cell", "seed", "settings", "took", "why", "record"].map((c) => h("th", { title: c === "⇄" ? "choose two to compare" : null }, c)))), h("tbody", {}, [...days].flatMap(([day, some]) => [day ? h("tr", { class: "day" }, h("th", { colspan: 10, scope: "rowgroup" }, day)) : null, ...some.map(row)]))));
+  $("runs").replaceChildren(h("table", {}, h("thead", {}, h("tr", {}, ["⇄", "look", "outcome", "when", "tree", "cell", "seed", "settings", "took", "why", "record"].map((c) => h("th", { class: HEADS[c] ?? null, title: c === "⇄" ? "choose two to compare" : null }, c)))), h("tbody", {}, [...days].flatMap(([day, some]) => [day ? h("tr", { class: "day" }, h("th", { colspan: 11, scope: "rowgroup" }, day)) : null, ...some.map(row)]))));
   if (!$("statistics").hidden) drawStatistics(rows, $("runs-filter"));
   mayCompare();
 }
@@ -139,21 +148,48 @@ function group(title, fields) {
 const changedFields = () => [...$("start-fields").querySelectorAll("[data-setting]")].filter((input) => input.value !== input.dataset.default);
 const settingsNow = () => Object.fromEntries(changedFields().map((input) => [input.dataset.setting, input.value]));
 
+// A wrong type or a value out of its limits is marked at once; units that are not listed here are left to the server.
+const UNITS = { length: { mm: 1e-3, cm: 1e-2, m: 1 }, time: { ms: 1e-3, s: 1, min: 60 }, force: { N: 1 }, mass: { g: 1e-3, kg: 1 }, ratio: { "%": 1e-2, "": 1 }, int: { "": 1 }, float: { "": 1 } };
+function valueOf(type, text) {
+  const [, number, unit] = String(text).trim().match(/^([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(\D*)$/i) ?? [];
+  const scale = number === undefined ? undefined : UNITS[type]?.[unit];
+  return scale === undefined ? null : Number(number) * scale;
+}
+
+function plainProblem({ name, type, min, max }, text) {
+  const value = valueOf(type, text);
+  if (type === "int" && !/^\s*[-+]?\d+\s*$/.test(text)) return `${name} is a whole number`;
+  if (type === "bool" && !/^\s*(true|false)\s*$/.test(text)) return `${name} is true or false`;
+  if (value === null) return "";
+  if (min && value < (valueOf(type, min) ?? -Infinity)) return `${name} is at least ${min}, ${text.trim()} is below`;
+  return max && value > (valueOf(type, max) ?? Infinity) ? `${name} is at most ${max}, ${text.trim()} is above` : "";
+}
+
 // While it is typed the run's process judges what differs from the defaults, as it would at the start.
 let asked = 0, problems = {};
 async function judge() {
   const number = ++asked, settings = settingsNow(), form = { tree: $("start-tree").value, cell: $("start-cell").value, settings };
   for (const details of $("start-fields").querySelectorAll("details")) { const n = changedFields().filter((input) => details.contains(input)).length; details.querySelector(".changes").textContent = n ? `${n} changed` : ""; }
+  const tree = choices.trees.find((c) => c.name === form.tree);
+  const plain = Object.fromEntries((tree?.parameters ?? []).filter((p) => p.name in settings).map((p) => [p.name, plainProblem(p, settings[p.name])]).filter(([, problem]) => problem));
+  mark(plain);
+  if (Object.keys(plain).length || !Object.keys(settings).length || !page.token) return;
   await new Promise((done) => { setTimeout(done, 300); });
-  if (number !== asked) return;
-  const answer = Object.keys(settings).length && page.token ? await post("/api/judge", form, 20000) : { problems: {} };
-  if (number !== asked) return;
-  problems = answer.problems ?? {};
+  for (let tries = 0; tries < 3 && number === asked; tries++) {
+    const answer = await post("/api/judge", form, 20000);
+    if (number !== asked) return;
+    if (answer.problems) { mark(answer.problems); return; }
+  }
+}
+
+function mark(found) {
+  problems = found;
   for (const input of $("start-fields").querySelectorAll("[data-setting]")) {
     const problem = problems[input.dataset.setting] ?? "";
     input.setAttribute("aria-invalid", Boolean(problem));
     input.parentElement.querySelector(".wrong").textContent = problem;
     if (problem) input.closest("details").open = true;
+    if (problem && input === document.activeElement) input.parentElement.scrollIntoView({ block: "nearest" });
   }
   drawStart();
 }
@@ -182,7 +218,11 @@ export async function startRun(form) {
 export function drawStart() {
   const { starts } = page.control;
   $("start-panel").hidden = !starts;
-  const why = !holdsControl() ? "Take control to start a run." : page.control.start && !page.control.start.problem ? "A run is being prepared." : page.live.whole.run && !page.live.whole.ended ? "A run is going on." : page.live.whole.safeStop ? "Reset the safe state first." : Object.keys(problems).length ? `${Object.keys(problems).join(", ")} cannot be used.` : unread;
+  const blocked = !holdsControl() ? "Take control to start a run." : page.control.start && !page.control.start.problem ? "A run is being prepared." : page.live.whole.run && !page.live.whole.ended ? "A run is going on." : page.live.whole.safeStop ? "Reset the safe state first." : "";
+  const why = blocked || (Object.keys(problems).length ? `${Object.keys(problems).join(", ")} cannot be used.` : unread);
   $("start-button").disabled = starting || Boolean(why);
   $("start-hint").textContent = why;
+  const cell = choices.cells.find((c) => c.name === $("start-cell").value);
+  $("by-hand").hidden = !choices.trees.some((c) => c.name === "recover");
+  drawByHand(cell, () => ({ cell: cell.name, seed: 0, pace: "real" }), starting ? "starting" : blocked);
 }

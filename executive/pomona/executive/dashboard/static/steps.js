@@ -3,9 +3,14 @@ import { $, h } from "./dom.js";
 import { take } from "./control.js";
 import { press } from "./link.js";
 import { holdsControl, page } from "./page.js";
-import { startRun } from "./runs.js";
+import { showRuns, startRun } from "./runs.js";
 
 const LASTS = new Set(["real", "emulated"]); // cells that are after a run as it has left them; simulated ones begin anew
+const MOTIONS = { // slow motions of the tree `recover`, after a run or by hand
+  down: { label: "Put down what is held", release: "true", about: "The hand lowers until the fruit stands, at most 150 mm, and opens. Then the arm moves to its home pose at 10 % of its speed." },
+  home: { label: "Home, slowly", release: "false", about: "The arm moves to its home pose at 10 % of its speed. The fingers stay as they are." },
+};
+const recover = (form, release) => startRun({ ...form, tree: "recover", settings: { release }, speed: "100 %" });
 const stem = (path) => (path ?? "").split(/[\\/]/).at(-1).replace(/\.ya?ml$/, "");
 
 // The form of a start that repeats this run.
@@ -13,24 +18,35 @@ const again = (run) => ({ tree: stem(run.tree_path), cell: stem(run.cell_path), 
 
 function stepsOf(s) {
   if (!page.recorded && !s.ended && s.state === "paused") return [["▶ Resume", "Go on in place", () => press("resume", "", s.pause)], ["❙▶ Step", "Run one tick", () => press("step", "", s.pause)]];
-  if (!s.ended || !s.run || s.safeStop || !page.control.starts || !stem(s.run.cell_path)) return [];
-  const recover = (release) => ({ ...again(s.run), tree: "recover", settings: { release }, speed: "100 %" });
+  if (!s.run) return [["Start or open a run", "The list of runs, and the form that starts one (r)", () => showRuns(true)]];
+  if (!s.ended || s.safeStop || !page.control.starts || !stem(s.run.cell_path)) return [];
   const lasts = LASTS.has(s.run.cell_kind) && !page.recorded && s.run.tree !== "recover";
   return [
-    lasts && s.hand ? ["Put down what is held", "Lower the hand until the fruit stands, open, then bring the arm home, slowly", () => startRun(recover("true"))] : null,
-    lasts ? ["Home, slowly", "Bring the arm home at 10 % of its speed; the fingers stay as they are", () => startRun(recover("false"))] : null,
+    ...[lasts && s.hand ? MOTIONS.down : null, lasts ? MOTIONS.home : null].filter(Boolean).map(({ label, about, release }) => [label, about, () => recover(again(s.run), release)]),
     ["↻ Run again", "The same tree, cell, seed and settings", () => startRun(again(s.run))],
   ].filter(Boolean);
+}
+
+// The same motions in the form of a new run, for the cell that is chosen there. `why`: why no run can start now.
+let handKey = "";
+export function drawByHand(cell, form, why) {
+  const key = JSON.stringify([cell?.name, cell?.kind, why]);
+  if (key === handKey) return;
+  handKey = key;
+  const lasts = LASTS.has(cell?.kind);
+  $("by-hand-about").textContent = lasts ? `Slow motions on ${cell.name}. Each is a short run with its own record; SAFE STOP ends it. Single joints are moved with the robot's teach pendant.` : `A ${cell?.kind ?? "simulated"} cell begins anew with each run: there is nothing to move by hand.`;
+  $("by-hand-motions").replaceChildren(...(lasts ? Object.values(MOTIONS) : []).map(({ label, about, release }) => h("div", {}, h("dt", {}, h("button", { type: "button", disabled: Boolean(why), onclick: () => recover(form(), release) }, label)), h("dd", {}, about))));
 }
 
 let key = "";
 export function drawSteps(s) {
   const mine = holdsControl(), steps = stepsOf(s), busy = page.control.start && !page.control.start.problem;
-  const now = JSON.stringify([steps.map(([label]) => label), mine, busy, s.run?.run, s.pause]);
+  const watches = mine || !s.run; // no control is needed
+  const now = JSON.stringify([steps.map(([label]) => label), watches, busy, s.run?.run, s.pause]);
   if (now === key) return;
   key = now;
   $("steps").replaceChildren(...[
-    steps.length && !mine ? h("button", { class: "primary", onclick: take }, "Take control") : null,
-    ...steps.map(([label, title, onclick]) => h("button", { title: mine ? title : `${title}. Take control first.`, disabled: !mine || busy, onclick }, label)),
+    steps.length && !watches ? h("button", { class: "primary", onclick: take }, "Take control") : null,
+    ...steps.map(([label, title, onclick]) => h("button", { class: s.run ? null : "primary", title: watches ? title : `${title}. Take control first.`, disabled: !watches || busy, onclick }, label)),
   ].filter(Boolean));
 }

@@ -90,5 +90,5 @@ function drawStrip(live) {
   const state = start && !start.problem ? "◌ preparing a run" : live.safeStop ? "■ safe state, latched" : going ? WORD[live.state] ?? live.state : "nothing runs";
   $("strip").classList.toggle("moving", Boolean(going));
   set("strip-state", `LIVE: ${isStale() ? `? last known: ${state}` : state}`);
-  set("strip-words", live.safeStop ? `${live.safeStop}. Go back to live to reset it.` : going ? `${live.run.tree} on ${live.run.cell} (${KIND[live.run.cell_kind] ?? live.run.cell_kind}) · ${live.t.toFixed(1)} s · SAFE STOP acts on it` : "SAFE STOP acts on the live cell");
+  set("strip-words", live.safeStop ? `${live.safeStop}. Go back to live to reset it.` : going ? `${live.run.tree} on ${live.run.cell} (${KIND[live.run.cell_kind] ?? live.run.cell_kind}) · ${live.t.toFixed(1)} s · SAFE STOP acts on it` : "");
 }
