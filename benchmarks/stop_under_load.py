@@ -30,6 +30,9 @@ SETTLING = 0.7
 GOAL = 0.5
 """Longest time from a press to the confirmed safe state, 99th percentile [s]."""
 
+PATIENCE = 300
+"""Longest time for the page to open, or for a run to start: a busy computer needs minutes [s]."""
+
 SHUTTLE = """pomona: 1
 tree: shuttle
 root:
@@ -48,7 +51,7 @@ ARM_EVERY = 5
 START = """async ({ preparing, tree, dry, wait }) => {
   const load = (name) => import(`/static/${name}.js`), pause = (ms) => new Promise((next) => setTimeout(next, ms));
   const [{ page }, { link, press }, { startRun }] = await Promise.all(["page", "link", "runs"].map(load));
-  const until = async (done, limit = 60000) => {
+  const until = async (done, limit = 300000) => {
     const end = performance.now() + limit;
     while (!done()) { if (performance.now() > end) throw new Error(`waited for ${done}`); await pause(10); }
   };
@@ -63,7 +66,7 @@ START = """async ({ preparing, tree, dry, wait }) => {
   while (!begun()) {
     await startRun({ tree, dry, cell: "sim", seed: 0, pace: "real", speed: "100 %", settings: {} });
     await pause(100);
-    const late = performance.now() - asked > 30000;
+    const late = performance.now() - asked > 120000;
     if (!begun() && late) throw new Error(`no start: ${document.getElementById("connection").textContent}`);
   }
   if (!preparing) await until(() => live().run && live().run.run !== before && !live().ended && live().t > 0.3);
@@ -192,6 +195,7 @@ def main() -> int:
         with served(folder) as link:
             browser = playwright.chromium.launch(executable_path=browser_path, args=FLAGS)
             page = browser.new_page(viewport={"width": 1280, "height": 800}, bypass_csp=True)  # for the worker
+            page.set_default_timeout(1e3 * PATIENCE)
             page.goto(link)
             page.get_by_label("your name").fill("bench")
             with closing(Load(options.load)) as load:

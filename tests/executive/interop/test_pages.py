@@ -13,6 +13,8 @@ import pytest
 from recorded_events import REASON, SUCCEEDED, everything, pose, started, write
 
 from pomona.executive.cli import main
+from pomona.executive.execute import RunOrder, execute
+from pomona.executive.interop.pages import write_run
 from pomona.executive.recording.scan import scan
 from pomona.executive.running.events import NodeChanged, Published, RunEnded
 from pomona.executive.views import ImageView, Line2, TableView
@@ -125,3 +127,22 @@ def test_a_run_becomes_a_page_with_its_tables_and_what_was_drawn_over_each_pictu
     assert (tmp_path / "frames" / "table_measured.csv").read_text().splitlines() == [
         "fruit,not measured", "1,", f"2,{EVIL}",
     ]  # fmt: skip
+
+
+def test_a_page_of_one_run_has_its_tree_and_a_lane_for_each_skill(tmp_path: Path) -> None:
+    tree = tmp_path / "demo.yaml"
+    tree.write_text(
+        "pomona: 1\ntree: demo\nroot:\n  sequence:\n    - wait: 50 ms\n      name: Before <it>\n"
+        "    - fail: {code: BLOCKED, message: it is shut}\n      name: The gate\n      retry: 2\n    - wait: 1 s\n",
+        encoding="utf-8",
+    )
+    done = execute(RunOrder(tree, tmp_path / "cell.yaml", record=tmp_path / "runs", dry=True))
+    assert done.record is not None
+    page = tmp_path / "run.html"
+    write_run(done.record, page)
+    text = page.read_text()
+    boxes = re.findall(r'<g class="(\w*)"><title>([^<\n]*?)(?: \(|\n|<)', text)
+    assert boxes == [("bad", "sequence"), ("good", "Before &lt;it&gt;"), ("bad", "The gate"), ("", "wait")]
+    lanes = re.findall(r"<title>([^<]* s to [^<]* s)</title></rect>", text)
+    assert lanes[0] == "Before &lt;it&gt; success, 0.0 s to 0.1 s"
+    assert re.search(r"✗ BLOCKED</text>", text)

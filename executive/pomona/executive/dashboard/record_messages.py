@@ -10,7 +10,7 @@ from __future__ import annotations
 import base64
 import json
 import math
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Container, Iterable, Iterator, Sequence
 from functools import lru_cache
 from itertools import islice
@@ -137,12 +137,10 @@ def thumbnail(folder: Path) -> bytes | None:
 
 @lru_cache(maxsize=512)
 def _thumbnail_of(path: Path, _inode: int, _size: int, _changed: int) -> bytes | None:
-    newest = None
-    for newest in scan(path, _valid(path).verdict, topics=lambda topic: topic.startswith(IMAGES)):
-        pass
-    if newest is None:
+    newest = deque(scan(path, _valid(path).verdict, topics=lambda topic: topic.startswith(IMAGES)), maxlen=1)
+    if not newest:
         return None
-    pixels = from_file(base64.b64decode(parse_object(newest.content)["data"]))
+    pixels = from_file(base64.b64decode(parse_object(newest[0].content)["data"]))
     return to_jpeg(shrunk(pixels, min(1.0, THUMBNAIL / pixels.shape[1])), 75)
 
 

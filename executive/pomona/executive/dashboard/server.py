@@ -27,7 +27,6 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from pomona.executive.dashboard.choices import Choices, JudgeForm, StartRun
 from pomona.executive.dashboard.connections import LiveWire, PatientHttp, hang_up, wire_of
 from pomona.executive.dashboard.control_lock import ControlLock, RefusedError, RunControl
-from pomona.executive.dashboard.drawn_tree import drawing
 from pomona.executive.dashboard.hub import Hub, Viewer
 from pomona.executive.dashboard.presses import Presses, now, object_of, text
 from pomona.executive.dashboard.record_messages import (
@@ -41,6 +40,7 @@ from pomona.executive.dashboard.record_messages import (
 )
 from pomona.executive.dashboard.security import Access, RequestGuard
 from pomona.executive.errors import PomonaError, UsageError
+from pomona.executive.recording.drawn_tree import drawing
 from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.recording.index import RunIndex, records_in
 from pomona.executive.recording.plain_file import is_plain

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from pomona.executive.errors import UsageError
+from pomona.executive.interop.run_drawings import STYLE, drawn_tree, timeline
 from pomona.executive.palette import OVERLAY
 from pomona.executive.recording.digest import Digest, trusted
 from pomona.executive.recording.folder import EVENTS, events_file, is_being_written
@@ -34,13 +35,16 @@ from pomona.executive.views import TableView
 LOOKS = 2  # the newest pictures of a failed run that are shown beside others
 MOST_PICTURE_BYTES = 20_000_000  # of the run's own picture
 
-_STYLE = """body{font:16px/1.5 system-ui,sans-serif;max-width:78rem;margin:2rem auto;padding:0 1rem;color:#222}
+_STYLE = (
+    """body{font:16px/1.5 system-ui,sans-serif;max-width:78rem;margin:2rem auto;padding:0 1rem;color:#222}
 section{border-top:1px solid #ccc;margin-top:2rem}code{background:#eee;padding:0 .3em}p.about,figcaption{color:#666}
 figure{position:relative;display:inline-block;width:48%;margin:0 1% 1rem 0}figure img{width:100%;display:block}
 figure svg{position:absolute;inset:0 0 auto 0;width:100%}img.whole{width:100%}
-svg path{fill:none;vector-effect:non-scaling-stroke;
+figure svg path{fill:none;vector-effect:non-scaling-stroke;
 stroke-width:2px}table{border-collapse:collapse;display:block;overflow-x:auto}td,th{padding:.1em .8em;text-align:right;
-border-bottom:1px solid #ddd;white-space:nowrap}"""
+border-bottom:1px solid #ddd;white-space:nowrap}figure{vertical-align:top}"""
+    + STYLE
+)
 _HEAD = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>{title}</title>
 <meta http-equiv="Content-Security-Policy" content="default-src 'none'; img-src data:; style-src 'unsafe-inline'">
@@ -83,13 +87,18 @@ def write_failures(records: Sequence[Path], file: Path) -> int:
 
 
 def write_run(record: Path, file: Path) -> None:
-    """Write the page of one run: explanation, picture, tables, and every image with its last overlay.
+    """Write the page of one run: explanation, time, tree, picture, tables, every image with its last overlay.
 
     Raises:
         UsageError: the file exists or cannot be written, or the record is damaged.
     """
     refuse_taken(file)
-    body = f"{_whole(record)}{''.join(_tables(record))}"
+    drawings = (
+        ("Time", timeline(read_events(record))),
+        ("Tree", drawn_tree(record, read_events(record))),
+        ("The run in one picture", _whole(record)),
+    )
+    body = "".join(f"<h3>{title}</h3>{drawn}" for title, drawn in drawings if drawn) + "".join(_tables(record))
     title = f"Events of {record.name}"
     section = _section(record, trusted(record), 24, body)  # of one run, the newest
     _write(file, title, f"<h1>{escape(title)}</h1>{section}")
@@ -153,7 +162,21 @@ def _looks(record: Path, most: int) -> list[_Look]:
 def _figure(look: _Look) -> str:
     caption = str(look.view.get("caption", ""))
     image = f'<img alt="{escape(look.topic)}" src="data:image/jpeg;base64,{escape(look.jpeg)}">'
-    return f"<figure>{image}{_drawing(look)}<figcaption>{escape(look.topic)}: {escape(caption)}</figcaption></figure>"
+    words = f"{escape(look.topic)}: {escape(caption)}{_key(look)}"
+    return f"<figure>{image}{_drawing(look)}<figcaption>{words}</figcaption></figure>"
+
+
+def _key(look: _Look) -> str:
+    """Return the labels of the lines over an image, each beside its colour."""
+    try:
+        lines = {str(line["label"]): _colour(line) for line in look.view.get("lines", ()) if line.get("label")}
+    except (TypeError, KeyError, AttributeError):  # a foreign record
+        return ""
+    return "".join(f'<br><span style="color:{colour}">■</span> {escape(label)}' for label, colour in lines.items())
+
+
+def _colour(line: dict[str, Any]) -> str:
+    return OVERLAY.get(str(line.get("style")), OVERLAY["muted"])
 
 
 def _drawing(look: _Look) -> str:
@@ -169,11 +192,8 @@ def _path(line: dict[str, Any]) -> str:
     points = np.asarray(line["points"], float).reshape(-1, 2)
     if not len(points) or not np.isfinite(points).all():
         return ""
-    colour = OVERLAY.get(str(line.get("style")), OVERLAY["muted"])
     way = "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points) + ("Z" if line.get("closed") else "")
-    x, y = points.mean(axis=0)
-    label = f'<text x="{x:.0f}" y="{y:.0f}" fill="{colour}">{escape(str(line.get("label", "")))}</text>'
-    return f'<path d="{way}" stroke="{colour}"/>{label}'
+    return f'<path d="{way}" stroke="{_colour(line)}"/>'
 
 
 def _tables(record: Path) -> list[str]:

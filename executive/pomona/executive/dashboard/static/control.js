@@ -7,6 +7,7 @@ import { drawQuestions } from "./questions.js";
 export const STATUS_WORD = { success: "✓", failure: "✗", stopped: "■", error: "■", running: "▶", paused: "❚❚", pausing: "❚❚", preparing: "◌" };
 const KIND = { simulated: "SIMULATED", emulated: "EMULATED", real: "REAL", frames: "RECORDED FRAMES", mock: "MOCK" };
 const BEHIND = 2; // seconds by which a simulated run must be behind the wall clock for both to be told
+const NARROW = 1500; // px of the window below which devices that answer share one entry
 const OLD = 1; // seconds without a word from a device that look wrong
 
 $("who").value = localStorage.getItem("pomona-who") || "";
@@ -107,7 +108,7 @@ export function drawHeader(s) {
   $("state").title = s.because;
   const still = page.beat && !page.recorded && !old && s.state === "running" && !s.ended ? (performance.now() - page.beat.moved) / 1000 : 0;
   const wall = page.beat && !page.recorded && page.at === null && kind === "simulated" && !s.ended ? page.beat.wall + (performance.now() - page.beat.received) / 1000 : 0;
-  const here = wall > s.t + BEHIND ? ` · ${seconds(wall)} here` : "";
+  const here = wall > s.t + BEHIND ? ` (${seconds(wall)} real)` : "";
   put($("clock"), `${(page.at ?? s.t).toFixed(1)} s${here}${ended && page.at !== null ? ` of ${page.whole.t.toFixed(1)} s` : ""}${still > 3 ? ` · no tick for ${still.toFixed(0)} s` : ""}`);
   $("clock").classList.toggle("stale", still > 3);
   drawLinks(s);
@@ -122,8 +123,13 @@ function drawLinks(s) {
     const age = live && device in page.beat.ages ? page.beat.ages[device] + (since > 1.5 ? since : 0) : null;
     const rank = state !== "ok" ? "bad" : age !== null && age > OLD ? "old" : "ok";
     const words = state !== "ok" ? `: ${state}, for ${seconds(Math.max(0, s.t - t))}` : "";
-    return { device, rank, words, age: age === null ? "" : seconds(age), title: `${device}: link ${state} since ${seconds(t)}${age === null ? "" : `, last message ${seconds(age)} ago`}` };
+    return { device, rank, words, seconds: age, age: age === null ? "" : seconds(age), title: `${device}: link ${state} since ${seconds(t)}${age === null ? "" : `, last message ${seconds(age)} ago`}` };
   });
+  const fine = links.filter((l) => l.rank === "ok");
+  if (innerWidth < NARROW && fine.length > 2) { // those that answer share one entry where room is scarce
+    const oldest = Math.max(...fine.map((l) => l.seconds ?? -1));
+    links.splice(0, links.length, { device: `${fine.length} devices`, rank: "ok", words: "", age: oldest < 0 ? "" : seconds(oldest), title: fine.map((l) => l.title).join("\n") }, ...links.filter((l) => l.rank !== "ok"));
+  }
   const key = JSON.stringify(links);
   if ($("links").dataset.key === key) return;
   $("links").dataset.key = key;

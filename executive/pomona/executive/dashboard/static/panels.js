@@ -52,12 +52,14 @@ export function drawWhy(s) {
   $("why").replaceChildren(...(s.ended ? endedWords(s, latest) : goingWords(s, doing, latest)).filter(Boolean));
 }
 
-const progressOf = ({ progress }) => (progress ? `${progress.what} ${progress.number} of ${progress.of} · ` : "");
+const progressOf = ({ progress }) => (progress ? `${progress.what} ${progress.number} of ${progress.of}` : "");
 
 function goingWords(s, doing, latest) {
   if (!s.run) return [h("p", {}, "No run yet.")];
-  const state = s.state === "running" ? "▶ " : s.state === "paused" ? "❚❚ Paused, at rest" : `❚❚ ${s.state}`;
-  return [h("div", { class: "verdict" }, h("b", {}, state), s.state !== "running" && s.progress ? ` ${progressOf(s)}` : "", s.state === "running" ? h("b", { class: "doing" }, progressOf(s), doing || "between two nodes") : s.because && s.because !== "at rest" ? ` ${wordsOf(s, s.because)}` : ""),
+  const runs = s.state === "running", state = runs ? "▶ " : s.state === "paused" ? "❚❚ Paused, at rest" : `❚❚ ${s.state}`;
+  const because = s.because === "at rest" ? s.pausedBy : s.because;
+  const about = [runs || !because ? "" : wordsOf(s, because), progressOf(s), runs ? doing || "between two nodes" : ""].filter(Boolean).join(" · ");
+  return [h("div", { class: "verdict" }, h("b", {}, state), runs ? h("b", { class: "doing" }, about) : about ? `: ${about}` : ""),
     latest ? h("p", { class: "muted" }, "Failed on the way: ", moment(latest.t), " ", leavesOf(latest.reason).map((leaf) => `${s.byPath.get(leaf.node_path)?.name ?? ""} ${leaf.code}`).at(-1), latest.next ? [", then ", s.byPath.get(latest.next)?.name ?? latest.next] : "") : null];
 }
 

@@ -16,7 +16,7 @@ const MOST_TRACE = 900; // points of an executed path
 
 export function emptyState() {
   return {
-    t: 0, tick: 0, seq: 0, run: null, nodes: [], byPath: new Map(), state: "idle", because: "", pause: 0,
+    t: 0, tick: 0, seq: 0, run: null, nodes: [], byPath: new Map(), state: "idle", because: "", pausedBy: "", pause: 0,
     node: new Map(), attempts: new Map(), ports: new Map(), images: new Map(), scenes: new Map(),
     series: new Map(), tables: new Map(), bodies: new Map(), poses: new Map(), spans: [], marks: [], links: new Map(), failures: [], acts: [], ended: null,
     safeStop: null, halted: false, unrest: "", hand: null, progress: null, speed: 1, gap: 1.5, breaks: { before: new Set(), after: new Set() }, changes: new Map(),
@@ -44,6 +44,7 @@ const HANDLERS = {
   StateChanged(s, m) {
     s.state = m.state;
     s.because = m.because;
+    if (m.state !== "paused") s.pausedBy = m.state === "pausing" ? m.because : ""; // a pause that is reached says "at rest" only
     s.pause = m.pause ?? 0;
     s.marks.push({ t: m.t, kind: "state", text: m.because ? `${m.state}: ${m.because}` : m.state });
   },

@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 from typing import Any
 
-from pomona.executive.dashboard.drawn_tree import drawing
 from pomona.executive.execute import RunOrder, execute
+from pomona.executive.recording.drawn_tree import drawing
 from pomona.executive.running.events import Event, RunStarted
 
 TREE = """pomona: 1

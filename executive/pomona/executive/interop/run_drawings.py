@@ -1,0 +1,135 @@
+"""Drawings for the page of a run: its tree with each node's last result, and a lane for each skill over time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+from pomona.executive.palette import BAD, GOOD, LINE, MUTED
+from pomona.executive.recording.drawn_tree import drawing
+from pomona.executive.running.events import Event, NodeChanged, RunEnded, RunStarted
+
+BOX = "<g><title>"
+"""Begins each node's box in a drawn tree."""
+
+RANKS = {"SUCCESS": "good", "FAILURE": "bad", "RUNNING": "bad"}
+"""Classes of nodes by their last result; a node that never ended was interrupted."""
+
+INSTANT = 1e-3
+"""Shorter skills have no lane of their own [s]."""
+
+STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0)
+"""Distances of ticks on the axis of time [s]."""
+
+WIDE, NAMES, LANE, TOP = 1000.0, 170.0, 20.0, 34.0
+"""Width of the picture, width of its names, height of a lane, height of the axis [px]."""
+
+STYLE = f"""svg.time text{{font:12px system-ui,sans-serif}}div.drawn{{overflow:auto}}
+g.good>rect:last-of-type{{fill:{GOOD};fill-opacity:.16;stroke:{GOOD}}}
+g.bad>rect:last-of-type{{fill:{BAD};fill-opacity:.2;stroke:{BAD};stroke-width:2}}"""
+
+
+@dataclass(slots=True)
+class _Span:
+    """A time for which a skill was active, with its result."""
+
+    path: str
+    start: float
+    end: float = math.inf
+    status: str = "RUNNING"
+    why: str = ""
+
+
+def drawn_tree(record: Path, events: Iterable[Event]) -> str:
+    """Return the tree as SVG, green where a node succeeded last and red where it failed; empty without a tree."""
+    nodes: list[str] = []
+    results: dict[str, str] = {}
+    for event in events:
+        if isinstance(event, RunStarted):
+            paths = [(str(node.get("path", "")), str(node.get("kind", ""))) for node in event.nodes]
+            nodes = [path for path, kind in paths if not path.endswith(f":{kind}")]  # a modifier has no box
+        elif isinstance(event, NodeChanged) and event.status in RANKS:
+            results[event.path] = event.status
+    pieces = (drawing(record) or "").split(BOX)
+    if len(pieces) != len(nodes) + 1:  # of another tree
+        return ""
+    ranks = (RANKS.get(results.get(path, ""), "") for path in nodes)
+    boxes = (f'<g class="{rank}"><title>{piece}' for rank, piece in zip(ranks, pieces[1:], strict=True))
+    return f'<div class="drawn" tabindex="0">{pieces[0]}{"".join(boxes)}</div>'
+
+
+def timeline(events: Iterable[Event]) -> str:
+    """Return a lane for each skill over the time of the run as SVG; empty when no skill took time."""
+    names: dict[str, str] = {}
+    spans: list[_Span] = []
+    length = 0.0
+    for event in events:
+        length = max(length, event.t)
+        if isinstance(event, RunStarted):
+            parents = {node.get("parent") for node in event.nodes}
+            leaves = (node for node in event.nodes if node.get("path") not in parents)
+            names = {str(node.get("path", "")): str(node.get("name", "")) for node in leaves}
+        elif isinstance(event, NodeChanged) and event.path in names:
+            _extend(spans, event)
+        elif isinstance(event, RunEnded):
+            break
+    for span in spans:
+        span.end = min(span.end, length)
+    took = {path: sum(span.end - span.start for span in spans if span.path == path) for path in names}
+    lanes = list(dict.fromkeys(span.path for span in spans if took[span.path] >= INSTANT or span.status != "SUCCESS"))
+    if not lanes or length <= 0.0:
+        return ""
+    return _lanes([span for span in spans if span.path in lanes], lanes, names, length)
+
+
+def _extend(spans: list[_Span], event: NodeChanged) -> None:
+    """Begin or end the span of a skill."""
+    last = next((span for span in reversed(spans) if span.path == event.path), None)
+    is_open = last is not None and math.isinf(last.end)
+    if event.status == "RUNNING":
+        if not is_open:
+            spans.append(_Span(event.path, event.t))
+        return
+    if not is_open and event.status != "INVALID":
+        last = _Span(event.path, event.t)
+        spans.append(last)
+    elif not is_open:
+        return
+    assert last is not None
+    last.end = event.t
+    if event.status != "INVALID":
+        last.status = event.status
+        last.why = event.reason.code if event.reason is not None else ""
+
+
+def _lanes(spans: Sequence[_Span], lanes: Sequence[str], names: dict[str, str], length: float) -> str:
+    height = TOP + LANE * len(lanes) + 4.0
+    scale = (WIDE - NAMES - 20.0) / length
+    step = next((step for step in STEPS if step >= length / 10.0), math.ceil(length / 10.0))
+    parts = []
+    for tick in range(int(length / step) + 1):
+        x = NAMES + tick * step * scale
+        parts.append(f'<line x1="{x:.1f}" x2="{x:.1f}" y1="16" y2="{height:.0f}" stroke="{LINE}"/>')
+        parts.append(f'<text x="{x:.1f}" y="12" text-anchor="middle" fill="{MUTED}">{tick * step:g} s</text>')
+    for row, path in enumerate(lanes):
+        y = TOP + row * LANE
+        parts.append(f'<text x="0" y="{y + 14:.0f}">{escape(names[path][:26])}</text>')
+        for span in (span for span in spans if span.path == path):
+            x, wide = NAMES + span.start * scale, max(2.5, (span.end - span.start) * scale)
+            result = span.status.lower() if span.status != "RUNNING" else "interrupted"
+            about = f"{f'{names[path]} {result} {span.why}'.rstrip()}, {span.start:.1f} s to {span.end:.1f} s"
+            colour = GOOD if span.status == "SUCCESS" else BAD
+            parts.append(
+                f'<rect x="{x:.1f}" y="{y + 3:.0f}" width="{wide:.1f}" height="{LANE - 6:.0f}" fill="{colour}">'
+            )
+            parts.append(f"<title>{escape(about)}</title></rect>")
+            if span.status != "SUCCESS":  # not by colour alone
+                mark, end = ("✗" if span.status == "FAILURE" else "■"), x + wide
+                left = end > WIDE - 150.0
+                at = f'x="{x - 5 if left else end + 5:.1f}" text-anchor="{"end" if left else "start"}"'
+                parts.append(f'<text {at} y="{y + 14:.0f}" fill="{BAD}">{mark} {escape(span.why or result)}</text>')
+    frame = f'viewBox="0 0 {WIDE:.0f} {height:.0f}" role="img" aria-label="skills over time"'
+    return f'<svg class="time" {frame}>{"".join(parts)}</svg>'
