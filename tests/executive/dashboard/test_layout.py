@@ -168,6 +168,6 @@ def test_two_runs_are_seen_over_each_other_at_the_same_moment(show: Show, open_p
     expect(page.locator("#run")).to_have_text("old · seed 0")  # the first one still is what is looked at
     expect(page.locator("#scene-legend")).to_contain_text("path of the run over it")
     expect(page.locator(".plot .keys").first).to_have_text(re.compile(r"grasp force .* · "))
-    page.get_by_role("button", name="Leave it out").click()
+    page.get_by_role("button", name="Hide it").click()
     expect(page.locator("#over")).to_be_hidden()
     expect(page.locator(".plot .keys").first).not_to_contain_text("·")

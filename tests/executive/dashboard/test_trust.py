@@ -46,7 +46,7 @@ def test_a_page_that_hears_nothing_says_so_within_two_seconds_and_a_stop_is_trie
     expect(page.locator("#press-what")).to_have_text("SAFE STOP NOT CONFIRMED")
     expect(page.locator("#press-words")).to_contain_text("press the EMERGENCY STOP")
     expect(page.locator("#press-words")).to_contain_text(
-        re.compile(r"tried ([2-9]|\d\d).*Came back: the server cannot")
+        re.compile(r"after ([2-9]|\d\d) tries.*Error: the server cannot")
     )
     expect(page.locator("#safe-stop")).not_to_have_attribute("aria-disabled", "true")
     assert show.cell.latched is None
@@ -64,7 +64,7 @@ def test_a_stop_is_confirmed_at_once_by_the_run(show: Show, open_page: Open) -> 
     page.locator("#safe-stop").click()
     expect(page.locator("#latched-reason")).to_have_text("safe stop by operator")
     expect(page.locator("#latched-rest")).to_contain_text(
-        re.compile(r"Confirmed after \d+ ms\. The cell reports that it stands")
+        re.compile(r"Confirmed after \d+ ms\. The cell reports standstill")
     )
     expect(page.locator("#banner > :visible")).to_have_count(1)
 
@@ -165,11 +165,11 @@ def test_the_banner_claims_no_rest_that_nobody_has_reported(show: Show, open_pag
     expect(page.locator("#state")).to_have_text("▶ running")
     hear = show.dashboard.hub.on_event
     hear(SafeStopped(0.1, 1, "arm lost"))
-    expect(page.locator("#latched-rest")).to_have_text("Asked to stop; not yet reported to stand.")
+    expect(page.locator("#latched-rest")).to_have_text("Stop requested; standstill not yet reported.")
     hear(ErrorRaised(0.1, 1, "", "letting go", "PomonaError", "the cell has not come to rest", "", ""))
-    expect(page.locator("#latched-rest")).to_contain_text("Not confirmed to stand: the cell has not come to rest")
+    expect(page.locator("#latched-rest")).to_contain_text("Standstill not confirmed: the cell has not come to rest")
     hear(LinkChanged(0.2, 2, "arm", "lost"))
-    expect(page.locator("#latched-rest")).to_contain_text("No feedback from arm: whether it stands is not known.")
+    expect(page.locator("#latched-rest")).to_contain_text("No feedback from arm: its motion is unknown.")
 
 
 def test_skills_that_compute_show_their_time_and_what_is_old_is_not_called_stale(show: Show, open_page: Open) -> None:

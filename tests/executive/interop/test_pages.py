@@ -142,7 +142,7 @@ def test_a_page_of_one_run_has_its_tree_and_a_lane_for_each_skill(tmp_path: Path
     write_run(done.record, page)
     text = page.read_text()
     boxes = re.findall(r'<g class="(\w*)"><title>([^<\n]*?)(?: \(|\n|<)', text)
-    assert boxes == [("bad", "sequence"), ("good", "Before &lt;it&gt;"), ("bad", "The gate"), ("", "wait")]
+    assert boxes == [("bad", "sequence"), ("good", "Before &lt;it&gt;"), ("bad", "The gate"), ("idle", "wait")]
     lanes = re.findall(r"<title>([^<]* s to [^<]* s)</title></rect>", text)
     assert lanes[0] == "Before &lt;it&gt; success, 0.0 s to 0.1 s"
     assert re.search(r"✗ BLOCKED</text>", text)

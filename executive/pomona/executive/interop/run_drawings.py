@@ -28,6 +28,7 @@ WIDE, NAMES, LANE, TOP = 1000.0, 170.0, 20.0, 34.0
 """Width of the picture, width of its names, height of a lane, height of the axis [px]."""
 
 STYLE = f"""svg.time text{{font:12px system-ui,sans-serif}}div.drawn{{overflow:auto}}
+g.idle>rect:last-of-type{{fill:none;stroke:{LINE}}}g.idle>text{{fill:{MUTED}}}
 g.good>rect:last-of-type{{fill:{GOOD};fill-opacity:.16;stroke:{GOOD}}}
 g.bad>rect:last-of-type{{fill:{BAD};fill-opacity:.2;stroke:{BAD};stroke-width:2}}"""
 
@@ -56,9 +57,12 @@ def drawn_tree(record: Path, events: Iterable[Event]) -> str:
     pieces = (drawing(record) or "").split(BOX)
     if len(pieces) != len(nodes) + 1:  # of another tree
         return ""
-    ranks = (RANKS.get(results.get(path, ""), "") for path in nodes)
+    ranks = (RANKS.get(results.get(path, ""), "idle") for path in nodes)
     boxes = (f'<g class="{rank}"><title>{piece}' for rank, piece in zip(ranks, pieces[1:], strict=True))
-    return f'<div class="drawn" tabindex="0">{pieces[0]}{"".join(boxes)}</div>'
+    key = (
+        '<p class="about">Last result of each node: green succeeded, red failed or interrupted, grey never started.</p>'
+    )
+    return f'{key}<div class="drawn" tabindex="0">{pieces[0]}{"".join(boxes)}</div>'
 
 
 def timeline(events: Iterable[Event]) -> str:

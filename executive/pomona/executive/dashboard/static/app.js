@@ -45,14 +45,14 @@ function momentOf(feed, at, cursor = "shown", wanted = () => true) {
   return here.state;
 }
 
-// The samples up to a moment that is still to come, for the curves.
+// The samples up to a later moment, for the curves.
 const isSample = (m) => m.value?.type === "SeriesView" || m.event === "RunStarted" || m.event === "Overview";
 const samplesOf = (feed) => (t) => momentOf(feed, t, "ahead", isSample).series;
 
-// The moment at which an ended run is opened: of one that failed, the failure. What moved afterwards explains nothing.
+// The moment at which an ended run is opened: its end, or the failure; later motions do not explain a failure.
 const tellingMoment = (s) => (s.ended?.outcome === "failure" && s.failures.length ? s.failures.at(-1).t : s.t);
 
-// While a record is played the cursors move with every frame, and what is written and drawn follows a little less often.
+// While a record is played the cursors move with every frame; texts and drawings follow less often.
 let written = 0, resting = 0;
 function render() {
   requestAnimationFrame(render);
@@ -65,7 +65,7 @@ function render() {
   drawInParts(now);
 }
 
-// Whatever takes long is drawn in parts, and what has waited meanwhile comes between two of them.
+// Draw in parts; pending messages and presses are handled between two of them.
 async function drawInParts(began) {
   page.drawing = true;
   let spent = 0, since = began;
@@ -90,10 +90,10 @@ function parts() {
   if (page.at !== null) wantDetail(page.at);
   const s = momentState(), live = page.live.whole, { whole } = page;
   const { over } = page, other = over && momentOf(over, page.at ?? page.whole.t);
-  const follows = page.at !== null; // what was measured after the shown moment is known, too
+  const follows = page.at !== null; // later samples are known, too
   return [
     () => { drawHeader(s); drawTrust(live); drawControl(live); drawFaults(live); drawStart(); drawPlayback(); },
-    () => drawWhy(whole), // before the rest, which takes the room that it leaves
+    () => drawWhy(whole), // first, since the other panels take the remaining space
     () => { tree.update(s); tree.explain(whole); drawing.update(s, tree.paths, page.selected, tree.scale); },
     () => camera.update(s, page.at === null && !page.recorded && !s.ended ? page.pictures : null),
     () => { drawOver(over, other); scene.update(s, page.selected, other); },
@@ -112,7 +112,7 @@ function drawPlayback() {
   document.body.classList.toggle("past", page.at !== null && !page.recorded);
 }
 
-// The second run: what it did at this moment, in words; curves and path say the rest.
+// The second run at this moment in words; curves and path show the rest.
 function drawOver(over, s) {
   $("over").hidden = !over;
   if (!over) return;
@@ -151,7 +151,7 @@ function receive(message, size) {
   if (message.v !== 1) { say("the server speaks another version: reload the page", "bad"); return; }
   const { live } = page;
   if (message.event === "Hello") {
-    if (page.stream && page.stream !== message.stream) forget(); // another process: its numbers mean other messages
+    if (page.stream && page.stream !== message.stream) forget(); // another process numbers its messages anew
     Object.assign(page, { stream: message.stream, silent: null });
     if (!page.recorded) say("connected");
   } else if (message.event === "Control") { page.control = message; page.heardControl = performance.now(); }
@@ -206,7 +206,7 @@ function openAddress() {
   return run;
 }
 
-// -------------------------------------------------------------------------------------------------- the rest
+// -------------------------------------------------------------------------------------------------- tabs, keys
 
 function showTab(name) {
   for (const tab of document.querySelectorAll("[role=tab]")) tab.setAttribute("aria-selected", tab.dataset.tab === name);
@@ -261,5 +261,5 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { pl
 openAddress();
 connect(receive);
 setInterval(() => { page.dirty = true; }, 500);
-setInterval(() => drawTrust(page.live.whole), 100); // also while nothing comes, and no frame is drawn
+setInterval(() => drawTrust(page.live.whole), 100); // also without messages and frames
 render();

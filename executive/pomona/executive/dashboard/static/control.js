@@ -1,4 +1,4 @@
-// The control bar, the banner of the safe state, and the header: what is acknowledged, never what was clicked.
+// The control bar, the banner of the safe state, and the header: acknowledged states, never mere clicks.
 import { $, h, put, seconds } from "./dom.js";
 import { holdsControl, page, say } from "./page.js";
 import { isStale, link, press } from "./link.js";
@@ -6,9 +6,9 @@ import { drawQuestions } from "./questions.js";
 
 export const STATUS_WORD = { success: "✓", failure: "✗", stopped: "■", error: "■", running: "▶", paused: "❚❚", pausing: "❚❚", preparing: "◌" };
 const KIND = { simulated: "SIMULATED", emulated: "EMULATED", real: "REAL", frames: "RECORDED FRAMES", mock: "MOCK" };
-const BEHIND = 2; // seconds by which a simulated run must be behind the wall clock for both to be told
+const BEHIND = 2; // seconds by which a simulated run must lag the wall clock for both to be shown
 const NARROW = 1500; // px of the window below which devices that answer share one entry
-const OLD = 1; // seconds without a word from a device that look wrong
+const OLD = 1; // seconds without a message from a device after which it is marked
 
 $("who").value = localStorage.getItem("pomona-who") || "";
 $("who").addEventListener("change", (event) => localStorage.setItem("pomona-who", event.target.value));
@@ -19,14 +19,14 @@ function act(action) {
   if (action === "take") take(); else press(action, "", shownPause);
 }
 
-// Who acts is recorded: control is taken under a name.
+// Control is taken under a name, since the operator of each action is recorded.
 export function take() {
   if ($("who").value.trim()) { press("take"); return; }
   $("who").focus();
   say("Type your name first: it is recorded with your actions.", "bad");
 }
 
-// The speed shown is the one that the run has confirmed; while a hand is on it, what that hand wants.
+// The confirmed speed; while the slider is dragged, its own value.
 let wanted = null;
 $("arm-speed").addEventListener("input", (event) => { wanted = Number(event.target.value); page.dirty = true; });
 $("arm-speed").addEventListener("change", (event) => { wanted = null; press("speed", `${event.target.value} %`); });
@@ -35,7 +35,7 @@ function drawSpeed(s, may) {
   const now = Math.round(100 * s.speed);
   const asked = link.press?.action === "speed" && ["sent", "accepted"].includes(link.press.state) ? parseInt(link.press.detail, 10) : wanted;
   $("arm-speed").disabled = !may;
-  $("arm-speed").parentElement.hidden = !may && now === 100; // nobody here changes it, and it says nothing
+  $("arm-speed").parentElement.hidden = !may && now === 100; // this page cannot change it, and it is the default
   if (wanted === null) $("arm-speed").value = asked ?? now;
   put($("arm-speed-words"), asked === null || asked === now ? `${now} %` : `${now} % → ${asked} %`);
   $("arm-speed-words").dataset.slow = now < 100;
@@ -56,7 +56,7 @@ export function drawControl(s) {
   drawSpeed(s, mine && (running || paused));
   $("control").hidden = !live;
   const { held_by: holder, viewers, holder_here: here } = page.control;
-  put($("holder"), mine ? "You hold control." : holder ? `${holder} holds control${here === false ? ", but that page does not answer" : ""}.` : "No operator holds control.");
+  put($("holder"), mine ? "You hold control." : holder ? `${holder} holds control${here === false ? ", but that page is not connected" : ""}.` : "No operator holds control.");
   $("holder").dataset.mine = mine;
   put($("viewers"), viewers > 1 ? `${viewers} watch.` : "");
   const last = s.acts.findLast((a) => a.action !== "note");
@@ -70,16 +70,16 @@ export function drawControl(s) {
   put($("latched-rest"), s.safeStop ? took + restWords(s) : "");
 }
 
-// What is known of the devices after a safe stop: never more than they have said.
+// State of the devices after a safe stop, as far as they have reported it.
 function restWords(s) {
   const silent = [...s.links].filter(([, link]) => link.state !== "ok").map(([device]) => device);
-  if (silent.length) return `No feedback from ${silent.join(", ")}: whether it stands is not known. Look; if anything moves, press the emergency stop.`;
-  if (s.unrest) return `Not confirmed to stand: ${s.unrest}. Look; if anything moves, press the emergency stop.`;
+  if (silent.length) return `No feedback from ${silent.join(", ")}: its motion is unknown. Look at the cell: if anything moves, press the emergency stop.`;
+  if (s.unrest) return `Standstill not confirmed: ${s.unrest}. Look at the cell: if anything moves, press the emergency stop.`;
   const hand = s.hand ? ` In the hand: ${s.hand}.` : "";
-  return s.ended ? `The cell reports that it stands.${hand} Nothing resumes by itself.` : "Asked to stop; not yet reported to stand.";
+  return s.ended ? `The cell reports standstill.${hand} Nothing resumes by itself.` : "Stop requested; standstill not yet reported.";
 }
 
-// A pause at a breakpoint names the node's path; people know its name.
+// A pause at a breakpoint has the node's path; the page shows its name.
 export function wordsOf(s, because) {
   const [, side, path] = because.match(/^breakpoint (before|after) (.+)$/) ?? [];
   return side ? `breakpoint ${side} ${s.byPath.get(path)?.name ?? path}` : because;
@@ -115,7 +115,7 @@ export function drawHeader(s) {
   document.title = s.run ? `${STATUS_WORD[state] ?? ""} ${s.run.tree} – Pomona` : "Pomona";
 }
 
-// Each device: what its link says, and how long ago the device was heard; in a record, since when it says so.
+// Each device: state of its link and age of its last message; in a record, time of the state.
 function drawLinks(s) {
   const live = !page.recorded && page.at === null && page.beat && !s.ended;
   const since = live ? (performance.now() - page.beat.received) / 1000 : 0;

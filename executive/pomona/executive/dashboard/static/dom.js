@@ -17,7 +17,7 @@ export function h(tag, attributes = {}, ...children) {
 
 export const $ = (id) => document.getElementById(id);
 
-// A text that is there already stays: to write it again would make the browser lay the page out.
+// Write a text only if it differs: writing it again would make the browser lay the page out.
 export const put = (element, text) => { if (element.textContent !== text) element.textContent = text; };
 
 export function seconds(value) {
@@ -30,14 +30,14 @@ export function seconds(value) {
 export const percent = (text) => text.replace(/(\d)%/g, "$1 %");
 
 const figure = (value, digits = 3) => String(Number(value.toPrecision(digits)));
-const UNIT = { // how a figure is told whose name ends in its unit
+const UNIT = { // formats by the unit at the end of a name
   m: (v) => (Math.abs(v) < 1 ? `${figure(1e3 * v)} mm` : `${figure(v)} m`), mm: (v) => `${figure(v)} mm`, px: (v) => `${figure(v)} px`,
   s: (v) => (v < 0 ? `${figure(v)} s` : seconds(v)), n: (v) => `${figure(v)} N`, nm: (v) => `${figure(v)} N m`, hz: (v) => `${figure(v)} Hz`,
   kg: (v) => (Math.abs(v) < 1 ? `${figure(1e3 * v)} g` : `${figure(v)} kg`), rad: (v) => `${figure((v * 180) / Math.PI)}°`, deg: (v) => `${figure(v)}°`,
   m_s: (v) => `${figure(1e3 * v)} mm/s`, rad_s: (v) => `${figure((v * 180) / Math.PI)}°/s`, m_s2: (v) => `${figure(v)} m/s²`,
 };
 
-// A named value for people: ["width", "79.7 mm"] of width_m and 0.07974.
+// Name and formatted value: ["width", "79.7 mm"] of width_m and 0.07974.
 export function quantity(name, value, depth = 0) {
   const [, bare, unit] = name.match(/^(.+?)_(m_s2|m_s|rad_s|mm|nm|px|hz|kg|rad|deg|m|s|n)$/) ?? [];
   const told = (v) => (typeof v === "number" ? UNIT[unit](v) : v === null ? "–" : null);

@@ -1,4 +1,4 @@
-// What can be made to fail on purpose in a simulated or emulated cell: to see what the run does then. Real cells have nothing here.
+// Faults that can be injected into a simulated or emulated cell. Real cells offer none.
 import { h } from "./dom.js";
 import { holdsControl, page } from "./page.js";
 import { press } from "./link.js";

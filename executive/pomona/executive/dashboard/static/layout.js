@@ -1,4 +1,4 @@
-// How the panels share the room: handles between them, and one picture at a time in large. Kept by this browser.
+// Sizes of the panels: handles between them, and one enlarged picture at a time. Stored in this browser.
 import { $, h } from "./dom.js";
 import { page } from "./page.js";
 
@@ -24,7 +24,7 @@ function apply() {
   }
 }
 
-// A handle on a panel's edge: `size` says how large the panel would be with the pointer there.
+// A handle on a panel's edge; `size` returns the panel's size for a position of the pointer.
 function handle(panel, name, label, vertical, size) {
   const element = h("div", { class: `handle ${name}`, role: "separator", tabindex: "0", "aria-orientation": vertical ? "vertical" : "horizontal", "aria-label": label, title: `${label}: drag, arrow keys; double click as at first` });
   const now = () => (vertical ? panel.getBoundingClientRect().width : $("timeline").parentElement.clientHeight);

@@ -1,22 +1,22 @@
-// The live link: what comes over it, how old that is, whether the page may act, and presses until they are answered.
+// The live link: messages, their age, permission to act, and presses until they are answered.
 import { me, page, post, randomId, say, withToken } from "./page.js";
 
-const PING = 300; // ms between two questions whether the server is heard
-const STALE = 1300; // ms without an answer after which what is shown is no longer the present
-const DEAD = 4000; // ms after which the connection is given up, and another one is tried
+const PING = 300; // ms between two pings
+const STALE = 1300; // ms without an answer after which the shown state counts as old
+const DEAD = 4000; // ms without an answer after which the page connects anew
 const OPENING = 2000; // ms that a connection may take to open
-const CONFIRM = 500; // ms after which a press that is not confirmed is shown as that
+const CONFIRM = 500; // ms after which a press is shown as not confirmed
 export const TWICE = 1500; // ms within which Esc must be pressed again, or held, to stop
 const RETRY = 400; // ms between two tries
-const PATIENCE = { safe_stop: 10000 }; // ms for which a press is tried; the server refuses what comes later
+const PATIENCE = { safe_stop: 10000 }; // ms for which a press is tried; the server refuses a later one
 const FACED = new Set(["pause", "resume", "step", "stop", "acknowledge", "break", "unbreak", "break_after", "unbreak_after", "answer", "change", "speed"]); // the run itself confirms them
 
-// `known`: up to then (performance.now) the page has heard everything; `clock`: what to add for the server's time [s].
+// `known`: time (performance.now) up to which all messages have arrived; `clock`: offset of the server's time [s].
 export const link = { socket: null, known: -Infinity, knownAt: null, armed: null, clock: null, press: null, opened: 0, escaped: -Infinity };
 
 // Time that has passed, also while the machine slept: its wall clock went on then.
 const elapsed = () => Math.max(performance.now() - link.known, link.knownAt === null ? Infinity : Date.now() - link.knownAt);
-// `page.silent`: since when the run's own process is silent. While it prepares a run it may be: nothing moves then.
+// `page.silent`: time of the last message of the run's process. It may be silent while it prepares a run: nothing moves then.
 export const runIsSilent = () => page.silent !== null && Boolean(page.live.whole.run) && !page.live.whole.ended && !page.control.start;
 export const age = () => (runIsSilent() ? performance.now() - page.silent : elapsed()) / 1000;
 export const isStale = () => elapsed() > STALE || runIsSilent();
@@ -50,7 +50,7 @@ function lost(code) {
   retry = Math.min(1500, retry * 2);
 }
 
-function leave(socket) { // whoever does not answer does not answer a farewell, either
+function leave(socket) { // a silent server does not answer the closing handshake, either
   socket.close();
   if (socket === link.socket) lost(0);
 }
@@ -71,7 +71,7 @@ function take(message, size) {
   }
 }
 
-// What the server answers was asked now, so an answer says that everything up to now has come.
+// An answer to a ping means that all messages sent before the ping have arrived.
 function ping() {
   if (link.socket?.readyState !== WebSocket.OPEN) return;
   if (pings.size && elapsed() > DEAD && performance.now() - link.opened > DEAD) { leave(link.socket); return; }
@@ -88,7 +88,7 @@ document.addEventListener("visibilitychange", ping);
 // `number`: of the question or pause that was on the screen, which the press answers or ends.
 export function press(action, detail = "", number = 0) {
   const made = { id: randomId(), action, detail, number, at: performance.now(), tries: 0, state: "sent", words: "", took: 0, ended: 0 };
-  if (link.press?.state === "sent" && link.press.action === "safe_stop" && action !== "safe_stop") return link.press; // first things first
+  if (link.press?.state === "sent" && link.press.action === "safe_stop" && action !== "safe_stop") return link.press; // a pending stop has priority
   link.press = made;
   page.dirty = true;
   if (link.armed === false || !page.token) { settle(made, "refused", "this page may watch but not act: open the link that was printed"); return made; }
@@ -109,7 +109,7 @@ function send(made) {
 }
 
 function answered(id, answer) {
-  // What the server has done is so, however late its answer comes: a page that holds control must not think otherwise.
+  // A late answer counts, too: the page must know that it holds control.
   if (answer.yours) { page.grant = answer.grant; sessionStorage.setItem("pomona-grant", page.grant); page.dirty = true; }
   const made = link.press;
   if (made?.id === id && made.state === "confirmed" && answer.confirmed) { made.words = answer.confirmed; page.dirty = true; } // the run was quicker

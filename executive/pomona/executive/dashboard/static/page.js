@@ -1,4 +1,4 @@
-// What the page knows of itself: the messages, the moment that is shown, the token.
+// State of the page: messages, shown moment, tokens.
 import { $ } from "./dom.js";
 import { emptyState } from "./store.js";
 
@@ -12,7 +12,7 @@ export const page = {
   live: newFeed(), record: null, over: null, at: null, playing: false,
   recorded: null, stream: "", token: "", reading: "", viewer: "", grant: Number(sessionStorage.getItem("pomona-grant") ?? -1),
   control: { held_by: "", grant: 0, viewers: 0, starts: false, start: null }, heardControl: 0, beat: null, silent: null, pictures: new Map(), selected: null, dirty: true, drawing: false, opened: false,
-  get feed() { return this.record ?? this.live; }, // what is looked at: a record, or what happens now
+  get feed() { return this.record ?? this.live; }, // the record, or the live run
 };
 for (const name of Object.keys(newFeed())) Object.defineProperty(page, name, { get() { return this.feed[name]; }, set(value) { this.feed[name] = value; } });
 
@@ -45,7 +45,7 @@ const here = (path) => new URL(path.replace(/^\//, ""), location.href.split("#")
 
 export function read(path) { return fetch(here(path), { headers: page.token ? { "x-pomona-token": page.token } : {} }); }
 
-// For what the browser opens by itself, a download, the stream: such addresses are kept and shared, so what acts is not in them.
+// Address of a download, an image or the stream. It may be stored or shared, so it has only the token to read.
 export function withToken(address) {
   const url = here(address);
   if (page.reading) url.searchParams.set("token", page.reading);
@@ -54,7 +54,7 @@ export function withToken(address) {
 
 export const me = () => ({ viewer: page.viewer, who: $("who").value.trim() || "operator" });
 
-// An answer, or the reason why there is none: { error, status }. It does not wait for ever.
+// Returns the answer, or { error, status } after the deadline [ms].
 export async function post(path, body, deadline = 5000) {
   try {
     const answer = await fetch(here(path), { method: "POST", signal: AbortSignal.timeout(deadline), headers: { "content-type": "application/json", "x-pomona-token": page.token }, body: JSON.stringify({ ...body, ...me() }) });

@@ -1,4 +1,4 @@
-// Words about the run: why something failed, what a node does, what was written, what happened.
+// Texts about the run: reason of a failure, details of a node, values, events.
 import { $, h, percent, quantity, seconds, show } from "./dom.js";
 import { wordsOf } from "./control.js";
 import { press } from "./link.js";
@@ -14,7 +14,7 @@ const ago = (s, t) => `${seconds(Math.max(0, s.t - t))} ago`;
 
 const figures = (facts) => (facts.length ? h("dl", { class: "data" }, facts.map(([name, value]) => quantity(name, value)).map(([name, text]) => h("div", {}, h("dt", {}, name), h("dd", {}, text)))) : null);
 
-// Parents that say no more than their only cause are crumbs on the way to it.
+// A parent that adds nothing to its only cause becomes a crumb before it.
 function reasonTree(reason, s, crumbs = []) {
   const name = s.byPath.get(reason.node_path)?.name ?? reason.node_path;
   const causes = reason.causes ?? [];
@@ -27,10 +27,10 @@ function reasonTree(reason, s, crumbs = []) {
     causes.length > 1 ? h("details", {}, h("summary", {}, causes.length === 2 ? "The cause before it" : `The ${causes.length - 1} causes before it`), h("ol", {}, causes.slice(0, -1).map((cause) => reasonTree(cause, s)))) : null);
 }
 
-const MOST_FACTS = 8; // that stand beside the reason; the others are among the causes
-const ENDED = { success: ["good", "✓ Succeeded"], failure: ["bad", "✗ Failed"], stopped: ["bad", "■ Stopped"], error: ["bad", "■ Broke off"] };
+const MOST_FACTS = 8; // figures beside the reason; the others are among the causes
+const ENDED = { success: ["good", "✓ Succeeded"], failure: ["bad", "✗ Failed"], stopped: ["bad", "■ Stopped"], error: ["bad", "■ Ended by an error"] };
 
-// One sentence: what failed at last, and why. What led to it unfolds.
+// One sentence with the last failure and its reason; earlier causes unfold.
 function verdict(leaf, s) {
   const words = leaf.message.replace(/[.\s]*$/, "");
   return [h("strong", {}, s.byPath.get(leaf.node_path)?.name ?? (leaf.node_path || "The run")), " ", h("code", {}, leaf.code), ` ${words}.`,
@@ -81,7 +81,7 @@ function endedWords(s, latest) {
   ];
 }
 
-// What stands at a port now, and below it how it is wired.
+// A port's current value, and below it its wiring.
 function wiring(s, port, wired) {
   const text = String(wired), plain = resolved(text, s);
   const name = text.match(/^\{\s*([A-Za-z_]\w*)/)?.[1];
@@ -92,9 +92,9 @@ function wiring(s, port, wired) {
 }
 
 const brief = (value) => (typeof value === "object" && value?.type ? value.type : plain(show(value)).replaceAll("\n", ", ").slice(0, 100));
-const plain = (text) => text.replace(/^<.*\.(\w+) object.*$/s, "$1"); // what Python says of a thing that says nothing of itself
+const plain = (text) => text.replace(/^<.*\.(\w+) object.*$/s, "$1"); // default text of a Python object
 
-// Inputs that somebody has changed while the run goes on, and a field to change one before the next start.
+// Inputs that an operator has changed during the run, and a field to change one before the next start.
 function changed(s, about) {
   const said = [...(s.changes.get(about.path) ?? [])].map(([port, { text, who, t }]) => h("p", { class: "changed" }, h("b", {}, `${port} = ${text}`), " from its next start on, by ", who, " at ", moment(t)));
   if (page.recorded || about.kind !== "skill" || s.ended) return said;
@@ -111,7 +111,7 @@ export function drawNode(s, onBreak) {
   const node = path && s.node.get(path);
   const [before, after] = [s.breaks.before.has(path), s.breaks.after.has(path)];
   const key = `${path}|${node?.tick}|${node?.status}|${node?.feedback}|${s.run?.run}|${s.ports.size}|${before}|${after}|${s.t.toFixed(0)}|${page.recorded}|${s.acts.length}|${holdsControl()}`;
-  if (key === nodeKey || $("node").contains(document.activeElement) && document.activeElement.matches("input")) return; // not under somebody's hands
+  if (key === nodeKey || $("node").contains(document.activeElement) && document.activeElement.matches("input")) return; // not while the operator types in it
   nodeKey = key;
   const about = path && s.byPath.get(path);
   if (!about) { $("node").replaceChildren(h("p", { class: "empty" }, "Choose a node in the tree.")); return; }

@@ -1,4 +1,4 @@
-// Camera images with what was found drawn over them, time series, and tables.
+// Camera images with overlays, time series, and tables.
 import uPlot from "./vendor/uplot.js";
 import { $, h, put, seconds } from "./dom.js";
 import { page, withToken } from "./page.js";
@@ -15,7 +15,7 @@ const svgElement = (tag, attributes) => {
 export class CameraView {
   constructor() { this.key = null; this.at = null; }
 
-  // `pictures`: what cameras show now, where the cell delivers it; the last look is then a small picture in a corner.
+  // `pictures`: live images of the cameras, where the cell delivers them; the last look is then an inset.
   update(state, pictures = null) {
     const views = [...state.images.entries()], live = [...pictures?.values() ?? []].at(-1) ?? null;
     const key = `${state.run?.run}|${views.map(([topic, v]) => `${topic}@${v.t}`).join("|")}|${Boolean(live)}`;
@@ -60,20 +60,20 @@ function runs(points) {
   return out.filter((r) => r.length > 1);
 }
 
-// How long ago something was seen, beside its title. A look, a plan, a grip come when they come: old is not wrong. Whether
-// a device or the page itself is heard is told elsewhere.
+// Age of the newest item, beside its title. Looks and plans are rare, so an old one is no fault; the header shows silent
+// devices, the banner a silent link.
 export function showAge(element, t, state) {
   put(element, t === null ? "" : state.t - t < 0.5 ? "now" : `${seconds(state.t - t)} ago`);
 }
 
-const FINER = { m: ["mm", 1e3], "m/s": ["mm/s", 1e3], "m/s²": ["mm/s²", 1e3] }; // what a hand does is small
+const FINER = { m: ["mm", 1e3], "m/s": ["mm/s", 1e3], "m/s²": ["mm/s²", 1e3] }; // motions of a hand are small
 const figure = (v) => (v === null || v === undefined ? "–" : Math.abs(v) < 5e-4 ? "0" : String(Number(v.toPrecision(3))));
 const unitOf = (name) => name.match(/\[(.+)\]/)?.[1] ?? "";
 const HEIGHT = innerHeight <= 800 ? 96 : 132;
 const DASHES = [undefined, [8, 3], [3, 3], [10, 3, 2, 3]];
 
 // One chart for each unit of each topic: quantities of different units share no axis. At a moment of a record a page of
-// the curves stands still, what comes later paler, and the moment moves over it as an element of its own.
+// the curves stands still, later samples are paler, and the moment moves over it as an element of its own.
 export class PlotsView {
   constructor() {
     Object.assign(this, { charts: new Map(), marks: [], at: null, span: 60, end: 0, page: [0, 0], follows: false });
@@ -181,7 +181,7 @@ export class PlotsView {
     values.forEach((element, i) => { const over = both.indexOf(names[i]); put(element, figure(known(i + 1)) + (over < 0 ? "" : ` · ${figure(known(names.length + 1 + over))}`)); });
   }
 
-  // Times and values of what is shown; of two runs, both over the same time from each one's start.
+  // Times and values of the shown part; two runs share the time since their starts.
   data({ series, other, names, both, scale }) {
     const own = thin(series, names, this.page, scale);
     return other && both.length ? uPlot.join([own, thin(other, both, this.page, scale)]) : own;
@@ -214,12 +214,12 @@ export class PlotsView {
     chart.cursor = h("i", { class: "plot-cursor", hidden: true });
     chart.plot.over.append(chart.cursor);
     chart.room = () => chart.plot.bbox.width / devicePixelRatio;
-    new ResizeObserver(() => { chart.width = box.clientWidth; }).observe(box); // to ask for it makes the browser lay the page out
+    new ResizeObserver(() => { chart.width = box.clientWidth; }).observe(box); // kept: reading it makes the browser lay the page out
     return chart;
   }
 }
 
-// The values' range with some air; a threshold that is not far off is in sight.
+// The values' range with a margin; it includes a near threshold.
 function padded(low, high, thresholds, unit, scale) {
   if (low === null || high === null) return [0, 1];
   for (const [name, limit] of Object.entries(thresholds)) {
@@ -233,7 +233,7 @@ function padded(low, high, thresholds, unit, scale) {
   return [low - air, high + air];
 }
 
-// Thresholds of this unit, and what happened.
+// Thresholds of this unit, and marks of events.
 function annotate(u, thresholds, unit, scale, marks, css) {
   const g = u.ctx;
   const { left, top, width, height } = u.bbox;
@@ -241,7 +241,7 @@ function annotate(u, thresholds, unit, scale, marks, css) {
   g.save();
   g.beginPath(); g.rect(left, top, width, height); g.clip();
   g.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
-  g.textAlign = "left"; // the axes' figures leave it otherwise
+  g.textAlign = "left"; // uPlot's axes change it
   const vertical = (t, stroke, dash) => { const x = u.valToPos(t, "x", true); g.strokeStyle = stroke; g.setLineDash(dash); g.beginPath(); g.moveTo(x, top); g.lineTo(x, top + height); g.stroke(); };
   g.lineWidth = devicePixelRatio;
   g.globalAlpha = 0.6;
@@ -258,7 +258,7 @@ function annotate(u, thresholds, unit, scale, marks, css) {
   g.restore();
 }
 
-// What a screen can show of the shown stretch: of every step its least and its greatest sample.
+// Thins the shown part for the screen: of every step its least and its greatest sample.
 function thin(series, names, [from, to], scale) {
   const first = Math.max(0, lowerBound(series.t, from) - 1), last = Math.min(series.t.length, lowerBound(series.t, to) + 1);
   const step = Math.floor((last - first) / 1500);

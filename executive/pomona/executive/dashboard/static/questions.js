@@ -1,11 +1,11 @@
-// What the tree asks a person now, with a button for each answer. Who holds control answers.
+// The tree's open questions, with a button for each answer; the operator who holds control answers.
 import { $, h } from "./dom.js";
 import { press } from "./link.js";
 import { holdsControl, page } from "./page.js";
 
 export function drawQuestions(s) {
   const open = s.ended ? [] : s.nodes.filter((node) => isOpen(s, node));
-  document.body.classList.toggle("approving", open.some((node) => inside(s, node).length) && !page.recorded); // what is planned is seen in large
+  document.body.classList.toggle("approving", open.some((node) => inside(s, node).length) && !page.recorded); // the plan is enlarged
   const mine = holdsControl();
   const key = JSON.stringify([open.map((node) => [node.path, s.node.get(node.path).starts, s.node.get(node.path).feedback]), mine]);
   if ($("questions").dataset.key === key) return;
@@ -14,7 +14,7 @@ export function drawQuestions(s) {
   $("questions").replaceChildren(...open.map((node) => question(node, s.node.get(node.path), mine)));
 }
 
-// Its buttons answer this question, not the one that may stand here when the press arrives; the second click of a double click was meant for the first.
+// Its buttons carry the question's number, since another one may be shown when the press arrives. Second clicks do not count.
 function question(node, { starts, feedback }, mine) {
   return h("div", { class: "question" },
     h("b", {}, feedback || node.name),
@@ -22,7 +22,7 @@ function question(node, { starts, feedback }, mine) {
     mine ? null : h("span", { class: "muted" }, "Take control to answer."));
 }
 
-// What waits before a node asks as long as that node has not been started.
+// An approval is open until its node has been started.
 function isOpen(s, node) {
   return node.choices && s.node.get(node.path)?.status === "RUNNING" && !inside(s, node).some((path) => s.node.get(path)?.status === "RUNNING");
 }

@@ -1,9 +1,9 @@
-// A recorded run: first what a screen can show of the whole, then everything around the moment that is looked at.
+// A recorded run: first an overview of the whole, then all messages around the shown moment.
 import { newCursor, newFeed, page, read } from "./page.js";
 import { apply } from "./store.js";
 
 const AROUND = 20; // seconds of a long record that are read on each side of a moment
-const MARGIN = 6; // of these, what must be left ahead before more is read
+const MARGIN = 6; // seconds left ahead below which more is read
 const SLICE = 4; // ms for which a record is parsed before the page may draw again
 
 export const recordAddress = (run, what) => `/api/runs/${encodeURIComponent(run)}/${what}`;
@@ -23,7 +23,7 @@ export async function readRecord(name, take, query = "?overview") {
   }
 }
 
-// The overview of the record that the address names was asked for while this page was still being read (early.js).
+// The overview of the record in the address was requested before this script was loaded (early.js).
 function asked(name, query) {
   const { early } = window;
   if (query !== "?overview" || early?.run !== name) return read(recordAddress(name, `messages${query}`));
@@ -31,7 +31,7 @@ function asked(name, query) {
   return early.answer;
 }
 
-// Read a record's overview into the page; returns what is wrong with it, or "".
+// Read a record's overview into the page; returns its problem, or "".
 export async function openOverview(name) {
   let problem = "";
   try {
@@ -47,7 +47,7 @@ export async function openOverview(name) {
   return problem;
 }
 
-// A second record, to be seen over the first: { name, problem } and a feed of its own. What a screen shows of the whole is enough.
+// A second record to show over the first: { name, problem } and its own feed, from the overview.
 export async function openOver(name) {
   const over = { ...newFeed(), name, problem: "" };
   try {
@@ -65,7 +65,7 @@ function upTo(messages, at) {
   return index < 0 ? messages.length : index;
 }
 
-// Of a long record: everything around this moment, once it has been read.
+// Read all messages of a long record around this moment.
 export async function wantDetail(t) {
   const { overview, recorded, feed } = page;
   if (!overview || overview.reading) return;
@@ -78,7 +78,7 @@ export async function wantDetail(t) {
   if (page.feed !== feed) return;
   Object.assign(overview, { detail: [begin, end], reading: null });
   feed.messages = [...overview.all.filter((m) => !(m.t >= begin)), ...inside, ...overview.all.filter((m) => m.t > end)];
-  const { shown } = feed; // what was played up to here stays as it is
+  const { shown } = feed; // the part that was played stays as it is
   if (detail && shown.at >= begin && shown.at >= detail[0] && shown.at <= detail[1]) shown.index = upTo(feed.messages, shown.at);
   else feed.shown = newCursor();
   feed.ahead = newCursor();

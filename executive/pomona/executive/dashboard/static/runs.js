@@ -60,7 +60,7 @@ function drawRuns() {
   mayCompare();
 }
 
-// Day and time of a run: its name begins with them; another name stands for itself.
+// Day and time of a run from the beginning of its name; of another name the name itself.
 function whenOf(r) {
   const [, day, time] = /^(\d{4}-\d\d-\d\d)_(\d\d-\d\d-\d\d)/.exec(r.run) ?? [];
   return time ? [day, time.replaceAll("-", ":")] : ["", r.run];
@@ -125,7 +125,7 @@ async function loadChoices() {
   drawStart();
 }
 
-// Four fields are in sight; parameters and options are folded, each with its help, and say below what is wrong.
+// Four fields are in sight; parameters and options are folded, each with its help and its problem.
 function drawFields() {
   const tree = choices.trees.find((c) => c.name === $("start-tree").value);
   const cell = choices.cells.find((c) => c.name === $("start-cell").value);
@@ -165,7 +165,7 @@ function plainProblem({ name, type, min, max }, text) {
   return max && value > (valueOf(type, max) ?? Infinity) ? `${name} is at most ${max}, ${text.trim()} is above` : "";
 }
 
-// While it is typed the run's process judges what differs from the defaults, as it would at the start.
+// While the operator types, the run's process checks all changed settings, as it would at the start.
 let asked = 0, problems = {};
 async function judge() {
   const number = ++asked, settings = settingsNow(), form = { tree: $("start-tree").value, cell: $("start-cell").value, settings };
@@ -201,7 +201,7 @@ $("start-form").addEventListener("submit", async (event) => {
   await startRun({ tree: $("start-tree").value, cell: $("start-cell").value, seed: Number($("start-seed").value), pace: $("start-pace").value, speed: $("start-speed").value, dry: $("start-dry").checked, after_cut: $("start-after-cut").value, settings: settingsNow() });
 });
 
-// Ask for a run; the page goes to it once it is being prepared.
+// Request a run; the page shows it once it is being prepared.
 export async function startRun(form) {
   say("starting …");
   starting = true;

@@ -1,5 +1,5 @@
-// Things in space, in the base frame: robot, paths, fruit, map, the look's depth points. Turned with mouse and keys; what is
-// clicked selects the node that has shown it, and the chosen node's things stand out.
+// Things in space, in the base frame: robot, paths, fruit, map, the look's depth points. Turned with mouse and keys; a click on
+// a thing selects the node that published it, and the things of the chosen node are highlighted.
 import { $, h } from "./dom.js";
 import { withToken } from "./page.js";
 import { showAge } from "./pictures.js";
@@ -135,14 +135,14 @@ export class SceneView {
     $("scene-caption").textContent = $("scene-caption").title = views.map(([, v]) => (v.cloud ? "" : v.caption)).filter(Boolean).join(" · ");
   }
 
-  // The whole of what there is, seen from the side that is shown at first.
+  // Show everything from the initial direction.
   home() {
     if (!this.renderer) return;
     const box = new three.Box3();
     for (const { group } of [...this.topics.values(), ...this.robots.values()]) box.union(new three.Box3().setFromObject(group));
     if (box.isEmpty()) return;
     const around = box.getBoundingSphere(new three.Sphere());
-    if (this.around && this.around.containsPoint(around.center) && this.around.radius >= around.radius && this.around.radius < 1.5 * around.radius) around.copy(this.around); // what moves does not make the rest move
+    if (this.around && this.around.containsPoint(around.center) && this.around.radius >= around.radius && this.around.radius < 1.5 * around.radius) around.copy(this.around); // a moving arm does not move the view
     this.around = around;
     const far = Math.max(around.radius, 0.1) / Math.sin((FIELD / 2) * Math.PI / 180) * Math.max(1, 1 / (this.camera.aspect || 1)) * 0.85;
     const { yaw, pitch } = HOME;
@@ -217,8 +217,8 @@ export class SceneView {
     if (this.drawing) this.again = true; else this.begun();
   }
 
-  // What is drawn is shown once it is ready: whoever asks for it before waits, and the whole page with them, which without
-  // a graphics card is longer than a frame.
+  // A drawing is shown once it is ready. Reading it earlier would block the page, without a graphics card for longer than a
+  // frame.
   begun() {
     const { renderer, size } = this, gl = renderer.getContext();
     Object.assign(this, { drawing: true, again: false });
@@ -235,7 +235,7 @@ export class SceneView {
     requestAnimationFrame(look);
   }
 
-  // Light and dark have other colours: everything is made anew.
+  // Light and dark have other colours, so everything is built anew.
   repaint() { this.clear(); materials.clear(); this.floorKey = null; this.key = null; $("scene-legend").dataset.key = ""; }
 }
 
@@ -261,7 +261,7 @@ function built(view) {
   return group;
 }
 
-// All of them as one thing: without a graphics card each instance of a thing costs as much as a thing of its own.
+// All cubes as one mesh: without a graphics card each instance costs as much as a mesh of its own.
 function cubesOf(points, { size, style }) {
   const box = new three.BoxGeometry(size, size, size), { position, normal } = box.attributes, n = position.count;
   const places = new Float32Array(points.length * n * 3), normals = new Float32Array(places.length), corners = [];
@@ -287,7 +287,7 @@ function rodOf(points, style, thick = ROD) {
     for (const k of [0, 1, 2]) { const next = (k + 1) % 3; corners.push(first + k, first + next, first + 3 + k, first + next, first + 3 + next, first + 3 + k); }
   }
   const rod = painted(new Float32Array(places), null, corners, "rod", style);
-  rod.renderOrder = 1; // seen through what hides it
+  rod.renderOrder = 1; // visible through other things
   return rod;
 }
 
@@ -323,11 +323,11 @@ function meshOf({ vertices, faces, style }) {
 function lineOf(points, style) {
   const line = new three.Line2(new three.LineGeometry().setPositions(points.flat()), materialOf("line", style));
   line.userData = { kind: "line", style };
-  line.renderOrder = 1; // seen through what hides it
+  line.renderOrder = 1; // visible through other things
   return line;
 }
 
-// The look's depth, in the base frame: millimetres and colours, packed; a record tells the address of them.
+// The look's depth points in the base frame: millimetres and colours, packed; a record has their address.
 async function cloudOf(view) {
   let { cloud } = view;
   if (typeof cloud === "string") {
@@ -339,8 +339,8 @@ async function cloudOf(view) {
   return pointsOf(Float32Array.from(mm, (v) => v / 1000), { size: 0.005 }, bytes(cloud.rgb));
 }
 
-// What a thing is painted with, one for all of its kind. None is thrown away: the browser would translate its program anew,
-// 50 ms without a graphics card, for every move of an arm.
+// Materials, shared and kept: the browser would compile a new one's program for 50 ms without a graphics card at every
+// motion of an arm.
 const materials = new Map();
 const MAKE = {
   solid: (style, strong) => new three.MeshLambertMaterial({ color: colour(style), emissive: glow(strong) }),
@@ -362,7 +362,7 @@ function emphasize(group, on) {
   group.traverse((thing) => { const { kind, style } = thing.userData; if (kind) thing.material = materialOf(kind, style, Boolean(on)); });
 }
 
-// The newest of a path's points, without those that lie on the way between two others.
+// The newest points of a path, without those on the straight line between two others.
 function corners(points) {
   const kept = [points.at(-1)];
   for (let i = points.length - 2, from = points.length - 1; i >= 0 && kept.length < MOST_CORNERS; i--) {
@@ -373,7 +373,7 @@ function corners(points) {
   return kept.reverse();
 }
 
-// Whether the straight line between two points of a path passes near all those between them.
+// Return true if the straight line between two points of a path passes near all points between them.
 function passes(points, from, to) {
   const [a, b] = [points[from], points[to]], way = b.map((v, k) => v - a[k]), length = Math.hypot(...way);
   if (from - to > 40) return false; // far enough
@@ -385,7 +385,7 @@ function passes(points, from, to) {
   return true;
 }
 
-// Without one the processor draws: edges are not smoothed then, which would be four times the work.
+// Without one the processor draws; smoothing edges would take it four times as long.
 function hasGraphicsCard() {
   const probe = document.createElement("canvas").getContext("webgl2");
   const named = probe?.getExtension("WEBGL_debug_renderer_info");

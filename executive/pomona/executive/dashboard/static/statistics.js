@@ -14,7 +14,7 @@ const CHARTS = [
 ];
 let charts = [];
 
-// An operator's stop says nothing of the task.
+// An operator's stop is no result of the task.
 function judged(ended) { return ended.filter((run) => run.outcome !== "stopped"); }
 
 function known(v) { return typeof v === "number" && Number.isFinite(v) ? v : null; }
@@ -76,7 +76,7 @@ function median(values) {
   return sorted.length ? (sorted[(sorted.length - 1) >> 1] + sorted[sorted.length >> 1]) / 2 : null;
 }
 
-// Wilson's interval of a share, in percent.
+// Wilson's interval of a ratio, in percent.
 function wilson(good, all) {
   const z = 1.96, p = good / all, centre = (p + (z * z) / (2 * all)) / (1 + (z * z) / all);
   const half = (z * Math.sqrt((p * (1 - p)) / all + (z * z) / (4 * all * all))) / (1 + (z * z) / all);

@@ -5,7 +5,7 @@ import { press } from "./link.js";
 import { holdsControl, page } from "./page.js";
 import { showRuns, startRun } from "./runs.js";
 
-const LASTS = new Set(["real", "emulated"]); // cells that are after a run as it has left them; simulated ones begin anew
+const LASTS = new Set(["real", "emulated"]); // cells that keep their state after a run; a simulated one begins anew
 const MOTIONS = { // slow motions of the tree `recover`, after a run or by hand
   down: { label: "Put down what is held", release: "true", about: "The hand lowers until the fruit stands, at most 150 mm, and opens. Then the arm moves to its home pose at 10 % of its speed." },
   home: { label: "Home, slowly", release: "false", about: "The arm moves to its home pose at 10 % of its speed. The fingers stay as they are." },

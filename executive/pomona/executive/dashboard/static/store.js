@@ -1,4 +1,4 @@
-// The state of a run as its messages tell it. Live and recorded runs feed the same function, so a page can show any moment.
+// State of a run from its messages. Live and recorded runs feed the same function, so the page can show any moment.
 
 export const STATUS = {
   SUCCESS: { icon: "✓", word: "success", rank: "good" },
@@ -8,7 +8,7 @@ export const STATUS = {
   INVALID: { icon: "·", word: "idle", rank: "idle" },
 };
 
-const STOPS = new Set(["stop", "safe_stop", "interrupt"]); // what they interrupt stands red until it starts again
+const STOPS = new Set(["stop", "safe_stop", "interrupt"]); // an interrupted node stays red until it starts again
 const MOST_SAMPLES = 40000; // of a series; older ones are thinned, so that an hour of samples stays small
 const MOST_KEPT = 4000; // spans, marks, failures, acts
 const GROUP = 4; // samples of which thinning leaves two, the least and the greatest
@@ -116,7 +116,7 @@ const HANDLERS = {
       const shift = m.t - times.at(-1); // samples carry the cell's clock, everything else the run's
       if (have.shift === null || Math.abs(shift - have.shift) > 0.1) have.shift = shift;
       const floor = have.t.length ? have.t.at(-1) : -Infinity;
-      if (times[0] + have.shift - floor > s.gap && have.t.length) { // nothing was measured meanwhile: no line joins the two
+      if (times[0] + have.shift - floor > s.gap && have.t.length) { // a gap without samples: no line joins the two
         have.t.push(floor);
         for (const values of Object.values(have.values)) values.push(null);
       }
@@ -185,7 +185,7 @@ function thin(have) {
   }
 }
 
-// Least and greatest of a stretch, in the order in which they came; nothing where nothing was measured.
+// Least and greatest of a stretch in their order; null without samples.
 export function extremes(values, from, to) {
   let low = null, high = null, first = null;
   for (let i = from; i < to; i++) {
@@ -215,7 +215,7 @@ export function lastResult(node) {
   return node?.status === "INVALID" ? node.history.findLast((e) => e.status !== "RUNNING" && e.status !== "INVALID") ?? null : null;
 }
 
-// How a node is shown: in its state, or, idle, dimmed in its last result. A stop's interruption is not dimmed.
+// Display of a node: its state, or while idle its last result, dimmed. An interruption by a stop is not dimmed.
 export function standing(node) {
   const last = lastResult(node), shown = STATUS[last?.status ?? node?.status ?? "INVALID"];
   const past = Boolean(last) && !last.halted;

@@ -1,4 +1,4 @@
-// A lane per skill, marks for what happened, and a cursor that scrubs; the wheel zooms.
+// A lane per skill, marks of events, and a cursor that scrubs; the wheel zooms.
 import { $, put, seconds } from "./dom.js";
 import { page } from "./page.js";
 
@@ -9,7 +9,7 @@ const LANE = 15;
 const RANK = { SUCCESS: "--good", FAILURE: "--bad", RUNNING: "--busy", INVALID: "--idle" };
 const MARK = { failure: "--bad", bad: "--bad", good: "--good", act: "--accent", state: "--muted" };
 
-// What runs, was stopped or failed last comes first; skills that took no time share the last lane.
+// Running, stopped and failed skills come first, the newest on top; skills that took no time share the last lane.
 function lanesOf(s) {
   const about = new Map();
   for (const span of s.spans) {
@@ -25,7 +25,7 @@ function lanesOf(s) {
   return { lanes: rest.length ? [...lanes, { name: rest.length === 1 ? rest[0].name : `${rest.length} skills, 0 ms`, rank: "muted" }] : lanes, lane };
 }
 
-// Never colour alone: failures are crosses, operators diamonds, the rest triangles.
+// Shapes beside colours: failures are crosses, operators diamonds, the rest triangles.
 const shape = (g, points) => { g.beginPath(); points.forEach(([x, y], i) => (i ? g.lineTo(x, y) : g.moveTo(x, y))); g.fill(); };
 const triangle = (g, x, y) => shape(g, [[x, y + 4], [x - 4, y - 4], [x + 4, y - 4]]);
 const cross = (g, x, y) => { g.strokeStyle = g.fillStyle; g.lineWidth = 2; for (const d of [-1, 1]) { g.beginPath(); g.moveTo(x - 4, y - 4 * d); g.lineTo(x + 4, y + 4 * d); g.stroke(); } };
@@ -56,11 +56,11 @@ export class Timeline {
       e.preventDefault();
     });
     $("whole").addEventListener("click", () => { this.part = null; this.key = ""; this.draw(); });
-    this.width = this.canvas.clientWidth; // kept: to ask for it makes the browser lay the page out
+    this.width = this.canvas.clientWidth; // kept: reading it makes the browser lay the page out
     new ResizeObserver(() => { this.key = ""; this.width = this.canvas.clientWidth; page.dirty = true; }).observe(this.canvas);
   }
 
-  // Asked, not kept from the last drawing: two keys may come before the next frame.
+  // Read anew each time: two keys may come before the next frame.
   get now() { return page.at ?? page.whole.t; }
   get length() { return Math.max(0.1, page.whole.t, page.over?.whole.t ?? 0); }
   get shown() { return this.part ?? [0, this.length]; }

@@ -95,7 +95,7 @@ export class TreeView {
   }
 
   // A branch that was passed over is folded into its parent: one that has not started although its parent has ended, or
-  // although what comes after it has started.
+  // although a later branch has started.
   foldSpare(state) {
     const started = new Set([...this.rows.keys()].filter((path) => state.node.get(path)?.history.length));
     const ended = (path) => started.has(path) && state.node.get(path).status !== "RUNNING";
@@ -111,7 +111,7 @@ export class TreeView {
     if (changed) this.filter();
   }
 
-  // The leaf that a failed run ended with, once: chosen, unfolded and in sight.
+  // Select the leaf with which a failed run ended, unfolded and in sight; once.
   explain(state) {
     if (!state.ended || state.ended.outcome === "success") { this.explained = null; return; }
     if (this.explained === state.run) return;
@@ -120,7 +120,7 @@ export class TreeView {
     const path = this.rowOf(leaf) ? leaf : state.failures.at(-1)?.path;
     if (!this.rowOf(path)) return;
     this.open(path);
-    requestAnimationFrame(() => this.show(path)); // rows that were never in sight have now their real height
+    requestAnimationFrame(() => this.show(path)); // now hidden rows have their real height
   }
 
   get paths() { return [...this.rows.keys()]; }
@@ -133,7 +133,7 @@ export class TreeView {
 
   rowOf(path) { return this.rows.get(path) ?? this.rows.get(path?.replace(/(:\w+)+$/, "")); }
 
-  // In sight in its panel, with what stands around it; the page itself stays where it is.
+  // Scroll a row into sight within its panel, with its neighbours; the page itself does not scroll.
   show(path) {
     const row = this.rowOf(path)?.row;
     if (!row || !this.root.clientHeight) return;
@@ -207,12 +207,12 @@ export class TreeView {
   }
 }
 
-// A modifier is called after the node that it wraps: fetch/Attempt:retry.
+// A modifier has the path of its node and its kind: fetch/Attempt:retry.
 const isModifier = (node) => node.path.endsWith(`:${node.kind}`);
 const bare = (node) => { let { path } = node; if (isModifier(node)) path = path.slice(0, -node.kind.length - 1); return path.replace(/(:(?!on_)\w+)+$/, ""); };
 const titleOf = (node) => Object.entries(node.settings ?? {}).map(([name, value]) => `${name}: ${value}`).join("\n") || node.kind;
 
-// What a modifier's chip says: its setting, and while it runs how far it is.
+// Text of a modifier's chip: its setting, and its progress while it runs.
 function chipText(node, state) {
   const attempts = state.attempts.get(node.path), setting = node.settings?.[node.kind] ?? "";
   if (attempts?.length) return `${node.kind} ${attempts.at(-1).number}/${attempts.at(-1).of}`;
@@ -221,7 +221,7 @@ function chipText(node, state) {
   return value.length > 14 || value === "true" ? node.kind : `${node.kind} ${value}`.trim();
 }
 
-// What a skill computed takes none of a simulated run's time: then its own time is told.
+// Computing takes none of a simulated run's time, so its processor time is shown instead.
 function duration(node) {
   const history = node?.history ?? [];
   const took = lasted(history);

@@ -1,5 +1,5 @@
-// What an operator must not have to guess: whether this is the present, whether a press has arrived, whether this page can
-// act at all, what is being prepared, and what the live cell does while a record is looked at.
+// Facts that an operator must be able to see: whether the state is live, whether a press has arrived, whether this page can
+// act, the run in preparation, and the state of the live cell beside a record.
 import { $, seconds } from "./dom.js";
 import { page } from "./page.js";
 import { age, isStale, isUnconfirmed, link, press, runIsSilent, TWICE } from "./link.js";
@@ -28,7 +28,7 @@ function drawLink(live) {
   $("not-live").hidden = !stale || never;
   if (stale && !never) {
     const then = new Date(Date.now() - 1000 * age()).toLocaleTimeString();
-    set("not-live-words", `${runIsSilent() ? "The run's process has said nothing" : "Nothing was heard"} for ${age() < 90 ? `${age().toFixed(1)} s` : seconds(age())}. ${live.run ? `What is shown of the live run was so at ${then}; it may be doing something else now.` : `The last word came at ${then}.`}`);
+    set("not-live-words", `${runIsSilent() ? "No message from the run's process" : "No message"} for ${age() < 90 ? `${age().toFixed(1)} s` : seconds(age())}. ${live.run ? `The data of the live run are of ${then}; the cell may have moved since.` : `Last message at ${then}.`}`);
   }
   if (stale && !never && $("connection").textContent === "connected") set("connection", "no answer");
   const button = $("safe-stop"), disarmed = !page.token || link.armed === false; // else it is tried, whatever the link does
@@ -48,7 +48,7 @@ function drawPress() {
   const stop = made.action === "safe_stop";
   const late = isUnconfirmed(made) || made.state === "lost";
   const fresh = performance.now() - made.ended < SHOWN;
-  const told = page.live.whole.safeStop; // the safe state's bar says that it was confirmed
+  const told = page.live.whole.safeStop; // the bar of the safe state shows the confirmation
   const shown = late || (made.state === "confirmed" && stop && fresh && !told) || (made.state === "refused" && stop);
   bar.hidden = !shown;
   if (!shown) return;
@@ -59,12 +59,12 @@ function drawPress() {
   const waited = ((performance.now() - made.at) / 1000).toFixed(1);
   if (made.state === "confirmed") { set("press-what", `✓ ${what} confirmed after ${made.took.toFixed(0)} ms`); set("press-words", made.words); }
   else if (made.state === "refused") { set("press-what", `${what} NOT CARRIED OUT`); set("press-words", `${made.words}.${emergency}`); }
-  else if (made.state === "lost") { set("press-what", `${what} NOT CONFIRMED`); set("press-words", `Given up after ${(made.took / 1000).toFixed(0)} s: it will not be carried out any more. ${came(made)}${emergency}`); }
-  else if (made.state === "accepted") { set("press-what", `${what} NOT CONFIRMED`); set("press-words", `The server has it since ${waited} s; the run has not answered.${emergency}`); }
-  else { set("press-what", `${what} NOT CONFIRMED`); set("press-words", `No answer for ${waited} s, tried ${made.tries} times, trying again. ${came(made)}${emergency}`); }
+  else if (made.state === "lost") { set("press-what", `${what} NOT CONFIRMED`); set("press-words", `Given up after ${(made.took / 1000).toFixed(0)} s: it will not be carried out later. ${came(made)}${emergency}`); }
+  else if (made.state === "accepted") { set("press-what", `${what} NOT CONFIRMED`); set("press-words", `The server accepted it ${waited} s ago; the run has not confirmed it.${emergency}`); }
+  else { set("press-what", `${what} NOT CONFIRMED`); set("press-words", `No answer for ${waited} s after ${made.tries} tries; trying again. ${came(made)}${emergency}`); }
 }
 
-const came = (made) => (made.back ? `Came back: ${made.back}.` : "Nothing came back.");
+const came = (made) => (made.back ? `Error: ${made.back}.` : "No error was reported.");
 
 function drawStartBar() {
   const { start } = page.control;
@@ -80,7 +80,7 @@ function drawStartBar() {
   if (start.of) { $("preparing-bar").max = start.of; $("preparing-bar").value = start.done; } else $("preparing-bar").removeAttribute("value");
 }
 
-// Over a record: what the live cell does, in words, and the way back to it.
+// Over a record: state of the live cell in words, and the way back to it.
 function drawStrip(live) {
   $("strip").hidden = !page.recorded;
   document.body.classList.toggle("recorded", Boolean(page.recorded));
