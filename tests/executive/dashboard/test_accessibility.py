@@ -44,6 +44,7 @@ def test_axe_finds_nothing(show: Show, open_page: Callable[..., Any], scheme: st
     page.get_by_role("button", name="Runs").click()
     expect(page.locator("#start-fields summary").first).to_be_visible()
     expect(page.locator("#runs tbody tr")).to_have_count(1)
+    expect(page.locator("#runs .look img")).to_have_js_property("naturalWidth", 64)
     problems["the runs"] = page.evaluate(ASK)
     page.locator("#show-keys").evaluate("(button) => button.click()")
     problems["the keys"] = page.evaluate(ASK)

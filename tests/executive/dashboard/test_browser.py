@@ -237,7 +237,7 @@ def test_a_breakpoint_holds_and_is_shown_to_all(show: Show, open_page: Open) -> 
     page.locator("#tree").press("b")
     expect(other.locator("#breaks")).to_have_text("◉ Breakpoints: before Rest")
     GATE.set()
-    expect(page.locator("#why")).to_contain_text("Paused, at rest")
+    expect(page.locator("#why")).to_contain_text("Paused, at rest: breakpoint before Rest")
     expect(row(page, "Rest").locator(".detail")).to_have_text("held by a breakpoint")
     page.locator("#control [data-action=resume]").click()
     expect(page.locator("#state")).to_have_text("✓ success")
@@ -416,6 +416,10 @@ def test_runs_are_filtered_and_two_are_compared(show: Show, open_page: Open) -> 
     page = open_page()
     page.get_by_role("button", name="Runs").click()
     expect(page.locator("#runs tbody tr")).to_have_count(2)
+    page.get_by_role("button", name="1 failed").click()
+    expect(page.locator("#runs tbody tr")).to_have_count(1)
+    page.get_by_role("button", name="1 failed").click()
+    expect(page.locator("#runs tbody tr")).to_have_count(2)
     page.get_by_label("compare old_1").check()
     page.get_by_label("compare old_2").check()
     page.get_by_role("button", name="Compare two").click()
@@ -517,6 +521,10 @@ def test_a_setting_that_cannot_be_used_is_marked_while_it_is_typed(show: Show, o
     expect(page.locator("#start-button")).to_be_enabled()
     assert forms[-1]["settings"] == {"looks": "2"}
     assert (forms[-1]["tree"], forms[-1]["cell"]) == ("pick_apple", "sim")
+    expect(page.locator("#by-hand-about")).to_contain_text("A simulated cell begins anew")
+    page.locator("#start-cell").select_option("emulated")
+    expect(page.locator("#by-hand-motions button")).to_have_text(["Put down what is held", "Home, slowly"])
+    expect(page.locator("#by-hand-motions button").first).to_be_enabled()
 
 
 def test_modifiers_are_chips_and_what_was_passed_over_is_folded(show: Show, open_page: Open) -> None:
