@@ -60,6 +60,7 @@ START = """async ({ preparing, tree, dry, wait }) => {
   if (!page.control.held_by) { press("take"); await until(() => page.control.held_by); }
   await until(() => !prepared());
   await pause(500); // what is said of a run comes after its preparation's end
+  if (live().run && !live().ended) press("safe_stop"); // a start that came too late to be measured
   await until(() => !live().run || live().ended);
   for (let n = 0; live().safeStop && n < 200; n++) { press("acknowledge"); await pause(500); }
   const before = live().run?.run, asked = performance.now(), begun = () => going() || live().run?.run !== before;

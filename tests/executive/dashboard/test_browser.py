@@ -502,7 +502,7 @@ def test_a_setting_that_cannot_be_used_is_marked_while_it_is_typed(show: Show, o
 
     def judge(form: dict[str, Any]) -> dict[str, str]:
         forms.append(form)
-        return {"looks": "looks is at least 1, 0 is below"} if form["settings"].get("looks") == "0" else {}
+        return {"kind": "there is no fruit 'stone'"} if form["settings"].get("kind") == "stone" else {}
 
     show.dashboard.allow_starts(lambda *_: pytest.fail("nothing was started"), Choices.installed(), judge)
     page = open_page()
@@ -519,7 +519,10 @@ def test_a_setting_that_cannot_be_used_is_marked_while_it_is_typed(show: Show, o
     expect(page.locator(".changes").first).to_have_text("1 changed")
     field.fill("2")
     expect(page.locator("#start-button")).to_be_enabled()
-    assert forms[-1]["settings"] == {"looks": "2"}
+    page.locator("[data-setting=kind]").fill("stone")  # no limit that the page knows
+    expect(page.get_by_text("there is no fruit 'stone'")).to_be_visible()
+    expect(page.locator("#start-button")).to_be_disabled()
+    assert forms[-1]["settings"] == {"looks": "2", "kind": "stone"}
     assert (forms[-1]["tree"], forms[-1]["cell"]) == ("pick_apple", "sim")
     expect(page.locator("#by-hand-about")).to_contain_text("A simulated cell begins anew")
     page.locator("#start-cell").select_option("emulated")
