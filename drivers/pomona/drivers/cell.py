@@ -38,8 +38,7 @@ T = TypeVar("T")
 
 logger = logging.getLogger(__name__)
 
-STOPPING = 1.0
-"""Seconds that a device has to take a safe stop; the supervisor process has as long to notice that all hangs."""
+STOPPING = 1.0  # seconds for a safe stop of a device, and for the supervisor process to notice a stall
 
 COUNTS_MOST = (
     "lifted",

@@ -31,14 +31,10 @@ from pomona.executive.values.shipped import installed_trees
 from pomona.executive.values.units import TIME
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlScalar
 
-SHIPPED = installed_trees() / "cells"
-"""Cells that come with Pomona, for `include: sim.yaml` in a file that stands elsewhere."""
+SHIPPED = installed_trees() / "cells"  # cells that come with Pomona, for `include: sim.yaml` in a file elsewhere
 
 KINDS = ("simulated", "emulated", "real", "frames", "mock")
-OUTLIVED = ("real", "emulated")
-"""Kinds of cells in which a device may go on moving after the end of the process. Runs on them need checks at the start
-and a supervisor.
-"""
+OUTLIVED = ("real", "emulated")  # kinds of cells whose devices may outlive the process: runs on them are supervised
 T = TypeVar("T")
 
 

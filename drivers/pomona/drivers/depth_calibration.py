@@ -29,9 +29,7 @@ from pomona.executive.values.arrays import Float64
 
 LEAST_BALLS = 3  # with fewer than this nothing can be held out
 
-LEAST_OFFSET, LEAST_SCALE = 5e-3, 1e-3
-"""Lower bounds of an unmeasured sensor's standard deviation of offset [m] and scale."""
-
+LEAST_OFFSET, LEAST_SCALE = 5e-3, 1e-3  # lower bounds of deviations of offset [m] and scale, without a measurement
 DOUBT = 3.0  # limit of the learnt offset and scale, as a multiple of the prior's standard deviation
 AROUND = 15  # depth may lie so far beside the picture [px]
 LEAST_POINTS = 100  # a ball of fewer points has no sphere

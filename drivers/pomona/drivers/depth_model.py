@@ -26,8 +26,7 @@ from pomona.executive.values.units import LENGTH, PIXELS
 _HALFWAY = float(np.tan(np.radians(30.0)))
 _PIXEL = float(1.0 / np.sqrt(12.0))  # standard deviation of an outline's position within its pixel [px]
 
-DEPTH_MODEL_FILE = "depth_model.yaml"
-"""Error model of the depth in a folder of frames; it has priority over the cell file's."""
+DEPTH_MODEL_FILE = "depth_model.yaml"  # error model of the depth in a folder of frames, before the cell file's
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,8 +111,7 @@ fruit and balls between colour and depth (root mean square of either direction).
 colour image. Offset and scale lie within the maker's 11 mm and 0.1 % of the distance, evenly spread (confirmed by
 Tölgyessy et al. 2021)."""
 
-SIMULATED = DepthModel(disparity=0.08, baseline=0.05)
-"""The simulated cameras': stereo noise alone, since their pixels look where they should."""
+SIMULATED = DepthModel(disparity=0.08, baseline=0.05)  # stereo noise alone: simulated pixels look where they should
 
 SENSORS = {"d4xx": D4XX, "azure_kinect": AZURE_KINECT, "simulated": SIMULATED}
 

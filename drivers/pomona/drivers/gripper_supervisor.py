@@ -16,8 +16,7 @@ from pomona.executive.values.units import LENGTH, TIME
 
 COASTING = 0.3  # the fingers come to rest within this time after a move [s]: braking from 0.2 m/s at 2 m/s² takes 0.1 s
 BEYOND = 5e-3  # a width outside the stroke by more than this is implausible [m]
-FASTER = 5.0
-"""A speed above this multiple of the largest is implausible; fingers knocked against a wall reach 3 (simulated)."""
+FASTER = 5.0  # implausible multiple of the largest speed; fingers knocked against a wall reach 3 (simulated)
 SLOW = 2e-3  # fingers slower than this rest [m/s] …
 STEADY, STILL = 5e-4, 0.03  # … once their width has stayed within the first [m] for the second [s]
 FORGETTING = 2.0

@@ -16,18 +16,11 @@ from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, GripperLimits, 
 from pomona.executive.values.arrays import Float64
 
 MOVED = 0.01  # change of a joint while paused from which the arm counts as moved from outside [rad]
-HELD_FORCE, LOST_FORCE = 0.5, 0.2
-"""Grasp force of one finger [N]: above the first at the pause something is held, below the second it is gone."""
-GIVE = 0.01
-"""Change of the opening from which the fingers have released or lost the fruit [m]: the compliance of skin and pads at
-14 N with 1.5 N/mm.
-"""
-NO_ROOM = 2e-3
-"""Fingers this near to either end of their travel hold nothing [m]: no fruit is so thin, and none was gripped by so
-short a motion."""
+HELD_FORCE, LOST_FORCE = 0.5, 0.2  # grasp force of a finger at the pause that holds, and below which it is lost [N]
+GIVE = 0.01  # change of the opening that releases a fruit [m]: skin and pads yield at 14 N with 1.5 N/mm
+NO_ROOM = 2e-3  # fingers this near to an end of their travel hold nothing [m]: no fruit is so thin
 STOOD = 1e-3  # change of the width below which the fingers have not been moved [m]; an encoder repeats to 0.1 mm
-MOTOR_FORCE = 1.0
-"""Grasp force by the motor's current from which it presses on something [N]: two of its steps, a WSG's friction."""
+MOTOR_FORCE = 1.0  # grasp force by the motor's current that presses on something [N]: twice a WSG's friction
 HARDLY = f"the grip force fell below {LOST_FORCE:g} N: the fruit may have been lost"
 
 

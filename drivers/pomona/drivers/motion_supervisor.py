@@ -21,8 +21,7 @@ from pomona.executive.values.sections import value
 from pomona.executive.values.units import ANGLE, TIME
 
 PERIOD = 0.01  # period of the checks [s]; a controller pushes its state every 25 ms
-OVERSPEED = 1.5
-"""Joints are never measured faster than their limits times this: controllers stop an arm at 1.05 to 1.2 of them."""
+OVERSPEED = 1.5  # highest measured speed over the limit: controllers stop an arm at 1.05 to 1.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

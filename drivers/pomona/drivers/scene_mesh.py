@@ -16,8 +16,7 @@ from pomona.drivers.interfaces import Hull
 from pomona.executive.values.arrays import Float64, Int64
 
 SUFFIXES = (".stl", ".obj", ".ply")
-LARGEST, SMALLEST = 20.0, 0.002
-"""Nothing that an arm may hit is larger or smaller [m]: such a mesh is written in another unit."""
+LARGEST, SMALLEST = 20.0, 0.002  # sizes of anything that an arm may hit [m]; else the unit is another
 MOST_BYTES = 100_000_000
 MOST_TRIANGLES = 200_000
 MOST_PARTS = 400  # each costs every collision check about as much as a box

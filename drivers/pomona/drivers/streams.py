@@ -29,8 +29,7 @@ WINDOW, FEW_GAPS, IN_BITS = 6, 4, 0.4
 """Limit of an intermittent stream: within this multiple of the silence allowed, this number of gaps of half of it or
 more that together miss this ratio. A single gap may be the computer's; an intermittent stream controls no grip.
 """
-FEW_FRAMES, EARLY_FRAME = 2, 0.020
-"""The same of cameras: frames, and seconds; a camera's clock is followed to a few milliseconds."""
+FEW_FRAMES, EARLY_FRAME = 2, 0.020  # the same of cameras, whose clocks are followed to a few milliseconds [s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

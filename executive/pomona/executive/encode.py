@@ -20,16 +20,14 @@ from pomona.executive.reasons import Reason, bounded
 
 LARGE = 256  # arrays with more elements are described by shape and type, unless they are asked for
 
-_ADDRESS = re.compile(r" at 0x[0-9a-f]+")
-"""Address of an object in memory: without meaning, and different between two equal runs."""
+_ADDRESS = re.compile(r" at 0x[0-9a-f]+")  # address of an object in memory: differs between two equal runs
 
 
 _ENCODABLE = frozenset(np.dtype(name) for name in ("float64", "int64", "int32", "uint8", "bool"))
 """Types of arrays of which `encoded` writes the same numbers as of lists; float32 would be written shorter."""
 
 
-_AS_THEY_ARE = frozenset((str, int, bool, type(None)))
-"""The most frequent types, recognized without a search of base classes."""
+_AS_THEY_ARE = frozenset((str, int, bool, type(None)))  # the most frequent types, found without base classes
 
 
 @cache

@@ -20,8 +20,7 @@ from pomona.executive.errors import PomonaError, UsageError
 GROUP = "pomona.engines"
 TRIES = 2  # number of processes that try an order; an order whose processes all die is given up
 
-RENEWED_AFTER = 40
-"""Orders after which a worker gives way to a fresh one: simulators and renderers leave some 25 MB behind each run."""
+RENEWED_AFTER = 40  # orders of a worker before a fresh one: simulators leave some 25 MB behind each run
 
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "LP_NUM_THREADS"), "1"

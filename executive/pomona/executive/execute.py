@@ -54,9 +54,7 @@ logger = logging.getLogger(__name__)
 
 RECOVERY_SETTINGS = ("release", "home")  # parameters of the tree `recover` that `--set` passes to it
 
-NO_RECORD = "NO_RECORD"
-"""Failure code of a run whose tree has ended, but whose record is incomplete although its cell requires one."""
-
+NO_RECORD = "NO_RECORD"  # failure code of a run whose cell requires a record, and whose record is incomplete
 MOST_SEED = 2**63 - 1  # largest seed: records hold whole numbers of 64 bits
 PERIOD = 0.02  # tick period [s]
 

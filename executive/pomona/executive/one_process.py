@@ -12,8 +12,7 @@ from collections.abc import Iterator
 
 CHILD = 3  # exit status of a child that came back into the run
 
-_process: int | None = None
-"""Process of the run that is in progress here, or in the parent that this process is a copy of."""
+_process: int | None = None  # process of the run in progress here, or in the parent of this copy
 
 
 def leave_if_forked() -> None:

@@ -21,10 +21,7 @@ from pomona.skills.perception.inventory.sighting import FrameSightings, label_of
 from pomona.skills.shared.fruit_page import Page
 from pomona.skills.shared.fruit_report import FruitReport
 
-MOST_APART = 0.04
-"""Allowed distance between the contents of two frames by the camera's given poses [m]: half an apple, so that it is
-counted once.
-"""
+MOST_APART = 0.04  # allowed distance between two frames' contents by their camera poses [m]: half an apple
 
 
 class FruitCount(Outputs):

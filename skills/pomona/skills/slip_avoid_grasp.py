@@ -22,9 +22,7 @@ from pomona.skills.perception.inventory.mass import mass_of
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.grip_view import show_grip, watch_grip
 
-CLEARANCE = 0.008
-"""Excess of the opening over the fruit at which a finger may touch: the fruit may lie off the centre [m]."""
-
+CLEARANCE = 0.008  # opening over the fruit at which a finger may touch [m]: it may lie off the centre
 NARROWEST = 0.5  # smallest width of a fruit between the fingers, relative to its smallest dimension
 
 GRAVITY = 9.81  # [m/s²]

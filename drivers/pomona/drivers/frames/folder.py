@@ -45,8 +45,7 @@ class UnusableFrames(DriverError):
         super().__init__(f"{path}: {message}")
 
 
-Images = tuple[NDArray[np.uint8], NDArray[np.float32]]
-"""Colour RGB (h, w, 3) and depth (h, w) [m], 0 where nothing was measured."""
+Images = tuple[NDArray[np.uint8], NDArray[np.float32]]  # colour RGB (h, w, 3) and depth (h, w) [m], 0: no measurement
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,8 +21,7 @@ from pomona.executive.values.units import TIME
 
 MOTION_PORT = 50240  # the state's port is the next one
 ORDERS: dict[str, Order] = {"fs100": ">", "dx100": "<", "dx200": "<", "yrc1000": "<"}  # byte order of each controller
-SEVEN, SIX = tuple("SLEURBT"), tuple("SLURBT")
-"""Joints of an arm by their names on the controller, in the order of the wire."""
+SEVEN, SIX = tuple("SLEURBT"), tuple("SLURBT")  # joints by their names on the controller, in the wire's order
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,10 +22,7 @@ from pomona.executive.values.arrays import Float64
 
 INTERPOLATION = 0.004  # period of the controller's own interpolation, and of stepping the path here [s]
 BLEND = 0.3  # time over which the distance between the path's start and the arm's true position is taken up [s]
-GAP = 0.1
-"""Gap between points after which a moving arm has come to rest [s]; continuing would be an unrequested start. A shorter
-gap is a jolt.
-"""
+GAP = 0.1  # gap between points after which a moving arm rests [s]: going on would be an unrequested start
 
 
 class RanDryError(DeviceFault):

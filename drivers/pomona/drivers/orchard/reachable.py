@@ -16,8 +16,7 @@ from pomona.executive.values.arrays import Float64
 
 AZIMUTHS, ELEVATIONS = (0.0, 25.0, -25.0, 50.0, -50.0), (0.0, 25.0, -20.0, 45.0)
 """Of the approach, from straight towards the wall; positive elevations come from below [deg]."""
-ROLLS = (0.0, 25.0, -25.0, 50.0, -50.0, 90.0)
-"""Of the hand about the approach; 0 closes the fingers from the sides [deg]."""
+ROLLS = (0.0, 25.0, -25.0, 50.0, -50.0, 90.0)  # of the hand about the approach [deg]; 0 closes from the sides
 BEFORE = 0.08  # the hand must also stand free so far before the grasp [m]
 SPARE = 0.02  # opening of the fingers beyond the fruit's diameter [m]: wide open they touch neighbours
 ROLLED, OUT, STEPS = 75.0, 0.06 * np.array([0.0, 0.94, 0.34]), 4

@@ -18,10 +18,8 @@ from pomona.executive.values.arrays import Float64
 
 TOUCH = 0.05  # a pad holds a fruit when it is pressed by more than this [N]
 RECENT = 1.0  # a fruit that comes off so soon after the robot touched it or its branch was knocked off [s]
-STEADY = 0.05
-"""Time over which a pressing force is averaged before it counts as static [s]: impacts are judged by themselves."""
-GRIPPED = 0.05
-"""Both pads held a fruit that comes off if they touched it within this time [s]: a break can unload one of them."""
+STEADY = 0.05  # time over which a pressing force is averaged before it counts as static [s]; impacts do not
+GRIPPED = 0.05  # a break can unload a pad: both held the fruit if they touched it within this time [s]
 HIT = 0.5  # force above which the robot strikes wood, a wire or a fixed object [N]
 
 

@@ -16,8 +16,7 @@ Index = NDArray[np.int64]
 
 BY_PAD, BY_LINING, BY_HARD = 0, 1, 2  # columns of the forces on a fruit: soft pads, the bin's foam, all else
 _OTHER, _FRUIT, _PAD, _ROBOT, _LINING, _WOOD, _WIRE, _GROUND = range(8)
-APART = 0.02
-"""Two bodies that touch again within this time still touch: bounces of the engine's contact are shorter [s]."""
+APART = 0.02  # bodies that touch again within this time still touch [s]: the engine's bounces are shorter
 
 
 class Touches:

@@ -35,8 +35,7 @@ PATIENCE = 0.004  # receive timeout [s]
 SET_POINT_PERIOD = 0.01  # period of the set-points while anything moves [s]
 ARRIVED = 1e-3  # position tolerance: fingers this close to their target have arrived [m]
 BLOCKED = 0.2  # fingers at rest off their target for this long, beyond the allowed lag, are blocked [s]
-SPEED_WINDOW = 0.04
-"""Without velocities on the topic, the speed is the difference over this window [s]: positions are quantised."""
+SPEED_WINDOW = 0.04  # window of a speed by differences [s], without velocities: positions are quantised
 FIRST_STATE = 3.0  # deadline for the first joint state [s]
 ACCELERATION = 1.0  # assumed acceleration of the set-point for the supervisor [m/s²]; real fingers are quicker
 

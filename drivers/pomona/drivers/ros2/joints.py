@@ -22,8 +22,7 @@ from pomona.executive.values.arrays import Float64
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 KEPT = 16  # messages that wait to be read; of a flood, only the newest
-LARGEST = 65536
-"""Longer messages are not even read [bytes]: a joint takes some 60, and a megabyte takes longer than a step may."""
+LARGEST = 65536  # longest message that is read [bytes]: a joint takes some 60, a megabyte longer than a step
 
 
 class RosNode(Protocol):

@@ -25,9 +25,7 @@ SILENCE = 0.5  # time without a valid or new frame after which the camera is los
 LIES = {"old": -30.0, "early": 10.0, "repeated": 0.0, "depth_stale": 0.0}
 """Faults of a camera that goes on sending, and by how much its stamps are wrong [s]."""
 
-SHOWN, ASKED = 1.0, 2.0
-"""Shortest time between two pictures for viewers, and for how long one is rendered after it was asked for [s]."""
-
+SHOWN, ASKED = 1.0, 2.0  # shortest time between pictures for viewers, and rendering time after a request [s]
 SILENT = ("freeze", "lost")  # faults of a camera that sends nothing new
 
 

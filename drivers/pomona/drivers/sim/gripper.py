@@ -21,9 +21,7 @@ BLOCKED = 2e-3  # fingers this far behind their set-point [m] …
 STANDING = 2e-3  # … that move slower than this [m/s] …
 PATIENCE = 0.05  # … for this long [s] are blocked
 STALE = 0.045  # a state that is older than this is none [s]; as of a WSG
-RUNAWAY, FAST_STOP = 0.03, 0.2
-"""Speed of runaway fingers [m/s], and time from a safe stop to the fast stop that ends it [s]."""
-
+RUNAWAY, FAST_STOP = 0.03, 0.2  # speed of runaway fingers [m/s], and time from a safe stop to the fast stop [s]
 MOTOR_STEP = 0.5  # step of the grip force by the motor's current [N]
 
 

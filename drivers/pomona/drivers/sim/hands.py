@@ -12,8 +12,7 @@ from pomona.drivers.sim.world import SimWorld
 from pomona.executive.values.arrays import Float64
 
 STIFFNESS, TURNING_STIFFNESS = 1500.0, 0.5  # of a hand that holds on [N/m] and against turning [N·m/rad]
-PULL, TWIST, TWIST_PULL = 0.002, 0.08, 0.0003
-"""How fast the hands pull [m/s], twist [rad/s], and pull while they twist [m/s]."""
+PULL, TWIST, TWIST_PULL = 0.002, 0.08, 0.0003  # speeds of a pull [m/s], a twist [rad/s], and a pull in a twist [m/s]
 FARTHEST = 0.005  # they do not pull farther than this: the fruit stays between the pads [m]
 GRAVITY = 9.81
 

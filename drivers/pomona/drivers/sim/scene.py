@@ -19,8 +19,7 @@ from pomona.executive.values.arrays import Float64
 TIMESTEP = 0.002  # step of the physics [s]; contact, sensing and force control share it
 
 TABLE_FRICTION = (0.6, 0.005, 0.0005)
-LINING = (0.8, 0.02, 0.01)
-"""Friction of fixed objects in the cell: a crate is lined with foam, on which fruit does not roll."""
+LINING = (0.8, 0.02, 0.01)  # friction of fixed objects: a crate is lined with foam, on which fruit does not roll
 OFFSCREEN = (1280, 960)  # width and height of the largest image that can be drawn [px]
 
 

@@ -13,8 +13,7 @@ from pomona.drivers.sim.scene import SimScene, container_of, fixed_names
 from pomona.executive.values.arrays import Float64
 
 LIFTED = 0.03  # a fruit counts as lifted this far above where it stood [m]
-CLEAR = 1e-3
-"""A fruit hangs when nothing carries it and it has risen by more than this [m]: pads that rub make it hop by less."""
+CLEAR = 1e-3  # an unsupported fruit hangs above this height [m]: pads that rub make it hop by less
 TOUCH = 0.05  # a pad holds a fruit when it is pressed by more than this [N]
 SLID_OUT = 10e-3
 """Slip at the end of a grip beyond which the fruit is lost [m]; opening pads cause far less. It is also the distance

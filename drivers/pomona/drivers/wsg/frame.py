@@ -9,9 +9,7 @@ import struct
 from dataclasses import dataclass, field
 
 PREAMBLE = b"\xaa\xaa\xaa"
-MAX_PAYLOAD = 64
-"""Longest payload of a message that is used here (the longest known has 34 bytes). A small bound keeps a damaged length
-from swallowing the frames behind it."""
+MAX_PAYLOAD = 64  # longest payload [bytes]; the longest known has 34. Bounds the damage of a wrong length
 
 
 @dataclass(frozen=True, slots=True)

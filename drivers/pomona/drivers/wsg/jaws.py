@@ -27,8 +27,7 @@ STREAM_PERIOD = 0.018  # shortest period of the speed set-points [s]: the finger
 PATIENCE = 0.002  # receive timeout [s]: posted calls wait meanwhile
 STOPPING = 0.2  # deadline for coming to rest after a stop [s]: braking from 0.2 m/s at 2 m/s² takes 0.1 s
 
-ARRIVED, ARRIVAL = 2e-3, 0.1
-"""Position tolerance at the end of a move [m], and the deadline for measuring it [s]: updates take 10 ms."""
+ARRIVED, ARRIVAL = 2e-3, 0.1  # tolerance at the end of a move [m], and deadline for measuring it [s]
 
 UPDATES = (Command.WIDTH, Command.SPEED, Command.SYSTEM_STATE)
 """Automatic updates of the gripper; their absence is a fault."""

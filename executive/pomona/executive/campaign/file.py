@@ -30,8 +30,7 @@ from pomona.executive.values.sections import Section, value
 from pomona.executive.values.shape import shape_of
 from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
 
-MAX_SEEDS = 1000
-"""Maximum number of seeds of a combination, and the distance between the first seeds of two combinations."""
+MAX_SEEDS = 1000  # largest number of seeds of a combination, and distance of two combinations' first seeds
 
 Values = Mapping[str, YamlScalar]
 Variations = Mapping[str, tuple[YamlScalar, ...]]

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-FEWEST = 5
-"""Runs from which a mean or median has an interval and a box: of fewer an interval is wider than the question."""
+FEWEST = 5  # runs from which a mean or median has an interval: of fewer it is wider than the question
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,9 +14,7 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 from websockets.frames import Frame, Opcode
 from websockets.protocol import State
 
-MOST_CONNECTIONS = 250
-"""Connections that are no live stream. One more, and the one that has been idle longest is closed."""
-
+MOST_CONNECTIONS = 250  # connections without a live stream; of more, the longest idle one is closed
 REQUEST_DEADLINE = 5.0  # seconds in which a request must have come, head and body
 
 

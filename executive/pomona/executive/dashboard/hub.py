@@ -22,12 +22,8 @@ from pomona.executive.recording.message import key_of
 from pomona.executive.running.events import Event, OperatorActed, Published, SafeStopped, StateChanged
 from pomona.executive.running.unencodable import in_place_of, refuse
 
-HISTORY_BYTES = 32_000_000
-"""Characters of a run's messages that are kept for viewers who come later. Of older ones each key's last word stays."""
-
-BATCH = 0.033
-"""Seconds in which messages are gathered, so that fifty viewers cost thirty sends a second each and no more."""
-
+HISTORY_BYTES = 32_000_000  # characters of a run kept for later viewers; of older ones each key's last message
+BATCH = 0.033  # seconds in which messages are gathered: fifty viewers cost thirty sends a second each
 PICTURES = frozenset(("ImageView", "SceneView"))  # kinds of views of which only the newest one of a topic is kept
 
 LASTING = frozenset(("NodeChanged", "AttemptEnded", "PortWritten", "LinkChanged", "OperatorActed", "StateChanged"))

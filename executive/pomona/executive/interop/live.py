@@ -27,8 +27,7 @@ from pomona.executive.views import ImageView, SeriesView
 
 logger = logging.getLogger(__name__)
 
-EVERY = 0.01
-"""Seconds between two looks into the queue: waking up for every event would cost the tick more. A picture wakes it."""
+EVERY = 0.01  # seconds between two looks into the queue; waking for each event would cost the tick more
 MOST = 2000  # events that wait; some seconds of a run
 CLOSING = 2.0  # time for the remaining events at the end [s]
 

@@ -21,11 +21,8 @@ from pomona.executive.recording.well_known import DEPTH, IMAGES, INTERVENTIONS, 
 
 SECOND = 1_000_000_000
 
-STATUS_PERIOD = SECOND // 10
-"""Shortest period of the tree's status [ns]: it changes many times in a tick, faster than anybody reads."""
-TRACE_PERIOD, TRACE_POINTS = SECOND, 1000
-"""Period of the executed path [ns], and the most points published of it: it grows with every sample."""
-
+STATUS_PERIOD = SECOND // 10  # shortest period of the tree's status [ns]: it changes many times in a tick
+TRACE_PERIOD, TRACE_POINTS = SECOND, 1000  # period of the executed path [ns], and most points published of it
 LEVELS = {2: 20, 3: 30, 4: 40}  # log levels, Foxglove's to ROS 2's: info, warning, error
 
 _STATUS = {"INVALID": 1, "RUNNING": 2, "SUCCESS": 3, "FAILURE": 4}

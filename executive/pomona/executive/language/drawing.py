@@ -10,8 +10,7 @@ from pomona.executive.language.model import Document
 from pomona.executive.language.outline import DrawnNode, outline
 
 NAME, SMALL = 13.0, 10.5  # font sizes of names, and of ports and modifiers [px]
-MOST_NAME, MOST_PORTS, MOST_MODIFIER = 34, 46, 30
-"""Characters that are drawn; the rest stands in the node's title, which browsers show under the pointer."""
+MOST_NAME, MOST_PORTS, MOST_MODIFIER = 34, 46, 30  # characters that are drawn; the rest is in the node's title
 PADDING, GAP, STEP = 10.0, 10.0, 36.0  # inside a box, between two branches, and between a box and its children [px]
 LINE, PORTS_LINE, PILL = 26.0, 14.0, 16.0  # heights of a box with a name, of its line of ports, and of a modifier [px]
 MARGIN = 12.0

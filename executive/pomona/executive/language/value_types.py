@@ -15,8 +15,7 @@ from pomona.executive.errors import PomonaError
 from pomona.executive.ports import RATIO, Quantity, type_name
 from pomona.executive.values.units import Array, with_article
 
-DECLARED_FIELDS = "__declared_fields__"
-"""Attribute of a class that stands in for one which is not imported: its fields and their types, if it has any."""
+DECLARED_FIELDS = "__declared_fields__"  # of a class that stands in for one which is not imported: its fields and types
 
 
 class NotLoadedError(PomonaError):

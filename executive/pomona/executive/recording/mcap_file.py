@@ -32,12 +32,8 @@ from pomona.executive.errors import PomonaError, UsageError
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")  # start of every record in the file: opcode and number of the following bytes
 
-LIBRARY = "pomona 2"
-"""Library in the header of files of this recorder: all checksums are present, all messages are in indexed chunks."""
-
-MOST_BYTES = 256_000_000
-"""Largest record that is read [bytes]. Chunks of a recorder are below 2 MB, or as large as one published message."""
-
+LIBRARY = "pomona 2"  # in the header of this recorder's files: all checksums are present, all chunks indexed
+MOST_BYTES = 256_000_000  # largest record that is read [bytes]; chunks are below 2 MB or one published message
 MOST_MESSAGE = MOST_BYTES - 1_000_000  # largest message that is written [bytes]: its chunk also holds earlier messages
 
 MOST_GROWTH, FREE_GROWTH = 200, 16_000_000

@@ -26,8 +26,7 @@ logger = logging.getLogger(__name__)
 ADDRESS = "127.0.0.1:7447"  # where rmw_zenoh looks for a router
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 QOS = "::,10:,:,:,,"  # as rmw_zenoh writes it: reliable, volatile, the last ten
-QUEUE, PATIENCE = 16, 50_000
-"""Batches that wait for a link, and microseconds before a message is dropped; Zenoh's own are 2 and 1000."""
+QUEUE, PATIENCE = 16, 50_000  # batches that wait for a link, and microseconds before a message is dropped
 _HEAD = struct.Struct("<qqB")
 
 Reply = Callable[[Mapping[str, Any]], None]

@@ -22,9 +22,7 @@ from pomona.executive.running.signals import REPORT, WORDS, report_to
 
 LEFT = 3  # exit status of a command whose process ended with 0 before the command did
 
-HEARD = 0.05
-"""Time in which the child takes a signal that was sent to the whole group [s]; then the signal is passed on."""
-
+HEARD = 0.05  # time for the child to take a signal of the whole group [s]; then it is passed on
 ECHO = 0.5  # time within which the same signal is one request [s]: `timeout` sends it to a process and to its group
 
 _LEFT_WORDS = b"""the process of the run ended with status 0 before the run did: no success.

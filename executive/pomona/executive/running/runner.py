@@ -65,8 +65,7 @@ STOP_LIMIT = 10.0  # seconds of the cell's clock that a stop may take before it 
 
 SETTLING = 2.0  # settle time of devices after the tree has ended [s of the cell's clock]; longer motion is an error
 
-READINESS = 1.0
-"""Seconds that a simulated cell runs on before an acknowledgement, so that repaired connections are open again."""
+READINESS = 1.0  # seconds that a simulated cell runs on before an acknowledgement: repaired links open again
 
 
 class ListenerError(PomonaError):
@@ -77,8 +76,7 @@ class ListenerError(PomonaError):
         super().__init__(f"a listener of the run failed: {sentence_of(error)}")
 
 
-BLOCKED = 1.0
-"""Wall-clock seconds that a tick may take on a simulated clock before it is reported: no timeout can interrupt it."""
+BLOCKED = 1.0  # wall-clock seconds of a tick on a simulated clock that are reported: no timeout interrupts it
 
 
 Build = Callable[[RunContext, Board], BuiltTree]  # makes a tree that is bound to a run

@@ -39,8 +39,7 @@ AGAIN = 0.1  # seconds after which a signal that was swallowed comes again
 CLOSING = 5.0  # seconds for which closing the record and the cell is not disturbed
 
 
-REPORT = struct.Struct("<Bd")
-"""A message to the launcher: a signal's number and when it was taken [s, monotonic]; or 0 and the exit status."""
+REPORT = struct.Struct("<Bd")  # message to the launcher: signal and its time [s, monotonic], or 0 and exit status
 
 
 Report = Callable[[int, float], None]

@@ -26,11 +26,7 @@ from pomona.executive.running.signals import WORDS
 STOPPING = 3.0  # seconds for which each device is tried again: its old connection may have to be noticed as gone first
 REPORT = "supervisor.json"  # file in the record's folder: actions of the supervisor and their reasons
 
-LOOKS = 20
-"""Polls within the deadline. A late poll counts as one, so that a stall of the whole computer does not count as a
-missed heartbeat.
-"""
-
+LOOKS = 20  # polls within the deadline; a late poll counts once, so a stalled computer misses no heartbeat
 PRIORITY = -10  # requested niceness: stopping devices has priority over computations
 
 

@@ -17,8 +17,7 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 from urllib.request import url2pathname
 
-WHOLE, ALONE = "pomona", "pomona-executive"
-"""Distributions: `pomona` holds executive, skills and drivers, `pomona-executive` the executive alone."""
+WHOLE, ALONE = "pomona", "pomona-executive"  # distributions: everything, and the executive alone
 
 
 @cache

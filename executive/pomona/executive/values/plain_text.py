@@ -5,8 +5,7 @@ from __future__ import annotations
 import errno
 from pathlib import Path
 
-MOST_BYTES = 16 * 1024 * 1024
-"""Of one file: four bytes for each character of the longest that is read, a Groot2 project of 4 Mi characters."""
+MOST_BYTES = 16 * 1024 * 1024  # of a file: four for each character of a Groot2 project of 4 Mi characters
 
 
 def read_plain_text(path: Path, most: int = MOST_BYTES) -> str:

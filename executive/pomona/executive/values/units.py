@@ -7,8 +7,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
-"""A number in files, as a regular expression that JSON Schema understands, too."""
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"  # a number in files, as a regular expression for JSON Schema
 
 _WRITTEN = re.compile(rf"\s*({NUMBER})(?:\s*([^\s\d]\S*)|\s+(1/\S+))?\s*", re.ASCII)
 

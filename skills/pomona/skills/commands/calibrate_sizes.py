@@ -18,22 +18,17 @@ from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.fruit.errors import FruitError
 from pomona.skills.perception.fruit.sizes import LEAST_FRUIT, KindSizes, TooFewFruit, held_out, learn_sizes
 
-TRUE = "true_width_mm", "true_height_mm"
-"""Columns that a person adds to `finds.csv`, in the rows of fruit that were measured by hand."""
+TRUE = "true_width_mm", "true_height_mm"  # columns that an operator adds to `finds.csv` for fruit measured by hand
 
 _SEEN = "shown_mm", "shown_90_mm", "from_side"
 _FRUIT = "fruit"
 _BY_SHAPE = "width_mm", "width_90_mm", "height_mm", "height_90_mm"
 _Z_90 = 1.6449
 
-LEAST_KNOWN = 0.06
-"""Relative uncertainty of height over width above which a shape gives the prior only: fruit of one kind differ by as
-much (52 calipered apples).
-"""
+LEAST_KNOWN = 0.06  # relative uncertainty of a shape above which only the prior counts (52 calipered apples)
 
 
-MOST_TIMES = 2.0
-"""A caliper and a camera that differ by more than this factor do not measure the same thing, or not in millimetres."""
+MOST_TIMES = 2.0  # a caliper and a camera that differ by this factor measure different things or units
 
 
 MOST_UNLIKE = 0.12

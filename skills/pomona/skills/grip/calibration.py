@@ -34,9 +34,7 @@ GROWTH_STD, SLIDE_STD = 0.15, 0.05
 """Assumed standard deviations of gamma among fruit, and of the logarithm of a slide's force: with noisy slides gamma
 stays near the assumed value."""
 
-OUTLIER, MOST_OUTLIERS = 0.25, 0.34
-"""Relative error of a slide that disagrees with the others, and largest fraction of the slides that is left out."""
-
+OUTLIER, MOST_OUTLIERS = 0.25, 0.34  # relative error of a slide that is left out, and largest part of those
 VAGUE = 0.25  # relative uncertainty of the contact radius above which a note is written
 
 

@@ -24,8 +24,7 @@ from scipy.special import beta, ellipe, ellipkm1, gamma
 
 from pomona.executive.values.arrays import Float64
 
-NODES = 1025
-"""Nodes of the table, uniform in c_tilde / (1 + c_tilde): linear between them, within 1e-5 of the exact surface."""
+NODES = 1025  # nodes of the table, uniform in c_tilde / (1 + c_tilde), within 1e-5 of the exact surface
 
 
 @dataclass(frozen=True, slots=True)

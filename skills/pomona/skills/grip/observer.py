@@ -20,9 +20,7 @@ from pomona.executive.values.arrays import Float64
 STEP = 5e-4  # step of the integration [s], rounded to a whole number of steps in a sample
 LEAST_G = 1e-3  # lower bound of the friction [N·m]
 
-STIFFEST = 2.0
-"""Bound of the bristles' relaxation in a step, for stability of the explicit integration in gross sliding."""
-
+STIFFEST = 2.0  # bound of the bristles' relaxation in a step: the explicit integration stays stable
 FASTEST = 50.0  # bound of the estimate [rad/s]
 
 

@@ -19,17 +19,13 @@ SHORTEST, FEW = 0.02, 4  # smallest duration [s] and number of samples of each h
 PRESSING = 0.1  # smallest normal force of a finger that measures friction [N]
 STEADY = 0.15  # largest relative difference of a slide's halves: until the pads slide, the force still rises
 
-CAME_ALONG = 0.2
-"""Ratio of the unchanged to the changing part above which the fruit was lifted on the way up. Pads that are not square
-to the skin give 0.05."""
+CAME_ALONG = 0.2  # ratio of unchanged to changing part above which the fruit was lifted; tilted pads give 0.05
 
 LIGHT, LIGHT_NOW = 0.4, 0.65
 """Ratios of friction to the largest weight of a fruit of this size above which it counts as light: with the tracked
 force, and with the sum of both fingers, of which one may press more (docs/decisions/pick-pace.md)."""
 
-NOT_SQUARE = 0.04
-"""Relative uncertainty of friction from one direction: standard deviation of 15 fruits of the simulated cell."""
-
+NOT_SQUARE = 0.04  # relative uncertainty of friction from one direction (15 fruits of the simulated cell)
 UNMODELLED = 0.03  # relative uncertainty that repetition does not reduce: other places of the skin, other speeds
 
 

@@ -15,8 +15,7 @@ from pomona.executive.values.arrays import Float64
 
 Indices = NDArray[np.int32]
 
-EDGE = 1e-9
-"""A pixel this far outside still belongs to a triangle, in shares of its corners: no cracks between neighbours."""
+EDGE = 1e-9  # a pixel this far outside belongs to a triangle, in shares of its corners: no cracks
 
 
 def project(points: NDArray[Any], camera: tuple[float, float, float, float]) -> tuple[Float64, Float64, Float64]:

@@ -16,8 +16,7 @@ from pomona.skills.shared.live_watch import KnownAround, LiveWatch
 
 Watching = Generator["str | None", None, None]
 
-MOTION_FAILURES = ("REFUSED", "STOPPED", "MOTION_FAILED")
-"""Codes of every skill that moves: the device refused the motion, was stopped from outside, or failed during it."""
+MOTION_FAILURES = ("REFUSED", "STOPPED", "MOTION_FAILED")  # refused; stopped from outside; failed during the motion
 
 
 class MotionEnded(Exception):

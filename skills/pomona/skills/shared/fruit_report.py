@@ -17,8 +17,7 @@ from pomona.skills.perception.inventory.sighting import Z_90, Sighting
 
 CLASS_MM = 5  # width of a size class [mm], as fruit is sorted for sale (UNECE standard FFV-50, apples)
 
-LEAST_TELLING = 3
-"""Minimum number of fruit for the statement that all of them are too large or too small; one may just be large."""
+LEAST_TELLING = 3  # least number of fruit to state that all are too large or too small
 
 UNLIKE_MODEL = 0.5, 1.25
 """Fruit of a kind of which only the model is known are at least and at most so large, beside it, in the middle: the

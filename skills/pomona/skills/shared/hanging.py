@@ -11,8 +11,7 @@ from pomona.skills.grip.hold import Hold
 LEAST = 0.25  # the tangential load of a fruit that hangs [N]; the lightest weighs 0.5 N, noise and bias are 0.1 N
 LASTING = 0.06  # minimum duration [s]
 
-AVERAGED, REMEMBERED = 0.1, 1.0
-"""The load is averaged over the first, its largest value fades over the second [s]: a bump is no load."""
+AVERAGED, REMEMBERED = 0.1, 1.0  # time of the load's average, and in which its largest value fades [s]
 
 
 class Hanging:

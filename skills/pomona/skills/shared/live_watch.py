@@ -42,9 +42,7 @@ from pomona.skills.shared.frame_trust import earlier_poses, mismatch, note_pose,
 
 BLOCKED = "PATH_BLOCKED"  # failure code of a motion that was stopped by an obstacle in a camera's view
 
-WATCH_FAILURES = (BLOCKED, *MISMATCHES)
-"""Codes of every skill with watched motions: an obstacle, or a camera with implausible frames."""
-
+WATCH_FAILURES = (BLOCKED, *MISMATCHES)  # of watched motions: an obstacle, or a camera with implausible frames
 TOO_OLD = 0.3  # age from which a frame is stale [s]; a camera that sends no others is lost, which its driver reports
 
 T = TypeVar("T")

@@ -15,10 +15,7 @@ PLANNING_FAILURES = ("START_IN_COLLISION", "GOAL_UNREACHABLE", "GOAL_IN_COLLISIO
 
 COLD_START = 5.0  # seconds that a process which has never planned may need on top of the budget to import and compile
 
-SIMULATED_PATIENCE = 60.0
-"""Time after which planning is given up on a simulated clock [s, wall clock]; the number of iterations is the budget
-there.
-"""
+SIMULATED_PATIENCE = 60.0  # wall time of planning on a simulated clock [s]; the budget counts iterations
 
 
 def planned(skill: Skill, request: PlanRequest) -> Generator[str | None, None, PlanResult]:

@@ -13,8 +13,7 @@ from pomona.executive.values.arrays import Float64
 STALE_AFTER = 0.1  # a newest sample older than this means that the fingers feel nothing any more [s]
 SPIKE = 3  # number of successive samples that confirm a change of force: one sample may be a spike
 
-HELD_FORCE = 0.25
-"""Pressing force of each finger above which something is between them [N]; the noise is 0.2 N at worst."""
+HELD_FORCE = 0.25  # pressing force of each finger that shows something between them [N]; noise: 0.2 N
 
 
 def each_finger(forces: Float64) -> Float64:

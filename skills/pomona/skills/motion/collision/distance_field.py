@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float32, Float64
 
-INTERPOLATION_ERROR = 0.27
-"""Interpolating between corners overestimates a distance by at most this share of a cell (0.256 beside a corner)."""
+INTERPOLATION_ERROR = 0.27  # largest overestimate between corners, in cells (0.256 beside a corner)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

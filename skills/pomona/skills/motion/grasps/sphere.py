@@ -23,8 +23,7 @@ import numpy as np
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import rot_x, rot_y, rot_z, transform
 
-Q_TILDE: Float64 = rot_z(-np.pi / 2.0) @ rot_x(np.pi)
-"""Rotation that aligns the approach vector with the world's z, downwards, shape (3, 3)."""
+Q_TILDE: Float64 = rot_z(-np.pi / 2.0) @ rot_x(np.pi)  # turns the approach vector down the world's z, shape (3, 3)
 
 
 def pre_grasp_position(p_fruit: Float64, r_o: float, theta: float, alpha: float) -> Float64:

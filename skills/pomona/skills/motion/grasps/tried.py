@@ -7,12 +7,10 @@ import numpy as np
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 
-SAME_PLACE = 0.04
-"""A fruit found within this distance of the last one is the same, looked at again [m]: less than half a fruit."""
+SAME_PLACE = 0.04  # a fruit within this distance of the last one is the same [m]: less than half a fruit
 
 
-Direction = tuple[float, float]
-"""Tilt and azimuth of an approach, rounded: the name of a candidate, however finely the sphere is sampled [rad]."""
+Direction = tuple[float, float]  # tilt and azimuth of an approach, rounded [rad]: the name of a candidate
 
 
 def direction(grasp: Grasp) -> Direction:

@@ -12,8 +12,7 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.collision.distance_field import DistanceField
 from pomona.skills.motion.occupancy.errors import MapEmpty, MapStale
 
-UNKNOWN, FREE, OCCUPIED, HIDDEN = 0, 1, 2, 3
-"""States of a cell. HIDDEN: close behind a seen surface, where the rest of the object is."""
+UNKNOWN, FREE, OCCUPIED, HIDDEN = 0, 1, 2, 3  # states of a cell; HIDDEN: close behind a seen surface
 
 
 @dataclass(frozen=True, eq=False)

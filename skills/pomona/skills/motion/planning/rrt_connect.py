@@ -25,8 +25,7 @@ and are refused far more quickly than by proof."""
 
 MAX_STEP = 0.8  # longest edge of a tree [rad]: see `benchmarks`, MotionBenchMaker's sets for Panda and UR5
 
-FIRST_ROUND = 500
-"""Iterations after which two trees that have not met are begun anew; every further round has twice as many."""
+FIRST_ROUND = 500  # iterations before two trees are begun anew; each further round has twice as many
 
 _PROBES = (1.0, 0.5, 0.25, 0.75)
 

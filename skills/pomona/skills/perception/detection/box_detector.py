@@ -17,19 +17,14 @@ from pomona.skills.perception.detection.rigid_pose import cuboid_in_picture
 from pomona.skills.perception.detection.sphere_in_box import FittedSphere, NoSphere, sphere_in_box
 from pomona.skills.perception.detection.symmetry import upright_rotation
 
-ACCEPTED = 0.4, 1.6
-"""Least and greatest size relative to the CAD model, as the defaults of Refine's `smallest` and `largest`."""
+ACCEPTED = 0.4, 1.6  # least and greatest size relative to the CAD model, as Refine's defaults
 
 SPHERE_OF_FRUIT = 1.05
 """Radius of the fitted sphere over half the mean of the cuboid's sides: median of 221 rendered apples at least 60 %
 visible, depth noise 0.2 %."""
 
-SIZE_ERROR = 0.05
-"""Relative standard deviation of the sphere's radius, divided by the ratio that is seen (these apples: 0.045)."""
-
-ACROSS_ERROR = 2e-3
-"""Standard deviation of its centre across the line of sight [m], divided likewise (these apples: median 2 mm)."""
-
+SIZE_ERROR = 0.05  # relative deviation of the sphere's radius, over the ratio that is seen (apples: 0.045)
+ACROSS_ERROR = 2e-3  # deviation of its centre across the line of sight [m], likewise (apples: 2 mm)
 ANY_STEM = 1.0  # standard deviation of the rotation [rad]: depth in a box shows no stem
 
 

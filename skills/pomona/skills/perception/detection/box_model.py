@@ -30,9 +30,7 @@ from pomona.skills.perception.detection.frame_check import check_picture
 from pomona.skills.perception.detection.onnx_runtime import single_thread
 from pomona.skills.perception.detection.options import WORKING_WIDTH
 
-MULTIPLE = 32
-"""Sides of an input without a fixed size are multiples of this [px], the coarsest stride of usual networks."""
-
+MULTIPLE = 32  # sides of an input without a fixed size are multiples of this stride [px]
 GREY = (114, 114, 114)  # colour beside the picture, as in the training of YOLO networks
 LEAST_SCORE = 0.05  # boxes with less score are dropped
 MOST_BOXES = 300  # boxes that are read, surest first

@@ -15,14 +15,9 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.perception.detection.outputs import AXIS, CENTRE, CLOSE_LOOK_SIZE, SIZE
 from pomona.skills.perception.detection.symmetry import STEM_AXIS, minimal_rotation
 
-MARGIN = 1.15
-"""Half side of the look over the mean distance of the corners from the centroid: the fruit fills two thirds."""
-
-REFERENCE_LENGTH = 0.0633
-"""Length whose picture is called a fruit's size [m]; about the mean projected distance of the CAD apple's corners."""
-
-OUTLINE_RADIUS = 0.046
-"""Radius of a CAD-sized fruit's outline [m]: from near, its outline is the cone that touches the fruit."""
+MARGIN = 1.15  # half side of the look over the corners' mean distance: the fruit fills two thirds
+REFERENCE_LENGTH = 0.0633  # length whose picture is a fruit's size [m]: mean distance of an apple's corners
+OUTLINE_RADIUS = 0.046  # radius of a CAD-sized fruit's outline [m]: the cone that touches the fruit
 
 SIZE_OF_BOX = 0.64
 """Apparent size of a whole fruit over its box's longer side: 0.636 in 242 rendered looks (standard deviation 0.015),

@@ -45,8 +45,7 @@ MIRROR = np.ones(CLOSE_LOOK_OUTPUTS)
 MIRROR[[CENTRE.start, AXIS.start]] = -1.0
 """Factors from the close look's output for a mirrored picture to that for the picture."""
 
-BATCH = 16
-"""Looks that go through the network at once: more no longer fit into the processor's cache, and each takes longer."""
+BATCH = 16  # looks that go through the network at once: more no longer fit into the cache
 
 
 class CompactDetector:

@@ -13,8 +13,7 @@ from pomona.skills.perception.detection.found_fruit import Finder, FoundFruit
 from pomona.skills.perception.detection.rigid_pose import cuboid_in_picture, pose_covariance, pose_of
 from pomona.skills.perception.fruit import FruitModel
 
-POLICIES = ("nearest", "largest", "most_visible", "surest", "index")
-"""How a target is chosen among the instances of a frame."""
+POLICIES = ("nearest", "largest", "most_visible", "surest", "index")  # how a target is chosen among instances
 
 
 @dataclass(frozen=True, slots=True, eq=False)

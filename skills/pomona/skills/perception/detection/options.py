@@ -29,8 +29,7 @@ class DopeFiles:
     config: Path  # config_pose.yaml
 
 
-PoseSource = Literal["close_look", "depth"]
-"""Where the pose in a box comes from: the close look of the fruit's weights, or the depth in the box."""
+PoseSource = Literal["close_look", "depth"]  # where the pose in a box comes from: the close look, or the depth
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,7 @@ from collections.abc import Callable, Sequence
 
 from pomona.executive.values.arrays import Float32
 
-Network = Callable[[Float32], Sequence[Float32]]
-"""Runs a network: pictures (n, 3, h, w), RGB in 0..1 minus 0.5, to its outputs."""
-
+Network = Callable[[Float32], Sequence[Float32]]  # pictures (n, 3, h, w), RGB in 0..1 minus 0.5, to outputs
 FINDER_STRIDE = 4  # input pixels per cell of the belief maps
 OFFSET_UNIT = 8.0  # offsets are learnt in units of this many cells
 CLOSE_LOOK_SIZE = 96  # side of the square picture of one fruit [px]

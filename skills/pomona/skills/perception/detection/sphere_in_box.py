@@ -13,9 +13,7 @@ MOST_POINTS = 2500  # pixels that are fitted; more of a box add no accuracy, sin
 CORE = 0.5  # part of the box's sides, about its middle, whose median depth stands for the fruit's front
 BAND = 4e-3  # distance from the sphere within which depth agrees [m], as the default of Refine's `inlier_band`
 
-LEAST_AGREEING = 0.5
-"""Least ratio of agreeing pixels among those within a radius of the front: less is no fruit's shape."""
-
+LEAST_AGREEING = 0.5  # least ratio of agreeing pixels within a radius of the front: a fruit's shape
 RADIUS_PRIOR = 0.15  # standard deviation of the logarithm of the radius about half the box's longer side
 POINT_ERROR = 2e-3  # standard deviation of a point against the sphere [m]: apples are no spheres
 INDEPENDENT = 30.0  # points that count as independent: an apple's dents and bulges move neighbouring points together

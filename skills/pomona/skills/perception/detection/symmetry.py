@@ -10,9 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-MEAN_ELEVATION = np.deg2rad(57.0)
-"""Elevation from which an upright fruit is seen on average; the label has its singularity opposite to it [rad]."""
-
+MEAN_ELEVATION = np.deg2rad(57.0)  # mean elevation of the view [rad]; the label's singularity is opposite to it
 STEM_AXIS = np.array([0.0, -1.0, 0.0])  # the stem axis in the object frame
 
 

@@ -9,8 +9,7 @@ from scipy.optimize import linear_sum_assignment
 
 from pomona.executive.values.arrays import Float64
 
-GATE = 11.345
-"""Squared Mahalanobis distance in space that 99 of 100 sightings of the same fruit stay within (chi², 3 degrees)."""
+GATE = 11.345  # squared Mahalanobis distance of 99 of 100 sightings of one fruit (chi², 3 degrees)
 
 MISPLACED = 0.1
 """Standard deviation of errors outside the covariances, such as the camera's pose and dents, relative to the diameter.

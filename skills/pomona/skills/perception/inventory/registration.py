@@ -20,8 +20,7 @@ from pomona.executive.values.arrays import Float32, Float64, UInt8
 WIDTH = 320  # width at which it is looked for [px]: leaves and branches are still there
 SMOOTH = 1.5  # standard deviation by which both are smoothed [px of `WIDTH`]
 
-SURE = 8.0
-"""With this score depth and colour belong together: 44 right frames score 9.8 (simulated) to 23 (an orchard's)."""
+SURE = 8.0  # score of depth that belongs to colour: right frames have 9.8 (simulated) to 23 (orchard)
 
 
 VARIANTS = {

@@ -18,13 +18,10 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.perception.refinement.depth_image import DepthImage
 from pomona.skills.perception.refinement.segment import connected_to
 
-_INNER = 0.87
-"""Scale of the silhouette about its middle within which pixels are used: at the outline proportions and mixed pixels
-disturb."""
+_INNER = 0.87  # scale of the silhouette within which pixels are used: mixed pixels at the outline disturb
 
 _LEAST_PIXELS = 60
-_TRIMMED = 3.0
-"""Distance from the fitted surface of outliers, dropped once, in standard deviations: holes' edges, stems."""
+_TRIMMED = 3.0  # distance of outliers from the fitted surface, in standard deviations; dropped once
 
 _CLEARLY_CURVED = 0.1
 """Ratio of the model's curvatures in its two directions below which the flatter one is not checked: at 0.3 seven of 50

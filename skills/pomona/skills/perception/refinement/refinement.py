@@ -30,8 +30,7 @@ from pomona.skills.perception.refinement.starts import Judge, other_starts
 from pomona.skills.perception.refinement.support_plane import Plane
 
 _LEAST_POINTS = 150
-_LEAST_AGREEMENT = 0.8
-"""A stretched model must agree with at least this share of the pixels that the scaled one agreed with."""
+_LEAST_AGREEMENT = 0.8  # least ratio of a stretched model's agreeing pixels to the scaled model's
 
 _NOISE_IN_BAND = 2.0
 """Minimum width of the band in standard deviations of the depth error. Of 53 finds with depth in two real frames (1.0
@@ -41,8 +40,7 @@ the sensor's noise and a registration error of 5 px."""
 _AROUND_CENTRE = 8  # half the edge of the square in which that deviation is looked up [px]
 
 _THROUGH = 2.0
-_MOST_THROUGH = 0.1
-"""A stretched model is refused when the camera sees through more than this ratio of it, by this number of bands."""
+_MOST_THROUGH = 0.1  # ratio of a stretched model that may be seen through, by this number of bands
 
 _UNMODELLED = np.array([0.01, 0.01, 0.01, 0.003, 0.012, 0.003])
 _UNMODELLED_ON_SUPPORT = np.array([0.01, 0.01, 0.01, 0.003, 0.004, 0.003])

@@ -8,8 +8,7 @@ from scipy import ndimage
 
 from pomona.skills.perception.refinement.depth_image import DepthImage
 
-_STEP = 6e-3
-"""A step of more than this between neighbouring pixels parts two things, at `_STEP_DEPTH`; it grows with depth² [m]."""
+_STEP = 6e-3  # step between neighbouring pixels that parts two things, at `_STEP_DEPTH` [m]; grows with depth²
 
 _STEP_DEPTH = 0.6
 _LEAST_SHARE = 0.3

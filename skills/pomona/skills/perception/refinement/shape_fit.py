@@ -192,8 +192,7 @@ def _iterate(
     return equations, share
 
 
-_LIKENESS = np.zeros((11, PARAMETERS))
-"""Prior directions: place 3, tilt about z and x, size, aspect, roundness, lean 2, turn."""
+_LIKENESS = np.zeros((11, PARAMETERS))  # prior directions: place 3, tilt 2, size, aspect, roundness, lean 2, turn
 _LIKENESS[[0, 1, 2, 8, 9, 10], [0, 1, 2, 8, 9, 10]] = 1.0
 _LIKENESS[3, 4], _LIKENESS[4, 3] = -1.0, 1.0
 _LIKENESS[5, 5:8] = 1.0 / 3.0

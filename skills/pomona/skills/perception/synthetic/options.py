@@ -15,8 +15,7 @@ class SceneKind(StrEnum):
     TREE = "tree"
 
 
-WITHOUT_TREES = (0.5, 0.3, 0.2, 0.0)
-"""How often each kind of scene appears in the frames of `make bench-detect`, which never change."""
+WITHOUT_TREES = (0.5, 0.3, 0.2, 0.0)  # kinds of scenes in the frames of `make bench-detect`, which never change
 
 
 @dataclass(frozen=True, slots=True)

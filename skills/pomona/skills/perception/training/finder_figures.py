@@ -17,9 +17,7 @@ from pomona.skills.perception.detection.outputs import FINDER_MULTIPLE
 from pomona.skills.perception.training.photographs import PhotoSet, fruit_scale
 from pomona.skills.perception.training.samples import FrameFolder
 
-Finds = tuple[Float64, Float64, Float64]
-"""Of one picture: boxes that were found (n, 4), their scores (n,), boxes that were to be found (m, 4)."""
-
+Finds = tuple[Float64, Float64, Float64]  # of a picture: found boxes (n, 4), their scores (n,), true boxes (m, 4)
 PRECISION = 0.9  # recall is reported where precision is at least this
 FRAMES, FRAME_WIDTH = 30, 320  # rendered frames that are searched, and the width to which they are shrunk [px]
 

@@ -21,15 +21,12 @@ from pomona.skills.perception.training.targets import finder_targets
 
 SIDE = 320  # side of a window [px of the finder's input]
 
-SHORTEST, NARROWEST = 6.0, 0.28
-"""Least shorter side of a taught box [px of the input], and least ratio of it to the longer side."""
+SHORTEST, NARROWEST = 6.0, 0.28  # least shorter side of a taught box [px of the input], and its ratio to the longer
 
 FRAME_SCALE, FRAME_JITTER = 0.5, (0.8, 1.45)
 """Scale of a rendered frame of 640 px in a window, and the range of its factor: the detector searches at 0.5 to 0.7."""
 
-PHOTO_JITTER = (1.0 / 1.22, 1.22)
-"""Range of the factor on a photograph's scale: in orchards, size distinguishes near fruit from the next row's."""
-
+PHOTO_JITTER = (1.0 / 1.22, 1.22)  # range of the factor on a photograph's scale: size tells near fruit from far rows
 EMPTY_JITTER = (0.9, 3.0)  # range of the factor by which a picture without fruit is larger than the window
 Window = tuple[UInt8, Float32]  # RGB (320, 320, 3) and the maps of `finder_targets`
 

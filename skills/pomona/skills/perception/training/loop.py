@@ -25,8 +25,7 @@ Loss = Callable[[nn.Module, tuple[Tensor, ...]], Tensor]
 
 Fall = Literal["cosine", "late", "constant"]
 
-FALLING = 0.4
-"""Part of the steps in which a rate falls to nothing. Until then a run may still be made longer or shorter."""
+FALLING = 0.4  # part of the steps in which a rate falls to nothing; before it a run may be made longer
 
 
 @dataclass(frozen=True, slots=True)

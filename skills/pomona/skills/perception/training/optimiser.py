@@ -15,8 +15,7 @@ Method = Literal["muon", "adam"]
 
 SLOW = 0.3  # rate of a part that was trained before, as a ratio of the others'
 
-BETAS = (0.9, 0.99)
-"""Decays of AdamW's averages of the gradient and of its square: runs here have hundreds of steps, not thousands."""
+BETAS = (0.9, 0.99)  # decays of AdamW's averages: runs here have hundreds of steps, not thousands
 
 
 class Optimiser:

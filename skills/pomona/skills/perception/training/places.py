@@ -11,8 +11,7 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.training.samples import FrameFolder
 
-THRESHOLD = 0.12
-"""Least score of a place: half of the detector's, since a place that is nearly proposed here is proposed elsewhere."""
+THRESHOLD = 0.12  # least score of a place: half of the detector's, since elsewhere it may be proposed
 
 
 def find_places(

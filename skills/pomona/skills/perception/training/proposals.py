@@ -20,9 +20,7 @@ from pomona.skills.perception.fruit import FruitModel
 SURE = 0.6  # least score of a detection that becomes a label, the default of Detect's `score`
 DOUBTFUL = 0.2  # detections with at least this score and without a label are neither fruit nor background
 
-SIZES = 0.4, 1.6
-"""Least and greatest size relative to the CAD model, as the defaults of Refine's `smallest` and `largest`."""
-
+SIZES = 0.4, 1.6  # least and greatest size relative to the CAD model, as Refine's defaults
 VAL_EVERY = 4  # interval of the runs that are used for validation
 
 
