@@ -23,11 +23,7 @@ class FaultSwitch:
         self.fault: str | None = None
 
     def inject_fault(self, kind: str) -> None:
-        """Fail from now on.
-
-        Raises:
-            ValueError: there is no such fault here.
-        """
+        """Fail from now on. Raises ValueError: there is no such fault here."""
         if kind not in self.known_faults:
             raise ValueError(f"there are the faults {', '.join(self.known_faults)}, not {kind}")
         self.fault = kind

@@ -84,11 +84,7 @@ class HoldWatch:
             self._force = self._least_force()
 
     def compare(self) -> None:
-        """Compare with the noted state.
-
-        Raises:
-            DeviceFault: the arm was moved, or the fruit is gone.
-        """
+        """Compare with the noted state. Raises DeviceFault: the arm was moved, or the fruit is gone."""
         if self._q is not None and self._arm is not None:
             moved = float(np.abs(self._arm.state().q - self._q).max())
             if not moved <= MOVED:  # so that joints that are no number are not as they were

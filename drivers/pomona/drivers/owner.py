@@ -123,11 +123,7 @@ class Owner:
         return answer.result()
 
     def check(self) -> None:
-        """Look whether the thread still serves the device.
-
-        Raises:
-            DeviceLost: it hangs, or has ended by itself.
-        """
+        """Look whether the thread still serves the device. Raises DeviceLost: it hangs, or has ended by itself."""
         thread = self._thread
         if thread is None or self._closed.is_set():
             return

@@ -244,11 +244,7 @@ class PathArm(Device, ABC):
             self._owner.post(motion.stop)
 
     def acknowledge(self) -> None:
-        """Release the latch.
-
-        Raises:
-            DeviceLost: the arm is still lost, or its feedback still implausible.
-        """
+        """Release the latch. Raises DeviceLost: the arm is still lost, or its feedback still implausible."""
         with self._lock:
             if not self._believed:
                 raise DeviceLost(self.name, f"is still lost: {words(self._problem)}")

@@ -173,11 +173,7 @@ class WrenchStream:
         return fault
 
     def acknowledge(self, device: str) -> None:
-        """Acknowledge the problem.
-
-        Raises:
-            DeviceFault: it persists.
-        """
+        """Acknowledge the problem. Raises DeviceFault: it persists."""
         if self._wrong and self._left_out:
             raise DeviceFault(device, f"still: {self._wrong}")
         self._wrong, self._cause = "", None

@@ -50,11 +50,7 @@ class TcpLink:
     """A TCP connection to a device."""
 
     def __init__(self, host: str, port: int, deadline: float = 2.0) -> None:
-        """Connect within `deadline` [s].
-
-        Raises:
-            OSError: there is no answer.
-        """
+        """Connect within `deadline` [s]. Raises OSError: there is no answer."""
         self._socket = socket.create_connection((host, port), deadline)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.settimeout(0.05)  # of a send: a full buffer means that the peer does not read any more

@@ -65,11 +65,7 @@ class MeshSection:
             yield Problem("file", str(error))
 
     def parts(self) -> tuple[Hull, ...]:
-        """Return its hulls, in the base frame.
-
-        Raises:
-            UnusableMesh: the file holds no mesh that can be used.
-        """
+        """Return its hulls, in the base frame. Raises UnusableMesh: the file holds no mesh that can be used."""
         from scipy.spatial.transform import Rotation
 
         R: Float64 = Rotation.from_euler("xyz", self.rpy).as_matrix()

@@ -34,11 +34,7 @@ def kind_names() -> tuple[str, ...]:
 
 @cache
 def file_kind(name: str) -> FileKind:
-    """Return an installed kind by its name.
-
-    Raises:
-        KeyError: there is none.
-    """
+    """Return an installed kind by its name. Raises KeyError: there is none."""
     for point in entry_points(group="pomona.files", name=name):
         kind: FileKind = point.load()
         return kind

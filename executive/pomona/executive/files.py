@@ -13,20 +13,12 @@ from pomona.executive.values.shipped import installed_trees
 
 
 def find_tree(name: str) -> Path:
-    """Find a tree file by path or name.
-
-    Raises:
-        UsageError: there is none; the text lists the existing ones.
-    """
+    """Find a tree file by path or name. Raises UsageError: there is none; the text lists the existing ones."""
     return _find(name, "tree", installed_trees())
 
 
 def find_cell(name: str) -> Path:
-    """Find a cell file by path or name.
-
-    Raises:
-        UsageError: there is none; the text lists the existing ones.
-    """
+    """Find a cell file by path or name. Raises UsageError: there is none; the text lists the existing ones."""
     return _find(name, "cell", installed_trees() / "cells")
 
 
@@ -37,11 +29,7 @@ def default_name(kind: str) -> str:
 
 
 def read_text(path: Path) -> str:
-    """Return a text file.
-
-    Raises:
-        UsageError: it cannot be read, or is not UTF-8.
-    """
+    """Return a text file. Raises UsageError: it cannot be read, or is not UTF-8."""
     try:
         return read_plain_text(path)
     except UnicodeDecodeError as error:
@@ -53,11 +41,7 @@ def read_text(path: Path) -> str:
 
 
 def write_text(text: str, path: Path | None) -> None:
-    """Write a text file, or to standard output when there is no path.
-
-    Raises:
-        UsageError: it cannot be written.
-    """
+    """Write a text file, or to standard output when there is no path. Raises UsageError: it cannot be written."""
     text = text if text.endswith("\n") else text + "\n"
     if path is None:
         # In a terminal a document is filtered like everything, into a file or a pipe it goes as it is.

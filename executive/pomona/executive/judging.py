@@ -28,11 +28,7 @@ class Judged:
     analysis: Analysis
 
     def refuse_errors(self) -> None:
-        """Raise when something is wrong.
-
-        Raises:
-            UsageError: with every finding.
-        """
+        """Raise when something is wrong. Raises UsageError: with every finding."""
         if self.findings.errors:
             findings = self.findings.sorted()
             raise UsageError(f"{format_findings(findings)} Nothing was run.") from TreeFileError(findings)

@@ -73,11 +73,7 @@ class Lease:
             self._over = self._over or why
 
     def require(self, device: object, name: str) -> None:
-        """Refuse a command of a device unless the lease is valid.
-
-        Raises:
-            NotOwnerError: it is not.
-        """
+        """Refuse a command of a device unless the lease is valid. Raises NotOwnerError: it is not."""
         if self._over:
             error = NotOwnerError(self.owner, str(getattr(device, "name", type(device).__name__)), name, self._over)
             self._refused(error)

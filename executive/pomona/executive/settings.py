@@ -8,11 +8,7 @@ from pomona.executive.errors import UsageError
 
 
 def parse_settings(given: Sequence[str]) -> dict[str, str]:
-    """`["attempts=20"]` -> `{"attempts": "20"}`; the last one wins.
-
-    Raises:
-        UsageError: a text without '='.
-    """
+    """`["attempts=20"]` -> `{"attempts": "20"}`; the last one wins. Raises UsageError: a text without '='."""
     settings = {}
     for text in given:
         key, equals, value = text.partition("=")

@@ -15,11 +15,7 @@ class SpeedRefusedError(PomonaError):
 
 
 def speed_of(text: str) -> float:
-    """Parse a speed such as `30 %` as a ratio.
-
-    Raises:
-        SpeedRefusedError: it is none, or not from 10 % to 100 %.
-    """
+    """Parse a speed such as `30 %` as a ratio. Raises SpeedRefusedError: it is none, or not from 10 % to 100 %."""
     try:
         share = RATIO.parse(text)
     except ValueError as error:
@@ -28,11 +24,7 @@ def speed_of(text: str) -> float:
 
 
 def checked_speed(share: float, written: str = "") -> float:
-    """Return the share itself.
-
-    Raises:
-        SpeedRefusedError: it is not from 10 % to 100 %.
-    """
+    """Return the share itself. Raises SpeedRefusedError: it is not from 10 % to 100 %."""
     if not LEAST - 1e-9 <= share <= MOST + 1e-9:  # NaN, too
         raise SpeedRefusedError(
             f"a speed is 10 % to 100 %, not {written.strip() or words_of(share)}{_hint(written, share)}"

@@ -58,11 +58,7 @@ class Bag:
         """Types by topic; normally one each."""
 
     def stamps(self, *topics: str) -> list[list[int]]:
-        """When the messages of each topic were written [ns].
-
-        Raises:
-            UnusableFrames: the bag is damaged.
-        """
+        """When the messages of each topic were written [ns]. Raises UnusableFrames: the bag is damaged."""
         with self._opened() as reader:
             return [[stamp for _connection, stamp, _raw in reader.messages(_of(reader, topic))] for topic in topics]
 
@@ -114,11 +110,7 @@ class BagFrame:
         return f"{self.bag.path.name} {self.colour[1]}"
 
     def read(self, intrinsics: Intrinsics) -> Images:
-        """Read both images.
-
-        Raises:
-            UnusableFrames: an image cannot be used; the text names it and the reason.
-        """
+        """Read both images. Raises UnusableFrames: an image cannot be used; the text names it and the reason."""
         taken = self.bag.messages(self.colour, self.depth)
         topic, stamp = self.colour
         try:

@@ -31,11 +31,7 @@ class UnusableImage(ValueError):
 
 
 def colour_of(message: Any, kind: str) -> NDArray[np.uint8]:
-    """RGB, shape (h, w, 3).
-
-    Raises:
-        UnusableImage: it is no colour image that can be read.
-    """
+    """RGB, shape (h, w, 3). Raises UnusableImage: it is no colour image that can be read."""
     if kind == COMPRESSED:
         image = _decoded(message, cv2.IMREAD_COLOR)
         return np.ascontiguousarray(image[..., ::-1])
@@ -67,11 +63,7 @@ def depth_of(message: Any, kind: str) -> NDArray[np.float32]:
 
 
 def intrinsics_of(info: Any) -> Intrinsics:
-    """Of a CameraInfo.
-
-    Raises:
-        UnusableImage: they are none, or the lens distorts.
-    """
+    """Of a CameraInfo. Raises UnusableImage: they are none, or the lens distorts."""
     fx, fy, cx, cy = (float(info.k[index]) for index in (0, 4, 2, 5))
     if not (np.isfinite([fx, fy, cx, cy]).all() and fx > 0 and fy > 0 and info.width > 0 and info.height > 0):
         raise UnusableImage("it has no focal length, or no size: the camera was not calibrated")

@@ -52,11 +52,7 @@ class Recorded(Protocol):
         ...
 
     def read(self, intrinsics: Intrinsics) -> Images:
-        """Return its images.
-
-        Raises:
-            UnusableFrames: they cannot be read, or do not fit the intrinsics.
-        """
+        """Return its images. Raises UnusableFrames: they cannot be read, or do not fit the intrinsics."""
         ...
 
 

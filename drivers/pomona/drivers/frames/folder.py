@@ -171,11 +171,7 @@ def read_intrinsics(path: Path) -> Intrinsics:
 
 
 def folder_intrinsics(folder: Path) -> Intrinsics | None:
-    """Intrinsics that lie in the folder itself, or None.
-
-    Raises:
-        CellFileError: the file is there and cannot be used.
-    """
+    """Intrinsics that lie in the folder itself, or None. Raises CellFileError: the file is there and cannot be used."""
     path = folder / INTRINSICS_FILE
     return read_intrinsics(path) if path.is_file() else None
 

@@ -81,11 +81,7 @@ class VideoFrame:
         return f"{_name(self.colour.path)} {self.index + 1:06d}"
 
     def read(self, intrinsics: Intrinsics) -> Images:
-        """Return both images.
-
-        Raises:
-            UnusableFrames: they cannot be read, or are not of the intrinsics' size.
-        """
+        """Return both images. Raises UnusableFrames: they cannot be read, or are not of the intrinsics' size."""
         colour, depth = self.colour.read(self.index), self.depth.read(self.index)
         expected = (intrinsics.width, intrinsics.height)
         if depth.ndim == 2 and depth.size == expected[0] * expected[1]:

@@ -200,11 +200,7 @@ class MessageDecoder:
         return self._scan(final=True)
 
     def complain(self) -> None:
-        """Raise if bytes came that are no message.
-
-        Raises:
-            Malformed: with the first of them.
-        """
+        """Raise if bytes came that are no message. Raises Malformed: with the first of them."""
         if self.garbage:
             garbage, self.garbage = self.garbage, b""
             raise Malformed(garbage, "bytes that are no simple message in this byte order")

@@ -186,11 +186,7 @@ class MotomanArm(PathArm):
             self._enabling = False
 
     def _take(self, session: ControllerSession) -> None:
-        """Take the newest feedback.
-
-        Raises:
-            DeviceLost: it cannot be true.
-        """
+        """Take the newest feedback. Raises DeviceLost: it cannot be true."""
         feedback = session.feedback
         if feedback is None or session.feedback_at == self._taken_at:
             return
@@ -239,11 +235,7 @@ class MotomanArm(PathArm):
     # ---------------------------------------------------------------------------------------- the device
 
     def state(self) -> ArmState:
-        """See the Protocol.
-
-        Raises:
-            DeviceLost: there is no fresh state.
-        """
+        """See the Protocol. Raises DeviceLost: there is no fresh state."""
         if self._session is None or self._state is None:
             raise DeviceLost(self.name, words(self._problem))
         return self._state

@@ -103,11 +103,7 @@ class ControllerSession:
     def ask(
         self, command: Control, deadline: float = ANSWER, meanwhile: Callable[[], None] = lambda: None
     ) -> MotionReply:
-        """Send a command and wait for its answer.
-
-        Raises:
-            OSError, Nonsense, DeviceLost: as `reply`.
-        """
+        """Send a command and wait for its answer. Raises OSError, Nonsense, DeviceLost: as `reply`."""
         self.send(MotionControl(self._group, -1, command))
         while True:
             reply = self.reply(0.002, deadline)

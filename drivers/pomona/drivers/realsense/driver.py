@@ -117,11 +117,7 @@ class StreamingCamera(Device):
         self._owner.check()
 
     def acknowledge(self) -> None:
-        """Acknowledge that the camera was lost.
-
-        Raises:
-            DeviceLost: it is still lost.
-        """
+        """Acknowledge that the camera was lost. Raises DeviceLost: it is still lost."""
         if self._source is None:
             raise DeviceLost(self.name, f"is still lost: {_words(self._problem)}")
         self._owner.ask(self._release)

@@ -74,11 +74,7 @@ class Ros2Arm(PathArm):
     # ---------------------------------------------------------------------------------------- connection
 
     def connect(self, deadline: float = FIRST) -> None:
-        """Wait for the first joint states; nothing is sent.
-
-        Raises:
-            DeviceLost: none came, or they cannot be true.
-        """
+        """Wait for the first joint states; nothing is sent. Raises DeviceLost: none came, or they cannot be true."""
         end = self._clock.now() + deadline
         while self._state is None:
             sample = self._feed.newest(PATIENCE)
@@ -160,11 +156,7 @@ class Ros2Arm(PathArm):
     # ---------------------------------------------------------------------------------------- the device
 
     def state(self) -> ArmState:
-        """See the Protocol.
-
-        Raises:
-            DeviceLost: there is no fresh state.
-        """
+        """See the Protocol. Raises DeviceLost: there is no fresh state."""
         if not self._believed or self._state is None:
             raise DeviceLost(self.name, words(self._problem))
         return self._state

@@ -70,11 +70,7 @@ class Ros2Images:
             self._arrived.notify_all()
 
     def wait(self, timeout: float) -> Pair | None:
-        """Return the newest pair.
-
-        Raises:
-            DeviceFault: the received message is no image of this camera.
-        """
+        """Return the newest pair. Raises DeviceFault: the received message is no image of this camera."""
         with self._arrived:
             self._arrived.wait_for(lambda: self._raw["colour"] or self._raw["depth"], timeout)
             taken = {kind: list(raw) for kind, raw in self._raw.items()}

@@ -288,11 +288,7 @@ class Ros2Gripper(Device):
     # --------------------------------------------------------------------------------------- the interface
 
     def state(self) -> GripperState:
-        """See the Protocol.
-
-        Raises:
-            DeviceLost: there is no fresh state.
-        """
+        """See the Protocol. Raises DeviceLost: there is no fresh state."""
         if self._lost or self._state is None:
             raise DeviceLost(self.name, _words(self._problem))
         return self._state
@@ -346,11 +342,7 @@ class Ros2Gripper(Device):
         self._rest()
 
     def acknowledge(self) -> None:
-        """Release the latch; the fingers stay where they are.
-
-        Raises:
-            DeviceLost: no states come.
-        """
+        """Release the latch; the fingers stay where they are. Raises DeviceLost: no states come."""
         if self._lost:
             raise DeviceLost(self.name, f"is still lost: {_words(self._problem)}")
         self._owner.ask(self._release)

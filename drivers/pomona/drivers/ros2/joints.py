@@ -105,11 +105,7 @@ class JointFeed:
         return self._clock.now() - self._believed_at
 
     def check(self) -> None:
-        """Look whether samples come.
-
-        Raises:
-            DeviceLost: none came for too long that could be used.
-        """
+        """Look whether samples come. Raises DeviceLost: none came for too long that could be used."""
         if self.silent_for > self._silence:
             instead = f": the newest message {self._instead}" if self._instead else ""
             raise DeviceLost(self._device, f"no joints on {self._topic} for {1e3 * self.silent_for:.0f} ms{instead}")

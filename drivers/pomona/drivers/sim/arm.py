@@ -119,11 +119,7 @@ class SimArm(FaultyDevice):
             self._motion.stop()
 
     def acknowledge(self) -> None:
-        """Release the latch.
-
-        Raises:
-            DeviceLost: the feedback is still implausible.
-        """
+        """Release the latch. Raises DeviceLost: the feedback is still implausible."""
         if self.fault in LIES:
             raise DeviceLost(self.name, f"is still lost: {self._problem.message if self._problem else self.fault}")
         self._supervisor.forget()

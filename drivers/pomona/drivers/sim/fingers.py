@@ -90,11 +90,7 @@ class SimFingers(FaultyDevice):
         return super().link() if problem is None else problem.message
 
     def acknowledge(self) -> None:
-        """Acknowledge the fault of the samples.
-
-        Raises:
-            DeviceFault: it persists.
-        """
+        """Acknowledge the fault of the samples. Raises DeviceFault: it persists."""
         self._pass_on()  # without listeners the recovery of the samples has not been noted
         self._passing.acknowledge(self.name)
 

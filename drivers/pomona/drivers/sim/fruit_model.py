@@ -64,11 +64,7 @@ class _ModelSection:
 
 
 def read_model(folder: Path) -> FruitMeshes:
-    """Return the meshes of a fruit's folder.
-
-    Raises:
-        UnusableModel: its fruit.yaml or a mesh cannot be read.
-    """
+    """Return the meshes of a fruit's folder. Raises UnusableModel: its fruit.yaml or a mesh cannot be read."""
     findings = Findings()
     written = read_value_file(folder / "fruit.yaml", findings, "a fruit file")
     try:

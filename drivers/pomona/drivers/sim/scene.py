@@ -43,11 +43,7 @@ class SimScene:
 
 
 def build_scene(layout: Layout, seed: int) -> SimScene:
-    """Compile the model.
-
-    Raises:
-        UnusableRobotFile: the robot's file cannot be read, or lacks something in `NEEDED`.
-    """
+    """Compile the model. Raises UnusableRobotFile: the robot's file cannot be read, or lacks something in `NEEDED`."""
     mujoco = load_mujoco()
     rng = np.random.default_rng([seed, 2])
     spec = read_robot(layout.robot)

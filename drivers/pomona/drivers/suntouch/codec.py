@@ -43,11 +43,7 @@ def encode(volts: Float64) -> bytes:
 
 
 def decode(answer: bytes) -> FingerReading:
-    """Return the voltages of a whole answer.
-
-    Raises:
-        Malformed: it has not 50 bytes.
-    """
+    """Return the voltages of a whole answer. Raises Malformed: it has not 50 bytes."""
     if len(answer) != SIZE:
         raise Malformed(answer, f"a finger answers {SIZE} bytes, not {len(answer)}")
     counts = np.array(struct.unpack(f"<{TAXELS}H", answer)) & (COUNTS - 1)

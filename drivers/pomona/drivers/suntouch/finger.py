@@ -34,11 +34,7 @@ class Finger:
         self._assembler = Assembler()
 
     def open(self) -> None:
-        """Open the line and empty it.
-
-        Raises:
-            OSError: it cannot be opened.
-        """
+        """Open the line and empty it. Raises OSError: it cannot be opened."""
         self.close()
         self._link = self._open_link()
         self._assembler = Assembler()

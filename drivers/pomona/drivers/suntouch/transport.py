@@ -13,11 +13,7 @@ class SerialLink:
     """A serial port that is read as soon as something is there; POSIX only."""
 
     def __init__(self, port: str, baud: int) -> None:
-        """Open the port exclusively, 8N1.
-
-        Raises:
-            OSError: it cannot be opened.
-        """
+        """Open the port exclusively, 8N1. Raises OSError: it cannot be opened."""
         self._port = serial.Serial(port, baud, timeout=0, exclusive=True)
         self._descriptor = self._port.fileno()
         self._port.reset_input_buffer()

@@ -38,11 +38,7 @@ class WsgGripper(Device):
         return self._jaws.identity
 
     def connect(self) -> None:
-        """Open the wire and shake hands.
-
-        Raises:
-            DeviceError: no such gripper there, or it refuses the handshake.
-        """
+        """Open the wire and shake hands. Raises DeviceError: no such gripper there, or it refuses the handshake."""
         self._jaws.session = self._jaws.open()
         self._jaws.problem = None
 
@@ -61,11 +57,7 @@ class WsgGripper(Device):
         return self._jaws.limits
 
     def state(self) -> GripperState:
-        """See the Protocol.
-
-        Raises:
-            DeviceLost: there is no fresh state.
-        """
+        """See the Protocol. Raises DeviceLost: there is no fresh state."""
         self._need_link()
         return self._jaws.state
 
@@ -130,11 +122,7 @@ class WsgGripper(Device):
         self._owner.post(lambda: self._jaws.stop_safely(reason))
 
     def acknowledge(self) -> None:
-        """Release the latch, and a fast stop of the gripper.
-
-        Raises:
-            DeviceLost: it is still lost.
-        """
+        """Release the latch, and a fast stop of the gripper. Raises DeviceLost: it is still lost."""
         if self._jaws.session is None:
             raise DeviceLost(self.name, f"is still lost: {words(self._jaws.problem)}")
         self._owner.ask(self._jaws.release)

@@ -105,11 +105,7 @@ class Jaws:
         self.session = self.open()
 
     def open(self) -> GripperSession:
-        """Connect and shake hands.
-
-        Raises:
-            DeviceError: no gripper answers there, or it refuses the handshake.
-        """
+        """Connect and shake hands. Raises DeviceError: no gripper answers there, or it refuses the handshake."""
         try:
             session = GripperSession(self.name, self._open_link(), self._clock)
         except OSError as error:
@@ -207,11 +203,7 @@ class Jaws:
         self._halt()
 
     def release(self) -> None:
-        """Release the latch and clear the problem.
-
-        Raises:
-            DeviceLost: the gripper is still lost.
-        """
+        """Release the latch and clear the problem. Raises DeviceLost: the gripper is still lost."""
         if self.session is None:
             raise DeviceLost(self.name, f"is still lost: {words(self.problem)}")
         now = self._clock.now()

@@ -17,20 +17,12 @@ ANSWER = 0.5  # seconds within which the gripper must connect, and must answer
 
 
 def stop(host: str, port: int) -> None:
-    """Stop a gripper on TCP.
-
-    Raises:
-        OSError: there is no answer, or another client holds the connection.
-    """
+    """Stop a gripper on TCP. Raises OSError: there is no answer, or another client holds the connection."""
     _stop(TcpLink(host, port, ANSWER))
 
 
 def stop_on_can(interface: str, channel: str, bitrate: int, send_id: int, reply_id: int) -> None:
-    """Stop a gripper on a CAN bus.
-
-    Raises:
-        OSError: the bus cannot be opened, or there is no answer.
-    """
+    """Stop a gripper on a CAN bus. Raises OSError: the bus cannot be opened, or there is no answer."""
     _stop(CanLink.open(interface, channel, bitrate, send_id, reply_id))
 
 

@@ -30,11 +30,7 @@ class GripperSession:
         return self._decoder.discarded
 
     def send(self, request: Request, command: Command) -> None:
-        """Send a request; its first reply is due within `ANSWER`.
-
-        Raises:
-            OSError: the wire failed.
-        """
+        """Send a request; its first reply is due within `ANSWER`. Raises OSError: the wire failed."""
         self._awaited.setdefault(command, self._clock.now() + ANSWER)
         self._link.send(encode(request))
 
@@ -95,11 +91,7 @@ class GripperSession:
     def demand(
         self, request: Request, command: Command, others: Callable[[Reply], None], deadline: float = ANSWER
     ) -> Reply:
-        """As `ask`, for a request that must succeed.
-
-        Raises:
-            DeviceFault: the gripper refused it; and as `ask`.
-        """
+        """As `ask`, for a request that must succeed. Raises DeviceFault: the gripper refused it; and as `ask`."""
         reply = self.ask(request, command, others, deadline)
         if reply.status is not Status.SUCCESS:
             raise DeviceFault(self.device, f"refused {command.name}: {reply.status.name}")

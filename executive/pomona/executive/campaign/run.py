@@ -90,11 +90,7 @@ def line_of(result: Result) -> bytes:
 
 
 def result_of(line: bytes) -> Result:
-    """Return the result of a line.
-
-    Raises:
-        ValueError: the line is no result, or its checksum is wrong.
-    """
+    """Return the result of a line. Raises ValueError: the line is no result, or its checksum is wrong."""
     result = parse_object(line)
     text, found, crc = line.rstrip().removesuffix(b'"}').rpartition(b',"crc32":"')
     if (found or "format" in result) and crc != b"%08x" % zlib.crc32(text):

@@ -87,11 +87,7 @@ class _Arm:
 
 
 def read_campaign(path: Path) -> Campaign:
-    """Read, plan and check a campaign file.
-
-    Raises:
-        UsageError: lists all mistakes with line and column.
-    """
+    """Read, plan and check a campaign file. Raises UsageError: lists all mistakes with line and column."""
     findings = Findings()
     campaign = judge_campaign(path, findings)
     if findings.errors or campaign is None:

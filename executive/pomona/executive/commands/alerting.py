@@ -33,11 +33,7 @@ def add_alerts(parser: argparse.ArgumentParser) -> None:
 
 
 def alerts_of(options: argparse.Namespace, before: Iterable[tuple[bool, str]] = ()) -> Alerts | None:
-    """Return the alerts that the options request, or None.
-
-    Raises:
-        UsageError: the options are inconsistent.
-    """
+    """Return the alerts that the options request, or None. Raises UsageError: the options are inconsistent."""
     if options.alert_to is None:
         return None
     return Alerts(AlertRule(options.alert_to, options.alert_below, options.alert_over), before)

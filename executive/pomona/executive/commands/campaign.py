@@ -93,11 +93,7 @@ def report_name(seeds: int | None, only: Sequence[str]) -> str:
 
 
 def subset(campaign: Campaign, seeds: int | None, only: Sequence[str]) -> list[CampaignRun]:
-    """Return the runs that `--seeds` and `--only` leave.
-
-    Raises:
-        UsageError: an option is malformed, or leaves none.
-    """
+    """Return the runs that `--seeds` and `--only` leave. Raises UsageError: an option is malformed, or leaves none."""
     wanted: dict[str, set[str]] = {}
     for text in only:
         key, equals, value = text.partition("=")

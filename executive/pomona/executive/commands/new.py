@@ -114,11 +114,7 @@ def put(piece: Piece, words: Mapping[str, str], into: Path) -> list[Path]:
 
 
 def begin(folder: Path, module: str, *, example: bool = True) -> list[Path]:
-    """Begin a package; with an example skill and a tree that uses it.
-
-    Raises:
-        UsageError: there is something already.
-    """
+    """Begin a package; with an example skill and a tree that uses it. Raises UsageError: there is something already."""
     words = {"name": module, "Name": _capitals(module), "module": module}
     written = _write(PACKAGE, words, folder)
     if example:

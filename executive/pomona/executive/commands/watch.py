@@ -73,11 +73,7 @@ def _first(
 
 
 def _good(path: Path, settings: Mapping[str, str], registry: Registry) -> Document:
-    """Return the tree of a file that has no errors.
-
-    Raises:
-        UsageError: with every finding.
-    """
+    """Return the tree of a file that has no errors. Raises UsageError: with every finding."""
     document = read_document(path)
     declared = set(document.main.parameters)
     refuse_errors(document, registry, {k: v for k, v in settings.items() if k in declared}, None)

@@ -43,19 +43,11 @@ class Choices:
         )
 
     def tree(self, name: object) -> Path:
-        """Return the file of an offered tree.
-
-        Raises:
-            UsageError: it is not offered.
-        """
+        """Return the file of an offered tree. Raises UsageError: it is not offered."""
         return _offered(self.trees, name, "tree")
 
     def cell(self, name: object) -> Path:
-        """Return the file of an offered cell.
-
-        Raises:
-            UsageError: it is not offered.
-        """
+        """Return the file of an offered cell. Raises UsageError: it is not offered."""
         return _offered(self.cells, name, "cell")
 
     def describe(self) -> dict[str, Any]:

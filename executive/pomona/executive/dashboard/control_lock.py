@@ -187,11 +187,7 @@ class ControlLock:
         self._changed()
 
     def take(self, viewer: str, who: str) -> None:
-        """Take control, visibly, also from another operator.
-
-        Raises:
-            RefusedError: the viewer has no name.
-        """
+        """Take control, visibly, also from another operator. Raises RefusedError: the viewer has no name."""
         if not viewer:
             raise RefusedError("a viewer has an id of its own")
         self._hand_over(viewer, Holder(who, viewer), who, "take")

@@ -126,11 +126,7 @@ def _spawn() -> Worker:
 
 @contextmanager
 def open_local(workers: int | None, address: str | None) -> Iterator[Engine]:
-    """The engine `local`.
-
-    Raises:
-        UsageError: an address, which local processes have not.
-    """
+    """The engine `local`. Raises UsageError: an address, which local processes have not."""
     if address is not None:
         raise UsageError("--address is for --engine ray; local processes have none")
     engine = LocalEngine(workers or one_per_core())

@@ -72,11 +72,7 @@ class RayEngine:
 
 @contextmanager
 def open_ray(workers: int | None, address: str | None) -> Iterator[Engine]:
-    """The engine `ray`.
-
-    Raises:
-        UsageError: Ray is not installed, or cannot be reached.
-    """
+    """The engine `ray`. Raises UsageError: Ray is not installed, or cannot be reached."""
     ray = need("ray", "ray", "--engine ray")
     here = {} if address else {"num_cpus": workers or one_per_core(), "include_dashboard": False}
     try:

@@ -267,11 +267,7 @@ def _number(detail: str) -> int:
 
 
 def _form(asked: Any, viewer: str, who: str) -> dict[str, Any]:
-    """Return the start form's values.
-
-    Raises:
-        UsageError: names and values do not belong together.
-    """
+    """Return the start form's values. Raises UsageError: names and values do not belong together."""
     if len(asked.names) != len(asked.values):
         raise UsageError(
             f"each name needs its value: there are {len(asked.names)} names and {len(asked.values)} values"

@@ -34,11 +34,7 @@ def read_document(path: Path, texts: Mapping[str, str] | None = None) -> Documen
 def refuse_errors(
     document: Document, registry: Registry, settings: Mapping[str, str], interfaces: tuple[type, ...] | None
 ) -> None:
-    """Check a document.
-
-    Raises:
-        UsageError: with every finding, when one of them is an error.
-    """
+    """Check a document. Raises UsageError: with every finding, when one of them is an error."""
     findings = check(document, registry, overrides=settings, interfaces=interfaces)
     if any(finding.severity == "error" for finding in findings):
         raise UsageError(f"{format_findings(findings)} Nothing was run.")

@@ -26,11 +26,7 @@ class GivenText:
 
     @property
     def expression(self) -> str:
-        """As a part of an expression.
-
-        Raises:
-            ScriptError: expressions have no quotes for it.
-        """
+        """As a part of an expression. Raises ScriptError: expressions have no quotes for it."""
         if _NUMBER.fullmatch(self.text) or self.text in ("true", "false"):
             return self.text
         if "'" in self.text:
@@ -89,11 +85,7 @@ class KeyNames:
         return found
 
     def read(self, key: str) -> str:
-        """Return a key in an expression.
-
-        Raises:
-            ScriptError: expressions have no words for it.
-        """
+        """Return a key in an expression. Raises ScriptError: expressions have no words for it."""
         found = self.meaning(key)
         return found.expression if isinstance(found, GivenText) else f"{{{found}}}"
 

@@ -22,11 +22,7 @@ _STATEMENT = re.compile(r"(?:'[^']*'|[^';])+")
 
 
 def condition_of(script: str, keys: KeyNames) -> str:
-    """Translate a script into an expression.
-
-    Raises:
-        ScriptError: it has no equivalent expression.
-    """
+    """Translate a script into an expression. Raises ScriptError: it has no equivalent expression."""
     words, at = [], 0
     text = script.strip()
     while at < len(text):

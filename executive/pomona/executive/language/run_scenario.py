@@ -129,11 +129,7 @@ class ScenarioResult:
 
 
 def run_scenario(scenario: Scenario, skills: Registry) -> ScenarioResult:
-    """Run every case.
-
-    Raises:
-        TreeFileError: the scenario or its tree has errors.
-    """
+    """Run every case. Raises TreeFileError: the scenario or its tree has errors."""
     errors = [finding for finding in scenario.findings if finding.severity == "error"]
     if errors or scenario.document is None:
         raise TreeFileError(errors)

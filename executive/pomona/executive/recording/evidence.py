@@ -83,11 +83,7 @@ class Evidence:
 
 
 def read_hazards(path: Path) -> tuple[Hazard, ...]:
-    """Read a file of hazards.
-
-    Raises:
-        UsageError: it cannot be read, or is malformed.
-    """
+    """Read a file of hazards. Raises UsageError: it cannot be read, or is malformed."""
     try:
         content = yaml.safe_load(read_plain_text(path))
         return tuple(_hazard(entry) for entry in content["hazards"])
@@ -115,11 +111,7 @@ def _hazard(entry: Mapping[str, Any]) -> Hazard:
 
 
 def _cell(text: str) -> Any:
-    """Parse a cell's text.
-
-    Raises:
-        ValueError: it cannot be parsed.
-    """
+    """Parse a cell's text. Raises ValueError: it cannot be parsed."""
     try:
         return yaml.safe_load(text) or {}
     except (yaml.YAMLError, RecursionError) as error:

@@ -157,11 +157,7 @@ def _packed(name: str, value: Any) -> Any:
 
 
 def _unpacked(name: str, value: Any) -> Any:
-    """Return a column's value.
-
-    Raises:
-        ValueError, TypeError: it does not have the type of this column.
-    """
+    """Return a column's value. Raises ValueError, TypeError: it does not have the type of this column."""
     if _KINDS[name] is dict:
         value = _mapping(name, parse(value))
     elif _KINDS[name] is bool and value in (0, 1):

@@ -42,11 +42,7 @@ def parse(content: bytes | str) -> Any:
 
 
 def parse_object(content: bytes | str) -> dict[str, Any]:
-    """Return the object.
-
-    Raises:
-        ValueError: the text is no object.
-    """
+    """Return the object. Raises ValueError: the text is no object."""
     value = parse(content)
     if not isinstance(value, dict):
         raise ValueError(f"an object is expected here, not {str(value)[:40]!r}")

@@ -49,11 +49,7 @@ def choose(
 
 
 def remove(root: Path, run: str) -> bool:
-    """Remove one record; return False for one that is being written.
-
-    Raises:
-        UsageError: it cannot be removed.
-    """
+    """Remove one record; return False for one that is being written. Raises UsageError: it cannot be removed."""
     folder = root / run
     if is_being_written(folder / EVENTS_FILE):
         return False

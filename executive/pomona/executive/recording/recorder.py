@@ -216,11 +216,7 @@ class Recorder:
         return told
 
     def _messages(self, event: Event, stamp: int) -> Iterator[tuple[str, Schema, Any]]:
-        """Messages of an event, in their order.
-
-        Raises:
-            ForeignRecordError: a reader would refuse the event.
-        """
+        """Messages of an event, in their order. Raises ForeignRecordError: a reader would refuse the event."""
         if isinstance(event, Published):
             if isinstance(event.value, ImageView):
                 yield from self._images.messages(event.topic, event.value, stamp)

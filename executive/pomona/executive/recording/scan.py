@@ -102,11 +102,7 @@ class Verdict:
 
 
 def examine(path: Path) -> Verdict:
-    """Check every byte of a file.
-
-    Raises:
-        UsageError: it is not an MCAP file, or cannot be read.
-    """
+    """Check every byte of a file. Raises UsageError: it is not an MCAP file, or cannot be read."""
     try:
         with open_plain(path) as stream:
             return _examined(path, stream)

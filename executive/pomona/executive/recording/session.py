@@ -49,11 +49,7 @@ class RecordingSession:
         self.folder: Path | None = None
 
     def begin(self, runner: Runner, events: EventStream) -> None:
-        """Open the record, before the run's first event.
-
-        Raises:
-            RecordError: it cannot be opened.
-        """
+        """Open the record, before the run's first event. Raises RecordError: it cannot be opened."""
         self._runner = runner
         if self._root is None:
             return

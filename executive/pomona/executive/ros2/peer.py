@@ -168,11 +168,7 @@ class Ros2Peer:
         self._token("SS", name, kind)
 
     def call(self, name: str, kind: str, fields: Mapping[str, Any], timeout: float = 5.0) -> Any:
-        """Call a service.
-
-        Raises:
-            TimeoutError: no answer came.
-        """
+        """Call a service. Raises TimeoutError: no answer came."""
         asked = bytes(coder(f"{kind}_Request").coded(fields))
         replies = self._session.get(
             self._key(name, kind), payload=asked, attachment=self._attachment(1, time.time_ns()), timeout=timeout

@@ -83,22 +83,12 @@ class Coder:
     """Makes messages of one type from plain values."""
 
     def __init__(self, name: str) -> None:
-        """
-        Args:
-            name: `sensor_msgs/msg/JointState`.
-
-        Raises:
-            UsageError: the extra is not installed.
-        """
+        """Args: name: `sensor_msgs/msg/JointState`. Raises UsageError: the extra is not installed."""
         self.name = name
         self._make = _maker(name)
 
     def message(self, fields: Mapping[str, Any]) -> Any:
-        """Return the message.
-
-        Raises:
-            KeyError: a field that the type does not have.
-        """
+        """Return the message. Raises KeyError: a field that the type does not have."""
         return self._make(fields)
 
     def coded(self, fields: Mapping[str, Any]) -> bytes | memoryview:

@@ -65,11 +65,7 @@ class Breakpoints:
             raise UnknownNodeError(path)
 
     def change(self, path: str, side: Side, on: bool) -> None:
-        """Set or clear one.
-
-        Raises:
-            UnknownNodeError: there is no such node.
-        """
+        """Set or clear one. Raises UnknownNodeError: there is no such node."""
         self.check(path)
         if not on:
             self._set[side].discard(path)

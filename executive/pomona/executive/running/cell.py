@@ -56,11 +56,7 @@ class Cell(Protocol):
         ...
 
     def device(self, interface: type[T]) -> T:
-        """Return the device with this interface.
-
-        Raises:
-            KeyError: the cell has none.
-        """
+        """Return the device with this interface. Raises KeyError: the cell has none."""
         ...
 
     def links(self) -> Mapping[str, str]:

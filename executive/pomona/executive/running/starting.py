@@ -71,11 +71,7 @@ class Starting:
         self._changed()
 
     def refuse_cancelled(self) -> None:
-        """Go no further once it was cancelled.
-
-        Raises:
-            StartCancelledError: it was.
-        """
+        """Go no further once it was cancelled. Raises StartCancelledError: it was."""
         if self._cancelled is not None:
             raise StartCancelledError(self.cancelled)
 

@@ -32,11 +32,7 @@ class Kind(ABC, Generic[T]):
 
     @abstractmethod
     def read(self, node: YamlNode, reader: Reader) -> T:
-        """Return the value.
-
-        Raises:
-            Refused: it is not of this kind; every reason is a finding.
-        """
+        """Return the value. Raises Refused: it is not of this kind; every reason is a finding."""
 
     @abstractmethod
     def schema(self, options: bool = False) -> Schema:
@@ -48,11 +44,7 @@ class ScalarKind(Kind[T]):
 
     @abstractmethod
     def parse(self, text: str) -> T:
-        """Return the value of a text.
-
-        Raises:
-            Unfit: the text is not of this kind.
-        """
+        """Return the value of a text. Raises Unfit: the text is not of this kind."""
 
     @abstractmethod
     def plain_schema(self) -> Schema:

@@ -64,21 +64,13 @@ class Page:
         return "" if os.access(above, os.W_OK | os.X_OK) else f"nothing can be written into {above}"
 
     def write_picture(self, entry: FrameEntry, view: ImageView) -> None:
-        """A frame's picture.
-
-        Raises:
-            OSError: it cannot be written.
-        """
+        """A frame's picture. Raises OSError: it cannot be written."""
         assert view.image is not None
         _, jpeg = cv2.imencode(".jpg", draw(view)[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, 88))
         _put(self.folder / PICTURES / entry.picture, jpeg.tobytes())
 
     def write(self, report: FruitReport, of: int) -> None:
-        """Both tables and the page.
-
-        Raises:
-            OSError: they cannot be written.
-        """
+        """Both tables and the page. Raises OSError: they cannot be written."""
         _put(self.folder / FINDS, _csv(FIND_COLUMNS, report.find_rows()))
         _put(self.folder / FRUIT, _csv(FRUIT_COLUMNS, report.fruit_rows()))
         _put(self.folder / PAGE, to_html(make_page(report, of)).encode())

@@ -153,11 +153,7 @@ def cost(grasp: Grasp, robot: RobotModel, q_now: Float64) -> float:
 
 
 def judge_candidate(setting: GraspSetting, index: int, theta: float, alpha: float, R_base_tcp: Float64) -> Grasp:
-    """Follow one candidate through.
-
-    Raises:
-        CandidateRejected: at the first step that fails for all joint solutions.
-    """
+    """Follow one candidate through. Raises CandidateRejected: at the first step that fails for all joint solutions."""
     section = fruit_section(setting.measured, setting.vertices_base, R_base_tcp)
     width = _opening(setting, section)
     T_base_grasp = transform(R_base_tcp, section.p_base)

@@ -10,11 +10,7 @@ class ClassUnknown(ValueError):
 
 
 def class_of(names: Mapping[int, str], fruit: str) -> int:
-    """Return the number of the only class whose name contains the fruit's.
-
-    Raises:
-        ClassUnknown: none or several.
-    """
+    """Return the number of the only class whose name contains the fruit's. Raises ClassUnknown: none or several."""
     right = [number for number, name in names.items() if fruit.lower() in name.lower()]
     if len(right) != 1:
         none = "none of them is" if not right else f"{len(right)} of them could be"

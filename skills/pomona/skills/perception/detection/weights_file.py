@@ -66,11 +66,7 @@ def write_weights(path: Path, stored: StoredDetector) -> None:
 
 
 def read_weights(path: Path | str) -> StoredDetector:
-    """Read a weights file.
-
-    Raises:
-        BadWeights: unreadable, another format, or without a score.
-    """
+    """Read a weights file. Raises BadWeights: unreadable, another format, or without a score."""
     members = _members(path, (FINDER, CLOSE_LOOK, ABOUT))
     try:
         about = json.loads(members[ABOUT])

@@ -67,11 +67,7 @@ class Optimiser:
         return {name: part.state_dict() for name, part in self._parts.items()}
 
     def restore(self, state: dict[str, dict[str, Tensor]]) -> None:
-        """Continue from a state.
-
-        Raises:
-            KeyError, ValueError: it belongs to another network or method.
-        """
+        """Continue from a state. Raises KeyError, ValueError: it belongs to another network or method."""
         for name, part in self._parts.items():
             part.load_state_dict(state[name])
 

@@ -40,11 +40,7 @@ class Photograph:
         return camera_of(self.width, self.height)
 
     def picture(self) -> UInt8:
-        """RGB, (h, w, 3).
-
-        Raises:
-            BadPhotographs: it can no longer be read.
-        """
+        """RGB, (h, w, 3). Raises BadPhotographs: it can no longer be read."""
         picture = cv2.imread(str(self.path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
         if picture is None:
             raise BadPhotographs(self.path, "cannot be read as a picture")

@@ -67,11 +67,7 @@ def kfuji_folder(folder: Path) -> Path | None:
 
 
 def kfuji(folder: Path) -> list[Labelled]:
-    """Read KFuji's pictures by the names in `sets/`.
-
-    Raises:
-        BadPhotographs: a file is missing or has another form.
-    """
+    """Read KFuji's pictures by the names in `sets/`. Raises BadPhotographs: a file is missing or has another form."""
     items = []
     for split in ("train", "val", "test"):
         listed = folder / SETS / f"{split}.txt"
