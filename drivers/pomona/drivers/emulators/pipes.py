@@ -31,7 +31,7 @@ class Pipe(FaultSwitch):
         self._ends: list[PipeEnd] = []
 
     def open(self) -> PipeEnd:
-        """Connect. Raises OSError: the wire is cut."""
+        """Connect. Raises ConnectionRefusedError: the wire is cut."""
         if self.fault == "cut":
             raise ConnectionRefusedError("no answer: the wire is cut")
         end = PipeEnd(self)

@@ -91,7 +91,11 @@ class FingerCalibration:
 
     @classmethod
     def load(cls, path: Path) -> FingerCalibration:
-        """Read a calibration file. Raises UnusableCalibration: it is none, or its shapes do not fit each other."""
+        """Read a calibration file.
+
+        Raises:
+            UnusableCalibration: it is none, or its shapes do not fit each other.
+        """
         try:
             content = json.loads(read_plain_text(path))
         except (OSError, ValueError, RecursionError) as error:

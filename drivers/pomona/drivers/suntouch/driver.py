@@ -314,7 +314,7 @@ class SunTouchFingers(Device):
         self._owner.check()
 
     def acknowledge(self) -> None:
-        """Accept that the stream had been lost. Raises DeviceError: it is still lost or faulty."""
+        """Accept that the stream had been lost. Raises DeviceLost, or another DeviceError: it is lost or faulty."""
         if not self._streaming:
             raise DeviceLost(self.name, f"is still lost: {_words(self._problem)}")
         self._owner.ask(self._release)

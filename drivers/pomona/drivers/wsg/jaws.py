@@ -105,7 +105,7 @@ class Jaws:
         self.session = self.open()
 
     def open(self) -> GripperSession:
-        """Connect and shake hands. Raises DeviceError: no gripper answers there, or it refuses the handshake."""
+        """Connect and shake hands. Raises DeviceLost: no gripper answers. DeviceError: it refuses the handshake."""
         try:
             session = GripperSession(self.name, self._open_link(), self._clock)
         except OSError as error:
