@@ -143,8 +143,7 @@ def read_balls(path: Path, diameter: str = "diameter_mm", only: str = "") -> lis
 def look_at_ball(ball: Ball, depth: NDArray[np.float32], intrinsics: Intrinsics) -> Seen:
     """Measure a ball in a depth image, shape (h, w) [m].
 
-    Raises:
-        UnusableDepth: the box lies outside the image, or has too little depth.
+    Raises UnusableDepth: the box lies outside the image, or has too little depth.
     """
     x, y, w, h = ball.box
     if x < 0 or y < 0 or x + w > intrinsics.width or y + h > intrinsics.height:

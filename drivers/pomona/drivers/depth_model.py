@@ -157,8 +157,7 @@ def depth_model_of(said: DepthModelSection | None, nominal: DepthModel = D4XX) -
 def read_depth_model(path: Path) -> DepthModel:
     """Read a depth model from a file of its own, as `pomona calibrate depth` writes it.
 
-    Raises:
-        CellFileError: it cannot be used; the text has the place and the reason.
+    Raises CellFileError: it cannot be used; the text has the place and the reason.
     """
     section = Section(DepthModelSection)
     return read_section_file(path, "a depth model", lambda file: section.read(file.root, file.reader).model())
@@ -167,8 +166,7 @@ def read_depth_model(path: Path) -> DepthModel:
 def folder_depth_model(folder: Path) -> DepthModel | None:
     """Read the depth model in a folder of frames, or return None.
 
-    Raises:
-        CellFileError: the file is there and cannot be used.
+    Raises CellFileError: the file is there and cannot be used.
     """
     path = folder / DEPTH_MODEL_FILE
     return read_depth_model(path) if path.is_file() else None

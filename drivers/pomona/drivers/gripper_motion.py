@@ -55,8 +55,7 @@ class DirectMotion(GripperMotion):
 def require_move(name: str, limits: GripperLimits, width: float, speed: float) -> None:
     """Check a width [m] and a speed [m/s] that a move asks of the gripper `name`.
 
-    Raises:
-        MotionRefused: one lies outside the limits.
+    Raises MotionRefused: one lies outside the limits.
     """
     if not limits.width_min - 1e-6 <= width <= limits.width_max + 1e-6:
         span = f"{1e3 * limits.width_min:.1f} … {1e3 * limits.width_max:.1f} mm"

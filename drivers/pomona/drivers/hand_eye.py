@@ -104,8 +104,7 @@ def find_board(image: NDArray[np.uint8], intrinsics: Intrinsics, board: Chessboa
 def calibrate_hand_eye(T_base_tool0: Float64, T_camera_board: Float64, names: tuple[str, ...] = ()) -> HandEye:
     """Compute the camera's pose in the flange from poses of the flange and of the board, shape (n, 4, 4) each.
 
-    Raises:
-        UnusableLooks: too few, or the flange hardly turned between them.
+    Raises UnusableLooks: too few, or the flange hardly turned between them.
     """
     count = len(T_base_tool0)
     if count < LEAST_LOOKS or len(T_camera_board) != count:
@@ -132,8 +131,7 @@ def calibrate_hand_eye(T_base_tool0: Float64, T_camera_board: Float64, names: tu
 def calibrate_folder(folder: Path, board: Chessboard) -> HandEye:
     """Calibrate from a folder: NAME.png or .jpg, poses.json (NAME → T_base_tool0, 4 × 4) and intrinsics.yaml.
 
-    Raises:
-        UnusableLooks: a file is missing or wrong, or the board is seen too rarely.
+    Raises UnusableLooks: a file is missing or wrong, or the board is seen too rarely.
     """
     if (board.columns + board.rows) % 2 == 0:
         raise UnusableLooks(

@@ -106,8 +106,7 @@ class MotionSupervisor:
     def check_status(self, now: float) -> None:
         """Check the age of the status, for arms with a controller that reports one.
 
-        Raises:
-            DeviceLost: the status is too old, so that a stop or an alarm would be hidden.
+        Raises DeviceLost: the status is too old, so that a stop or an alarm would be hidden.
         """
         if self._status_at is None:
             self._status_at = now

@@ -52,8 +52,7 @@ class MountedCameraFile:
 def read_hand_eye(path: Path) -> Float64:
     """T_mount_camera (4, 4) [m], from the file that `pomona calibrate hand-eye` writes.
 
-    Raises:
-        UnusableHandEye: it holds no pose.
+    Raises UnusableHandEye: it holds no pose.
     """
     try:
         T = np.array(json.loads(read_plain_text(path))["T_mount_camera"], dtype=np.float64)

@@ -129,8 +129,7 @@ class PathArm(Device, ABC):
     def _believe(self, stamp: float, q: Float64, qd: Float64 | None) -> None:
         """Accept joint feedback, (dof,) [rad, rad/s]; without velocities those of the positions are taken.
 
-        Raises:
-            DeviceLost: it is implausible.
+        Raises DeviceLost: it is implausible.
         """
         before = self._state
         if qd is None:

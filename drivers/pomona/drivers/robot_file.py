@@ -16,8 +16,7 @@ from pomona.drivers.interfaces import ArmLimits
 def read_spec(path: Path) -> Any:
     """Return the file (MJCF or URDF) as an `mujoco.MjSpec` that compiles.
 
-    Raises:
-        UnusableRobotFile: it is no XML, or names joints, bodies or frames that it does not have.
+    Raises UnusableRobotFile: it is no XML, or names joints, bodies or frames that it does not have.
     """
     os.environ.setdefault("MUJOCO_GL", "disable")  # no graphics here
     import mujoco  # takes a moment; only this needs it

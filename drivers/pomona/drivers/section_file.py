@@ -17,8 +17,7 @@ T = TypeVar("T")
 def read_section_file(path: Path, what: str, read: Callable[[ValueFile], T]) -> T:
     """Read a file with `read`, which raises `Refused` if it cannot be used; `what` names the kind of file in messages.
 
-    Raises:
-        CellFileError: it cannot be used; the exception has all errors with their places.
+    Raises CellFileError: it cannot be used; the exception has all errors with their places.
     """
     findings = Findings()
     written = read_value_file(path, findings, what)

@@ -51,8 +51,7 @@ class StreamedMotion:
     def aim(self, q: Float64) -> None:
         """Go to joints, shape (dof,) [rad], from now on.
 
-        Raises:
-            BadTrajectory: not finite, or outside the joints' limits; it is ignored, and the watchdog runs on.
+        Raises BadTrajectory: not finite, or outside the joints' limits; it is ignored, and the watchdog runs on.
         """
         target = np.array(q, np.float64)
         if target.shape != self._raw.shape or not np.isfinite(target).all():

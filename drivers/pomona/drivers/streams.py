@@ -274,8 +274,7 @@ class FrameGuard:
     def check(self, device: str) -> None:
         """Check that valid frames arrive.
 
-        Raises:
-            DeviceFault: all recent frames are implausible; the text has the reason.
+        Raises DeviceFault: all recent frames are implausible; the text has the reason.
         """
         if self._flawed >= FEW_FRAMES and self._clock.now() - self._believed_at > self._silence:
             raise DeviceFault(device, self._flaw)

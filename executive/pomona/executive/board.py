@@ -59,8 +59,7 @@ class Board:
     def write(self, key: str, value: Any, writer: str) -> None:
         """Set a value; the tick thread alone may, once it has adopted the board.
 
-        Raises:
-            WrongThread: another thread writes.
+        Raises WrongThread: another thread writes.
         """
         if self._owner is not None and threading.get_ident() != self._owner:
             raise WrongThread(key)

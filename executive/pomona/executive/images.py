@@ -20,8 +20,7 @@ EXTRA = "pictures"
 def to_jpeg(rgb: UInt8, quality: int) -> bytes:
     """Code a picture, shape (h, w, 3) or (h, w), as JPEG of a quality of 1 to 95.
 
-    Raises:
-        UsageError: Pillow is not installed.
+    Raises UsageError: Pillow is not installed.
     """
     return _saved(rgb, "JPEG", quality=quality)
 
@@ -58,8 +57,7 @@ def from_file(content: bytes) -> NDArray[Any]:
 def shrunk(rgb: UInt8, factor: float) -> UInt8:
     """Shrink a picture, shape (h, w, 3), by a factor below 1: each pixel is the mean of those that it covers.
 
-    Raises:
-        UsageError: Pillow is not installed.
+    Raises UsageError: Pillow is not installed.
     """
     image_class = _pillow()
     height, width = rgb.shape[:2]

@@ -65,8 +65,7 @@ class Bag:
     def messages(self, *wanted: tuple[str, int]) -> list[Any]:
         """Return the messages that were written to these topics at these times [ns].
 
-        Raises:
-            UnusableFrames: the bag is damaged.
+        Raises UnusableFrames: the bag is damaged.
         """
         with self._opened() as reader:
             return [self._one(reader, topic, stamp) for topic, stamp in wanted]

@@ -45,8 +45,7 @@ def colour_of(message: Any, kind: str) -> NDArray[np.uint8]:
 def depth_of(message: Any, kind: str) -> NDArray[np.float32]:
     """Return the depth [m], shape (h, w); 0 where nothing was measured, and where it was not finite or negative.
 
-    Raises:
-        UnusableImage: it is no depth image that can be read.
+    Raises UnusableImage: it is no depth image that can be read.
     """
     if kind == COMPRESSED:
         image = _decoded(message, cv2.IMREAD_UNCHANGED)

@@ -107,8 +107,7 @@ class FramesCamera(Device):
     def latest(self) -> Frame:
         """Return the frame that is shown, stamped with the present time: a recording is as new as the look at it.
 
-        Raises:
-            FrameUnreadable: one of its images cannot be used.
+        Raises FrameUnreadable: one of its images cannot be used.
         """
         position = self._position
         if self._read is None or self._read[0] != position:

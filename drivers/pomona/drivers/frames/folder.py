@@ -64,9 +64,8 @@ class RecordedFrame:
 def list_frames(folder: Path) -> tuple[RecordedFrame, ...]:
     """Return the frames of a folder in the order of their names.
 
-    Raises:
-        UnusableFrames: there is no such folder, it holds no frame, or a colour image has no depth beside it, or
-            another colour image.
+    Raises UnusableFrames: there is no such folder, it holds no frame, or a colour image has no depth beside it, or
+    another colour image.
     """
     if not folder.is_dir():
         raise UnusableFrames(folder, "is not a folder" if folder.exists() else "there is no such folder")
@@ -94,8 +93,7 @@ def list_frames(folder: Path) -> tuple[RecordedFrame, ...]:
 def read_images(frame: RecordedFrame, intrinsics: Intrinsics) -> Images:
     """Read both images of a frame.
 
-    Raises:
-        UnusableFrames: a file cannot be read, or its size or type does not match the intrinsics and the format.
+    Raises UnusableFrames: a file cannot be read, or its size or type does not match the intrinsics and the format.
     """
     colour = _read(frame.colour, cv2.IMREAD_COLOR)
     depth = _read(frame.depth, cv2.IMREAD_UNCHANGED)
@@ -114,8 +112,7 @@ def read_images(frame: RecordedFrame, intrinsics: Intrinsics) -> Images:
 def metres(depth: NDArray[np.uint16], path: Path) -> NDArray[np.float32]:
     """Return the depth in metres of depth in millimetres, of the same shape (height, width).
 
-    Raises:
-        UnusableFrames: it holds no such thing: all of it is nearer than any camera measures.
+    Raises UnusableFrames: it holds no such thing: all of it is nearer than any camera measures.
     """
     furthest = int(depth.max(initial=0))
     if 0 < furthest < NEAREST_MM:
@@ -161,8 +158,7 @@ def _size(image: NDArray[Any]) -> str:
 def read_intrinsics(path: Path) -> Intrinsics:
     """Read intrinsics from a file of their own.
 
-    Raises:
-        CellFileError: it cannot be used; the text has the place and the reason.
+    Raises CellFileError: it cannot be used; the text has the place and the reason.
     """
     section = Section(IntrinsicsSection)
     return read_section_file(

@@ -115,8 +115,7 @@ class ControllerSession:
     def demand(self, command: Control, deadline: float = ANSWER) -> None:
         """As `ask`, for a command that must succeed.
 
-        Raises:
-            DeviceFault: the controller refused, in words; and as `ask`.
+        Raises DeviceFault: the controller refused, in words; and as `ask`.
         """
         reply = self.ask(command, deadline)
         if reply.result != Result.SUCCESS:

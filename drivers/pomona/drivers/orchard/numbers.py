@@ -113,8 +113,7 @@ class Provenance:
 def read_numbers(path: Path) -> tuple[WallNumbers, Mapping[str, Provenance]]:
     """Return the numbers of a file, and where each comes from.
 
-    Raises:
-        CellFileError: something is missing or wrong; all of it is in the error.
+    Raises CellFileError: something is missing or wrong; all of it is in the error.
     """
 
     def read(file: ValueFile) -> tuple[WallNumbers, Mapping[str, Provenance]]:

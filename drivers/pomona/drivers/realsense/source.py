@@ -21,8 +21,7 @@ FILTERS = ("decimation", "spatial", "temporal", "hole_filling")
 def load_library() -> ModuleType:
     """Import pyrealsense2 lazily.
 
-    Raises:
-        DeviceFault: it is not installed, or a system library is missing; the text has the remedy.
+    Raises DeviceFault: it is not installed, or a system library is missing; the text has the remedy.
     """
     try:
         import pyrealsense2
@@ -144,8 +143,7 @@ class PipelineSource:
     def wait(self, timeout: float) -> Pair | None:
         """Return the next images, or None when none arrived in time.
 
-        Raises:
-            DeviceLost: the camera is gone, or the bag is at its end.
+        Raises DeviceLost: the camera is gone, or the bag is at its end.
         """
         try:
             came, frames = self._pipeline.try_wait_for_frames(int(timeout * 1000.0))

@@ -309,8 +309,7 @@ class Ros2Gripper(Device):
     def set_speed(self, speed: float) -> None:
         """See the Protocol; while latched the fingers may close and hold but not open.
 
-        Raises:
-            DeviceLost: the gripper is lost, or was lost and that is not acknowledged yet.
+        Raises DeviceLost: the gripper is lost, or was lost and that is not acknowledged yet.
         """
         if self._lost or self._estranged:
             raise DeviceLost(self.name, f"was lost; acknowledge the loss before it moves: {_words(self._problem)}")

@@ -72,8 +72,7 @@ class RollingPath:
     def go_on(self) -> None:
         """Fix the arm's set-points until `lead` from now.
 
-        Raises:
-            OutOfSetPointsError: the fixed set-points have ended, and the arm was moving.
+        Raises OutOfSetPointsError: the fixed set-points have ended, and the arm was moving.
         """
         now = self._clock.now()
         if now > self._last.due:

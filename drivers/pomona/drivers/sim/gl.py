@@ -37,8 +37,7 @@ def load_mujoco() -> ModuleType:
 def open_renderer(model: Any, height: int, width: int) -> Any:
     """Create a `mujoco.Renderer` through EGL, without a display. Call it, and the renderer, in the GL thread.
 
-    Raises:
-        DeviceFault: EGL does not work on this machine; the text names the missing packages.
+    Raises DeviceFault: EGL does not work on this machine; the text names the missing packages.
     """
     mujoco = load_mujoco()
     try:

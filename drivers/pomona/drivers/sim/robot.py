@@ -24,8 +24,7 @@ NEEDED = {
 def read_robot(path: Path) -> Any:
     """Return the file as an `mujoco.MjSpec` that can be simulated.
 
-    Raises:
-        UnusableRobotFile: it cannot be read, or lacks something in `NEEDED`.
+    Raises UnusableRobotFile: it cannot be read, or lacks something in `NEEDED`.
     """
     load_mujoco()  # before the reader does: both renderers must work in one process
     spec = read_spec(path)

@@ -33,8 +33,7 @@ class FingerReading:
 def encode(volts: Float64) -> bytes:
     """Return the bytes of an answer (a finger's side); voltages, shape (25,) [V], are rounded and clipped to 12 bits.
 
-    Raises:
-        ValueError: another number of voltages.
+    Raises ValueError: another number of voltages.
     """
     counts = np.clip(np.rint(np.asarray(volts) * (COUNTS / VOLTS)), 0, COUNTS - 1).astype("<u2")
     if counts.shape != (TAXELS,):
@@ -74,8 +73,7 @@ class Assembler:
     def decode(self, chunk: bytes) -> FingerReading | None:
         """Return the reading if these bytes complete it.
 
-        Raises:
-            Malformed: more bytes arrived than an answer has, so the answer cannot be located.
+        Raises Malformed: more bytes arrived than an answer has, so the answer cannot be located.
         """
         self._buffer += chunk
         if len(self._buffer) > SIZE or (self._answered and chunk):

@@ -119,8 +119,7 @@ class SunTouchFingers(Device):
     def bias(self) -> None:
         """Take the voltages of the next readings as those without contact: 10 are left out, 100 averaged.
 
-        Raises:
-            NoBias: something may be between the fingers; the bias stays as it was.
+        Raises NoBias: something may be between the fingers; the bias stays as it was.
         """
         sample = self.latest()
         held = self._may_hold(None if sample is None else float((-sample.wrenches[:, 2]).min()))

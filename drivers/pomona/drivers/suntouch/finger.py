@@ -49,8 +49,7 @@ class Finger:
     def answer(self, due: float) -> FingerReading | None:
         """Return the reading asked for, waiting until `due`; None when it came short or long: the line is emptied then.
 
-        Raises:
-            OSError: the line failed.
+        Raises OSError: the line failed.
         """
         try:
             while True:

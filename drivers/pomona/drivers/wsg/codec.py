@@ -245,8 +245,7 @@ def encode(request: Request) -> bytes:
 def decode_request(frame: WireFrame) -> Request:
     """Return the request that a frame carries (a gripper's side).
 
-    Raises:
-        Malformed: no known command, or a payload that does not fit it.
+    Raises Malformed: no known command, or a payload that does not fit it.
     """
     command, payload = _command(frame), frame.payload
     if command is Command.LOOP:
@@ -318,8 +317,7 @@ def encode_reply(reply: Reply) -> bytes:
 def decode_reply(frame: WireFrame) -> Reply:
     """Return the reply that a frame carries.
 
-    Raises:
-        Malformed: no known command or status, or values that do not fit the command.
+    Raises Malformed: no known command or status, or values that do not fit the command.
     """
     command = _command(frame)
     if len(frame.payload) < 2:

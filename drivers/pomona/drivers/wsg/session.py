@@ -71,8 +71,7 @@ class GripperSession:
     ) -> Reply:
         """Send a request and wait for its final reply; `others` gets everything else that comes meanwhile.
 
-        Raises:
-            OSError, Nonsense, DeviceLost: as `receive`; DeviceLost too when the final reply is late.
+        Raises OSError, Nonsense, DeviceLost: as `receive`; DeviceLost too when the final reply is late.
         """
         self.send(request, command)
         end = self._clock.now() + deadline

@@ -22,8 +22,7 @@ class CanLink:
     def open(cls, interface: str, channel: str, bitrate: int, send_id: int, reply_id: int) -> CanLink:
         """Open any of python-can's interfaces: socketcan, virtual, udp_multicast, pcan, slcan …
 
-        Raises:
-            OSError: the bus cannot be opened.
+        Raises OSError: the bus cannot be opened.
         """
         options: dict[str, Any] = {} if interface in ("virtual", "udp_multicast") else {"bitrate": bitrate}
         filters: list[Any] = [{"can_id": reply_id, "can_mask": 0x7FF, "extended": False}]

@@ -122,8 +122,7 @@ def finished_runs(
 ) -> dict[str, Result]:
     """Return the results of this campaign's runs in its order; `on_problem` receives the invalid lines.
 
-    Raises:
-        UsageError: the folder holds results of runs of the same name with another tree, cell or setting.
+    Raises UsageError: the folder holds results of runs of the same name with another tree, cell or setting.
     """
     results = read_results(folder, on_problem)
     found = {run.name: results[run.name] for run in campaign.runs if run.name in results}

@@ -79,8 +79,7 @@ def open_bridge(
 ) -> Ros2Bridge:
     """Return the bridge that `--ros2` asks for.
 
-    Raises:
-        UsageError: the extra is not installed, or the address cannot be used.
+    Raises UsageError: the extra is not installed, or the address cannot be used.
     """
     from pomona.executive.interop.ros2_bridge import Ros2Bridge
     from pomona.executive.ros2.peer import ADDRESS, Ros2Peer
@@ -96,8 +95,7 @@ def open_bridge(
 def make_access(options: argparse.Namespace) -> Access:
     """The rules for an address: another one than this machine's may only watch, unless TLS or the flag allows more.
 
-    Raises:
-        UsageError: the certificate comes without its key, or the other way round.
+    Raises UsageError: the certificate comes without its key, or the other way round.
     """
     if (options.tls_cert is None) != (options.tls_key is None):
         raise UsageError("--tls-cert and --tls-key belong together")
@@ -186,8 +184,7 @@ class Launcher:
     def judge(self, form: dict[str, Any]) -> dict[str, str]:
         """Return the settings of the page's form that cannot be used, with reasons; empty while a run is active.
 
-        Raises:
-            UsageError: the tree or the cell is not offered, or the tree cannot be read.
+        Raises UsageError: the tree or the cell is not offered, or the tree cannot be read.
         """
         if self._dashboard.control.is_busy:  # judging takes the interpreter for up to a second
             return {}

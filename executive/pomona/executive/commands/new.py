@@ -38,8 +38,7 @@ def add(subparsers: Any) -> None:
 def _kind(word: str) -> str:
     """Return a kind that this installation can begin, or any other word, which argparse refuses.
 
-    Raises:
-        UsageError: the distribution `pomona` begins it, and this is the executive alone.
+    Raises UsageError: the distribution `pomona` begins it, and this is the executive alone.
     """
     if word in KINDS_ELSEWHERE and not entry_points(group=GROUP, name=word):
         raise UsageError(f"pomona new {word}: {elsewhere('this kind')}")
@@ -70,8 +69,7 @@ def main(options: argparse.Namespace) -> int:
 def _refuse_taken(kind: str, words: Mapping[str, str]) -> None:
     """Refuse a name that another package has: a tree that uses it would be refused.
 
-    Raises:
-        UsageError: the name is taken.
+    Raises UsageError: the name is taken.
     """
     name = words["Name"] if kind == "skill" else words["name"]
     taken: Mapping[str, object] = {}
@@ -97,8 +95,7 @@ def _next(written: list[Path]) -> str:
 def put(piece: Piece, words: Mapping[str, str], into: Path) -> list[Path]:
     """Write a piece into a folder; code goes into the package that stands there, or into a new one.
 
-    Raises:
-        UsageError: a file is there already, or the package is none.
+    Raises UsageError: a file is there already, or the package is none.
     """
     if piece.entry is None:
         return _write(piece, words, into)

@@ -105,8 +105,7 @@ def _beginning(record: Path) -> tuple[RunStarted, tuple[OperatorActed, ...], lis
 def _refuse_devices(order: RunOrder) -> None:
     """Refuse a record whose cell is a real one, independent of its header.
 
-    Raises:
-        UsageError: the cell that it holds is none that can be repeated, or cannot be read.
+    Raises UsageError: the cell that it holds is none that can be repeated, or cannot be read.
     """
     if order.dry:
         return
@@ -122,8 +121,7 @@ def _refuse_devices(order: RunOrder) -> None:
 def _order(started: RunStarted, speeds: tuple[OperatorActed, ...], folder: Path) -> RunOrder:
     """Return the order of the recorded run, with the file contents of that time.
 
-    Raises:
-        UsageError: the record names an impossible speed, or a folder that does not exist here.
+    Raises UsageError: the record names an impossible speed, or a folder that does not exist here.
     """
     try:
         speed = checked_speed(started.speed)

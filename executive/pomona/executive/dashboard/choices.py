@@ -33,8 +33,7 @@ class Choices:
     def installed(cls, trees: Sequence[str] = (), cells: Sequence[str] = ()) -> Choices:
         """Everything that comes with the package, and files that are given.
 
-        Raises:
-            UsageError: a given file is not there.
+        Raises UsageError: a given file is not there.
         """
         folder = installed_trees()
         return cls(

@@ -210,8 +210,7 @@ class ControlLock:
     def require(self, viewer: str) -> str:
         """Return the name of the operator who holds control with this viewer.
 
-        Raises:
-            RefusedError: another operator does, or none.
+        Raises RefusedError: another operator does, or none.
         """
         held = self._held
         if not viewer or held.viewer != viewer:
@@ -221,8 +220,7 @@ class ControlLock:
     def cancel_start(self, viewer: str) -> bool:
         """Let the run that is being prepared not begin; False when none is.
 
-        Raises:
-            RefusedError: the viewer does not hold control.
+        Raises RefusedError: the viewer does not hold control.
         """
         who, starting = self.require(viewer), self._starting
         if starting is None or starting[1].stage is None:
@@ -257,8 +255,7 @@ class ControlLock:
     def acknowledge(self, viewer: str) -> None:
         """Release the latch of the safe state. Nothing resumes by itself.
 
-        Raises:
-            RefusedError: the viewer does not hold control, or nothing is latched, or the run has not ended yet.
+        Raises RefusedError: the viewer does not hold control, or nothing is latched, or the run has not ended yet.
         """
         who = self.require(viewer)
         if self._runner is None or self._runner.latched is None:

@@ -34,8 +34,7 @@ def message(event: str, **fields: Any) -> str:
 def encode(event: Event, seq: int) -> str:
     """Encode one event as the text of one message.
 
-    Raises:
-        PomonaError: it is larger than `MOST_TEXT`. An event that cannot be encoded may raise any exception.
+    Raises PomonaError: it is larger than `MOST_TEXT`. An event that cannot be encoded may raise any exception.
     """
     return numbered(fields_of(event), seq).decode()
 
@@ -54,8 +53,7 @@ def fields_of(event: Event) -> dict[str, Any]:
 def numbered(fields: Mapping[str, Any], seq: int) -> bytes:
     """Return the text of an event's message: its object with the version of the schema and the event's number.
 
-    Raises:
-        PomonaError: it is larger than `MOST_TEXT`.
+    Raises PomonaError: it is larger than `MOST_TEXT`.
     """
     text = encoded({"v": VERSION, "seq": seq, **fields})
     if len(text) > MOST_TEXT:

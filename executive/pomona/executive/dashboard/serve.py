@@ -64,8 +64,7 @@ class RemoteControl:
     def call(self, name: str, *arguments: Any) -> Any:
         """Let the run's process carry something out, and wait for its answer.
 
-        Raises:
-            RefusedError: it is not carried out, or not answered in time.
+        Raises RefusedError: it is not carried out, or not answered in time.
         """
         number = next(self._numbers)
         answer = self._open[number] = Future()
@@ -100,8 +99,7 @@ class RemoteControl:
     def safe_stop(self, who: str) -> str:
         """See `ControlLock`. A run that is being prepared needs no answer of its process: it has lost its permit.
 
-        Raises:
-            RefusedError: the run's process has ended, or does not answer.
+        Raises RefusedError: the run's process has ended, or does not answer.
         """
         if not self._permit.take():
             return str(self.call("safe_stop", who))

@@ -27,12 +27,9 @@ class RerunView:
     """A sink of `Live`. Entities are named like a record's topics, frames like its frames."""
 
     def __init__(self, target: str = VIEWER) -> None:
-        """
-        Args:
-            target: the viewer's address, or a file `….rrd`.
+        """Show in a viewer at an address, or write a file `….rrd`.
 
-        Raises:
-            UsageError: the extra is not installed, or the file is there already.
+        Raises UsageError: the extra is not installed, or the file is there already.
         """
         self._rr = rr = need("rerun", EXTRA, "a live view in Rerun")
         self._out = rr.RecordingStream("pomona")

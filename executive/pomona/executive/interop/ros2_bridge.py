@@ -135,8 +135,7 @@ class Ros2Bridge:
     def _admitted(self, asked: Any) -> tuple[str, str]:
         """Return the viewer's id and the operator's name.
 
-        Raises:
-            RefusedError: the token is wrong, or the operator's name is missing.
+        Raises RefusedError: the token is wrong, or the operator's name is missing.
         """
         if not self._acts_with(asked.token):
             raise RefusedError("acting needs the token that was printed at the start, on this machine")

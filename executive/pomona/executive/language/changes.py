@@ -20,8 +20,7 @@ class ChangeRefusedError(PomonaError):
 def changed_input(tree: BuiltTree, path: str, port: str, text: str) -> Any:
     """Return the value that `text` means for this input of the skill at this path.
 
-    Raises:
-        ChangeRefusedError: there is no such skill or input, or this is no value for it.
+    Raises ChangeRefusedError: there is no such skill or input, or this is no value for it.
     """
     skill = tree.behaviours.get(path)
     if not isinstance(skill, Skill):
@@ -51,8 +50,7 @@ def changed_input(tree: BuiltTree, path: str, port: str, text: str) -> Any:
 def change_input(tree: BuiltTree, detail: str) -> None:
     """Change an input as requested by `port = value ← path`; it applies from the skill's next start on.
 
-    Raises:
-        ChangeRefusedError: as `changed_input`.
+    Raises ChangeRefusedError: as `changed_input`.
     """
     said, _, path = detail.rpartition(" ← ")
     port, _, text = said.partition(" = ")

@@ -23,8 +23,7 @@ T = TypeVar("T")
 def read_document(path: Path, texts: Mapping[str, str] | None = None) -> Document:
     """Read a tree file, and the files that it calls; those in `texts` are not read from the disk.
 
-    Raises:
-        UsageError: it cannot be read at all.
+    Raises UsageError: it cannot be read at all.
     """
     known = texts or {}
     text = known[str(path)] if str(path) in known else read_text(path)

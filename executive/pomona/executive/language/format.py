@@ -33,8 +33,7 @@ class FormatError(PomonaError):
 def formatted(text: str) -> str:
     """Return the text, formatted; formatting it again changes nothing.
 
-    Raises:
-        FormatError: it is no YAML, or could not be moved safely.
+    Raises FormatError: it is no YAML, or could not be moved safely.
     """
     found, before = _formatted_once(text), text
     while found != before:  # values that were aligned may not be so at their new places

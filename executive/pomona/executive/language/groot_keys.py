@@ -76,8 +76,7 @@ class KeyNames:
     def target(self, key: str) -> str:
         """Return the name that a key's value is written to.
 
-        Raises:
-            ScriptError: the key is a constant of the caller's.
+        Raises ScriptError: the key is a constant of the caller's.
         """
         found = self.meaning(key)
         if isinstance(found, GivenText):

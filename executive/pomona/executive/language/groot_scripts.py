@@ -55,8 +55,7 @@ def statements_of(script: str) -> list[str]:
 def assignments_of(script: str, keys: KeyNames) -> list[tuple[str, str]]:
     """Return names with the values that a script gives them, in order.
 
-    Raises:
-        ScriptError: it does something else as well.
+    Raises ScriptError: it does something else as well.
     """
     found = []
     for statement in statements_of(script):

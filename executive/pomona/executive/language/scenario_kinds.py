@@ -315,8 +315,7 @@ class _Call(Kind[tuple[MockResult, ...]]):
 def stand_in(node: YamlNode, value_type: ValueType, findings: Findings) -> Any:
     """Return a literal; a mapping for a class becomes a placeholder with some of the class's fields.
 
-    Raises:
-        LiteralError: it is no value of the type.
+    Raises LiteralError: it is no value of the type.
     """
     if isinstance(node, YamlList) and isinstance(value_type, ListType):
         return tuple(stand_in(item, value_type.element, findings) for item in node.items)

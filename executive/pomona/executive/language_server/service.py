@@ -336,8 +336,7 @@ class TreeService:
     def rename(self, row: int, column: int, new: str) -> list[Spot]:
         """Return every place that a new name changes.
 
-        Raises:
-            RenameRefused: there is nothing to rename, or the new name cannot be given.
+        Raises RenameRefused: there is nothing to rename, or the new name cannot be given.
         """
         if not NAME.fullmatch(new):
             raise RenameRefused(f"'{new}' is not a valid name: use lower-case letters, digits and _")

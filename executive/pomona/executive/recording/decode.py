@@ -34,8 +34,7 @@ class ForeignRecordError(PomonaError):
 def event_from(message: Any) -> Event:
     """Return the event of a message in a record. Values of ports stay plain; views become views again.
 
-    Raises:
-        ForeignRecordError: no event has this name, or a field has a wrong type.
+    Raises ForeignRecordError: no event has this name, or a field has a wrong type.
     """
     name = message.get("event") if isinstance(message, Mapping) else None
     cls: Any = _EVENTS.get(name) if isinstance(name, str) else None

@@ -185,8 +185,7 @@ def _mapping(value: Any) -> Mapping[str, Any]:
 def trusted(record: Path) -> Digest:
     """Return a run's digest, for a command that shows or repeats it.
 
-    Raises:
-        UsageError: its record is damaged, is no record, or cannot be read.
+    Raises UsageError: its record is damaged, is no record, or cannot be read.
     """
     try:
         found = digest(record)

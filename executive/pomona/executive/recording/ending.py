@@ -24,13 +24,9 @@ class EndingFile:
     """The file of one record while that is written."""
 
     def __init__(self, folder: Path, number: int) -> None:
-        """
-        Args:
-            folder: folder of the record.
-            number: number of the record (`pomona.executive.recording.order`).
+        """Begin in a record's folder, with its number (`pomona.executive.recording.order`).
 
-        Raises:
-            OSError: it cannot be written.
+        Raises OSError: it cannot be written.
         """
         self._number = number
         self._stream = (folder / ENDING_FILE).open("w+b", buffering=0)  # kept open, since file handles may run out

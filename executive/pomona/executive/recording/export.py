@@ -50,8 +50,7 @@ FORMATS: Mapping[str, tuple[Callable[[Path, Path], None], str]] = {
 def export(record: Path, target: Path) -> None:
     """Write a record into one file with the suffix `.zip`, `.jsonl` or `.mcap`.
 
-    Raises:
-        UsageError: another suffix, the file exists, it cannot be written, or the record cannot be read.
+    Raises UsageError: another suffix, the file exists, it cannot be written, or the record cannot be read.
     """
     if target.suffix not in FORMATS:
         known = ", ".join(f"{ending} ({what})" for ending, (_write, what) in FORMATS.items())

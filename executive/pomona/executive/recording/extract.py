@@ -36,8 +36,7 @@ from pomona.executive.views import ImageView, PosesView, SceneView, TableView
 def extract(record: Path, folder: Path) -> dict[str, str]:
     """Write all content into a folder; return the content of each written file or folder, by its name.
 
-    Raises:
-        UsageError: the folder exists and is not empty, cannot be written, or the record cannot be read.
+    Raises UsageError: the folder exists and is not empty, cannot be written, or the record cannot be read.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UsageError(f"{folder} exists and is not empty, and nothing is overwritten: name another folder")

@@ -49,8 +49,7 @@ def refuse_unwritable(root: Path) -> None:
 def new_record_folder(root: Path, tree: str, now: datetime | None = None) -> Path:
     """Make the folder `root/2026-11-21_08-41-07_tree`, with a number if it exists.
 
-    Raises:
-        RecordError: the folder cannot be made.
+    Raises RecordError: the folder cannot be made.
     """
     # part of the tree's name in the folder's name [bytes]; file systems allow 255
     stem = f"{now or datetime.now():%Y-%m-%d_%H-%M-%S}_{tree.encode()[:120].decode(errors='ignore')}"
@@ -79,8 +78,7 @@ def is_being_written(path: Path) -> bool:
 def find_record(name: str, root: Path) -> Path:
     """Return the folder of a record: from a path (folder or MCAP file), a name below `root`, or `last`.
 
-    Raises:
-        UsageError: there is none; the text lists similar names.
+    Raises UsageError: there is none; the text lists similar names.
     """
     records = sorted(path.parent for path in root.glob(f"*/{EVENTS_FILE}"))
     if name == "last":

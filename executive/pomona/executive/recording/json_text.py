@@ -21,8 +21,7 @@ _HALF = re.compile(rb"\\u[dD][89a-fA-F]")
 def parse(content: bytes | str) -> Any:
     """Return the value; NaN and infinity, which JSON lacks, become None, unpaired surrogates "?".
 
-    Raises:
-        ValueError: the text is no JSON, or deeper than `MOST_DEPTH`.
+    Raises ValueError: the text is no JSON, or deeper than `MOST_DEPTH`.
     """
     if not isinstance(content, (bytes, str)):
         raise ValueError("a text is expected here")

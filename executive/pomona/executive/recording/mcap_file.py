@@ -78,8 +78,7 @@ class RawRecord(NamedTuple):
 def has_begun(path: Path, stream: BinaryIO) -> bool:
     """Return True if the file begins as MCAP, False if the process was killed before that. Rewinds the stream.
 
-    Raises:
-        UsageError: it is no MCAP file.
+    Raises UsageError: it is no MCAP file.
     """
     start = stream.read(len(MAGIC))
     stream.seek(0)
@@ -105,8 +104,7 @@ def raw_records(stream: BinaryIO, at: int = len(MAGIC)) -> Iterator[RawRecord]:
 def records_of(raw: RawRecord) -> list[McapRecord]:
     """Decode a top-level record: of a chunk its schemas, channels and messages, else the record itself.
 
-    Raises:
-        DamagedError: it contradicts its checksum or its format.
+    Raises DamagedError: it contradicts its checksum or its format.
     """
     record = decode(raw)
     if not isinstance(record, Chunk):
@@ -176,8 +174,7 @@ class _Exact(ReadDataStream):  # type: ignore[misc]
 def decode(raw: RawRecord) -> McapRecord:
     """Decode a record that uses its whole raw, and compare its own checksum.
 
-    Raises:
-        DamagedError: it contradicts its checksum or its format.
+    Raises DamagedError: it contradicts its checksum or its format.
     """
     stream, length = _Exact(io.BytesIO(raw.content)), len(raw.content)
     kind = _KINDS[raw.opcode]

@@ -113,8 +113,7 @@ def examine(path: Path) -> Verdict:
 def is_whole(path: Path) -> bool:
     """Return True for an MCAP file that is finished and unchanged.
 
-    Raises:
-        UsageError: it is not an MCAP file, or cannot be read.
+    Raises UsageError: it is not an MCAP file, or cannot be read.
     """
     return examine(path).state == "whole"
 
@@ -178,8 +177,7 @@ def scan(
 def attachment(path: Path, name: str, verdict: Verdict) -> bytes | None:
     """Return the newest attachment of this name in a trusted file, or None.
 
-    Raises:
-        UsageError: the file cannot be read.
+    Raises UsageError: the file cannot be read.
     """
     at = verdict.attachments.get(name)
     if at is None:

@@ -38,8 +38,7 @@ _ARRAYS = {
 def typestore() -> Any:
     """Return all types: ROS 2 Jazzy's, ours, and those of packages that are not part of it.
 
-    Raises:
-        UsageError: the extra is not installed.
+    Raises UsageError: the extra is not installed.
     """
     typesys = need("rosbags.typesys", EXTRA, "ROS 2")
     store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
@@ -83,7 +82,7 @@ class Coder:
     """Makes messages of one type from plain values."""
 
     def __init__(self, name: str) -> None:
-        """Args: name: `sensor_msgs/msg/JointState`. Raises UsageError: the extra is not installed."""
+        """Find a type by its name, `sensor_msgs/msg/JointState`. Raises UsageError: the extra is not installed."""
         self.name = name
         self._make = _maker(name)
 

@@ -84,8 +84,7 @@ class Cell(Protocol):
     def check(self) -> None:
         """Look after every device; called each tick.
 
-        Raises:
-            Exception: a device is lost, stale or in fault; the run ends in the safe state.
+        Raises Exception: a device is lost, stale or in fault; the run ends in the safe state.
         """
         ...
 
@@ -107,8 +106,7 @@ class Cell(Protocol):
     def resume(self) -> None:
         """Go on with paused motions.
 
-        Raises:
-            Exception: the world has changed since the pause: the arm was moved, or the fruit in the gripper is gone.
+        Raises Exception: the world has changed since the pause: the arm was moved, or the fruit in the gripper is gone.
         """
         ...
 
@@ -120,8 +118,7 @@ class Cell(Protocol):
     def set_speed(self, speed: float, of: Collection[type] = ()) -> None:
         """Scale the commanded speed by a ratio (above 0 to 1) from now on, for the given interfaces or all.
 
-        Raises:
-            Exception: it is less than 1, and one of them cannot be slowed down.
+        Raises Exception: it is less than 1, and one of them cannot be slowed down.
         """
         ...
 

@@ -69,8 +69,7 @@ class Requests:
     def resume(self, number: int, who: str = "operator") -> None:
         """End pause `number` and go on in place, after checking that the world is as it was.
 
-        Raises:
-            AnswerRefusedError: the run is not in this pause.
+        Raises AnswerRefusedError: the run is not in this pause.
         """
         self._refuse_other_pause(number)
         self._ask("resume", who, "", number)
@@ -78,8 +77,7 @@ class Requests:
     def step(self, number: int, who: str = "operator") -> None:
         """End pause `number`, run one tick, then pause again.
 
-        Raises:
-            AnswerRefusedError: the run is not in this pause.
+        Raises AnswerRefusedError: the run is not in this pause.
         """
         self._refuse_other_pause(number)
         self._ask("step", who, "", number)
@@ -103,8 +101,7 @@ class Requests:
     def break_at(self, path: str, side: Side = "before", on: bool = True, who: str = "operator") -> None:
         """Pause before the node at this path starts, or after it has ended; `on=False` takes the breakpoint away.
 
-        Raises:
-            UnknownNodeError: the tree has no such node.
+        Raises UnknownNodeError: the tree has no such node.
         """
         self._breakpoints.check(path)
         action = next(action for action, change in BREAK_ACTIONS.items() if change == (side, on))
@@ -113,8 +110,7 @@ class Requests:
     def answer(self, path: str, number: int, choice: str, who: str = "operator") -> None:
         """Answer question `number` of the node at this path (`NodeChanged.starts`).
 
-        Raises:
-            AnswerRefusedError: this question is not open, or this is no choice.
+        Raises AnswerRefusedError: this question is not open, or this is no choice.
         """
         asked = self._questions.get(path)
         if asked is None or not asked.open:
@@ -128,8 +124,7 @@ class Requests:
     def change(self, path: str, port: str, text: str, who: str = "operator") -> None:
         """Give an input of the skill at this path another value, as in a tree file, from its next start on.
 
-        Raises:
-            ChangeRefusedError: there is no such skill or input, or this is no value for it.
+        Raises ChangeRefusedError: there is no such skill or input, or this is no value for it.
         """
         changed_input(self.tree, path, port, text)
         self._ask("change", who, f"{port} = {text} ← {path}")
@@ -137,8 +132,7 @@ class Requests:
     def set_speed(self, share: float, who: str = "operator") -> None:
         """Scale the arm's commanded speed by this ratio from now on, also on a path in progress.
 
-        Raises:
-            SpeedRefusedError: it is not from 10 % to 100 %, or the cell cannot be slowed down.
+        Raises SpeedRefusedError: it is not from 10 % to 100 %, or the cell cannot be slowed down.
         """
         speed = checked_speed(share)
         if speed < 1.0 and self._cell.full_speed_only:
@@ -153,8 +147,7 @@ class Requests:
     def fail(self, switch: str, kind: str, who: str = "operator") -> None:
         """Let something of a simulated or emulated cell fail, or with no kind work again.
 
-        Raises:
-            UnknownFaultError: there is no such switch, or it knows no such fault.
+        Raises UnknownFaultError: there is no such switch, or it knows no such fault.
         """
         known = self.known_faults
         if switch not in known or (kind and kind not in known[switch]):

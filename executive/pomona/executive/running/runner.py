@@ -439,8 +439,7 @@ class Runner(Requests):
     def _refuse_latched(self) -> None:
         """Raise if the cell is latched: the tree's end is then only the effect of its stopped motions.
 
-        Raises:
-            SafeStopRequestedError: the cell was latched during the tick; with the reason of the request.
+        Raises SafeStopRequestedError: the cell was latched during the tick; with the reason of the request.
         """
         if self._cell.latched is not None:
             self._take_commands()
@@ -477,8 +476,7 @@ class Runner(Requests):
     def _refuse_motion(self) -> None:
         """A motion that has begun behind the end belongs to no skill.
 
-        Raises:
-            PomonaError: something moves although the tree has ended and all was at rest.
+        Raises PomonaError: something moves although the tree has ended and all was at rest.
         """
         if not self._cell.settled():
             raise PomonaError("something began to move after the end of the tree, when all was at rest")
@@ -530,8 +528,7 @@ class Runner(Requests):
     def _come_to_rest(self) -> None:
         """Let time pass until every skill is halted and the cell has settled.
 
-        Raises:
-            PomonaError: it has not within `STOP_LIMIT`.
+        Raises PomonaError: it has not within `STOP_LIMIT`.
         """
         deadline = self._cell.clock.now() + STOP_LIMIT
         while self.context.halting or not self._cell.settled():

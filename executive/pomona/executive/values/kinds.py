@@ -53,8 +53,7 @@ class ScalarKind(Kind[T]):
     def option(self, text: str) -> T:
         """Parse a value of the command line: the `type` of an argument.
 
-        Raises:
-            argparse.ArgumentTypeError: the text is not of this kind; the message names the allowed values.
+        Raises argparse.ArgumentTypeError: the text is not of this kind; the message names the allowed values.
         """
         try:
             return self.parse(text)
@@ -397,8 +396,7 @@ class MappingOf(Kind[Mapping[str, T]]):
 def read_each(kind: Kind[T], items: Iterable[tuple[YamlNode, Reader]]) -> list[T]:
     """Return every item's value; all are read, so that each mistake is a finding, before one is raised.
 
-    Raises:
-        Refused: one of them cannot be read.
+    Raises Refused: one of them cannot be read.
     """
     values, refused = [], None
     for node, reader in items:

@@ -18,8 +18,7 @@ class UnreadableArraysError(ValueError):
 def read_plain_arrays(path: Path) -> dict[str, np.ndarray[Any, Any]]:
     """Return the arrays of a .npz file by their names.
 
-    Raises:
-        UnreadableArraysError: it is no such file, is damaged, too large, or holds objects.
+    Raises UnreadableArraysError: it is no such file, is damaged, too large, or holds objects.
     """
     if path.exists() and not path.is_file():
         raise UnreadableArraysError("it is not a file")

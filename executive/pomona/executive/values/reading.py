@@ -44,8 +44,7 @@ class Reader:
     def filled(self, node: YamlNode) -> YamlNode:
         """Return the node with options filled in. A text that is only one option gets the place of the option's value.
 
-        Raises:
-            Refused: it names an option that does not exist.
+        Raises Refused: it names an option that does not exist.
         """
         options = self.options
         if options is None or not isinstance(node, YamlScalar) or "{" not in node.text:

@@ -32,8 +32,7 @@ def from_rpy(rpy: ArrayLike) -> Float64:
 def from_quaternion(q_xyzw: ArrayLike) -> Float64:
     """Rotation matrix, shape (3, 3), of a quaternion x, y, z, w, shape (4,), of any length but zero.
 
-    Raises:
-        ValueError: its length is zero.
+    Raises ValueError: its length is zero.
     """
     import numpy as np
 
@@ -54,8 +53,7 @@ def from_quaternion(q_xyzw: ArrayLike) -> Float64:
 def to_quaternion(R: ArrayLike) -> Float64:
     """Return the unit quaternion x, y, z, w, shape (4,), with w ≥ 0, of a rotation matrix, shape (3, 3).
 
-    Raises:
-        ValueError: the matrix mirrors or flattens: it is no rotation.
+    Raises ValueError: the matrix mirrors or flattens: it is no rotation.
     """
     import numpy as np
 

@@ -124,8 +124,7 @@ class Section(Kind[S]):
     def read_placed(self, node: YamlNode, reader: Reader) -> Placed[S]:
         """Return the section with its places.
 
-        Raises:
-            Refused: something in it is wrong; all of it is in the findings.
+        Raises Refused: something in it is wrong; all of it is in the findings.
         """
         what = reader.title or "the file"
         if not isinstance(node, YamlMapping):

@@ -57,8 +57,7 @@ class Quantity:
     def parse(self, text: str) -> float:
         """`"120 mm"` -> 0.12.
 
-        Raises:
-            ValueError: no finite number, no unit, or a unit of another quantity; the text lists the known units.
+        Raises ValueError: no finite number, no unit, or a unit of another quantity; the text lists the known units.
         """
         written = split_unit(text)
         if written is None:

@@ -89,8 +89,7 @@ def main(options: argparse.Namespace) -> int:
 def recorded_looks(record: Path) -> Sequence[RecordedLook]:
     """Return the frames with depth in which a run's Detect searched, with the places of fruit that it then picked.
 
-    Raises:
-        UsageError: the record cannot be read.
+    Raises UsageError: the record cannot be read.
     """
     looks: list[RecordedLook] = []
     lifts: set[str] = set()

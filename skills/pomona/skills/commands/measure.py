@@ -38,8 +38,7 @@ def add(subparsers: Any) -> None:
 def main(options: argparse.Namespace) -> int:
     """Run the tree; return 0, 2 when something cannot be used or written, or 130 when it was interrupted.
 
-    Raises:
-        UsageError: the frames, an option or the folder cannot be used; nothing was written.
+    Raises UsageError: the frames, an option or the folder cannot be used; nothing was written.
     """
     if not options.frames.exists():
         raise UsageError(f"{options.frames}: there is no such folder or file")

@@ -92,8 +92,7 @@ class PushRecorder:
     def push(self, start: int | None = None) -> Push:
         """Return the samples since the bias, or from number `start` on, with the bias removed.
 
-        Raises:
-            TooFewPushes: the bias is not known yet.
+        Raises TooFewPushes: the bias is not known yet.
         """
         if not self.ready:
             raise TooFewPushes(0)

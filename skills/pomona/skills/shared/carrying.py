@@ -74,9 +74,8 @@ class OverloadMonitor:
     def require_bearable(self) -> None:
         """Check the grip, once a tick.
 
-        Raises:
-            GripOverloaded: for `OVERLOAD_TIME` the load has needed more than the allowed force, or the fruit has
-                slipped.
+        Raises GripOverloaded: for `OVERLOAD_TIME` the load has needed more than the allowed force, or the fruit has
+        slipped.
         """
         problem = self._hold.problem
         if problem is None or problem.code not in ("FORCE_LIMIT", "SLIPPED"):

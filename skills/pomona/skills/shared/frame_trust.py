@@ -40,8 +40,7 @@ def note_pose(skill: Skill, frame: Frame, T_base_camera: Float64) -> None:
 def require_true_look(skill: Skill, frame: Frame, T_base_camera: Float64, workspace: Workspace) -> Work[None]:
     """Compare a look with the table, its colour and earlier poses, beside the tick.
 
-    Raises:
-        SkillFailure: POSE_MISMATCH or DEPTH_MISMATCH, which the skill must declare.
+    Raises SkillFailure: POSE_MISMATCH or DEPTH_MISMATCH, which the skill must declare.
     """
     earlier = tuple(earlier_poses(skill, frame))
     problem = yield from skill.compute(frame_problem, frame, T_base_camera, workspace, earlier)
@@ -53,8 +52,7 @@ def require_true_look(skill: Skill, frame: Frame, T_base_camera: Float64, worksp
 def require_sound_pose(skill: Skill, frame: Frame, T_base_camera: Float64, workspace: Workspace) -> None:
     """Compare the table in a depth image with the cell file's; takes 2 ms.
 
-    Raises:
-        SkillFailure: POSE_MISMATCH or DEPTH_MISMATCH, which the skill must declare.
+    Raises SkillFailure: POSE_MISMATCH or DEPTH_MISMATCH, which the skill must declare.
     """
     view = frame_view(frame, T_base_camera, workspace)
     if view is not None and not view.sound:

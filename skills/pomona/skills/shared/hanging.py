@@ -26,8 +26,7 @@ class Hanging:
     def look(self) -> str:
         """Check the newest sample, once a tick; return why the fruit cannot hang any more, or an empty text.
 
-        Raises:
-            DeviceFault: the finger readings are not valid.
+        Raises DeviceFault: the finger readings are not valid.
         """
         require_truth(self._hold)
         reading = self._hold.reading
@@ -52,8 +51,7 @@ class Hanging:
 def require_truth(hold: Hold) -> None:
     """Refuse to continue a grip with invalid finger readings; the run ends in the safe state.
 
-    Raises:
-        DeviceFault: they stand still, contradict each other or the motor, or have gone silent.
+    Raises DeviceFault: they stand still, contradict each other or the motor, or have gone silent.
     """
     problem = hold.problem
     if problem is not None and problem.code in LIES:

@@ -99,8 +99,7 @@ class LiveWatch:
     def check_cameras(self) -> None:
         """Compare the table in every camera's newest frame with the cell file's, before the motion starts.
 
-        Raises:
-            SkillFailure: POSE_MISMATCH or DEPTH_MISMATCH; nothing has moved.
+        Raises SkillFailure: POSE_MISMATCH or DEPTH_MISMATCH; nothing has moved.
         """
         for camera in self._cameras:
             frame = _newest(camera)
@@ -114,8 +113,7 @@ class LiveWatch:
     def look(self) -> str | None:
         """Compare new frames with the rest of the path; return a text for an obstacle ahead that is not near yet.
 
-        Raises:
-            SkillFailure: PATH_BLOCKED, or POSE_MISMATCH or DEPTH_MISMATCH if the camera's frames are implausible.
+        Raises SkillFailure: PATH_BLOCKED, or POSE_MISMATCH or DEPTH_MISMATCH if the camera's frames are implausible.
         """
         motion = self._motion
         self._states.append(self._arm.state())

@@ -79,8 +79,7 @@ def write_policy(path: Path, network: PolicyNetwork) -> None:
 def read_policy(path: Path) -> PolicyNetwork:
     """Return the policy in a file.
 
-    Raises:
-        UnusablePolicy: it cannot be read, is something else, or its numbers do not fit together.
+    Raises UnusablePolicy: it cannot be read, is something else, or its numbers do not fit together.
     """
     try:
         if path.stat().st_size > MOST_BYTES:

@@ -16,8 +16,7 @@ _DISTANCE, _ANGLE = 2e-3, 5e-3  # between two statements about one pose [m, rad]
 def pose_of_camera(frame: Frame, model: RobotModel) -> Float64:
     """T_base_camera (4, 4) [m] of a frame: by forward kinematics on the arm, else its mount's pose in the base frame.
 
-    Raises:
-        BadJoints: the frame's joints are none of this arm.
+    Raises BadJoints: the frame's joints are none of this arm.
     """
     if frame.q is None:
         return frame.T_mount_camera
@@ -28,8 +27,7 @@ def pose_of_camera(frame: Frame, model: RobotModel) -> Float64:
 def check_camera_pose(frame: Frame, T_base_camera: Float64, model: RobotModel, arm: ArmState) -> None:
     """Compare a camera pose with the frame's joints, and these with an arm that stands still.
 
-    Raises:
-        CameraPoseMismatch, BadJoints: they contradict each other, or are none of this arm.
+    Raises CameraPoseMismatch, BadJoints: they contradict each other, or are none of this arm.
     """
     T_base_expected = pose_of_camera(frame, model)
     distance = float(np.linalg.norm(T_base_camera[:3, 3] - T_base_expected[:3, 3]))

@@ -48,8 +48,7 @@ def problem_sets(folder: Path) -> tuple[Path, ...]:
 def read_problems(folder: Path, robot: RobotModel, limit: int = 0) -> Iterator[PlanningProblem]:
     """Yield the problems of one set for a robot, in order, at most `limit` of them; 0 for all.
 
-    Raises:
-        BadProblem: a file that cannot be read, a joint that the request lacks, a shape that is not known.
+    Raises BadProblem: a file that cannot be read, a joint that the request lacks, a shape that is not known.
     """
     requests = sorted(path for path in folder.iterdir() if _NUMBER.match(path.name))
     shapes: dict[frozenset[frozenset[str]], RobotShape] = {}  # one for all scenes that allow the same contacts

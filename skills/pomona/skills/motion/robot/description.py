@@ -71,8 +71,7 @@ class Description:
 def read_description(path: Path, tool: str = "tool0") -> Description:
     """Read an MJCF or URDF file; the chain is the joints between its base and the site or body `tool`.
 
-    Raises:
-        BadRobotFile: the file does not compile, or lacks the tool, joints or geometry that are needed.
+    Raises BadRobotFile: the file does not compile, or lacks the tool, joints or geometry that are needed.
     """
     if not path.is_file():
         raise BadRobotFile(path, "there is no such file")

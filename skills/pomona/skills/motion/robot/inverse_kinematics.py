@@ -48,8 +48,7 @@ def inverse_kinematics(
 def nearest_solution(model: RobotModel, T_base_tcp: ArrayLike, near: ArrayLike) -> Float64 | None:
     """Return the joints of a pose by descending from `near`, shape (dof,), or None; continuous and fast (some 10 µs).
 
-    Raises:
-        NotAPose, BadJoints: the pose is no rigid transform, or `near` no joints of this arm.
+    Raises NotAPose, BadJoints: the pose is no rigid transform, or `near` no joints of this arm.
     """
     solutions = descend(model, checked_pose(T_base_tcp), model.checked(near)[None])
     return solutions[0] if len(solutions) else None

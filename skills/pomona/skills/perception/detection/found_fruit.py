@@ -40,8 +40,7 @@ class Finder(Protocol):
     def find(self, colour: UInt8, K: Float64) -> list[FoundFruit]:
         """Return all fruit in a picture (h, w, 3) uint8 RGB, with camera matrix K (3, 3) [px], by falling score.
 
-        Raises:
-            BadFrame: another shape or type.
+        Raises BadFrame: another shape or type.
         """
         ...
 

@@ -12,8 +12,7 @@ LEAST_SIDE = 32  # pictures smaller than this on either side are refused [px]
 def check_picture(colour: object) -> None:
     """Refuse a value that is no RGB picture.
 
-    Raises:
-        BadFrame: not an array of shape (h, w, 3), uint8, at least 32 px on each side.
+    Raises BadFrame: not an array of shape (h, w, 3), uint8, at least 32 px on each side.
     """
     expected = f"(h, w, 3) uint8 RGB, at least {LEAST_SIDE} px on each side"
     if not isinstance(colour, np.ndarray):

@@ -49,7 +49,6 @@ class FusedScore:
 def read_fused_score(content: Mapping[str, Any]) -> FusedScore:
     """Return the score that `FusedScore.content` describes.
 
-    Raises:
-        KeyError, TypeError, ValueError: it describes none.
+    Raises KeyError, TypeError, ValueError: it describes none.
     """
     return FusedScore(np.array(content["hidden"], np.float64), np.array(content["output"], np.float64))

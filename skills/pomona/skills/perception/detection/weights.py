@@ -45,8 +45,7 @@ _HALF = ".half"  # ending of an initialiser in half precision; the graph casts i
 def load_weights(path: Path | str) -> DopeNetwork:
     """Load a published DOPE checkpoint, with or without the `module.` prefix of data-parallel training.
 
-    Raises:
-        BadWeights: unreadable, not a mapping of tensors, or with keys or shapes that do not fit.
+    Raises BadWeights: unreadable, not a mapping of tensors, or with keys or shapes that do not fit.
     """
     tensors = _tensors(path, _read(path))
     stripped = {key.removeprefix("module."): value for key, value in tensors.items()}
@@ -106,8 +105,7 @@ def convert(path: Path | str) -> StoredDetector:
 def fill(network: nn.Module, tensors: dict[str, Tensor], path: Path | str) -> None:
     """Put tensors into a network; every key and shape must fit.
 
-    Raises:
-        BadWeights: naming the keys that are missing or not expected, or a wrong shape.
+    Raises BadWeights: naming the keys that are missing or not expected, or a wrong shape.
     """
     wanted = network.state_dict()
     missing, unknown = sorted(wanted.keys() - tensors.keys()), sorted(tensors.keys() - wanted.keys())

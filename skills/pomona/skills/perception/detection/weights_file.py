@@ -88,8 +88,7 @@ def _score(path: Path | str, content: Mapping[str, Any]) -> Score:
 def score_map(path: Path | str, said: Any) -> ScoreMap:
     """Return the map of scores with a slope and an offset that a weights file holds.
 
-    Raises:
-        BadWeights: these are no two numbers, or the map does not rise.
+    Raises BadWeights: these are no two numbers, or the map does not rise.
     """
     try:
         slope, offset = (float(value) for value in said)

@@ -38,8 +38,7 @@ def check_pose(T_camera_object: Float64) -> None:
 def extents(mesh: Triangles) -> Float64:
     """Return the size of a mesh's cuboid (d_x, d_y, d_z) [m], shape (3,); remembered per mesh object.
 
-    Raises:
-        BadMesh: empty, not finite, or of zero size in some direction. A mesh with holes is valid.
+    Raises BadMesh: empty, not finite, or of zero size in some direction. A mesh with holes is valid.
     """
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     if vertices.ndim != 2 or vertices.shape[1:] != (3,) or faces.ndim != 2 or faces.shape[1:] != (3,) or not len(faces):

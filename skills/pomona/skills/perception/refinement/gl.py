@@ -41,8 +41,7 @@ void main() {}
 def load_pyrender() -> ModuleType:
     """Import pyrender for off-screen rendering and leave PyOpenGL usable for MuJoCo.
 
-    Raises:
-        RenderFailed: pyrender or EGL does not load.
+    Raises RenderFailed: pyrender or EGL does not load.
     """
     os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
     if not hasattr(np, "infty"):  # pyrender 0.1.45 still uses numpy 1's name
@@ -174,8 +173,7 @@ _renderer: _GlRenderer | None = None
 def render_with_gl(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, box: ImageBox) -> DepthImage:
     """`render.DepthRenderer` by pyrender, depth (h, w) [m]; may be called from any thread.
 
-    Raises:
-        RenderFailed: OpenGL does not work here, or a part of the mesh is not in front of the camera.
+    Raises RenderFailed: OpenGL does not work here, or a part of the mesh is not in front of the camera.
     """
     try:
         return _render(mesh, T_camera_mesh, intrinsics, box)

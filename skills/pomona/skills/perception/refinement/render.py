@@ -23,8 +23,7 @@ from pomona.skills.perception.refinement.errors import RenderFailed
 def renderer(name: RendererName) -> DepthRenderer:
     """Return the renderer of a name: pyrender (OpenGL through EGL, the default) or zbuffer (compiled loops, no OpenGL).
 
-    Raises:
-        RenderFailed: no such renderer, or its libraries do not work on this machine.
+    Raises RenderFailed: no such renderer, or its libraries do not work on this machine.
     """
     if name == "pyrender":
         from pomona.skills.perception.refinement.gl import render_with_gl
@@ -58,8 +57,7 @@ def usable_renderer(name: RendererName) -> tuple[RendererName, str]:
 def image_box(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, margin: int = 2) -> ImageBox:
     """Return the part of the image that a posed mesh can cover, with a margin [px].
 
-    Raises:
-        RenderFailed: the mesh is behind the camera, or outside the image.
+    Raises RenderFailed: the mesh is behind the camera, or outside the image.
     """
     K = np.array([[intrinsics.fx, 0.0, intrinsics.cx], [0.0, intrinsics.fy, intrinsics.cy], [0.0, 0.0, 1.0]])
     x, y, z = K @ T_camera_mesh[:3, :3] @ mesh.vertices.T + (K @ T_camera_mesh[:3, 3])[:, np.newaxis]

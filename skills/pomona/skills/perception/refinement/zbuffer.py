@@ -14,8 +14,7 @@ from pomona.skills.perception.refinement.errors import RenderFailed
 def render_with_zbuffer(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, box: ImageBox) -> DepthImage:
     """`render.DepthRenderer` in compiled loops, depth (h, w) [m].
 
-    Raises:
-        RenderFailed: a part of the mesh is not in front of the camera.
+    Raises RenderFailed: a part of the mesh is not in front of the camera.
     """
     points = mesh.vertices @ T_camera_mesh[:3, :3].T + T_camera_mesh[:3, 3]
     if points[:, 2].min() <= NEAR:

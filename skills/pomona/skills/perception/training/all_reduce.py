@@ -29,8 +29,7 @@ class GradientAllReduce:
     def mean(self, rank: int, network: nn.Module) -> None:
         """Put the mean of all processes' gradients in place of the network's own.
 
-        Raises:
-            BadTraining: another process has ended.
+        Raises BadTraining: another process has ended.
         """
         gradients = [p.grad for p in network.parameters() if p.grad is not None]
         torch.cat([gradient.flatten() for gradient in gradients], out=self._gradients[rank])

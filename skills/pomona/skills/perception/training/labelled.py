@@ -39,8 +39,7 @@ class Labelled:
 def files(folder: Path) -> list[Path]:
     """Return all files in a folder and its folders.
 
-    Raises:
-        BadPhotographs: no such folder, or more than `MOST_FILES` files.
+    Raises BadPhotographs: no such folder, or more than `MOST_FILES` files.
     """
     if not folder.is_dir():
         raise BadPhotographs(folder, "no such folder")

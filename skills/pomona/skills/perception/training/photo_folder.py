@@ -66,8 +66,7 @@ def read_photographs(
 def read_empty(folder: Path) -> tuple[Photograph, ...]:
     """Return all pictures of a folder, in which no fruit is.
 
-    Raises:
-        BadPhotographs: no such folder, none in it, or a file that is no picture.
+    Raises BadPhotographs: no such folder, none in it, or a file that is no picture.
     """
     paths = sorted(path for path in files(folder) if path.suffix.lower() in PICTURES)
     if not paths:

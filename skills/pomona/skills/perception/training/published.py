@@ -31,8 +31,7 @@ def minneapple_folders(folder: Path) -> list[Path]:
 def minneapple(folder: Path) -> list[Labelled]:
     """Read the pictures and masks of MinneApple; pictures of one sequence, by their names, are one group.
 
-    Raises:
-        BadPhotographs: a picture without its mask, a mask without its picture, or a mask of another form.
+    Raises BadPhotographs: a picture without its mask, a mask without its picture, or a mask of another form.
     """
     items = []
     for place in minneapple_folders(folder):

@@ -69,8 +69,7 @@ class TrainingRun:
 def train_part(run: TrainingRun, report: Callable[[Progress], None] | None = None) -> nn.Module:
     """Train one network of the compact detector; resumes from `out`. Returns it with averaged weights, in eval mode.
 
-    Raises:
-        BadTraining: as `train_network`, or a process that learns beside this one has ended.
+    Raises BadTraining: as `train_network`, or a process that learns beside this one has ended.
     """
     if run.processes == 1:
         return _train(run, report)
