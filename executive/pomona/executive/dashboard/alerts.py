@@ -86,9 +86,13 @@ class Alerts:
         words = f"{share:.0%} of the last {self._rule.over} runs succeeded, less than {self._rule.below:.0%}"
         most = ", ".join(f"{code or 'no code'} {count}×" for code, count in codes.most_common(3))
         body = {
-            "text": f"Pomona: {words}; failures: {most}", "success_rate": share, "below": self._rule.below,
-            "runs": self._rule.over, "failures": dict(codes), "last_run": run,
-        }  # fmt: skip
+            "text": f"Pomona: {words}; failures: {most}",
+            "success_rate": share,
+            "below": self._rule.below,
+            "runs": self._rule.over,
+            "failures": dict(codes),
+            "last_run": run,
+        }
         teller = threading.Thread(
             target=self._tell, args=(json.dumps(body).encode(),), name="pomona-alert", daemon=True
         )

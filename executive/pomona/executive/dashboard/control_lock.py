@@ -144,9 +144,14 @@ class ControlLock:
         if stage is None:
             return None
         return {
-            "tree": tree, "cell_kind": starting.cell_kind, "what": stage.what, "done": stage.done, "of": stage.of,
-            "age": round(starting.age, 3), "cancelled": starting.cancelled,
-        }  # fmt: skip
+            "tree": tree,
+            "cell_kind": starting.cell_kind,
+            "what": stage.what,
+            "done": stage.done,
+            "of": stage.of,
+            "age": round(starting.age, 3),
+            "cancelled": starting.cancelled,
+        }
 
     @property
     def known_faults(self) -> dict[str, tuple[str, ...]]:

@@ -86,23 +86,47 @@ def sighting_of(detection: Detection, measured: MeasuredFruit | None, why: str, 
         R = T_base_camera[:3, :3]
         covariance = R @ (detection.covariance[3:, 3:] + np.outer(along, along)) @ R.T
         return Sighting(
-            label, number, detection.score, detection.visibility, R @ p + T_base_camera[:3, 3], covariance,
-            float(np.linalg.norm(p)), detection.fruit, R @ detection.T_camera_object[:3, :3], None, None,
-            _box(detection.keypoints[:8]), detection.keypoints[8], float("nan"), why or "it was not measured",
-        )  # fmt: skip
+            frame=label,
+            number=number,
+            score=detection.score,
+            visibility=detection.visibility,
+            p_base=R @ p + T_base_camera[:3, 3],
+            place_covariance=covariance,
+            distance=float(np.linalg.norm(p)),
+            fruit=detection.fruit,
+            R_base_fruit=R @ detection.T_camera_object[:3, :3],
+            dimensions=None,
+            size_covariance=None,
+            outline=_box(detection.keypoints[:8]),
+            centre=detection.keypoints[8],
+            agreeing=float("nan"),
+            why=why or "it was not measured",
+        )
     p_base = measured.T_base_fruit[:3, 3]
     outline = measured.contour
     shown = measured.mu * float(measured.fruit.dimensions[[0, 2]].mean())
     away = p_base - measured.T_base_camera[:3, 3]
     distance = float(np.linalg.norm(away))
     return Sighting(
-        label, number, detection.score, detection.visibility, p_base, measured.covariance[:3, :3],
-        distance, measured.fruit, measured.T_base_fruit[:3, :3],
-        measured.dimensions, measured.covariance[3:, 3:], outline,
-        outline.mean(axis=0) if outline.size else detection.keypoints[8], measured.inlier_ratio, "",
-        shown * np.array([1.0, detection.size_deviation]),
-        float(np.linalg.norm(np.cross(away / distance, measured.T_base_fruit[:3, 1]))), measured.method,
-    )  # fmt: skip
+        frame=label,
+        number=number,
+        score=detection.score,
+        visibility=detection.visibility,
+        p_base=p_base,
+        place_covariance=measured.covariance[:3, :3],
+        distance=distance,
+        fruit=measured.fruit,
+        R_base_fruit=measured.T_base_fruit[:3, :3],
+        dimensions=measured.dimensions,
+        size_covariance=measured.covariance[3:, 3:],
+        outline=outline,
+        centre=outline.mean(axis=0) if outline.size else detection.keypoints[8],
+        agreeing=measured.inlier_ratio,
+        why="",
+        shown=shown * np.array([1.0, detection.size_deviation]),
+        from_side=float(np.linalg.norm(np.cross(away / distance, measured.T_base_fruit[:3, 1]))),
+        method=measured.method,
+    )
 
 
 def label_of(frame: Frame) -> str:
