@@ -6,7 +6,7 @@ import pytest
 from py_trees.common import Status
 
 from pomona.drivers.interfaces import Box, MotionState
-from pomona.drivers.mock.gripper import MockMove
+from pomona.drivers.mock.gripper import DirectMotion
 from pomona.executive.skill_testing import drive
 from pomona.skills.geometry import transform
 from pomona.skills.motion.straight_line import STEP, straight_line
@@ -50,8 +50,8 @@ def test_halfway_on_the_approach_the_open_fingers_stay_as_they_are():
 def test_empty_fingers_that_something_blocks_from_outside_still_go_back():
     scene = PickingScene(q=LINE[len(LINE) // 2].copy(), width=GRASP.width - 0.004)
 
-    def move(width: float, speed: float) -> MockMove:
-        blocked = MockMove(width, speed, scene.gripper.width)
+    def move(width: float, speed: float) -> DirectMotion:
+        blocked = DirectMotion(width, speed, scene.gripper.width)
         blocked.end(MotionState.FAILED, "the fingers are blocked")
         return blocked
 
