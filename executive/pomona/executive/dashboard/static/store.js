@@ -54,7 +54,7 @@ const HANDLERS = {
     const before = { status: node.status, history: node.history };
     const changed = node.status !== m.status || node.starts !== m.starts;
     const result = before.status === "RUNNING" && m.status === "INVALID" ? "INTERRUPTED" : m.status;
-    const halted = s.halted && result === "INTERRUPTED";
+    const halted = s.halted && (result === "INTERRUPTED" || result === "FAILURE"); // a skill that starts in the safe state is refused
     node.status = m.status; node.feedback = m.feedback; node.starts = m.starts; node.tick = m.tick; node.reason = m.reason;
     const leaf = s.byPath.get(m.path)?.leaf;
     if (changed) {
