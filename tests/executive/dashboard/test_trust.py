@@ -39,7 +39,7 @@ def test_a_page_that_hears_nothing_says_so_within_two_seconds_and_a_stop_is_trie
     page.clock.run_for(2_000)
     expect(page.locator("#not-live")).to_be_visible()
     page.clock.resume()
-    expect(page.locator("#not-live-words")).to_contain_text("it may be doing something else now")
+    expect(page.locator("#not-live-words")).to_contain_text("the cell may have moved since")
     expect(page.locator("#state")).to_have_text("? last known: running")
     expect(page.locator("body")).to_have_class(re.compile("stale"))
     press_stop(page)
