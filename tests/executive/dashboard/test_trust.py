@@ -212,7 +212,7 @@ def test_a_page_that_holds_control_and_falls_silent_is_told_to_the_others(
     page.locator("#control [data-action=take]").click()
     expect(other.locator("#holder")).to_have_text("ada holds control.")
     page.close()
-    expect(other.locator("#holder")).to_have_text("ada holds control, but that page does not answer.")
+    expect(other.locator("#holder")).to_have_text("ada holds control, but that page is not connected.")
 
 
 def test_a_press_that_the_run_does_not_answer_is_not_taken_for_done(show: Show, open_page: Open) -> None:
