@@ -357,6 +357,29 @@ def test_a_foreign_node_with_children_is_passed_through_in_a_dry_run_and_never_r
     assert "Route, SpeedController, Walk: declared in the tree" in " ".join(capsys.readouterr().err.split())
 
 
+@pytest.mark.parametrize(
+    ("node", "kept"),
+    [
+        ('<Action ID="moverobot" location="1"/>', '<moverobot location="1"'),
+        ('<SubTree ID="Elsewhere" goal="{goal}"/>', '<SubTree ID="Elsewhere" goal="{goal}"'),
+        ('<ParallelAll max_failures="1"><Route/><Walk/></ParallelAll>', '<ParallelAll max_failures="1">'),
+        ('<LoopInt queue="{queue}" value="{n}"><Walk/></LoopInt>', '<LoopInt queue="{queue}" value="{n}">'),
+    ],
+)
+def test_an_element_without_translation_is_kept_in_a_dry_run_and_in_the_export(
+    node: str, kept: str, tmp_path: Path
+) -> None:
+    xml, tree = tmp_path / "a.xml", tmp_path / "a.yaml"
+    nodes = f"<Sequence>{node}<Walk/></Sequence>"
+    xml.write_text(f'<root BTCPP_format="4"><BehaviorTree ID="a">{nodes}</BehaviorTree></root>')
+    assert main(["import", str(xml), "--stubs", "--out", str(tree)]) == 1
+    assert main(["check", str(tree)]) == 0
+    assert main(["run", str(tree), "--dry", "--no-record"]) == 0
+    assert main(["export", str(tree), "--out", str(tmp_path / "b.xml")]) == 0
+    assert kept in (tmp_path / "b.xml").read_text()
+    assert main(["run", str(tree), "--no-record"]) == 2
+
+
 def test_a_declared_skill_has_the_ports_of_its_declaration(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     tree = tmp_path / "t.yaml"
     head = "pomona: 1\ntree: t\nskills:\n  Walk: {in: [goal]}\n"

@@ -18,8 +18,8 @@ _WIRE = re.compile(r"\{(\w+)\}")
 def with_stubs(text: str) -> str:
     """Return the text of a tree with `skills:` for those that are not installed.
 
-    A port that is wired to a name which nothing before it writes is an output; every other is an input. Elements with
-    children that only their own program knows are declared, too: a dry run goes through what is inside them.
+    A port that is wired to a name which nothing before it writes is an output; every other is an input.
+    Elements without translation are declared, too: a dry run goes through their children.
     """
     document, skills = read(text, "imported.yaml"), declared_skills()
     ports: dict[str, dict[str, bool]] = {}
@@ -28,10 +28,8 @@ def with_stubs(text: str) -> str:
         nodes = [*definition.root.walk()] if definition.root is not None else []
         written.update(name for node in nodes if isinstance(node.type, SetType) for name in node.ports)
         for node in nodes:
-            if isinstance(node.type, UntranslatedType) and node.children:
-                element = node.type.element(node)
-                if element.isidentifier() and document.types.of_tag(element) is None:
-                    ports.setdefault(element, {})
+            if isinstance(node.type, UntranslatedType) and re.fullmatch(r"[A-Za-z]\w*", node.type.element(node)):
+                ports.setdefault(node.type.element(node), {})
             if node.type is not SKILL:
                 continue
             known = skills.get(node.key.text)
