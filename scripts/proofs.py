@@ -20,6 +20,13 @@ def on_page_markdown(markdown: str, **_others: Any) -> str:
     return TREE.sub(_drawn, Footnotes().moved(markdown))
 
 
+def on_page_content(html: str, page: Any, **_others: Any) -> str:
+    """A hook of mkdocs: a search lists decisions and reports after the other pages."""
+    if page.file.src_uri.startswith(("decisions/", "reports/")):
+        page.meta["search"] = {"boost": 0.1}
+    return html
+
+
 class Footnotes:
     """Takes the column `Proof` out of tables and proofs in parentheses out of the text."""
 
