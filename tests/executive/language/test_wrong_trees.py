@@ -405,8 +405,8 @@ root:
     num_attempts: 3
     MoveTo: {pose: observe}
 """,
-        "4:3: error[unknown-skill]: no skill named 'RetryUntilSuccessful'; BehaviorTree.CPP's is the "
-        "modifier 'retry' here",
+        "4:3: error[unknown-skill]: no skill named 'RetryUntilSuccessful'; other libraries' "
+        "RetryUntilSuccessful is the modifier 'retry' here",
     ),
     "on_failure_without": WrongTree(
         """\
@@ -501,6 +501,225 @@ root:
 """,
         "6:16: error[unknown-port]: Refine has no port 'detektion'; did you mean 'detection'?",
         is_mended=True,
+    ),
+    "no_root": WrongTree(
+        """\
+pomona: 1
+tree: t
+sequence:
+  - MoveTo: {pose: home}
+retry: 2
+""",
+        "3:1: error[missing-key]: 'sequence' is not below 'root'; "
+        "write 'root:' above it, and the node two columns further right",
+        is_mended=True,
+    ),
+    "version2": WrongTree(
+        """\
+pomona: 2
+tree: t
+root:
+  MoveTo: {pose: home}
+""",
+        "1:9: error[version]: this Pomona reads version 1 of tree files; write 'pomona: 1'",
+    ),
+    "xml": WrongTree(
+        """\
+<root BTCPP_format="4"><BehaviorTree ID="a"><AlwaysSuccess/></BehaviorTree></root>""",
+        "1:1: error[xml]: this is XML, not a tree file; 'pomona import t.yaml' makes a tree file of it",
+    ),
+    "anchor": WrongTree(
+        """\
+pomona: 1
+tree: t
+root:
+  sequence:
+    - &a MoveTo: {pose: home}
+    - *a
+""",
+        "6:7: error[alias]: YAML aliases (*) are not allowed in a tree file; "
+        "write the value again, or make it a constant or a subtree",
+    ),
+    "dash_no_space": WrongTree(
+        """\
+pomona: 1
+tree: t
+root:
+  sequence:
+    -MoveTo: {pose: home}
+    -MoveTo: {pose: observe}
+""",
+        "5:5: error[yaml]: a space is missing behind '-'",
+        is_mended=True,
+    ),
+    "trailing_comma": WrongTree(
+        """\
+pomona: 1
+tree: t
+root:
+  sequence:
+    - MoveTo: {pose: home},
+    - MoveTo: {pose: observe}
+""",
+        "5:27: error[yaml]: this ',' is one too many: delete it",
+        is_mended=True,
+    ),
+    "missing_comma": WrongTree(
+        """\
+pomona: 1
+tree: t
+root:
+  Detect: {fruit: apple detection: '{detection}'}
+""",
+        "4:25: error[yaml]: a comma is missing before 'detection'",
+        is_mended=True,
+    ),
+    "extra_brace": WrongTree(
+        """\
+pomona: 1
+tree: t
+root:
+  Detect: {fruit: apple}}
+""",
+        "4:25: error[yaml]: this '}' is one too many: delete it",
+        is_mended=True,
+    ),
+    "type_key": WrongTree(
+        """\
+pomona: 1
+tree: t
+root:
+  type: sequence
+  children:
+    - MoveTo: {pose: home}
+""",
+        "4:3: error[no-type]: the type is the node's first key: write 'sequence:' and its children or ports below",
+    ),
+    "pytrees": WrongTree(
+        """\
+pomona: 1
+tree: t
+root:
+  Selector:
+    - MoveTo: {pose: home}
+    - MoveTo: {pose: observe}
+""",
+        "4:3: error[unknown-type-of-node]: no node is named 'Selector'; did you mean 'fallback'?",
+        is_mended=True,
+    ),
+    "sleep": WrongTree(
+        """\
+pomona: 1
+tree: t
+root:
+  sleep: 5 s
+""",
+        "4:3: error[unknown-type-of-node]: no node is named 'sleep'; did you mean 'wait'?",
+        is_mended=True,
+    ),
+    "inverter": WrongTree(
+        """\
+pomona: 1
+tree: t
+root:
+  inverter:
+    MoveTo: {pose: home}
+""",
+        "4:3: error[unknown-type-of-node]: nothing is named 'inverter'; "
+        "other libraries' inverter is the modifier 'invert' here",
+    ),
+    "action_id": WrongTree(
+        """\
+pomona: 1
+tree: t
+root:
+  Action: {ID: MoveTo, pose: home}
+""",
+        "4:3: error[unknown-skill]: no skill named 'Action'; write the node's own name instead: 'MoveTo: {…}'",
+    ),
+    "port_list": WrongTree(
+        """\
+pomona: 1
+tree: t
+root:
+  MoveTo: [home]
+""",
+        "4:11: error[shape]: MoveTo takes its ports as a mapping, this is a list; write 'MoveTo: {port: value}'",
+    ),
+    "retry_no_number": WrongTree(
+        """\
+pomona: 1
+tree: t
+root:
+  MoveTo: {pose: home}
+  retry:
+""",
+        "5:9: error[value]: retry: nothing stands here; an int is needed",
+    ),
+    "cond_and": WrongTree(
+        """\
+pomona: 1
+tree: t
+parameters: {n: {type: int, default: 3}}
+root:
+  check: '{n} > 3 && {n} < 5'
+""",
+        "5:19: error[expression]: '&&' means nothing in an expression; write 'and'",
+    ),
+    "dollar_param": WrongTree(
+        """\
+pomona: 1
+tree: t
+parameters: {p: {type: text, default: home}}
+root:
+  MoveTo: {pose: '${p}'}
+""",
+        "5:19: error[expression]: '$' means nothing in an expression; write \"{name}\" without it",
+    ),
+    "subtree_type": WrongTree(
+        """\
+pomona: 1
+tree: t
+root:
+  go: {pose: home}
+subtrees:
+  go:
+    in: {pose: str}
+    root:
+      MoveTo: {pose: '{pose}'}
+""",
+        "7:16: error[unknown-type]: no type named 'str'; write 'text'",
+        is_mended=True,
+    ),
+    "parameter_as_value": WrongTree(
+        """\
+pomona: 1
+tree: t
+parameters: {n: 3}
+root:
+  check: '{n} > 2'
+""",
+        "3:17: error[unknown-type]: no type named '3'; if it is the value, write {type: int, default: 3}",
+    ),
+    "bool_yes": WrongTree(
+        """\
+pomona: 1
+tree: t
+root:
+  MoveTo: {pose: home}
+  disabled: yes
+""",
+        "5:13: error[value]: disabled: 'yes' is not a bool; write true or false",
+    ),
+    "no_braces": WrongTree(
+        """\
+pomona: 1
+tree: t
+parameters: {n: {type: int, default: 3}}
+root:
+  check: n > 2
+""",
+        "5:10: error[expression-type]: '>' compares numbers, this is a text; write \"{n}\" to read a port",
     ),
 }
 

@@ -24,7 +24,7 @@ from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill
 from pomona.executive.values.findings import Edit, Findings, Instead, did_you_mean
 from pomona.executive.values.yaml_errors import moved
-from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
+from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar, written
 
 _WIRE = re.compile(r"\s*\{\s*([A-Za-z_][A-Za-z0-9_]*)\s*\}\s*")
 _SIMPLE = (bool, int, float, str, object)
@@ -102,10 +102,7 @@ class NodeChecker:
             if name in self.skills.problems:
                 self.findings.error(node.key, "broken-skill", f"skill '{name}': {self.skills.problems[name]}")
             else:
-                foreign = self.words.of_tag(name)
-                hint = did_you_mean(name, chain(self.skills, self.known_types()))
-                hint = f"BehaviorTree.CPP's is the {foreign.role} '{foreign.key}' here" if foreign is not None else hint
-                hint = hint or "'pomona skills' lists the installed skills"
+                hint = self.hint_for(node) or "'pomona skills' lists the installed skills"
                 self.findings.error(node.key, "unknown-skill", f"no skill named '{name}'", hint)
             return None
         if self.interfaces_of_cell is not None:
@@ -114,6 +111,16 @@ class NodeChecker:
                     message = f"{name} needs a {interface.__name__}, which the cell does not have"
                     self.findings.error(node.key, "no-device", message)
         return skill
+
+    def hint_for(self, node: TreeNode) -> str:
+        """Return the change for a name that nothing here has; an empty text if none is known."""
+        name, foreign = node.key.text, self.words.known_elsewhere(node.key.text)
+        if foreign is not None:
+            return f"other libraries' {name} is the {foreign.role} '{foreign.key}' here"
+        of = node.ports.get("ID")
+        if name in ("Action", "Condition", "Control", "Decorator", "SubTree") and of is not None:
+            return f"write the node's own name instead: '{written(of[1])}: {{…}}'"
+        return did_you_mean(name, chain(self.skills, self.known_types()))
 
     def output(self, value: YamlNode, who: str) -> YamlScalar | None:
         """Return the name to which an output is wired, as a scalar at its place."""
@@ -241,6 +248,8 @@ class LayerCheck:
                     self.found.inputs[name] = read
             elif name not in outputs:
                 meant.add(self.unknown_port(key, value, inputs, outputs))
+        if not (isinstance(node.value, YamlMapping) or (isinstance(node.value, YamlScalar) and node.value.is_null)):
+            return  # its ports could not be read, which has been reported
         needed = inputs.needed if isinstance(inputs, Ports) else [n for n, port in inputs.items() if port.required]
         for name in needed:
             if name in node.ports or name in meant:
@@ -305,7 +314,7 @@ class LayerCheck:
         name = self.node.key.text
         if name in self.whole.scope.definition.file.unread:
             return
-        hint = did_you_mean(name, chain(self.whole.known_types(), self.whole.skills))
+        hint = self.whole.hint_for(self.node)
         hint = (
             hint or f"declare the subtree: 'subtrees: {{{name}: {{root: …}}}}', or with 'file: other.yaml' for a tree"
         )

@@ -74,6 +74,14 @@ _TOKEN = re.compile(
 )
 
 
+_ELSEWHERE = {
+    "&&": "write 'and'",
+    "||": "write 'or'",
+    "!": "write 'not'",
+    "=": "write '==' to compare",
+    "$": 'write "{name}" without it',
+}
+"""Signs of other languages, and their replacement."""
 _WIRE = re.compile(r"\s*\{\s*([A-Za-z_][A-Za-z0-9_]*)\s*\}\s*")
 """A name in braces and nothing else, as most expressions are."""
 
@@ -95,8 +103,9 @@ def _tokenize(text: str) -> list[_Token]:
         match = _TOKEN.match(text, at)
         if match is None:
             offset = at + len(text[at:]) - len(text[at:].lstrip())
-            hint = "write '==' to compare" if text[offset] == "=" else ""
-            raise ExpressionSyntaxError(f"'{text[offset]}' means nothing in an expression", offset, 1, hint)
+            sign = next((sign for sign in _ELSEWHERE if text.startswith(sign, offset)), text[offset])
+            message = f"'{sign}' means nothing in an expression"
+            raise ExpressionSyntaxError(message, offset, len(sign), _ELSEWHERE.get(sign, ""))
         kind = match.lastgroup or ""
         unit = match.group("unit")
         if kind == "unit":

@@ -152,14 +152,16 @@ def _whole_number(index: Expression) -> int | None:
 def _require_bool(expression: Expression, scope: TypeScope, who: str) -> None:
     found = type_of(expression, scope)
     if found not in (bool, ANY):
-        hint = "compare it: '… > 0'" if is_numeric(found) else ""
+        hint = "compare it: '… > 0'" if is_numeric(found) else _wire_hint(expression)
         scope.report(expression, "expression-type", f"{who} takes true or false, this is {describe(found)}", hint)
 
 
 def _require_number(expression: Expression, scope: TypeScope, who: str) -> ValueType:
     found = type_of(expression, scope)
     if not is_numeric(found):
-        scope.report(expression, "expression-type", f"{who} takes numbers, this is {describe(found)}")
+        scope.report(
+            expression, "expression-type", f"{who} takes numbers, this is {describe(found)}", _wire_hint(expression)
+        )
         return ANY
     return found
 
@@ -194,13 +196,19 @@ def _binary(expression: Binary, scope: TypeScope) -> ValueType:
     for side, kind in ((expression.left, left), (expression.right, right)):
         if not is_numeric(kind):
             whole = side.name if isinstance(side, (Member, Reference)) else "…"
-            hint = f"take one element: {whole}[0]" if element_type(kind) is not None else ""
+            hint = f"take one element: {whole}[0]" if element_type(kind) is not None else _wire_hint(side)
             scope.report(side, "expression-type", f"'{operator}' compares numbers, this is {describe(kind)}", hint)
             return bool
     if not comparable(left, right):
         message = f"{describe(left)} and {describe(right)} cannot be compared"
         scope.report(expression, "expression-type", message, _unit_hint(left, right))
     return bool
+
+
+def _wire_hint(expression: Expression) -> str:
+    """Return how a word that was written without braces is read as a port."""
+    word = expression.value if isinstance(expression, Constant) else None
+    return f'write "{{{word}}}" to read a port' if isinstance(word, str) and word.isidentifier() else ""
 
 
 def _unit_hint(left: ValueType, right: ValueType) -> str:

@@ -5,14 +5,26 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from pomona.executive.language.literals import LiteralError, literal, scalar_type
+from pomona.executive.language.literals import LiteralError, literal, scalar_type, type_word
 from pomona.executive.language.model import Declared, Definition
 from pomona.executive.language.value_types import ANY, ValueType
 from pomona.executive.language.values import out_of_range
 from pomona.executive.ports import REQUIRED, Port, PortType
 from pomona.executive.registry import Registry
-from pomona.executive.values.findings import Findings, did_you_mean
+from pomona.executive.values.findings import Findings, Instead, did_you_mean
 from pomona.executive.values.yaml_nodes import YamlNode, YamlScalar
+
+_TYPES_ELSEWHERE = {
+    "str": "text",
+    "string": "text",
+    "float": "number",
+    "double": "number",
+    "boolean": "bool",
+    "integer": "int",
+    "duration": "time",
+    "distance": "length",
+}
+"""Names of types in other languages, and the names here."""
 
 
 @dataclass(slots=True, eq=False)
@@ -87,7 +99,12 @@ class InterfaceReader:
         """Return the type of this name; an unknown one is reported."""
         found = self.skills.types.get(name.text)
         if found is None:
-            hint = did_you_mean(name.text, self.skills.types) or "types: " + ", ".join(sorted(self.skills.types))
+            there, meant = sorted(self.skills.types), _TYPES_ELSEWHERE.get(name.text.lower(), "")
+            hint = Instead(f"write '{meant}'", name.text, meant) if meant else did_you_mean(name.text, there)
+            word = type_word(name)
+            if not hint and word in there:
+                also = f"; types: {', '.join(there)}" if word == "text" else ""
+                hint = f"if it is the value, write {{type: {word}, default: {name.text}}}{also}"
             self.findings.error(name, "unknown-type", f"no type named '{name.text}'", hint)
         return found
 

@@ -118,6 +118,8 @@ def _scalar(node: YamlScalar, value_type: Any, choices: tuple[str, ...]) -> Any:
     elif isinstance(value_type, type) and issubclass(value_type, Enum):
         return _member(node, text, value_type)
     wanted = describe(value_type)
+    if node.is_null:
+        raise LiteralError(node, f"nothing stands here; {wanted} is needed")
     if isinstance(value_type, (ListType, type)) and value_type not in (bool, int, float):
         raise LiteralError(node, f"{wanted} is needed here, '{text}' is a word", f'wire a port: "{{{text}}}"')
     hints: dict[object, str] = {bool: "write true or false", int: "write a whole number", float: "write a number"}
@@ -244,3 +246,10 @@ def scalar_type(node: YamlScalar) -> ValueType:
         return float  # also for one that is too large: reading its value reports that
     value = scalar_of_any_type(node)
     return ANY if value is None else type(value)
+
+
+def type_word(node: YamlNode | None) -> str:
+    """Return the name of a literal's type, for a declaration; empty if it is not a scalar with a value."""
+    found = scalar_type(node) if isinstance(node, YamlScalar) and not node.is_null else ANY
+    words: dict[ValueType, str] = {bool: "bool", int: "int", float: "number", str: "text"}
+    return found.name if isinstance(found, Quantity) else words.get(found, "")

@@ -7,12 +7,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pomona.executive.language.expression import SPECIAL
+from pomona.executive.language.literals import type_word
 from pomona.executive.language.model import Declared, Definition, Document, TreeFile
 from pomona.executive.language.read_node import NodeReader, is_word
 from pomona.executive.nodes.catalogue import NodeTypes
-from pomona.executive.values.findings import Edit, Finding, Findings, Source, few_hints
+from pomona.executive.values.findings import Edit, Finding, Findings, Source, Spot, few_hints
 from pomona.executive.values.plain_text import read_plain_text
 from pomona.executive.values.shape import ShapeCheck
+from pomona.executive.values.yaml_errors import moved
 from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar, read_yaml
 
 VERSION = "1"
@@ -88,6 +90,10 @@ class _Reader:
     def file(self, text: str, shown: str, resolved: Path) -> TreeFile:
         source = Source(shown, text)
         file = self.files[resolved] = TreeFile(source)
+        if text.lstrip().startswith("<"):
+            hint = f"'pomona import {Path(shown).name}' makes a tree file of it"
+            self.findings.error(Spot(source, 1, 1), "xml", "this is XML, not a tree file", hint)
+            return file
         root = read_yaml(source, self.findings, modifiers=self.types.beside)
         if root is None:
             return file
@@ -96,7 +102,8 @@ class _Reader:
         if top is None:
             return file
         file.top = top
-        shape.known_keys(top, _TOP, "a tree file")
+        rootless = self.without_root(top)
+        shape.known_keys(top, (*_TOP, *rootless), "a tree file")
         self.version(top)
         written_name = top.get("tree")
         nodes_as_name = isinstance(written_name, (YamlMapping, YamlList))
@@ -128,7 +135,7 @@ class _Reader:
         self.interface(shape, top, main)
         self.read_subtrees(shape, top, file, resolved.parent)
         root_node = top.get("root")
-        if root_node is None and not nodes_as_name:
+        if root_node is None and not nodes_as_name and not rootless:
             self.findings.error(_start(top), "missing-key", "the file has no 'root': nothing would run")
         elif root_node is not None:
             main.root = self.nodes(file).node(root_node)
@@ -139,6 +146,22 @@ class _Reader:
                     subtree.root = self.nodes(file).node(written)
         return file
 
+    def without_root(self, top: YamlMapping) -> list[str]:
+        """Return keys of a node that stands at the top of the file, which is reported; empty if there is none."""
+        keys = [key for key, _ in top.entries.values() if key.text not in _TOP]
+        types = [
+            key for key in keys if key.text[:1].isupper() or key.text in (*self.types.composites, *self.types.leaves)
+        ]
+        if "root" in top.entries or len(types) != 1:
+            return []
+        found = [key for key in keys if key is types[0] or key.text in self.types.beside]
+        edits = [edit for key in found for edit in moved(key.source, key.line, 2)]
+        first = min(found, key=lambda key: key.line)
+        edits = [e._replace(text="root:\n  ") if (e.line, e.column) == (first.line, 1) else e for e in edits]
+        hint = "write 'root:' above it, and the node two columns further right"
+        self.findings.error(types[0], "missing-key", f"'{types[0].text}' is not below 'root'", hint, edits)
+        return [key.text for key in found]
+
     def nodes(self, file: TreeFile) -> NodeReader:
         return NodeReader(self.findings, file, self.types)
 
@@ -148,7 +171,9 @@ class _Reader:
             hint = f"begin the file with 'pomona: {VERSION}'"
             self.findings.error(_start(top), "missing-key", "the file has no version", hint)
         elif not isinstance(version, YamlScalar) or version.text != VERSION:
-            self.findings.error(version, "version", f"this Pomona reads version {VERSION} of tree files")
+            self.findings.error(
+                version, "version", f"this Pomona reads version {VERSION} of tree files", f"write 'pomona: {VERSION}'"
+            )
 
     def declarations(self, shape: ShapeCheck, node: YamlNode | None, what: str) -> dict[str, Declared]:
         found: dict[str, Declared] = {}
@@ -165,7 +190,9 @@ class _Reader:
             declared = Declared(key, type=shape.text(fields.get("type")))
             declared.default, declared.min, declared.max = fields.get("default"), fields.get("min"), fields.get("max")
             if "type" not in fields.entries:
-                self.findings.error(key, "missing-key", f"{what} needs a type", f"write '{key.text}: {{type: …}}'")
+                word = type_word(declared.default)
+                hint = f"write '{key.text}: {{type: {word or '…'}, …}}'"
+                self.findings.error(key, "missing-key", f"{what} needs a type", hint)
             choices = fields.get("choices")
             if isinstance(choices, YamlList):
                 declared.choices = [c for item in choices.items if (c := shape.text(item)) is not None]

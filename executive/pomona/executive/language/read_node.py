@@ -73,13 +73,19 @@ class NodeReader:
         return SUBTREE if word in self.file.subtrees or not _SKILL.fullmatch(word) else SKILL
 
     def type_meant(self, key: YamlScalar, value: YamlNode) -> NodeType:
-        """Return the node type of a key; reports `Sequence:` with a list below, which no skill takes."""
-        if isinstance(value, YamlList) and self.type_named(key.text) is SKILL:
-            meant = did_you_mean(key.text, self.types.composites)
-            if isinstance(meant, Instead):
-                self.findings.error(key, "unknown-type-of-node", f"no node is named '{key.text}'", meant)
-                return self.types[meant.right]
-        return self.type_named(key.text)
+        """Return the node type of a key; reports `Sequence:` with a list below, which no skill or subtree takes."""
+        found = self.type_named(key.text)
+        is_list = isinstance(value, YamlList)
+        if found not in (SKILL, SUBTREE) or isinstance(value, YamlMapping) or key.text in self.file.subtrees:
+            return found
+        meant = did_you_mean(key.text, self.types.composites) if is_list else ""
+        foreign = self.types.known_elsewhere(key.text)
+        if foreign is not None and foreign.role == ("composite" if is_list else "leaf"):
+            meant = Instead(f"did you mean '{foreign.key}'?", key.text, foreign.key)
+        if isinstance(meant, Instead):
+            self.findings.error(key, "unknown-type-of-node", f"no node is named '{key.text}'", meant)
+            return self.types[meant.right]
+        return found
 
     def type_of(self, written: YamlMapping) -> Entry | None:
         """Return the entry with the node's type, or None; report keys that belong to no node."""
@@ -94,6 +100,11 @@ class NodeReader:
                 message = f"'{first.text}' is a modifier and no node of its own"
                 hint = "write it beside the node that it belongs to, at the same column"
             self.findings.error(first, "no-type", message, hint)
+            return None
+        first, value = candidates[0]
+        if first.text == "type" and isinstance(value, YamlScalar) and self.is_type(value.text):
+            message = f"the type is the node's first key: write '{value.text}:' and its children or ports below"
+            self.findings.error(first, "no-type", message)
             return None
         unspaced = _UNSPACED.match(candidates[0][0].text)
         if unspaced is not None and candidates[0][0].plain:

@@ -157,6 +157,12 @@ class NodeTypes(Mapping[str, NodeType]):
         """Return the type that reads an element of XML."""
         return self._tags.get(tag)
 
+    def known_elsewhere(self, word: str) -> NodeType | None:
+        """Return the type that other libraries call by this word, in capitals or not."""
+        word = word.replace("_", "").lower()
+        tags = {"selector": self._types.get("fallback"), **{tag.lower(): found for tag, found in self._tags.items()}}
+        return tags.get(word)
+
 
 def incomplete(cls: object) -> str:
     """Describe why a class is no node type, as the end of a sentence; return an empty text if it is one."""

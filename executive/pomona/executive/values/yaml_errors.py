@@ -48,6 +48,7 @@ def report_unreadable(source: Source, error: Any, findings: Findings, modifiers:
     for found in (
         _unclosed_quote(source, first, line),
         _unclosed_bracket(source, opened, line) if opened is not None else None,
+        _comma_or_bracket(source, error.problem or "", line, column),
         _item_among_keys(source, line),
         _missing_mark(source, first, line, column),
         _misplaced(source, line, modifiers),
@@ -101,6 +102,27 @@ def _unclosed_bracket(source: Source, opened: Any, line: int) -> _Found | None:
     where = f"add {missing} at the end of the line" if here else f"add {_CLOSING[bracket]} where it ends"
     message = f"the {bracket} that opens here is not closed: {where}"
     return Spot(source, start, opened.column + 1), message, edits
+
+
+def _comma_or_bracket(source: Source, problem: str, line: int, column: int) -> _Found | None:
+    """Return a comma that is missing inside a flow collection, or a comma or bracket too many behind one."""
+    text = source.excerpt(line)
+    here, before = text[column - 1 : column], text[: column - 1].rstrip()
+    if "expected ','" in problem:
+        word = re.search(r"\s(\w+)$", before) if here == ":" else re.match(r"\w+", text[column - 1 :])
+        if word is None:
+            return None
+        at = word.start(1) if here == ":" else column - 1
+        name = word[0].strip()
+        return (
+            Spot(source, line, at + 1, len(name)),
+            f"a comma is missing before '{name}'",
+            [Edit(line, len(text[:at].rstrip()) + 1, 0, ",")],
+        )
+    if here in ("}", "]") or (here == "," and before.endswith(("}", "]"))):
+        message = f"this '{here}' is one too many: delete it"
+        return Spot(source, line, column), message, [Edit(line, column, 1, "")]
+    return None
 
 
 def _missing_mark(source: Source, first: int, line: int, column: int) -> _Found | None:

@@ -6,13 +6,14 @@ Scalars stay text; the type of the port decides their meaning. So `no` can be a 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import yaml
 
-from pomona.executive.values.findings import Findings, Source
+from pomona.executive.values.findings import Edit, Findings, Source
 from pomona.executive.values.yaml_errors import MAX_DEPTH, TOO_DEEP, report_unreadable
 
 MAX_CHARACTERS = 512 * 1024
@@ -75,6 +76,10 @@ class YamlMapping(YamlNode):
         """Return the value of a key, or None."""
         entry = self.entries.get(key)
         return None if entry is None else entry[1]
+
+
+_UNSPACED_ITEM = re.compile(r"-[A-Za-z]")
+"""A list item without the space behind its dash."""
 
 
 class Unreadable(Exception):
@@ -152,7 +157,8 @@ class Composer:
         if self.count >= MAX_NODES:
             raise self._refuse(event, "too-large", f"more than {MAX_NODES} values in one file")
         if kind is yaml.AliasEvent:
-            raise self._refuse(event, "alias", f"YAML aliases (*) are not allowed in {self.what}")
+            message = f"YAML aliases (*) are not allowed in {self.what}"
+            raise self._refuse(event, "alias", message, "write the value again, or make it a constant or a subtree")
         if event.tag is not None and event.tag != "!":
             raise self._refuse(event, "tag", f"YAML tags ({event.tag}) are not allowed in {self.what}")
         if kind is _SCALAR:
@@ -192,6 +198,12 @@ class Composer:
             if not isinstance(key, YamlScalar):
                 hint = 'write braces that wire a port in quotes: "{name}"'
                 self.findings.error(key, "key", "a key must be a word", hint)
+            elif key.plain and _UNSPACED_ITEM.match(key.text):
+                alike = re.compile(rf" {{{key.column - 1}}}-[A-Za-z]")
+                lines = [n for n, text in enumerate(self.source.lines, 1) if n >= key.line and alike.match(text)]
+                edits = [Edit(line, key.column + 1, 0, " ") for line in lines]
+                self.findings.error(key, "yaml", "a space is missing behind '-'", edits=edits)
+                raise Unreadable
             elif key.text in entries:
                 first = entries[key.text][0].line
                 message = f"'{key.text}' is given twice, first in line {first}: keep one of them"
