@@ -29,7 +29,7 @@ def test_fingers_writes_a_calibration_and_prints_its_error(tmp_path: Path, capsy
     assert printed[-1] == f"written to {out}"
 
 
-def test_unusable_input_is_said_in_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unusable_input_is_reported_without_a_traceback(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("fingers", str(tmp_path / "none.npz"), "--out", "x") == 2
     assert "cannot be read" in capsys.readouterr().err
     assert run("hand-eye", str(tmp_path), "--square", "30mm", "--board", "nine", "--out", "x") == 2

@@ -58,7 +58,7 @@ def seen(
     return balls, np.where(depth > 0.0, noisy, 0.0).astype(np.float32)
 
 
-def test_a_ball_tells_its_distance_by_its_outline_and_by_its_depth_wherever_it_is_in_the_picture() -> None:
+def test_a_ball_has_the_same_distance_by_outline_and_by_depth_anywhere_in_the_picture() -> None:
     balls, depth = seen(BALLS, 0.0, 0.0, 5e-4)
     for ball in balls:
         true = BALLS[ball.name][3]
@@ -69,7 +69,7 @@ def test_a_ball_tells_its_distance_by_its_outline_and_by_its_depth_wherever_it_i
 
 
 @pytest.mark.parametrize(("offset", "scale"), [(0.03, 0.0), (0.0, 0.04), (-0.02, -0.02)])
-def test_bias_and_noise_are_found_within_what_is_said_of_them(offset: float, scale: float) -> None:
+def test_bias_and_noise_are_found_within_their_stated_errors(offset: float, scale: float) -> None:
     balls, depth = seen(BALLS, offset, scale, 1e-3)
     found = calibrate_balls(balls, {"f": depth}, CAMERA, "d4xx")
     # The outlines of these balls leave offset and scale open against each other; what counts is the depth corrected.
@@ -91,7 +91,7 @@ def test_outlines_that_are_drawn_too_wide_are_not_taken_for_a_bias() -> None:
         assert wrong < 2.0 * found.model.of_the_whole(true) * true
 
 
-def test_what_cannot_tell_is_refused() -> None:
+def test_insufficient_depth_is_refused() -> None:
     balls, depth = seen(BALLS, 0.02, 0.0, 1e-3)
     with pytest.raises(UnusableDepth, match="cannot separate bias from chance"):
         calibrate_balls(balls[:1] * 3, {"f": depth}, CAMERA, "d4xx")
@@ -112,7 +112,7 @@ def test_balls_that_contradict_each_other_are_refused() -> None:
         calibrate_balls(wrong, {"f": depth}, CAMERA, "d4xx")
 
 
-def test_a_wall_gives_the_noise_whatever_its_slant_and_what_is_not_flat_is_refused() -> None:
+def test_a_wall_gives_the_noise_at_any_slant_and_an_uneven_one_is_refused() -> None:
     rng = np.random.default_rng(0)
     wall = 1.0 / (0.8 + 0.3 * RAYS[..., 0] - 0.2 * RAYS[..., 1])
     noisy = wall + 7e-4 * wall**2 * rng.normal(size=wall.shape)
@@ -145,7 +145,7 @@ def walls(*parts: tuple[int, float, float]) -> NDArray[np.float32]:
         pytest.param(walls(*((80 * k, 0.5 + 0.1 * (3 * k % 8), 0.0) for k in range(1, 9))), id="boxes"),
     ],
 )
-def test_a_view_that_is_not_one_wall_tells_no_noise(view: NDArray[np.float32]) -> None:
+def test_a_view_that_is_not_one_wall_gives_no_noise(view: NDArray[np.float32]) -> None:
     wall = walls((640, 0.8, 0.3))
     assert calibrate_wall([wall], "d4xx").model.growth == pytest.approx(7e-4, rel=0.05)
     with pytest.raises(UnusableDepth, match="lie on one plane: this is no wall"):
@@ -212,9 +212,7 @@ def test_a_table_that_cannot_be_used_is_refused_with_its_line_and_leaves_no_file
     assert not out.exists()
 
 
-def test_frames_of_which_nobody_says_what_they_show_are_refused(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_frames_without_labels_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(str(folder), "--out", str(folder / "m.yaml")) == 2
     assert "--balls TABLE or --wall" in capsys.readouterr().err
     (folder / "intrinsics.yaml").unlink()
@@ -234,7 +232,7 @@ def test_only_rows_that_are_asked_for_are_balls(folder: Path) -> None:
     assert [ball.name for ball in read_balls(folder / "balls.csv", only="b")] == ["b"]
 
 
-def test_a_cells_camera_that_looks_at_a_wall_tells_its_noise(
+def test_the_noise_of_a_camera_is_measured_on_a_wall(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rng = np.random.default_rng(5)
@@ -263,7 +261,7 @@ def test_a_cells_camera_that_looks_at_a_wall_tells_its_noise(
         (("--cell", "nothing", "--wall"), "nothing"),
     ],
 )
-def test_what_a_live_camera_cannot_do_is_said(
+def test_unsupported_modes_of_a_live_camera_are_reported(
     arguments: tuple[str, ...], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(*arguments, "--out", str(tmp_path / "m.yaml")) == 2

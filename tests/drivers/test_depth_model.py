@@ -35,7 +35,7 @@ def test_time_of_flight_errs_by_the_square_of_the_distance_whatever_the_focal_le
     assert model.deviation(Z, 900.0) == pytest.approx(1e-3 * Z**2)
 
 
-def test_what_a_pixel_covers_grows_with_the_distance_and_so_does_the_error_of_a_width() -> None:
+def test_the_area_of_a_pixel_grows_with_the_distance_and_so_does_the_error_of_a_width() -> None:
     """A pixel of 5.3 mm cannot give a width to 2 mm."""
     far, pixel = 4.9, 5.3e-3
     assert D4XX.outline(far, far / pixel) > 4e-3
@@ -58,7 +58,7 @@ def test_corrected_depth_is_the_true_one_and_holes_stay_holes() -> None:
     assert SIMULATED.corrected(measured) is measured
 
 
-def test_a_file_names_a_sensor_and_says_what_is_known_better(tmp_path: Path) -> None:
+def test_a_file_names_a_sensor_and_its_better_known_values(tmp_path: Path) -> None:
     file = tmp_path / "depth_model.yaml"
     file.write_text("sensor: azure_kinect\ngrowth: 1 mm\nscale: 0.01\nedge: 3 px\n")
     assert folder_depth_model(tmp_path) == replace(AZURE_KINECT, growth=1e-3, scale=0.01, edge=3)

@@ -50,7 +50,7 @@ def test_how_far_a_gripper_is_believed_is_a_setting(fingers: Fingers) -> None:
     assert fingers.run(0.1) != []
 
 
-def test_fingers_that_do_what_they_are_told_are_left_alone(fingers: Fingers) -> None:
+def test_fingers_that_follow_their_commands_are_left_alone(fingers: Fingers) -> None:
     fingers.supervisor.move(fingers.now, 0.030, 0.060, 0.1)
     assert fingers.run(0.3, 0.1) == []
     fingers.supervisor.rest(fingers.now)
@@ -81,7 +81,7 @@ def test_a_width_that_does_not_follow_ten_millimetres_of_streamed_motion_is_foun
     assert found[0].startswith(f"was commanded to {word} by 15 mm more than its width shows, which stays at 30.0 mm")
 
 
-def test_a_width_that_lags_within_what_is_allowed_or_is_told_to_creep_for_minutes_is_left_alone(
+def test_a_width_that_lags_within_the_tolerance_or_creeps_as_commanded_is_left_alone(
     fingers: Fingers,
 ) -> None:
     for speed in (0.05, -0.05, 0.05):  # back and forth, each begun 50 ms late
@@ -114,14 +114,14 @@ def test_fingers_that_leave_the_way_of_a_move_are_found_before_it_ends(
     assert words[0].startswith(f"{word} without a command: {30.0 if speed > 0.0 else 25.0:.1f} → ")
 
 
-def test_fingers_that_open_while_they_are_told_to_close_are_found_after_three_millimetres(fingers: Fingers) -> None:
+def test_fingers_that_open_on_a_closing_command_are_found_after_three_millimetres(fingers: Fingers) -> None:
     fingers.supervisor.stream(fingers.now, -0.08, 0.1)
     assert fingers.run(0.05, -0.08) == []
     assert fingers.run(0.09, 0.03) == []
     assert fingers.run(0.05, 0.03)[0].startswith("opens without a command: 26.0 → ")
 
 
-def test_fingers_that_come_to_rest_from_a_move_go_on_by_what_braking_takes_and_no_further(fingers: Fingers) -> None:
+def test_fingers_that_come_to_rest_from_a_move_go_on_by_the_braking_distance_and_no_further(fingers: Fingers) -> None:
     fingers.supervisor.move(fingers.now, 0.030, 0.060, 0.1)
     assert fingers.run(0.1, 0.1) == []
     fingers.supervisor.rest(fingers.now)
@@ -156,14 +156,14 @@ def test_a_move_is_overdue_after_its_time_and_a_margin(fingers: Fingers) -> None
         (0.030, 2.1, "which it cannot reach"),
     ],
 )
-def test_a_state_that_cannot_be_is_told(fingers: Fingers, width: float, speed: float, words: str) -> None:
+def test_an_impossible_state_is_reported(fingers: Fingers, width: float, speed: float, words: str) -> None:
     assert words in fingers.supervisor.look(
         fingers.now + PERIOD, GripperState(fingers.now + PERIOD, width, speed, False)
     )
     assert not fingers.supervisor.at_rest
 
 
-def test_a_width_that_jumps_is_told() -> None:
+def test_a_jumping_width_is_reported() -> None:
     supervisor = GripperSupervisor(GripperLimits(0.0, 0.5, 0.1, 50.0), 2.0)
     supervisor.look(0.0, GripperState(0.0, 0.1, 0.0, False))
     assert supervisor.look(0.01, GripperState(0.01, 0.4, 0.0, False)) == "reports a jump from 100.0 to 400.0 mm at once"

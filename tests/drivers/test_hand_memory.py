@@ -22,7 +22,7 @@ def test_another_process_finds_the_newest_bias_and_state_of_the_hand(tmp_path: P
     assert [file.name for file in path.parent.iterdir()] == ["hand.json"]
 
 
-def test_a_new_bias_says_that_the_hand_is_empty() -> None:
+def test_a_new_bias_means_that_the_hand_is_empty() -> None:
     memory = HandMemory(None)
     memory.keep_hand("something is between the fingers", 0.073)
     memory.keep_bias(BIAS, 0.103)

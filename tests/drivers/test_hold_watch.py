@@ -53,7 +53,7 @@ def test_fingers_that_never_pressed_hold_nothing_however_wide_they_are_open(felt
     assert [felt(0.0, HELD_AT), felt(0.4, HELD_AT), felt(0.0, 0.1)] == [NOTHING] * 3
 
 
-def test_a_fruit_whose_friction_is_felt_with_hardly_any_force_is_still_said_to_be_there(felt: Feel) -> None:
+def test_a_fruit_whose_friction_is_measured_with_little_force_still_counts_as_present(felt: Feel) -> None:
     said = [felt(3.0, HELD_AT), felt(0.3, HELD_AT + 2e-3), felt(0.1, HELD_AT + 3e-3), felt(0.3, HELD_AT)]
     assert said == [SURE, SURE, HARDLY, HARDLY]
     assert felt(2.0, HELD_AT) == SURE
@@ -70,7 +70,7 @@ def test_fingers_that_close_and_press_again_hold_something_where_they_are_now(fe
     assert said == [SURE, NOTHING, SURE, HARDLY, NOTHING]
 
 
-def test_without_a_gripper_that_answers_only_the_force_tells(
+def test_without_a_gripper_that_answers_only_the_force_decides(
     clock: MockClock, gripper: MockGripper, felt: Feel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def lost() -> GripperState:
@@ -80,7 +80,7 @@ def test_without_a_gripper_that_answers_only_the_force_tells(
     assert [felt(3.0, HELD_AT), felt(0.1, HELD_AT)] == [SURE, NOTHING]
 
 
-def test_fingers_that_have_said_nothing_feel_nothing(clock: MockClock, gripper: MockGripper) -> None:
+def test_fingers_without_samples_measure_nothing(clock: MockClock, gripper: MockGripper) -> None:
     assert HoldWatch(None, MockForceSensor(clock), gripper).in_hand() is None
     assert HoldWatch(None, None, gripper).in_hand() is None
 
@@ -122,7 +122,7 @@ def test_fingers_at_an_end_of_their_travel_hold_nothing_whatever_was_known_and_i
         (doubt(0.035, EMPTY, referenced=False), "the gripper has no reference, so its opening is unknown"),
     ],
 )  # fmt: skip
-def test_a_doubt_about_the_hand_names_what_it_comes_from(why: str, words: str) -> None:
+def test_a_doubt_about_the_hand_names_its_cause(why: str, words: str) -> None:
     assert why == words
 
 

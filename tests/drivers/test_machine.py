@@ -21,7 +21,7 @@ def lines(records: Path = Path("runs")) -> dict[str, ReportLine]:
     return {line.name: line for line in examine_machine(records)}
 
 
-def test_a_whole_machine_is_well_and_says_with_what_it_draws(tmp_path: Path) -> None:
+def test_a_complete_machine_passes_and_names_its_renderer(tmp_path: Path) -> None:
     found = lines(tmp_path / "runs")
     assert [line for line in found.values() if not line.ok] == []
     assert found["EGL"].found.startswith("renders with ")
@@ -66,7 +66,7 @@ def test_a_package_that_lacks_another_one_is_sent_to_pip_and_not_to_apt(monkeypa
     assert lines()["pyrender"].advice.endswith("pip install trimesh")
 
 
-def test_graphics_that_draw_nothing_are_told_with_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_graphics_that_draw_nothing_are_reported_with_the_package_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> object:
         raise DeviceFault("camera", "no EGL display")
 
@@ -77,16 +77,14 @@ def test_graphics_that_draw_nothing_are_told_with_what_to_install(monkeypatch: p
     assert "apt install libegl1" in str(found)
 
 
-def test_a_machine_without_a_browser_is_told_and_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_machine_without_a_browser_is_reported_and_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pomona.drivers.machine.shutil.which", lambda _name: None)
     found = lines()["browser for tests"]
     assert found.ok
     assert "apt install chromium" in found.found
 
 
-def test_a_folder_that_cannot_be_written_and_one_without_room_are_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_read_only_folder_and_a_full_one_are_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     full = tmp_path / "runs"
     monkeypatch.setattr(machine, "ROOM", 1e30)
     assert not lines(full)["folder of records"].ok
@@ -101,7 +99,7 @@ def test_a_folder_that_cannot_be_written_and_one_without_room_are_told(
     assert "--record DIR" in found.advice
 
 
-def test_it_says_which_extras_are_there_and_how_to_install_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_lists_installed_extras_and_the_commands_for_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
     def version(package: str) -> str:
         if package == "eclipse-zenoh":
             raise machine.PackageNotFoundError(package)
@@ -117,7 +115,7 @@ def test_it_says_which_extras_are_there_and_how_to_install_the_others(monkeypatc
 
 
 @pytest.mark.parametrize(("module", "words"), [("numpy", ("run", "pick_apple")), ("yaml", ("check", "pick_apple"))])
-def test_where_what_everything_stands_on_is_missing_the_doctor_speaks_and_the_others_send_to_it(
+def test_without_a_base_package_the_doctor_runs_and_the_other_commands_name_it(
     module: str, words: tuple[str, ...], tmp_path: Path
 ) -> None:
     def typed(*words: str) -> subprocess.CompletedProcess[str]:

@@ -93,7 +93,7 @@ def test_feedback_that_cannot_be_true_is_a_lost_device(q, qd, says):
         supervisor.on_feedback(1.025, np.array(q, float), np.array(qd, float))
 
 
-def test_feedback_from_before_what_was_heard_is_a_lost_device():
+def test_feedback_older_than_the_newest_one_is_a_lost_device():
     supervisor = MotionSupervisor("arm", LIMITS, Supervision())
     supervisor.on_feedback(1.0, AT_REST, AT_REST)
     with pytest.raises(DeviceLost, match="time goes back"):
@@ -161,7 +161,7 @@ def test_a_stop_that_does_not_come_to_rest_is_a_fault():
     assert rig.now - before == pytest.approx(1.0, abs=0.03)
 
 
-def test_a_status_that_is_not_told_any_more_is_a_lost_device():
+def test_a_status_that_no_longer_comes_is_a_lost_device():
     supervisor = MotionSupervisor("arm", LIMITS, Supervision(status=0.25))
     supervisor.check_status(5.0)  # from now on it is waited for
     supervisor.check_status(5.2)

@@ -49,7 +49,7 @@ def served() -> Iterator[Served]:
     served.owner.close()
 
 
-def test_before_the_start_whoever_calls_is_the_owner(served: Served) -> None:
+def test_before_the_start_any_caller_is_the_owner(served: Served) -> None:
     made: list[int] = []
     served.owner.post(lambda: made.append(threading.get_ident()))
     assert made == [threading.get_ident()]
@@ -100,7 +100,7 @@ def test_a_question_that_the_owner_does_not_come_to_is_not_carried_out_later(ser
 
 
 @pytest.mark.parametrize("error", [RuntimeError("bug"), SystemExit(0), KeyboardInterrupt()])
-def test_whatever_a_step_raises_is_told_and_the_thread_goes_on(served: Served, error: BaseException) -> None:
+def test_any_exception_of_a_step_is_reported_and_the_thread_goes_on(served: Served, error: BaseException) -> None:
     served.raising = error
     served.owner.start()
     served.go.release(1)
@@ -111,7 +111,7 @@ def test_whatever_a_step_raises_is_told_and_the_thread_goes_on(served: Served, e
     served.owner.check()
 
 
-def test_a_call_that_fails_is_told_and_the_next_is_made(served: Served) -> None:
+def test_a_failed_call_is_reported_and_the_next_is_made(served: Served) -> None:
     made: list[str] = []
 
     def fail() -> None:

@@ -63,7 +63,7 @@ def test_the_rest_of_a_pause_does_not_count_as_being_held_up(motion: PathMotion)
     assert motion.state is MotionState.DONE
 
 
-def test_an_arm_that_is_held_up_before_its_end_has_failed_and_says_so(motion: PathMotion) -> None:
+def test_an_arm_that_is_held_up_before_its_end_reports_a_failure(motion: PathMotion) -> None:
     run_out(motion)
     for k in range(3):
         motion.look(resting=True, beside=0.05, now=0.45 * HELD_UP * k)

@@ -42,7 +42,7 @@ def test_every_wrench_and_every_ticks_joints_are_read_once(cell: Cell) -> None:
 
 
 @pytest.mark.parametrize(("more", "required"), [("record: required", True), ("record: optional", False), ("", False)])
-def test_a_cells_file_says_whether_a_run_needs_its_record(tmp_path: Path, more: str, required: bool) -> None:
+def test_a_cell_file_states_whether_a_run_needs_its_record(tmp_path: Path, more: str, required: bool) -> None:
     path = tmp_path / "cell.yaml"
     path.write_text(MOCK.format(more=more))
     assert load_cell(path).record_required is required

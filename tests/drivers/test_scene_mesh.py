@@ -100,7 +100,7 @@ def test_a_mesh_in_another_unit_is_refused_with_its_size(tmp_path: Path, scale: 
         ("scene.glb", b"glTF"),
     ],
 )  # fmt: skip
-def test_what_is_no_mesh_is_refused_and_breaks_nothing(tmp_path: Path, name: str, content: bytes) -> None:
+def test_a_file_without_a_mesh_is_refused_and_breaks_nothing(tmp_path: Path, name: str, content: bytes) -> None:
     path = tmp_path / name
     path.write_bytes(content)
     for detail in (None, 0.05):

@@ -67,9 +67,7 @@ def shifted(seconds: float) -> Callable[[WrenchSample], WrenchSample]:
 
 @pytest.mark.parametrize("finger", [0, 1])
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e30, -201.0])
-def test_a_force_that_cannot_be_is_a_fault_at_once_and_reaches_nobody(
-    sensor: Sensor, finger: int, value: float
-) -> None:
+def test_an_impossible_force_is_a_fault_at_once_and_reaches_no_skill(sensor: Sensor, finger: int, value: float) -> None:
     sensor.run(PERIOD, with_value(finger, value))
     assert sensor.told().startswith(f"the {('left', 'right')[finger]} finger reports {value:g} ")
     assert len(sensor.received) == 50
@@ -99,7 +97,7 @@ def test_samples_out_of_order_are_left_out(sensor: Sensor) -> None:
     assert sensor.told() == ""
 
 
-def test_a_hold_up_of_the_computer_itself_accuses_nobody(sensor: Sensor) -> None:
+def test_a_stall_of_the_computer_causes_no_fault(sensor: Sensor) -> None:
     sensor.clock.advance(0.5)
     for age in (0.4, 0.3, 0.2):  # what waited meanwhile is old
         sensor.stream.deliver(sensor.sample(late=age))
@@ -110,7 +108,7 @@ def test_a_hold_up_of_the_computer_itself_accuses_nobody(sensor: Sensor) -> None
 
 @pytest.mark.parametrize("fingers", [[0], [1], [0, 1]])
 @pytest.mark.parametrize("zero", [True, False])
-def test_a_finger_that_says_the_same_is_stuck(sensor: Sensor, fingers: list[int], zero: bool) -> None:
+def test_a_finger_that_repeats_its_sample_is_stuck(sensor: Sensor, fingers: list[int], zero: bool) -> None:
     stuck = np.zeros((2, 6)) if zero else sensor.received[-1].wrenches.copy()
 
     def hold(sample: WrenchSample) -> WrenchSample:
@@ -204,7 +202,7 @@ def test_a_stream_that_comes_and_goes_is_a_fault_though_each_gap_is_short(sensor
     assert sensor.told() == ""
 
 
-def test_who_asks_only_now_and_then_makes_no_gaps() -> None:
+def test_rare_reads_make_no_gaps() -> None:
     sensor = Sensor()
     sensor.stream._listeners[0].close()
     for _ in range(20):

@@ -46,7 +46,7 @@ def test_a_timed_polyline_passes():
         (replace(GOOD, q=GOOD.q[:, :1]), "of 2 joints"),
     ],
 )
-def test_what_must_not_be_executed_is_refused_with_a_sentence(trajectory, says):
+def test_forbidden_code_is_refused_with_a_sentence(trajectory, says):
     with pytest.raises(BadTrajectory, match=says):
         check_trajectory(trajectory, LIMITS)
 

@@ -38,7 +38,7 @@ def test_nothing_is_wrong_with_a_shipped_cell(name):
     assert {Arm, Gripper, Camera, Workspace} <= set(file.interfaces())
 
 
-def test_what_the_shipped_laboratory_lacks_are_its_calibrations_alone():
+def test_the_shipped_laboratory_lacks_its_calibrations_alone():
     with pytest.raises(CellFileError) as error:
         read_cell_file(CELLS / "lab.yaml")
     assert [found.code for found in error.value.findings] == ["file"] * 3
@@ -54,7 +54,7 @@ def test_the_three_cells_share_one_workspace():
     assert "crate_6" in file.workspace.poses
 
 
-def test_what_a_cell_knows_before_it_is_connected():
+def test_known_values_of_a_cell_before_it_is_connected():
     file = read_cell_file(CELLS / "sim.yaml", {"fruit": "lemon"})
     assert file.known(FruitKinds) == FruitKinds(("lemon",))
     assert file.known(ArmLimits).lower.shape == (7,)
@@ -124,7 +124,7 @@ def test_a_mistake_in_an_included_file_is_found_there(tmp_path):
     assert (error.value.path, error.value.line, error.value.column) == (tmp_path / "around.yaml", 2, 8)
 
 
-def test_what_stands_beside_an_include_comes_first(tmp_path):
+def test_keys_beside_an_include_override_it(tmp_path):
     (tmp_path / "around.yaml").write_text("table_z: 0 m\nlower: 0 0 0 m\nupper: 1 1 1 m\n")
     path = tmp_path / "cell.yaml"
     path.write_text("kind: mock\nworkspace: {include: around.yaml, upper: 2 2 2 m}\ndevices: {}\n")
@@ -166,7 +166,7 @@ def test_an_unknown_override_names_the_options(judge):
     assert "no option 'x'" in judge("kind: mock\ndevices: {a: {driver: mock-arm, start: '{x}'}}\n")[0].message
 
 
-def test_options_have_their_defaults_and_what_the_file_says_of_them():
+def test_options_have_their_defaults_and_the_values_of_the_file():
     options = {option.name: option for option in outline_cell(CELLS / "sim.yaml", Findings()).options}
     assert options["place"].default == "3"
     assert options["place"].help == "where it lies: 1 … 5"
@@ -199,7 +199,7 @@ def test_deep_yaml_has_a_place(judge):
     assert (found.code, found.line) == ("too-deep", 1)
 
 
-def test_the_schema_accepts_what_the_reader_accepts():
+def test_schema_and_reader_accept_the_same():
     schema = CELL_FILES.schema()
     jsonschema.Draft202012Validator.check_schema(schema)
     accepts = jsonschema.Draft202012Validator(schema).validate
@@ -214,7 +214,7 @@ def test_the_schema_accepts_what_the_reader_accepts():
     assert json.dumps(schema)
 
 
-def test_every_driver_says_its_options_with_a_line_for_people():
+def test_every_driver_declares_its_options_with_a_help_line():
     for name, point in installed_drivers().items():
         for option in declared(point.load().options):
             assert option.help, f"{name}.{option.name}"

@@ -178,7 +178,7 @@ def test_a_cell_whose_devices_outlive_this_process_does_not_call_itself_a_simula
         load(text.format("real"))
 
 
-def test_a_third_partys_driver_is_found_and_what_is_open_is_closed_on_an_error(load, monkeypatch):
+def test_a_third_partys_driver_is_found_and_open_devices_are_closed_on_an_error(load, monkeypatch):
     drivers = {"recorder": RECORDER, "lost": Entry(Driver(Recorder, NoOptions, connect_lost))}
     monkeypatch.setattr(driver_module, "installed_drivers", lambda: drivers)
     text = "kind: real\ndevices:\n  first: {driver: recorder, label: a}\n  second: {driver: recorder, label: b}\n"

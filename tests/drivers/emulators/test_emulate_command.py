@@ -71,7 +71,7 @@ def test_a_recording_for_the_fitter_is_written(tmp_path: Path, capsys: pytest.Ca
     assert "50 samples" in capsys.readouterr().out
 
 
-def test_a_port_that_is_taken_is_said_in_words(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_taken_port_is_reported_without_a_traceback(capsys: pytest.CaptureFixture[str]) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         assert main(["wsg", "--tcp", f"127.0.0.1:{port}"]) == 2

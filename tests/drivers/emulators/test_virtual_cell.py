@@ -101,7 +101,7 @@ def test_two_cells_of_one_seed_measure_the_same_to_the_last_bit_and_another_seed
     assert first != other
 
 
-def test_time_passes_for_nobody_while_nobody_lets_it_pass(open_cell):
+def test_time_stands_still_for_all_until_the_clock_advances(open_cell):
     cell = open_cell()
     run(cell, 0.1)
     motion = swing(cell)
@@ -135,7 +135,7 @@ def test_time_passes_for_nobody_while_nobody_lets_it_pass(open_cell):
         ("camera.wire", "cut", "camera", 0.5),
     ],
 )
-def test_a_fault_beside_a_moving_arm_is_told_of_the_right_device_and_the_arm_comes_to_rest(
+def test_a_fault_beside_a_moving_arm_names_the_right_device_and_the_arm_comes_to_rest(
     open_cell, switch, kind, device, within
 ):
     cell = open_cell()

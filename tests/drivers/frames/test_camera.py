@@ -146,7 +146,7 @@ def test_a_spoilt_folder_is_refused_in_words(cell: Path, folder: Path, spoil, wo
     assert caught.value.line == 2
 
 
-def test_a_missing_folder_or_no_folder_is_refused_with_what_to_do(cell: Path) -> None:
+def test_a_missing_folder_or_no_folder_is_refused_with_the_remedy(cell: Path) -> None:
     with pytest.raises(CellFileError, match="there is no such folder"):
         connect_folder(cell, "elsewhere")
     with pytest.raises(CellFileError, match="--set folder=PATH"):
@@ -160,7 +160,7 @@ def test_missing_or_impossible_intrinsics_are_refused(cell: Path, folder: Path) 
         connect_folder(cell, folder, f"intrinsics: {INTRINSICS.replace('cx: 20 ', 'cx: 2000 ')}")
 
 
-def test_a_later_frame_that_cannot_be_read_is_told_and_the_next_one_is_shown(cell: Path, folder: Path) -> None:
+def test_a_later_unreadable_frame_is_reported_and_the_next_one_is_shown(cell: Path, folder: Path) -> None:
     write_frame(folder, "c")
     camera = connect_folder(cell, folder)
     write_frame(folder, "b", size=(10, 10))
@@ -171,7 +171,7 @@ def test_a_later_frame_that_cannot_be_read_is_told_and_the_next_one_is_shown(cel
     assert camera.latest().label == "c"
 
 
-def test_where_the_camera_stood_is_read_where_the_folder_says_it(cell: Path, folder: Path) -> None:
+def test_the_camera_pose_is_read_where_the_folder_has_it(cell: Path, folder: Path) -> None:
     T = np.diag([-1.0, -1.0, 1.0, 1.0])
     entries = [{"label": "a", "T_base_camera": T.tolist()}, {"label": "b", "T_base_camera": None}]
     (folder / "frames.json").write_text(json.dumps(entries))
@@ -193,7 +193,7 @@ def test_one_of_so_many_frames_is_shown_when_that_is_asked_for(cell: Path, folde
     assert labels == ["a", "d", "g"]
 
 
-def test_a_camera_that_the_folder_does_not_name_is_told(
+def test_a_camera_that_the_folder_does_not_name_is_reported(
     cell: Path, folder: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     connect_folder(cell, folder)
@@ -219,7 +219,7 @@ def test_pixels_twice_as_high_as_wide_are_refused(cell: Path, folder: Path, foca
         connect_folder(cell, folder)
 
 
-def test_what_a_mac_lays_beside_each_file_is_no_frame(cell: Path, folder: Path) -> None:
+def test_a_macs_hidden_file_is_no_frame(cell: Path, folder: Path) -> None:
     for name in ("a_color.png", "a_depth_mm.png"):
         (folder / f"._{name}").write_bytes(b"Mac OS X")
     assert [frame.label for frame in list_frames(folder)] == ["a", "b"]

@@ -80,7 +80,7 @@ def test_pictures_that_do_not_fit_are_refused_in_words(video: Path, spoil, words
         list_video(video)[0].read(CAMERA)
 
 
-def test_a_video_that_ends_before_it_says_tells_which_picture_is_missing(video: Path) -> None:
+def test_a_video_that_is_shorter_than_stated_names_the_missing_picture(video: Path) -> None:
     whole = video.read_bytes()
     video.write_bytes(whole[: len(whole) // 2])
     cut = Video(video)

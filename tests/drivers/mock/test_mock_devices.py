@@ -122,7 +122,7 @@ def test_a_gripper_that_meets_something_fails_its_move():
 
 
 @pytest.mark.parametrize(("width", "speed"), [(0.01, 0.1), (0.05, 0.0), (float("nan"), 0.1)])
-def test_a_gripper_refuses_what_it_cannot_do(mock_gripper, width, speed):
+def test_a_gripper_refuses_impossible_commands(mock_gripper, width, speed):
     with pytest.raises(MotionRefused):
         mock_gripper.move(width, speed)
     mock_gripper.refuse_next("not referenced")

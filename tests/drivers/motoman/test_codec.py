@@ -118,5 +118,5 @@ def test_every_known_subcode_has_words_and_an_unknown_one_its_numbers() -> None:
         (RobotStatus(1, 0, 0, 0, 1, 2, 1), ""),
     ],
 )
-def test_a_status_says_what_keeps_the_arm_from_moving(status: RobotStatus, words: str) -> None:
+def test_a_status_names_the_reason_that_keeps_the_arm_from_moving(status: RobotStatus, words: str) -> None:
     assert (words in fault(status)) if words else fault(status) == ""

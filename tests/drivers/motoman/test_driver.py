@@ -489,7 +489,7 @@ def test_a_safe_stop_decelerates_and_is_latched() -> None:
         ("nonsense", 0.1, Nonsense, "answered nonsense"),
     ],
 )
-def test_what_goes_wrong_without_a_word_is_noticed_and_the_arm_comes_to_rest(
+def test_silent_faults_are_noticed_and_the_arm_comes_to_rest(
     kind: str, within: float, problem: type[DeviceError], words: str
 ) -> None:
     cell = Cell()
@@ -555,7 +555,7 @@ def test_an_arm_that_still_lies_cannot_be_acknowledged_and_one_that_lied_moves_o
     assert motion.state is MotionState.DONE
 
 
-def test_an_emergency_stop_is_not_hidden_by_a_status_that_is_not_told() -> None:
+def test_an_emergency_stop_is_not_hidden_by_a_missing_status() -> None:
     cell = Cell()
     arm = connected(cell)
     cell.controller.inject_fault("no_status")

@@ -15,7 +15,7 @@ def test_the_numbers_are_those_that_were_frozen(numbers):
     assert numbers.digest() == FROZEN
 
 
-def test_every_number_says_where_it_comes_from():
+def test_every_number_names_its_source():
     _, origins = read_numbers(NUMBERS)
     assert all(len(origin.source) > 8 for origin in origins.values())
     assert {origin.standing for origin in origins.values()} == {"measured", "derived", "assumed"}

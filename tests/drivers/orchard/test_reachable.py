@@ -42,7 +42,7 @@ def test_solutions_reach_the_pose_with_the_elbow_in_many_places(world):
     assert np.ptp([q[2] for q in found]) > 0.5
 
 
-def test_the_hand_alone_touches_what_the_whole_robot_touches(world):
+def test_the_hand_alone_touches_the_same_cells_as_the_whole_robot(world):
     """Where the whole robot is free, the hand is; a finger in the trunk is not."""
     search = GraspSearch(world.built, world.description)
     grasp = next(search.grasps(0))

@@ -92,7 +92,7 @@ def test_a_fruit_that_came_off_falls_freely_and_the_branch_springs_back(numbers)
     assert highest > rest + 0.01
 
 
-def test_what_is_drawn_is_the_equilibrium(numbers):
+def test_the_drawn_wall_is_in_equilibrium(numbers):
     built = build(draw_wall(numbers, 2, fruit=5, leaves=0.1))
     data = mujoco.MjData(built.model)
     mujoco.mj_step(built.model, data, 500)

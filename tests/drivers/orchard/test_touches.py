@@ -47,7 +47,7 @@ def fruit_in_reach(numbers):
     return built, data, WallScore(built, data, stems)
 
 
-def test_a_fall_to_the_ground_is_an_impact_of_its_speed_and_what_follows_adds_nothing(fruit_in_reach):
+def test_a_fall_to_the_ground_is_an_impact_of_its_speed_and_later_contacts_add_nothing(fruit_in_reach):
     built, data, score = fruit_in_reach
     fruit = built.wall.fruits[0]
     for _ in range(900):

@@ -22,7 +22,7 @@ def test_nothing_that_is_drawn_overlaps_a_fruit(numbers, seed):
             assert np.linalg.norm(middle - p) > fruit.radius
 
 
-def test_a_wall_holds_what_the_numbers_say(numbers):
+def test_a_wall_holds_the_stated_numbers_of_parts(numbers):
     walls = [draw_wall(numbers, seed, leaves=0.0) for seed in range(8)]
     counts = [len(wall.fruits) for wall in walls]
     assert min(counts) >= numbers.fruit_count[0]
@@ -54,7 +54,7 @@ def test_a_seed_draws_the_same_wall_again(numbers):
     assert np.array_equal(first.leaves[-1].R_base_leaf, second.leaves[-1].R_base_leaf)
 
 
-def test_the_boundary_of_what_fits_is_kept_in_silence(numbers):
+def test_a_crowded_wall_holds_as_many_fruit_as_fit(numbers):
     assert len(draw_wall(numbers, 0, fruit=1, leaves=0.0).fruits) == 1
     crowded = draw_wall(numbers, 0, fruit=60, leaves=0.0)
     assert 30 < len(crowded.fruits) <= 60

@@ -133,7 +133,7 @@ def touching(world, pads=(0.0, 0.0), by_robot=None, lateral=False):
         ((0.0, 0.0), None, False, "fell"),
     ],
 )
-def test_how_a_fruit_came_off_is_told_by_what_touched_it(cell, pads, by_robot, lateral, how):
+def test_the_cause_of_a_detachment_follows_from_the_contacts(cell, pads, by_robot, lateral, how):
     world = cell.devices["world"]
     world.score.touches = touching(world, pads, by_robot, lateral)
     world.score.look(2)

@@ -119,7 +119,7 @@ def test_a_camera_without_images_is_refused_at_the_connection(source: ScriptedSo
         (lambda source: setattr(source, "same_depth", True), "shows the same depth image for 0.53 s, to the last bit"),
     ],
 )
-def test_frames_that_cannot_be_the_present_are_told_within_a_second_and_never_shown(
+def test_frames_that_are_not_current_are_reported_within_a_second_and_never_shown(
     camera: StreamingCamera,
     source: ScriptedSource,
     lie: Callable[[ScriptedSource], None],
@@ -157,7 +157,7 @@ def test_frames_that_cannot_be_the_present_are_told_within_a_second_and_never_sh
     assert 0.0 <= source.clock.now() - newest.stamp < 0.05
 
 
-def test_a_single_late_frame_is_left_out_and_accuses_nobody(camera: StreamingCamera, source: ScriptedSource) -> None:
+def test_a_single_late_frame_is_left_out_without_a_fault(camera: StreamingCamera, source: ScriptedSource) -> None:
     for late in (0.0, 2.0, 0.0, 0.0, 5.0, 0.0):
         source.late = late
         camera.step()

@@ -107,7 +107,7 @@ def test_filters_of_the_library_are_applied(rs: Any) -> None:
     assert pair.depth[15, 15] == pytest.approx(0.5)
 
 
-def test_without_the_library_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_library_the_error_names_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyrealsense2", None)
     with pytest.raises(DeviceFault, match=re.escape(install_extra("realsense"))):
         load_library()

@@ -17,7 +17,7 @@ def pair(taken: float | None, on_host_clock: bool = False) -> Pair:
     return Pair(*IMAGES, taken, on_host_clock, 1)
 
 
-def test_the_hosts_clock_says_how_old_a_frame_is() -> None:
+def test_the_hosts_clock_gives_the_age_of_a_frame() -> None:
     stamps = Stamps(ManualClock(50.0), lambda: 1000.0)
     assert stamps.stamp(pair(999.75, True)) == 49.75
     assert stamps.stamp(pair(970.0, True)) == 20.0

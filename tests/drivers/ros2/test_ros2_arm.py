@@ -243,7 +243,7 @@ def test_an_arm_that_hears_nothing_more_comes_to_rest_on_its_path_by_itself(sett
     assert setting.controller.hardest <= 1.1 * LIMITS.acceleration[0]
 
 
-def test_who_was_held_up_longer_than_the_lead_does_not_go_on_as_if_nothing_were(setting: Setting) -> None:
+def test_a_motion_stalled_longer_than_the_lead_does_not_go_on(setting: Setting) -> None:
     motion = setting.moving()
     for _ in range(50):
         setting.controller.advance(STEP)
@@ -312,7 +312,9 @@ def test_after_a_loss_it_goes_on_only_when_somebody_acknowledges_and_starts_anew
 
 
 @pytest.mark.parametrize("how", ["stuck", "deaf"])
-def test_an_arm_that_does_not_follow_is_a_fault_and_told_to_be_where_it_is(setting: Setting, how: str) -> None:
+def test_an_arm_that_does_not_follow_is_a_fault_and_is_commanded_to_its_present_place(
+    setting: Setting, how: str
+) -> None:
     if how == "stuck":
         motion = setting.moving()
         setting.controller.stuck = True
@@ -359,7 +361,7 @@ def test_a_message_of_a_megabyte_is_not_read_and_the_arm_is_lost_when_nothing_el
         setting.arm.check()
 
 
-def test_what_no_arm_may_do_is_refused_and_nothing_is_said(setting: Setting) -> None:
+def test_a_forbidden_motion_is_refused_and_nothing_is_sent(setting: Setting) -> None:
     for trajectory, words in (
         (swing(START, 10.0 * CHANGE), "limits are"),
         (swing(START + 0.1, CHANGE), "away from the arm"),
@@ -479,7 +481,7 @@ def position_of(raw: bytes) -> float:
     return float(STORE.deserialize_cdr(raw, COMMAND).data[0])
 
 
-def test_a_cell_file_s_mistakes_are_said_at_their_place(tmp_path: Path) -> None:
+def test_a_cell_file_s_mistakes_are_reported_at_their_place(tmp_path: Path) -> None:
     cell = tmp_path / "cell.yaml"
     for device, line, words in (
         ("driver: ros2-arm\n    robot: nothing.xml\n    joints: a b c", 6, "nothing.xml"),

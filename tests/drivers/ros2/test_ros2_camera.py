@@ -151,7 +151,7 @@ def test_a_camera_that_goes_is_lost_and_stays_latched_when_it_comes_back(setting
     ],
     ids=["frozen", "old", "early", "nonsense", "colour as depth", "empty"],
 )
-def test_what_cannot_be_true_ends_as_a_fault_and_is_never_the_newest(
+def test_an_impossible_sample_ends_as_a_fault_and_is_never_the_newest(
     setting: Setting, publish: Any, error: type[DeviceError]
 ) -> None:
     setting.go_on(2.0, lambda k: publish(setting, k))
@@ -187,7 +187,7 @@ def free_port() -> int:
         return int(one.getsockname()[1])
 
 
-def test_over_the_wire_from_another_peer_and_nothing_published_is_said_at_its_place(
+def test_over_the_wire_from_another_peer_and_a_missing_topic_is_reported_at_its_place(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     port = free_port()

@@ -101,7 +101,7 @@ def setting(monkeypatch: pytest.MonkeyPatch) -> Setting:
     return Setting()
 
 
-def test_nothing_is_said_before_somebody_commands(setting: Setting) -> None:
+def test_nothing_is_sent_before_the_first_command(setting: Setting) -> None:
     assert isinstance(setting.gripper, Gripper)
     assert setting.gripper.state().width == pytest.approx(0.062)
     assert setting.fingers.said == []
@@ -210,7 +210,7 @@ def test_paused_it_rests_and_goes_on(setting: Setting) -> None:
     ],
     ids=["silence", "nan", "wild", "stuck"],
 )
-def test_what_cannot_be_true_fails_the_move_and_stays_latched(
+def test_an_impossible_state_fails_the_move_and_stays_latched(
     setting: Setting, wrong: Any, error: type[DeviceError], words: str
 ) -> None:
     motion = setting.gripper.move(0.012, 0.05)
@@ -252,14 +252,14 @@ def test_after_a_loss_nothing_moves_until_somebody_acknowledges(setting: Setting
     assert motion.state is MotionState.DONE
 
 
-def test_fingers_that_move_without_being_told_to_are_a_fault(setting: Setting) -> None:
+def test_fingers_that_move_without_a_command_are_a_fault(setting: Setting) -> None:
     fingers = setting.fingers
     setting.serve(0.5, each=lambda: setattr(fingers, "set_point", fingers.set_point - 1e-4))  # somebody else does
     with pytest.raises(DeviceFault, match="closes without a command"):
         setting.gripper.check()
 
 
-def test_what_it_may_not_do_is_refused(setting: Setting) -> None:
+def test_forbidden_actions_are_refused(setting: Setting) -> None:
     for width, speed, words in ((0.2, 0.05, "lies outside 10.0 … 80.0 mm"), (0.05, 0.5, "lies outside 0 … 0.1 m/s")):
         with pytest.raises(MotionRefused, match=words):
             setting.gripper.move(width, speed)

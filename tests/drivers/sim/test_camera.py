@@ -42,7 +42,7 @@ def test_a_ball_appears_where_the_pinhole_puts_it():
         assert top + rows.mean() == pytest.approx(v, abs=0.12)
 
 
-def test_depth_lies_on_the_table_where_the_frame_says_the_camera_was(open_cell):
+def test_depth_lies_on_the_table_for_the_camera_pose_of_the_frame(open_cell):
     cell = open_cell(seed=3)
     frame = cell.device(Camera).latest()
     state = cell.devices["world"].state
@@ -131,7 +131,7 @@ def test_a_frozen_camera_keeps_its_frame_and_is_noticed(open_cell):
     ],
 )
 @pytest.mark.parametrize("looked_before", [True, False])
-def test_frames_that_cannot_be_the_present_are_told_within_a_second_and_never_shown(
+def test_frames_that_are_not_current_are_reported_within_a_second_and_never_shown(
     open_cell, kind, words, looked_before
 ):
     cell = open_cell(seed=3)
@@ -165,7 +165,7 @@ def test_images_of_different_sizes_are_a_fault_that_names_both(open_cell, kind):
 
 
 @pytest.mark.parametrize("kind", ["moved_x", "turned_y_back", "focal_long", "depth_short", "depth_mirrored"])
-def test_a_wrong_calibration_changes_what_a_frame_states_and_not_its_colour(open_cell, kind):
+def test_a_wrong_calibration_changes_the_metadata_of_a_frame_and_not_its_colour(open_cell, kind):
     camera = open_cell(seed=3).device(Camera)
     sound = camera.latest()
     camera.inject_fault(kind)

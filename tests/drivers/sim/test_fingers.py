@@ -164,7 +164,7 @@ CANNOT_BE = {
 
 @pytest.mark.parametrize("listening", [True, False])
 @pytest.mark.parametrize("kind", CANNOT_BE)
-def test_what_cannot_be_is_a_fault_within_50_ms_whoever_listens(open_cell, kind, listening):
+def test_an_impossible_value_is_a_fault_within_50_ms_with_or_without_readers(open_cell, kind, listening):
     cell = open_cell()
     fingers = cell.device(ForceSensor)
     received = []
@@ -205,7 +205,7 @@ def test_slow_lies_grow_from_when_they_begin():
 
 
 @pytest.mark.parametrize("kind", [kind for kind in LIES if kind not in (*NEVER_ARRIVE, *SLOW)])
-def test_every_way_to_lie_that_could_be_true_changes_what_arrives_until_it_is_cleared(open_cell, kind):
+def test_every_plausible_sensor_fault_changes_the_samples_until_it_is_cleared(open_cell, kind):
     cell = open_cell()
     fingers = cell.device(ForceSensor)
     samples = []

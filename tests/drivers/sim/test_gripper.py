@@ -164,7 +164,7 @@ def test_moves_streams_and_pauses_are_never_taken_for_faults(cell, gripper):
     cell.check()
 
 
-def test_a_move_that_never_ends_is_told(cell, gripper):
+def test_a_move_that_never_ends_is_reported(cell, gripper):
     gripper.inject_fault("busy")
     motion = gripper.move(0.05, 0.1)
     with pytest.raises(DeviceFault, match=r"has not ended its move to 50\.0 mm within the expected time"):
@@ -174,7 +174,7 @@ def test_a_move_that_never_ends_is_told(cell, gripper):
     assert motion.state is MotionState.STOPPED
 
 
-def test_fingers_that_run_away_are_told_and_are_not_settled_before_they_rest(cell, gripper):
+def test_fingers_that_run_away_are_reported_and_are_not_settled_before_they_rest(cell, gripper):
     run_out(cell, gripper.move(0.06, 0.2))
     look_after(cell, 0.5)
     gripper.inject_fault("runaway")
@@ -194,7 +194,7 @@ def test_fingers_that_run_away_are_told_and_are_not_settled_before_they_rest(cel
     ("kind", "error", "words"),
     [("frozen", DeviceLost, "has not sent its width for 60 ms"), ("not_a_number", DeviceFault, "a width of nan mm")],
 )
-def test_a_state_that_cannot_be_is_told_within_100_ms(cell, gripper, kind, error, words):
+def test_an_impossible_state_is_reported_within_100_ms(cell, gripper, kind, error, words):
     look_after(cell, 0.5)
     gripper.inject_fault(kind)
     with pytest.raises(error, match=words):

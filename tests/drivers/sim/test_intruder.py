@@ -30,7 +30,7 @@ def test_the_camera_that_is_listed_first_is_the_one_that_skills_look_with(cell: 
     assert cell.device(Camera) is cameras[0]
 
 
-def test_a_fixed_camera_sees_what_one_on_the_gripper_sees_from_the_same_place(cell: Cell) -> None:
+def test_a_fixed_camera_and_one_on_the_gripper_see_the_same_from_the_same_place(cell: Cell) -> None:
     riding = cell.device(Camera)
     assert isinstance(riding, SimCamera)
     frame = riding.latest()
@@ -61,7 +61,7 @@ def test_a_look_at_depth_alone_shows_the_same_and_is_no_look_that_is_scored(cell
     assert middle[0] == pytest.approx(middle[1], abs=2e-3)
 
 
-def test_the_hand_comes_when_its_switch_is_turned_goes_back_and_says_how_near_it_was(cell: Cell) -> None:
+def test_the_hand_comes_when_its_switch_is_turned_goes_back_and_reports_its_least_distance(cell: Cell) -> None:
     world = cell.devices["world"]
     above = cell.device(Cameras).all[2]
     start = world.state.body(BODY).xpos.copy()

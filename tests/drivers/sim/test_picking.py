@@ -71,7 +71,7 @@ def test_a_fruit_that_stands_in_the_crate_is_put_away_and_not_dropped(open_cell,
     assert abs(truth["fruits"][0]["T_base_fruit"][2][3] - (-0.112 + 0.032)) < 0.004  # on the floor, 8 mm thick
 
 
-def test_touching_what_is_fixed_is_counted_as_a_collision(open_cell, probe_of, plan_rest_to_rest):
+def test_touching_a_fixed_object_is_counted_as_a_collision(open_cell, probe_of, plan_rest_to_rest):
     cell = open_cell(seed=1, place="1")
     probe = probe_of(cell)
     above = [-0.618, 0.363, 0.493, -0.447, 0.233, -0.814, -0.009]

@@ -12,7 +12,7 @@ def target(open_cell, seed=5, **options):
     return open_cell(seed=seed, **options)._world.scene.fruits[0]
 
 
-def test_what_varies_leaves_everything_else_as_it_was_drawn(open_cell):
+def test_a_varied_value_leaves_the_other_draws_unchanged(open_cell):
     plain, varied = (
         target(open_cell),
         target(open_cell, spread="0.05", weight="1.2..1.2", shape_noise="0", tilt="0 deg"),

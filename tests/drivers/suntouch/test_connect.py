@@ -33,7 +33,7 @@ def test_two_fingers_at_one_port_are_refused(tmp_path: Path) -> None:
     assert "both fingers are at p: each has a port of its own" in error.message
 
 
-def test_a_missing_or_wrong_calibration_is_refused_with_what_makes_one(tmp_path: Path) -> None:
+def test_a_missing_or_wrong_calibration_is_refused_with_the_command_that_makes_one(tmp_path: Path) -> None:
     missing = refuse(tmp_path, "left: {port: p, calibration: none.json}\n" + RIGHT)
     assert "does not exist" in missing.message
     assert "pomona calibrate fingers" in str(missing)

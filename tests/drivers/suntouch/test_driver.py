@@ -310,7 +310,7 @@ def test_a_stuck_finger_is_a_fault_within_50_ms(rig: Rig) -> None:
     assert told(rig) == "the right finger has reported the same to the last bit for 30 ms"
 
 
-def test_a_finger_that_says_no_volt_is_a_fault_within_50_ms_and_no_force_is_made_of_it(rig: Rig) -> None:
+def test_a_finger_at_zero_volt_is_a_fault_within_50_ms_and_gives_no_force(rig: Rig) -> None:
     rig.run(0.1)
     rig.right.device.dead = True
     assert told(rig) == "the right finger has every taxel at the end of its range"
@@ -413,7 +413,7 @@ def test_fingers_at_an_end_of_their_travel_are_tared_and_so_are_those_known_to_b
 
 
 @pytest.mark.parametrize("record", [None, HandRecord("", 0.09), HandRecord("something", 0.073)])
-def test_fingers_without_a_known_bias_that_may_hold_something_are_refused_with_what_to_do(
+def test_fingers_without_a_known_bias_that_may_hold_something_are_refused_with_the_remedy(
     record: HandRecord | None,
 ) -> None:
     hand = Hand(0.073, record)

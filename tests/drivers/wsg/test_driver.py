@@ -97,7 +97,7 @@ def serve(gripper: WsgGripper, wire: Wire, seconds: float, renew: float | None =
             wire.clock.advance(0.001)
 
 
-def test_the_handshake_sets_and_reads_back_what_the_options_say(wire: Wire) -> None:
+def test_the_handshake_sets_and_reads_back_the_options(wire: Wire) -> None:
     gripper = connected(wire, acceleration=1.5, force_limit=20.0, soft_limits=(0.040, 0.100), speed_max=0.2)
     assert gripper.identity is not None
     assert (gripper.identity.acceleration, gripper.identity.force_limit) == (1.5, 20.0)
@@ -140,7 +140,7 @@ def test_a_second_move_ends_the_first(wire: Wire) -> None:
     assert gripper.state().width == pytest.approx(0.040, abs=1e-6)
 
 
-def test_a_blocked_move_fails_and_says_where(wire: Wire) -> None:
+def test_a_blocked_move_fails_with_its_place(wire: Wire) -> None:
     gripper = connected(wire)
     wire.fingers.obstacle = 0.020
     motion = gripper.move(0.040, 0.1)
@@ -370,7 +370,7 @@ def test_a_frame_that_the_protocol_does_not_know_is_nonsense_with_its_bytes(wire
     assert caught.value.received == encode_frame(WireFrame(0x99, b"\x00\x00"))
 
 
-def test_closing_says_goodbye_so_that_the_gripper_makes_no_fast_stop(wire: Wire) -> None:
+def test_closing_sends_bye_so_that_the_gripper_makes_no_fast_stop(wire: Wire) -> None:
     gripper = connected(wire)
     gripper.close()
     assert wire.sent[-1] == encode(Plain(Command.DISCONNECT))
@@ -442,7 +442,7 @@ def test_fingers_that_move_are_never_called_settled(wire: Wire, speed: float) ->
         serve(gripper, wire, 0.005)
 
 
-def test_fingers_that_move_without_a_command_are_told_within_100_ms_and_stopped(wire: Wire) -> None:
+def test_fingers_that_move_without_a_command_are_reported_within_100_ms_and_stopped(wire: Wire) -> None:
     gripper = connected(wire)
     serve(gripper, wire, 0.5)
     wire.device.runaway = 0.05
@@ -454,7 +454,7 @@ def test_fingers_that_move_without_a_command_are_told_within_100_ms_and_stopped(
     serve_until(gripper, wire, gripper.settled, 0.3)
 
 
-def test_fingers_that_open_while_they_are_told_to_close_are_told(wire: Wire) -> None:
+def test_fingers_that_open_on_a_closing_command_are_reported(wire: Wire) -> None:
     gripper = connected(wire)
     serve(gripper, wire, 0.5, renew=-0.01)
     wire.device.runaway = 0.04
@@ -464,7 +464,7 @@ def test_fingers_that_open_while_they_are_told_to_close_are_told(wire: Wire) -> 
 
 
 @pytest.mark.parametrize("command", [Command.STOP, Command.FAST_STOP])
-def test_a_stop_that_is_refused_is_told_as_such(wire: Wire, command: Command) -> None:
+def test_a_refused_stop_is_reported_as_such(wire: Wire, command: Command) -> None:
     gripper = connected(wire)
     gripper.move(0.100, 0.02)
     serve(gripper, wire, 0.2)
@@ -476,7 +476,7 @@ def test_a_stop_that_is_refused_is_told_as_such(wire: Wire, command: Command) ->
     assert gripper.settled() is (command is Command.STOP)  # the fast stop worked, or it did not
 
 
-def test_what_was_wrong_before_a_stop_failed_is_told_too(wire: Wire) -> None:
+def test_problems_before_a_failed_stop_are_reported_too(wire: Wire) -> None:
     gripper = connected(wire)
     gripper.move(0.100, 0.02)
     serve(gripper, wire, 0.2)
@@ -500,7 +500,7 @@ def test_a_stop_that_is_not_answered_is_a_lost_gripper_that_is_not_settled(wire:
         serve(gripper, wire, 0.02)
 
 
-def test_a_stop_that_nothing_answers_is_told_although_updates_come_all_the_time(wire: Wire) -> None:
+def test_an_unanswered_stop_is_reported_although_updates_come_all_the_time(wire: Wire) -> None:
     gripper = connected(wire, period=0.001)
     wire.device.deaf = {Command.STOP}
     gripper.safe_stop("test")
@@ -509,7 +509,7 @@ def test_a_stop_that_nothing_answers_is_told_although_updates_come_all_the_time(
         gripper.check()
 
 
-def test_a_move_that_never_ends_is_told_when_it_should_have(wire: Wire) -> None:
+def test_a_move_that_never_ends_is_reported_at_its_deadline(wire: Wire) -> None:
     gripper = connected(wire)
     wire.device.busy = True
     motion = gripper.move(0.075, 0.1)  # 0.1 s of way, 0.05 s of braking
@@ -546,7 +546,7 @@ def test_a_move_that_goes_on_and_ends_while_this_computer_stands_still_is_no_fau
 
 
 @pytest.mark.parametrize("command", [Command.WIDTH, Command.SPEED, Command.SYSTEM_STATE])
-def test_an_update_that_ceases_to_come_is_told(wire: Wire, command: Command) -> None:
+def test_an_update_that_ceases_to_come_is_reported(wire: Wire, command: Command) -> None:
     gripper = connected(wire)
     serve(gripper, wire, 0.1)
     wire.device.deaf = {command}
@@ -556,7 +556,7 @@ def test_an_update_that_ceases_to_come_is_told(wire: Wire, command: Command) -> 
 
 
 @pytest.mark.parametrize(("width", "words"), [(0.2, "outside its stroke"), (-0.1, "outside its stroke")])
-def test_a_width_that_cannot_be_is_told(wire: Wire, width: float, words: str) -> None:
+def test_an_impossible_width_is_reported(wire: Wire, width: float, words: str) -> None:
     gripper = connected(wire)
     serve(gripper, wire, 0.1)
     wire.device.reported_width = width
@@ -565,7 +565,7 @@ def test_a_width_that_cannot_be_is_told(wire: Wire, width: float, words: str) ->
         gripper.check()
 
 
-def test_a_width_that_stays_the_same_for_a_whole_move_is_told(wire: Wire) -> None:
+def test_a_width_that_stays_the_same_for_a_whole_move_is_reported(wire: Wire) -> None:
     gripper = connected(wire)
     serve(gripper, wire, 0.1)
     wire.device.frozen = True

@@ -120,6 +120,6 @@ def test_another_process_stops_it_over_its_own_end_of_the_bus() -> None:
         mover.close()
 
 
-def test_a_bus_on_which_nobody_answers_is_told_as_such() -> None:
+def test_a_bus_without_an_answer_is_reported_as_such() -> None:
     with pytest.raises(OSError, match="did not answer the stop"):
         stop_on_can("virtual", "wsg-silent", 500_000, 1, 7)
