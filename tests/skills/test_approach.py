@@ -44,7 +44,7 @@ def test_it_opens_first_and_then_goes_straight_to_the_grasp():
     assert outcome.duration < 1.7
 
 
-def test_a_touch_stops_the_arm_and_says_where():
+def test_a_touch_stops_the_arm_and_names_the_place():
     scene = at_pre_grasp()
     touch_after(scene, 0.7, 2.0)
     outcome = drive(Approach(), {"grasp": GRASP}, scene.devices, clock=scene.clock)
@@ -182,7 +182,7 @@ def test_a_stale_map_is_not_free():
     assert scene.arm.followed == []
 
 
-def test_what_a_camera_sees_coming_stops_the_arm():
+def test_an_approaching_object_in_view_stops_the_arm():
     scene = at_pre_grasp()
     devices, camera = watched(scene)
     come = comes_near(scene, camera)

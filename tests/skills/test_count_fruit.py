@@ -94,7 +94,7 @@ def test_frames_become_two_tables_a_page_and_a_picture_each(tmp_path: Path) -> N
     assert sorted(path.name for path in out.iterdir()) == sorted([FINDS, FRUIT, PAGE, PICTURES])
 
 
-def test_the_same_is_shown_to_who_watches_and_widths_are_counted_in_classes() -> None:
+def test_viewers_see_the_same_and_widths_are_counted_in_classes() -> None:
     views = dict(count(looked("one", {1: 3, 5: 1}), looked("two", {1: 3, 3: 2}, lost=(3,))).published)
     assert all(len(row) == len(views["measured"].columns) for row in views["measured"].rows)
     assert views["measured"].caption == "3 of 4 finds measured"
@@ -114,7 +114,7 @@ def test_how_far_it_has_come_is_said() -> None:
     assert end.feedback == "1 of 40 frames, one: 2 found, 2 measured; 2 fruit so far, 2 measured"
 
 
-def test_a_frame_that_cannot_be_read_keeps_its_line_and_what_follows_it_is_counted(tmp_path: Path) -> None:
+def test_an_unreadable_frame_keeps_its_line_and_later_frames_are_counted(tmp_path: Path) -> None:
     frames = looked("one", {1: 3}), {"unreadable": "b_color.png: is no image"}, looked("three", {1: 3})
     end = count(*frames, out=tmp_path / "o")
     assert end.outputs == {"fruit": 1, "measured": 1, "unreadable_frames": 1}
@@ -127,7 +127,7 @@ def test_a_frame_without_fruit_does_not_take_the_finds_of_the_one_before() -> No
     assert count(first, looked("two", {}) | {"finds": first["finds"]}).outputs["fruit"] == 1
 
 
-def test_without_poses_frames_are_joined_by_what_both_show_or_not_at_all(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_poses_frames_are_joined_by_common_fruit_or_not_at_all(monkeypatch: pytest.MonkeyPatch) -> None:
     frames = [looked(label, {1: 3, 5: 1}, placed=False) for label in LABELS]
     monkeypatch.setattr(count_fruit, "camera_motion", lambda *_: CameraMotion(np.eye(4), 0.001, ""))
     assert count(*frames).outputs["fruit"] == 2
@@ -155,9 +155,7 @@ def test_motions_add_up_over_frames(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "4.2 mm" in skill._report.frames[2].how
 
 
-def test_said_poses_that_contradict_what_the_frames_show_are_doubted(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_given_poses_that_contradict_the_frames_are_doubted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     frames = [looked(label, {1: 3}) for label in ("one", "two")]
     aside, far = np.eye(4), CameraMotion(None, np.inf, "nothing in common")
     aside[0, 3] = 0.5
@@ -189,7 +187,7 @@ def test_frames_whose_depth_does_not_lie_on_colour_are_doubted_where_they_show_f
     assert ["turned" in row["doubt"] for row in rows(out / FINDS)] == [False, True]
 
 
-def test_what_is_there_already_is_not_written_over_and_no_place_to_write_is_told_before(tmp_path: Path) -> None:
+def test_existing_files_are_not_written_over_and_an_unwritable_place_is_reported_before(tmp_path: Path) -> None:
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "mine.txt").write_text("mine")
     (tmp_path / "file").write_text("mine")
@@ -204,7 +202,7 @@ def test_what_is_there_already_is_not_written_over_and_no_place_to_write_is_told
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="nothing is read-only for root")
-def test_a_folder_that_is_read_only_is_told_before(tmp_path: Path) -> None:
+def test_a_read_only_folder_is_reported_before_the_work(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
     (problem,) = CountFruit.judge({"out": str(tmp_path / "out")}, None)
     assert "nothing can be written into" in problem.message
@@ -231,7 +229,7 @@ def test_a_disk_that_takes_nothing_fails_and_leaves_no_half_file(
     assert not [path for path in out.rglob("*") if path.name.startswith(".")]
 
 
-def test_what_is_told_stays_in_proportion_to_what_is_found() -> None:
+def test_messages_stay_in_proportion_to_findings() -> None:
     report, told = FruitReport(), 0
     inputs = looked("one", {1: 3, 5: 1})
     for _ in range(300):
@@ -265,7 +263,7 @@ def test_where_no_fruit_at_all_was_measured_the_depth_is_doubted(
     assert "These figures are not reliable" not in page
 
 
-def test_sizes_of_a_kind_tell_less_of_what_is_usual_than_its_model() -> None:
+def test_sizes_of_a_kind_constrain_less_than_its_model() -> None:
     sizes = KindSizes(0.073, 0.07, 0.957, 0.06)
     inputs = looked("one", {1: 3, 2: 1, 5: 5})
     seen = inputs["finds"].sightings

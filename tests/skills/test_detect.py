@@ -63,7 +63,7 @@ def look(skill: Detect | None = None, shown: Frame | None = None, **inputs: Any)
     return drive(skill or Detect(), {"fruit": "apple", **inputs}, devices={Camera: camera})
 
 
-def test_the_detection_says_all_about_its_fruit(scripted: list[Instance]) -> None:
+def test_the_detection_holds_all_about_its_fruit(scripted: list[Instance]) -> None:
     scripted += [instance(0.1, 0.5, score=0.95), instance(-0.1, 0.4, score=0.8), instance(0.0, 0.6, score=0.2)]
     outcome = look()
     assert outcome.status is Status.SUCCESS
@@ -106,7 +106,7 @@ def test_fruit_chosen_before_may_be_chosen_freely_or_never(scripted: list[Instan
     assert outcome.reason.code == "NOTHING_FOUND"
 
 
-def test_what_is_doubted_is_chosen_from_the_second_look_on_when_nothing_surer_is_left(scripted: list[Instance]) -> None:
+def test_a_doubtful_find_is_chosen_from_the_second_look_on_when_nothing_surer_is_left(scripted: list[Instance]) -> None:
     scripted += [instance(0.1, 0.5, score=0.9), instance(-0.1, 0.6, score=0.45), instance(0.0, 0.7, score=0.2)]
     skill = Detect()
     chosen = [look(skill, fallback_score=0.4).outputs["detection"].index for _ in range(3)]
@@ -116,7 +116,7 @@ def test_what_is_doubted_is_chosen_from_the_second_look_on_when_nothing_surer_is
     assert surest_first == [0, 0]
 
 
-def test_what_is_doubted_is_not_chosen_at_the_first_look(scripted: list[Instance]) -> None:
+def test_a_doubtful_find_is_not_chosen_at_the_first_look(scripted: list[Instance]) -> None:
     scripted += [instance(0.0, 0.5, score=0.45)]
     skill = Detect()
     first, second = look(skill, fallback_score=0.4), look(skill, fallback_score=0.4)
@@ -194,7 +194,7 @@ def test_a_fruit_is_chosen_so_many_times_and_the_others_first(scripted: list[Ins
     assert outcome.reason.message == "all 2 fruit in the frame were chosen 2 times"
 
 
-def test_a_users_own_weights_and_config_are_what_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_users_own_weights_and_config_are_used(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[object, object]] = []
 
     def finds(_frame: Frame, fruit: FruitModel, options: object) -> list[Instance]:

@@ -118,7 +118,7 @@ def test_a_fruit_that_is_light_by_its_size_is_pressed_before_it_comes_along(know
     assert (pressed[0] > 1.2) is known
 
 
-def test_without_room_below_the_pads_do_not_slide_and_what_was_told_is_kept():
+def test_without_room_below_the_pads_do_not_slide_and_the_configured_value_is_kept():
     scene = Standing()
     hold = scene.grasp()
     low = replace(WORKSPACE, table_z=float(scene.tcp[2, 3]) - 0.001)
@@ -178,7 +178,7 @@ def test_beyond_reach_nothing_moves():
 
 
 @pytest.mark.parametrize("what", ["LOST", "SENSOR_STALE", "SENSOR_SATURATED"])
-def test_what_goes_wrong_with_the_grip_is_passed_on(what):
+def test_problems_of_the_grip_are_passed_on(what):
     scene = Standing()
     hold = scene.grasp()
 

@@ -51,7 +51,7 @@ def test_a_refusal_and_a_failure_of_the_arm_are_reasons():
     assert "following error" in outcome.reason.message
 
 
-def test_a_stop_by_somebody_else_is_told():
+def test_a_stop_by_another_client_is_reported():
     scene = PickingScene()
 
     def stop_at(tick: int) -> None:
@@ -75,7 +75,7 @@ def test_interrupted_it_stops_on_the_path_and_stays_there():
     np.testing.assert_array_equal(scene.arm.q, stopped)
 
 
-def test_what_a_camera_sees_coming_stops_the_arm_on_its_path_and_is_told():
+def test_an_approaching_object_in_view_stops_the_arm_on_its_path_and_is_reported():
     scene = PickingScene()
     devices, camera = watched(scene)
     planned = path(scene)

@@ -66,7 +66,7 @@ def test_the_angle_between_two_rotations_is_that_of_the_turn_from_one_to_the_oth
         assert angle_between(R, R @ rotation_about((0.6, 0.0, 0.8), angle)) == pytest.approx(angle, abs=1e-9)
 
 
-def test_a_pose_is_told_from_what_is_none(rng: np.random.Generator) -> None:
+def test_a_pose_is_distinguished_from_other_arrays(rng: np.random.Generator) -> None:
     T = some_pose(rng)
     assert is_pose(T)
     assert is_pose(T + 1e-9 * (np.arange(16).reshape(4, 4) < 12))

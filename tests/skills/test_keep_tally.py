@@ -29,7 +29,7 @@ def keep(detection: Detection, so_far: Tally | None = None, **inputs: Any):
     return drive(KeepTally(), {"detection": detection, "so_far": so_far, **inputs})
 
 
-def test_fruit_are_told_with_size_and_place_and_those_left_by_name():
+def test_fruit_are_listed_with_size_and_place_and_those_left_by_name():
     apple = apple_at(5, 1)
     first = keep(seen(-0.12, -0.35, apple.frame), measured=apple)
     second = keep(seen(0.1, -0.5), first.outputs["tally"], outcome="left", why="too wide for the gripper")

@@ -182,7 +182,7 @@ class Standing:
         return float(self.scene.tcp[2, 3] - a_grasp().T_base_grasp[2, 3])
 
 
-def test_what_the_grip_can_hold_is_lifted_without_a_stop():
+def test_a_load_that_the_grip_can_hold_is_lifted_without_a_stop():
     fruit = Standing(weight=2.0)
     outcome = fruit.lift()
     assert outcome.status is Status.SUCCESS
@@ -214,7 +214,7 @@ def test_a_fruit_that_creeps_is_watched_for_as_long_as_is_allowed():
 
 
 @pytest.mark.parametrize(("lever", "code"), [(0.0, "TOO_HEAVY"), (0.03, "FORCE_LIMIT")])
-def test_what_needs_more_force_than_is_allowed_is_put_back_before_it_hangs(lever: float, code: str):
+def test_a_fruit_that_needs_more_than_the_allowed_force_is_put_back_before_it_hangs(lever: float, code: str):
     fruit = Standing(weight=20.0 if lever == 0.0 else 2.5, lever=lever)
     highest = 0.0
 
@@ -264,7 +264,7 @@ def test_a_load_that_is_too_much_for_a_moment_only_is_borne():
     assert fruit.lift(each_tick=jolt).status is Status.SUCCESS
 
 
-def test_a_fruit_that_falls_while_it_is_put_back_is_lost_and_not_told_as_put_back():
+def test_a_fruit_that_falls_while_it_is_put_back_is_lost_and_not_reported_as_put_back():
     fruit = Standing(weight=20.0)
     highest = 0.0
 
@@ -280,7 +280,7 @@ def test_a_fruit_that_falls_while_it_is_put_back_is_lost_and_not_told_as_put_bac
     assert fruit.scene.arm.settled()
 
 
-def test_what_slid_down_in_the_fingers_is_not_pressed_into_the_table():
+def test_a_fruit_that_slid_down_in_the_fingers_is_not_pressed_into_the_table():
     fruit = Standing(weight=20.0)
     feel, highest, pressed = fruit.scene.fingers.feel, 0.0, []
 
@@ -329,7 +329,7 @@ def test_pads_that_have_slid_up_over_a_fruit_that_stands_are_not_driven_down_ove
     assert fruit.scene.arm.settled()
 
 
-def test_what_a_fruit_resists_while_the_arm_speeds_up_is_no_table():
+def test_inertia_while_the_arm_speeds_up_is_no_table():
     fruit = Standing(weight=2.0)
     feel, highest, down = fruit.scene.fingers.feel, 0.0, False
 
@@ -352,7 +352,7 @@ def test_what_a_fruit_resists_while_the_arm_speeds_up_is_no_table():
     assert fruit.risen < 2e-3
 
 
-def test_where_there_is_no_way_back_it_says_that_the_fruit_is_still_up(monkeypatch: pytest.MonkeyPatch):
+def test_without_a_path_back_it_reports_that_the_fruit_is_still_up(monkeypatch: pytest.MonkeyPatch):
     fruit = Standing(weight=20.0)
 
     def only_up(robot, q, T_base_goal):

@@ -50,7 +50,7 @@ def test_an_unknown_pose_is_named_with_those_that_exist():
     assert "observe, observe_2, home" in outcome.reason.message
 
 
-def test_a_start_inside_the_table_says_which_link():
+def test_a_start_inside_the_table_names_the_link():
     scene = PickingScene(q=np.array([-1.36, 1.6, -0.264, -0.234, 0.065, -1.294, 0.048]))
     outcome = drive(MoveTo(), {"pose": "home"}, scene.devices, clock=scene.clock)
     assert outcome.reason.code == "START_IN_COLLISION"
@@ -98,7 +98,7 @@ def test_a_held_fruit_stays_upright_on_the_way():
 
 
 @pytest.mark.parametrize("where", ["start", "goal"])
-def test_a_pose_that_would_tilt_the_fruit_is_told_and_nothing_moves(where):
+def test_a_pose_that_would_tilt_the_fruit_is_reported_and_nothing_moves(where):
     grasp = a_grasp(1, 3)
     tilted = grasp.q_pre_grasp[0].copy()
     tilted[5] += 0.3
@@ -152,7 +152,7 @@ def test_a_fruit_that_the_map_leaves_out_is_avoided():
     assert world.check_path(np.array([HOME, OBSERVE]), scene.width) is not None
 
 
-def test_what_a_camera_sees_coming_stops_the_arm():
+def test_an_approaching_object_in_view_stops_the_arm():
     scene = PickingScene()
     devices, camera = watched(scene)
     come = comes_near(scene, camera)

@@ -69,7 +69,7 @@ def test_candidates_in_collision_are_named_with_link_and_obstacle():
     assert outcome.reason.data["candidates"] == [grasp.index]
 
 
-def test_a_start_in_collision_says_where():
+def test_a_start_in_collision_names_the_place():
     seen = seen_map()
     states = seen.states.copy()
     i, j, k = seen.cell_of(ROBOT_MODEL.tcp(OBSERVE)[:3, 3])
@@ -96,7 +96,7 @@ def test_a_map_that_is_empty_or_old_is_not_planned_in(seen):
     assert outcome.reason.code == "MAP_STALE"
 
 
-def test_planning_that_takes_too_long_is_cancelled_and_told():
+def test_planning_that_takes_too_long_is_cancelled_and_reported():
     scene = PickingScene(clock=RealTimeClock())
     given = {"to": candidates(*GRASPS), "map": seen_map(), "budget": 0.2}
     outcome = drive(Plan(), given, scene.devices, clock=scene.clock, computing=10**9)

@@ -147,7 +147,7 @@ def test_without_decisions_in_time_the_arm_comes_to_rest(setting: Setting) -> No
     setting.within_limits()
 
 
-def test_a_stop_by_somebody_else_is_told_and_a_refusal_too(setting: Setting) -> None:
+def test_a_stop_by_another_client_is_reported_and_a_refusal_too(setting: Setting) -> None:
     outcome = setting.drive(lambda tick: setting.arm.safe_stop("somebody pressed stop") if tick == 20 else None)
     assert outcome.reason.code == "STOPPED"
     outcome = setting.drive()

@@ -84,7 +84,7 @@ def test_it_first_goes_to_the_pose_it_is_given():
     np.testing.assert_allclose(scene.arm.followed[0].q[-1], HOME, atol=1e-9)
 
 
-def test_a_fruit_lost_on_the_way_down_is_told():
+def test_a_fruit_lost_on_the_way_down_is_reported():
     scene = over_ground(None)
 
     def drop(tick: int) -> None:
@@ -97,7 +97,7 @@ def test_a_fruit_lost_on_the_way_down_is_told():
     assert scene.gripper.moves == []
 
 
-def test_it_opens_only_after_what_carries_the_fruit_has_let_it_hang_again():
+def test_it_opens_only_after_the_fruit_hangs_again():
     before = PickingScene(q=a_grasp().q_pre_grasp[0].copy()).tcp[2, 3]
     scene = over_ground(before - 0.06)
     heights = []
@@ -145,7 +145,7 @@ def test_a_jolt_on_the_way_down_opens_nothing():
     assert scene.gripper.moves == []
 
 
-def test_a_fruit_that_is_lost_while_it_is_raised_is_not_said_to_be_held():
+def test_a_fruit_lost_while_it_is_raised_is_not_reported_as_held():
     before = PickingScene(q=a_grasp().q_pre_grasp[0].copy()).tcp[2, 3]
     scene = over_ground(before - 0.02)
     calm, lowest = scene.fingers.feel, [before]
@@ -195,7 +195,7 @@ class Held:
         return drive(Release(), {"hold": self.hold}, self.scene.devices, clock=self.scene.clock, each_tick=each_tick)
 
 
-def test_what_is_taken_for_a_floor_and_is_none_leaves_the_fruit_under_force_control():
+def test_a_false_floor_leaves_the_fruit_under_force_control():
     held = Held(None)
 
     def jolt(tick: int) -> None:
@@ -302,7 +302,7 @@ LIES = {
 
 
 @pytest.mark.parametrize("lie", LIES)
-def test_what_the_fingers_lie_is_not_taken_for_a_floor(lie):
+def test_faulty_finger_readings_are_not_taken_for_a_floor(lie):
     scene = over_ground(None)
     calm = scene.fingers.feel
     scene.fingers.feel = lambda now: LIES[lie](now, calm(now))
@@ -381,7 +381,7 @@ def test_it_ends_before_the_gripper_would_touch_the_table():
     assert scene.gripper.moves == []
 
 
-def test_it_is_quick_until_the_fruit_is_near_to_what_is_known():
+def test_it_is_quick_until_the_fruit_is_near_a_known_object():
     slow, quick = over_ground(-0.085), over_ground(-0.085)
     outcomes = [
         drive(Release(), inputs, scene.devices, clock=scene.clock)
@@ -392,7 +392,7 @@ def test_it_is_quick_until_the_fruit_is_near_to_what_is_known():
     assert quick.arm.followed[1].duration > 0.5  # the last two centimetres
 
 
-def test_what_a_camera_sees_coming_stops_the_arm():
+def test_an_approaching_object_in_view_stops_the_arm():
     scene = over_ground(None)
     devices, camera = watched(scene)
     come = comes_near(scene, camera)
@@ -413,7 +413,7 @@ def test_a_camera_that_shows_the_table_elsewhere_starts_no_motion(code):
     assert scene.arm.followed == []
 
 
-def test_a_pose_that_would_tilt_the_fruit_is_told_and_it_stays_held():
+def test_a_pose_that_would_tilt_the_fruit_is_reported_and_it_stays_held():
     scene = over_ground(None)
     inputs = {"into": "home", "grasp": a_grasp(), "upright": np.radians(2.0)}
     outcome = drive(Release(), inputs, scene.devices, clock=scene.clock)

@@ -153,7 +153,7 @@ def test_a_load_raises_the_force_and_the_force_follows_it_down() -> None:
     assert settled.f_n == pytest.approx(1.065 * 1.1 * settled.f_least, rel=0.03)
 
 
-def test_what_was_felt_is_shown_in_one_unbroken_series() -> None:
+def test_finger_forces_are_shown_in_one_unbroken_series() -> None:
     outcome = Rig().drive()
     views = [view for topic, view in outcome.published if topic == "grip"]
     assert all(isinstance(view, SeriesView) for view in views)
@@ -177,7 +177,7 @@ def test_a_jammed_gripper_is_no_contact() -> None:
     assert code(rig.drive()) == "NO_CONTACT"
 
 
-def test_one_finger_that_touches_alone_is_told_and_bounded() -> None:
+def test_one_finger_that_touches_alone_is_reported_and_bounded() -> None:
     rig = Rig()
     both = rig.fingers.feel
 
@@ -207,7 +207,7 @@ def test_a_finger_that_is_pressed_before_the_start_is_a_force_limit() -> None:
     assert code(rig.drive()) == "FORCE_LIMIT"
 
 
-def test_a_motor_that_presses_on_what_no_finger_feels_is_a_sensor_fault_that_ends_the_run() -> None:
+def test_a_motor_force_that_no_finger_measures_is_a_sensor_fault_that_ends_the_run() -> None:
     rig = Rig()
     state = rig.gripper.state
     rig.gripper.state = lambda: replace(state(), motor_force=2000.0 * max(WIDTH - rig.gripper.width, 0.0))  # type: ignore[method-assign]
@@ -309,7 +309,7 @@ def test_interrupted_while_the_fruit_is_held_the_grip_holds() -> None:
     assert hold.reading.f_n > 4.0
 
 
-def test_the_grip_outlives_everybody_who_knew_it() -> None:
+def test_the_grip_outlives_all_its_references() -> None:
     rig = Rig()
     rig.drive()
     rig.clock.advance(0.5)
@@ -375,7 +375,7 @@ def test_a_load_beyond_the_gripper_is_a_force_limit_and_is_held_at_it() -> None:
     assert hold.problem.code in ("FORCE_LIMIT", "SLIPPED")
 
 
-def test_a_gripper_that_is_lost_is_told_and_asked_again() -> None:
+def test_a_lost_gripper_is_reported_and_asked_again() -> None:
     rig = Rig()
     hold = rig.grasp()
     working = rig.gripper.set_speed
@@ -428,7 +428,7 @@ def test_pivot_lets_the_fruit_hang_plumb_and_holds_it_again() -> None:
     assert after.f_n > 2.0 / 0.75
 
 
-def test_pivot_that_leaves_the_fruit_tilted_says_so() -> None:
+def test_pivot_that_leaves_the_fruit_tilted_reports_it() -> None:
     rig = Rig()
     hold = rig.grasp()
     rig.carry(2.0, moment=0.02)
@@ -454,7 +454,7 @@ def test_pivot_interrupted_holds_against_turning_again() -> None:
     assert hold.reading.f_n > hold.reading.f_least
 
 
-def test_pivot_passes_on_what_goes_wrong() -> None:
+def test_pivot_passes_on_failures() -> None:
     rig = Rig()
     hold = rig.grasp()
 

@@ -115,7 +115,7 @@ def test_a_stream_that_stops_ends_it_with_the_fingers_at_rest() -> None:
     assert gripper.width == pytest.approx(width, abs=1e-6)
 
 
-def test_fingers_without_samples_or_without_a_fruit_are_told() -> None:
+def test_fingers_without_samples_or_without_a_fruit_are_reported() -> None:
     cell, _ = mock_cell()
     sensor = cell.devices["fingers"]
     assert isinstance(sensor, MockForceSensor)

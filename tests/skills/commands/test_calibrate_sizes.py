@@ -59,7 +59,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("how", [(), ("--by-shape",)], ids=["by hand", "by shape"])
-def test_what_is_learnt_is_what_a_fruit_file_includes(how, capsys) -> None:
+def test_learnt_values_are_those_that_a_fruit_file_includes(how, capsys) -> None:
     assert main(["calibrate", "sizes", write(finds(400)), "--out", "sizes.yaml", *how]) == 0
     assert capsys.readouterr().out.startswith("400 fruit: width 7")
     text = (APPLE / "fruit.yaml").read_text().replace("apple.ply", str(APPLE / "apple.ply"))
@@ -120,7 +120,7 @@ def spoilt(rows: list[dict[str, str]], **values: str) -> list[dict[str, str]]:
         (lambda rows: rows, ("--fruit", "pear"), "pear"),
     ],
 )
-def test_what_teaches_nothing_is_refused_in_a_line_and_nothing_is_written(
+def test_data_without_anything_to_learn_are_refused_in_a_line_and_nothing_is_written(
     spoil: Callable[..., list[dict[str, str]]], how: tuple[str, ...], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["calibrate", "sizes", write(spoil(finds(12))), "--out", "sizes.yaml", *how]) == 2
@@ -130,7 +130,7 @@ def test_what_teaches_nothing_is_refused_in_a_line_and_nothing_is_written(
     assert not Path("sizes.yaml").exists()
 
 
-def test_no_file_is_written_over_and_what_is_no_table_is_told(capsys) -> None:
+def test_no_file_is_written_over_and_a_run_without_tables_is_reported(capsys) -> None:
     Path("sizes.yaml").write_text("mine")
     assert main(["calibrate", "sizes", write(finds(12)), "--out", "sizes.yaml"]) == 2
     assert "sizes.yaml is there already" in capsys.readouterr().err
@@ -151,7 +151,7 @@ def test_no_file_is_written_over_and_what_is_no_table_is_told(capsys) -> None:
     assert "nothing.csv is not a file" in capsys.readouterr().err
 
 
-def test_width_and_height_that_are_exchanged_are_told_by_the_kinds_proportions(capsys) -> None:
+def test_exchanged_width_and_height_are_found_by_the_kinds_proportions(capsys) -> None:
     rows = finds(30)
     swapped = [{**row, "true_width_mm": row["true_height_mm"], "true_height_mm": row["true_width_mm"]} for row in rows]
     assert main(["calibrate", "sizes", write(swapped), "--out", "sizes.yaml"]) == 2

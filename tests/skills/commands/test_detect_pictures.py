@@ -68,7 +68,7 @@ def test_a_folder_of_pictures_becomes_a_table_and_pictures_with_boxes(
     assert "2 fruit in 2 pictures" in capsys.readouterr().out
 
 
-def test_depth_images_and_what_a_mac_lays_beside_pictures_are_no_pictures(pictures: Path, tmp_path: Path) -> None:
+def test_depth_images_and_hidden_files_of_a_mac_are_no_pictures(pictures: Path, tmp_path: Path) -> None:
     cv2.imwrite(str(pictures / "a_depth_mm.png"), np.full((120, 160), 900, np.uint16))
     (pictures / "._a.png").write_bytes(b"Mac OS X")
     assert run(pictures, "--out", tmp_path / "out") == 0
@@ -174,7 +174,7 @@ def test_a_file_that_is_no_picture_is_named_and_the_others_are_done(
         (("--out", "."), "is there already"),
     ],
 )
-def test_what_cannot_be_done_is_refused_before_anything_is_written(
+def test_an_impossible_export_is_refused_before_anything_is_written(
     pictures: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...],
     said: str,
 ) -> None:  # fmt: skip
@@ -186,7 +186,7 @@ def test_what_cannot_be_done_is_refused_before_anything_is_written(
     assert not (pictures / "detected").exists()
 
 
-def test_an_empty_folder_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_empty_folder_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(tmp_path, "--out", tmp_path / "out") == 2
     assert "holds no pictures" in capsys.readouterr().err
 

@@ -150,7 +150,7 @@ def test_train_goes_on_from_photographs_and_an_interrupted_run_ends_the_same(
     assert len({read_weights(tmp_path / name / "apple.weights").scores for name in ("whole", "cut")}) == 1
 
 
-def test_training_on_bad_input_says_one_line_and_touches_nothing(
+def test_training_on_bad_input_prints_one_line_and_touches_nothing(
     small: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder, work = tables(tmp_path / "photographs"), tmp_path / "work"
@@ -183,7 +183,7 @@ def test_training_on_bad_input_says_one_line_and_touches_nothing(
     assert (work / "apple.weights").read_bytes() == b"weights of yesterday"
 
 
-def test_weights_are_exported_in_one_command_and_what_cannot_be_is_said_in_one_line(
+def test_weights_are_exported_in_one_command_and_others_are_refused_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     small = tmp_path / "small.weights"

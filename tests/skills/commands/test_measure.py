@@ -104,7 +104,7 @@ def test_a_frame_that_is_damaged_is_named_and_the_others_are_measured(
         (lambda folder: None, ("--out", "my frames: 7"), "my frames: 7 is there already: name another folder"),
     ],
 )
-def test_what_cannot_be_measured_is_refused_in_a_line_and_nothing_is_written(
+def test_an_unmeasurable_input_is_refused_in_a_line_and_nothing_is_written(
     frames: Path, capsys: pytest.CaptureFixture[str], spoil, arguments: tuple[str, ...], words: str
 ) -> None:
     spoil(frames)
@@ -117,7 +117,7 @@ def test_what_cannot_be_measured_is_refused_in_a_line_and_nothing_is_written(
 
 
 @pytest.mark.parametrize(("there", "words"), [(True, "out holds the results so far"), (False, "nothing was measured")])
-def test_after_ctrl_c_it_says_what_there_is(
+def test_after_ctrl_c_the_partial_result_is_printed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], there: bool, words: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -134,6 +134,6 @@ def test_after_ctrl_c_it_says_what_there_is(
     assert words in capsys.readouterr().err
 
 
-def test_a_path_that_is_not_there_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_path_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["measure", str(tmp_path / "nothing")]) == 2
     assert "there is no such folder or file" in capsys.readouterr().err

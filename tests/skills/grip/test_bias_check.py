@@ -62,7 +62,7 @@ def test_forces_in_coarse_steps_are_refused_whether_noise_crosses_a_step_or_not(
     assert error.measured in (0.0, pytest.approx(step))
 
 
-def test_an_error_says_what_was_measured_what_is_expected_and_what_to_do() -> None:
+def test_an_error_has_measured_value_expected_value_and_remedy() -> None:
     samples = noise()
     samples[:, 1, 2] = np.where(np.arange(100) % 7, 0.0, 0.5)
     error = refused(samples)

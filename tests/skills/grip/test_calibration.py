@@ -92,7 +92,7 @@ def test_a_live_stream_becomes_a_push_without_its_bias() -> None:
         PushRecorder().push()
 
 
-def test_one_twist_does_not_tell_how_the_contact_grows_and_no_contact_is_larger_than_the_pads() -> None:
+def test_one_twist_does_not_show_how_the_contact_grows_and_no_contact_is_larger_than_the_pads() -> None:
     def slide(f_n: float, f_t: float, tau_n: float) -> Push:
         wrenches = np.zeros((500, 2, 6))
         wrenches[:, :, 2] = -f_n

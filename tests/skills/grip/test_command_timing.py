@@ -26,11 +26,11 @@ def test_never_two_within_twenty_milliseconds() -> None:
     assert min(gaps(times_of(rates))) == 0.02
 
 
-def test_what_goes_on_is_told_again_within_the_watchdogs_time() -> None:
+def test_a_continued_command_is_sent_again_within_the_watchdogs_time() -> None:
     assert max(gaps(times_of([-0.001] * 1000))) == 0.06
 
 
-def test_rest_is_told_twice_a_second() -> None:
+def test_rest_is_reported_twice_a_second() -> None:
     assert gaps(times_of([0.0] * 1500))[-2:] == [0.5, 0.5]
 
 
@@ -43,7 +43,7 @@ def test_trims_wait_only_when_it_has_been_calm() -> None:
     assert stirred[-8:] == [0.02] * 8
 
 
-def test_what_matters_goes_out_at_once_when_the_channel_is_free() -> None:
+def test_urgent_messages_go_out_at_once_when_the_channel_is_free() -> None:
     rates = [0.0] * 700 + [-0.05] * 10
     assert 1.4 in [round(t, 4) for t in times_of(rates)]
 

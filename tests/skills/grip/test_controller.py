@@ -274,7 +274,7 @@ def test_a_dead_finger_is_reported_and_the_other_one_counts() -> None:
     assert controller.phase is GripPhase.HOLDING
 
 
-def test_a_finger_that_says_too_little_does_not_let_the_other_one_press_beyond_the_limit() -> None:
+def test_a_finger_that_reads_too_little_does_not_let_the_other_one_press_beyond_the_limit() -> None:
     """The pads give as springs; the left finger's signal shows half of its load, and the fruit needs 12 N."""
     controller, wrenches = holding()
     wrenches[:, 0] = 3.6

@@ -91,7 +91,7 @@ def test_the_fingers_own_motion_is_felt_without_lag() -> None:
     assert follow_closing_fingers(told=1.0, noise=0.1) < 0.5 * follow_closing_fingers(told=0.0, noise=0.1)
 
 
-def test_pads_that_are_half_as_stiff_as_told_are_felt_no_worse_than_with_no_word() -> None:
+def test_pads_half_as_stiff_as_configured_are_measured_no_worse_than_without_a_value() -> None:
     assert follow_closing_fingers(told=2.0, noise=0.1) < 1.1 * follow_closing_fingers(told=0.0, noise=0.1)
 
 

@@ -14,7 +14,7 @@ SETTINGS = ForceLoopSettings(max_force=10.0)
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_what_is_not_finite_stops_the_fingers(bad: float) -> None:
+def test_a_value_that_is_not_finite_stops_the_fingers(bad: float) -> None:
     assert finger_speed(bad, 0.0, 2.0, SETTINGS) == 0.0
     assert finger_speed(2.0, bad, 2.0, SETTINGS) == 0.0
     assert finger_speed(2.0, 0.0, bad, SETTINGS) == 0.0

@@ -159,7 +159,7 @@ def test_friction_that_makes_no_sense_is_refused() -> None:
         SoftContact(k=float("nan"))
 
 
-def test_the_table_gives_what_a_root_finder_finds_on_the_exact_integrals() -> None:
+def test_the_table_agrees_with_a_root_finder_on_the_exact_integrals() -> None:
     """Newton or bisection: the same point of the surface."""
     sigma = 2.0 * xi_nu(4.0) * FIRST_SET.delta / 0.4**0.2569 * 1.0 / 0.005
 

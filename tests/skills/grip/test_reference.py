@@ -95,7 +95,7 @@ def test_a_load_that_rises_counts_at_once() -> None:
     assert follow(reference, [load(3.0, noise=0.02)])[0] > MARGIN * 2.9
 
 
-def test_what_presses_enough_already_is_not_hurried() -> None:
+def test_a_grip_that_presses_enough_already_is_not_hurried() -> None:
     reference, hurried = carrying(), carrying()
     follow(reference, [load(2.0, rise=0.3)] * 5, f_n=4.0)
     follow(hurried, [load(2.0, rise=0.3)] * 5, f_n=2.2)
@@ -122,7 +122,7 @@ def test_a_frozen_reference_never_falls() -> None:
     assert reference.f_ref >= MARGIN * 2.0 - 1e-6
 
 
-def test_fingers_that_contradict_themselves_raise_the_force_to_twice_what_held_at_most() -> None:
+def test_fingers_that_contradict_themselves_raise_the_force_to_twice_the_holding_force_at_most() -> None:
     reference = carrying()
     before = reference.f_ref
     reference.distrust("because")
@@ -143,17 +143,17 @@ def rising(settings: GripSettings, f_t: float) -> float:
     return highest
 
 
-def test_a_load_is_not_taken_to_grow_beyond_what_the_fruit_may_weigh() -> None:
+def test_a_load_is_not_taken_to_grow_beyond_the_fruits_greatest_weight() -> None:
     unknown, known = GripSettings(margin=MARGIN), GripSettings(margin=MARGIN, expected_load=2.0)
     assert rising(known, f_t=1.5) < rising(unknown, f_t=1.5) - 1.0
 
 
-def test_a_fruit_that_is_heavier_than_its_size_says_is_answered_as_any() -> None:
+def test_a_fruit_heavier_than_expected_from_its_size_is_handled_as_any() -> None:
     unknown, known = GripSettings(margin=MARGIN), GripSettings(margin=MARGIN, expected_load=2.0)
     assert rising(known, f_t=2.1) == rising(unknown, f_t=2.1)
 
 
-def test_what_a_fruit_that_stands_is_borne_by_is_no_load_until_it_changes() -> None:
+def test_the_force_below_a_standing_fruit_is_no_load_until_it_changes() -> None:
     reference = ForceReference(GripSettings(margin=MARGIN))
     reference.begin(2.2)
     reference.stand((1.5, 0.0))
@@ -191,7 +191,7 @@ def test_a_hit_at_a_fruit_that_is_held_well_is_not_answered() -> None:
     assert reference.f_ref == pytest.approx(before)
 
 
-def test_what_the_reserve_asks_for_has_a_margin_of_its_own() -> None:
+def test_the_reserve_has_a_margin_of_its_own() -> None:
     reference = lifted(GripSettings(margin=1.2))
     follow(reference, [load(2.0, f_reserved=6.0)] * 3000)
     own = GripSettings().reference.reserve_margin

@@ -213,7 +213,7 @@ def test_fingers_that_read_nothing_while_the_motor_presses_on_are_found_within_t
     assert found - lost <= 0.08
 
 
-def test_a_saturated_finger_is_told_as_saturated() -> None:
+def test_a_saturated_finger_is_reported_as_saturated() -> None:
     controller, rng, wrenches, count = carrying()
     for i in range(count, count + 60):
         sample = wrenches + 0.04 * NOISE * rng.normal(0.0, 1.0, (2, 6))

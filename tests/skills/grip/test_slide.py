@@ -31,7 +31,7 @@ def slid(mu, f_n=(0.4, 0.6), way=1.0, load=0.0, bias=0.0, samples=60, noise=0.0,
     second=st.floats(0.2, 3.0),
     bias=st.floats(-0.01, 0.01),
 )
-def test_what_rubs_is_found_whatever_the_forces_and_the_bias(mu, first, second, bias):
+def test_friction_is_found_at_any_forces_and_bias(mu, first, second, bias):
     up, down = (slid(mu, (first, second), way, bias=bias) for way in (1.0, -1.0))
     found = friction_of_slides(up, down, CONTACT)
     assert found.mu == pytest.approx(mu, rel=1e-9)

@@ -38,7 +38,9 @@ def lift(fruit: Fruit, told: float, **changes: object) -> tuple:
 
 @pytest.mark.parametrize("fruit", [HEAVY, APPLE], ids=["heavy", "apple"])
 @pytest.mark.parametrize("told", [1.3, 1.5])
-def test_friction_that_was_told_too_high_is_corrected_by_the_slip_that_it_causes(fruit: Fruit, told: float) -> None:
+def test_friction_that_was_configured_too_high_is_corrected_by_the_slip_that_it_causes(
+    fruit: Fruit, told: float
+) -> None:
     result, controller, _ = lift(fruit, told)
     assert result.held
     assert result.slip < 0.004
@@ -61,7 +63,7 @@ def test_friction_that_is_right_is_left_alone() -> None:
         assert seen == {}
 
 
-def test_where_the_fruit_touches_says_how_far_it_slid() -> None:
+def test_the_contact_points_give_the_slid_distance() -> None:
     result, controller, _ = lift(HEAVY, 1.5)
     assert controller.slipped == pytest.approx(result.slip, abs=5e-4)
     assert np.isfinite(controller.slipped)

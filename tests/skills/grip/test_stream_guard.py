@@ -14,7 +14,7 @@ def periods(guard: StreamGuard, stamp: float, sequence: int, wrenches: np.ndarra
     return 0 if sample is None else sample.periods
 
 
-def test_the_guard_counts_periods_and_tells_what_was_odd() -> None:
+def test_the_guard_counts_periods_and_names_irregular_ones() -> None:
     guard = StreamGuard(0.002)
     zero = np.zeros((2, 6))
     assert periods(guard, 0.000, 0, zero) == 1

@@ -47,7 +47,7 @@ def test_a_goal_with_another_orientation_is_reached_evenly():
     assert np.arccos((np.trace(turned) - 1.0) / 2.0) == pytest.approx(0.1, abs=0.02)
 
 
-def test_beyond_reach_it_says_how_far_it_came():
+def test_beyond_reach_the_failure_states_the_reached_distance():
     line = straight_line(ROBOT_MODEL, OBSERVE, goal_along_approach(0.8))
     assert not line.complete
     assert 0.0 < line.reached < 1.0

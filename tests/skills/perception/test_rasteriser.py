@@ -29,7 +29,7 @@ def by_rays(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return depth, index, shares
 
 
-def test_every_pixel_shows_what_its_ray_meets_first() -> None:
+def test_every_pixel_shows_the_first_surface_on_its_ray() -> None:
     points, faces = triangles(0, 12)
     depth, index, shares = by_rays(points, faces)
     nearest, shown, parts = np.zeros(SHAPE), np.full(SHAPE, -1, np.int32), np.zeros((*SHAPE, 2), np.float32)
@@ -41,7 +41,7 @@ def test_every_pixel_shows_what_its_ray_meets_first() -> None:
     assert np.allclose(parts, shares, atol=1e-6)
 
 
-def test_triangles_that_are_left_out_are_not_drawn_and_areas_tell_which_side_is_seen() -> None:
+def test_triangles_that_are_left_out_are_not_drawn_and_areas_show_the_visible_side() -> None:
     points, faces = triangles(1, 8)
     u, v, nearness = project(points, CAMERA)
     towards = signed_areas(u, v, faces) < 0.0
@@ -53,7 +53,7 @@ def test_triangles_that_are_left_out_are_not_drawn_and_areas_tell_which_side_is_
     assert np.array_equal(by_rays(points, faces[towards])[1] >= 0, shown >= 0)
 
 
-def test_neighbours_leave_no_crack_and_what_lies_outside_the_picture_draws_nothing() -> None:
+def test_neighbours_leave_no_crack_and_triangles_outside_the_picture_draw_nothing() -> None:
     corners = np.array([[-1.0, -1.0, 0.5], [1.0, -1.0, 0.5], [1.0, 1.0, 0.5], [-1.0, 1.0, 0.5]])
     faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
     nearest = np.zeros(SHAPE)

@@ -94,7 +94,7 @@ def test_a_tray_beside_the_table_is_no_table_and_one_that_hides_it_is() -> None:
 
 
 @pytest.mark.parametrize("known_as", ["box", "hull"])
-def test_what_the_cell_file_knows_is_not_compared_with_the_table(known_as: str) -> None:
+def test_objects_of_the_cell_file_are_not_compared_with_the_table(known_as: str) -> None:
     tray = plane_depth(T_BASE_CAMERA, TABLE_Z + 0.03)
     corners = np.array([[x, y, z] for x in (-0.7, 0.7) for y in (-0.8, 0.4) for z in (TABLE_Z, TABLE_Z + 0.03)])
     box = Box("tray", transform(None, corners.mean(axis=0)), tuple((np.ptp(corners, axis=0) / 2.0).tolist()))

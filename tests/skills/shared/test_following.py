@@ -68,7 +68,7 @@ def test_interrupted_it_stops_the_motion_and_passes_once_all_is_at_rest():
         next(following)
 
 
-def test_what_the_watch_raises_stops_the_motion_first():
+def test_an_exception_of_the_watch_stops_the_motion_first():
     class Felt(Exception):
         pass
 

@@ -28,7 +28,7 @@ def test_a_weight_that_stays_is_a_fruit_that_hangs() -> None:
     assert hanging.missing() == ""
 
 
-def test_a_weight_that_goes_is_told_within_a_tenth_of_a_second() -> None:
+def test_a_vanished_weight_is_reported_within_a_tenth_of_a_second() -> None:
     _, said = watch([2.0] * 50 + [0.1] * 6)
     assert said[:52] == [""] * 52
     assert "weight has gone" in said[-1]

@@ -85,7 +85,7 @@ def test_parts_stand_where_planning_has_them() -> None:
             assert away.min(axis=1).max() < 2e-4  # every corner lies in the cover that planning uses
 
 
-def test_what_stands_still_is_told_once() -> None:
+def test_a_standing_device_is_reported_once() -> None:
     arm = Standing()
     watch = RobotWatch({Arm: arm, Gripper: Holding(arm)}.__getitem__)
     assert len(list(watch.look())) == 2

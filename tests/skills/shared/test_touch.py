@@ -15,7 +15,7 @@ def feel(
     scene.clock.advance(time)
 
 
-def test_what_is_felt_at_the_beginning_does_not_count():
+def test_contact_at_the_beginning_does_not_count():
     scene = PickingScene()
     feel(scene, (0.5, 0.0, -1.0), (0.0, 0.3, 0.0))
     with Touch(scene.fingers) as touch:

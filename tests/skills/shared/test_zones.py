@@ -60,7 +60,7 @@ def test_a_path_through_a_zone_is_refused_before_anything_moves() -> None:
     assert scene.arm.followed == []
 
 
-def test_an_arm_that_stands_in_a_zone_says_so_whether_it_plans_or_follows() -> None:
+def test_an_arm_that_stands_in_a_zone_is_reported_whether_it_plans_or_follows() -> None:
     scene = PickingScene()
     with_zone(scene, zone(ROBOT_MODEL.tcp(OBSERVE)[:3, 3]))
     planned = drive(MoveTo(), {"pose": "home"}, scene.devices, clock=scene.clock).reason

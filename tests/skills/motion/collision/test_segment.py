@@ -96,7 +96,7 @@ def test_a_path_names_its_first_segment_that_is_not_free() -> None:
 
 @settings(max_examples=60)
 @given(st.integers(0, 100_000))
-def test_what_was_proven_free_is_never_denied_where_another_check_looks_elsewhere(seed: int) -> None:
+def test_a_space_proven_free_is_never_denied_where_another_check_looks_elsewhere(seed: int) -> None:
     """A plan must not fail on its own path: any part of a segment that was proven is free to the one that executes."""
     rng = np.random.default_rng(seed)
     boxes = tuple(

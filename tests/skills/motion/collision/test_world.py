@@ -115,7 +115,7 @@ def test_an_open_gripper_is_wider_than_a_closed_one() -> None:
     assert hit.body.startswith("finger")
 
 
-def test_what_may_be_touched_is_ignored_only_for_the_named_parts() -> None:
+def test_touchable_objects_are_ignored_only_for_the_named_parts() -> None:
     q, around = above(0.08), 0.085  # the fingers reach 2.5 mm into the apple, the palm stays 38 mm away
     apple = Convex.of_points("target", robot.tcp(q)[:3, 3] + 0.045 * fibonacci_sphere(400))
     world = CollisionWorld.build(robot, table, obstacles=[apple])
@@ -252,7 +252,7 @@ def test_convex_distances_are_lower_bounds_and_close(seed: int) -> None:
     assert np.all(told >= np.where(true > 0.0, 0.96 * true, true) - 1e-3)
 
 
-def test_a_cylinder_contains_what_it_stands_for() -> None:
+def test_a_cylinder_contains_its_original() -> None:
     rng = np.random.default_rng(0)
     T = transform(rot_x(0.7), [0.1, 0.2, 0.3])
     can = Convex.of_cylinder("can", T, 0.05, 0.2)

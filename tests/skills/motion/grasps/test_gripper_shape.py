@@ -40,7 +40,7 @@ def test_fingers_slide_as_in_the_simulator(width):
     assert SHAPE.lowest(ROBOT_MODEL.tcp(OBSERVE), width)[0] == pytest.approx(lowest, abs=1e-6)
 
 
-def test_a_finger_first_touches_what_an_error_brings_under_its_tip():
+def test_a_finger_first_touches_an_object_that_an_error_brings_under_its_tip():
     tip, inner = 0.010, 0.040  # of the pads of the shipped hand, opened to 80 mm; the fingers are 2 mm longer
     ball = np.random.default_rng(0).normal(size=(20000, 3))
     ball *= 0.035 / np.linalg.norm(ball, axis=1)[:, None]

@@ -38,7 +38,7 @@ def test_every_cell_of_the_paper_has_many_candidates_with_all_other_fruit_on_the
     assert len(grasps) + len(ruled_out) == 48
 
 
-def test_candidates_keep_what_they_promise():
+def test_candidates_keep_their_promises():
     target = apple_at(3, 4)
     space = space_around(target)
     grasps, _ = sample(target, space=space)
@@ -93,7 +93,7 @@ def test_doubt_about_the_height_costs_tilted_grasps_first():
     assert {out.code for out in ruled_out} & {"TABLE", "TOO_WIDE"}
 
 
-def test_a_fruit_too_wide_for_the_fingers_says_so():
+def test_a_fruit_too_wide_for_the_fingers_is_reported():
     wide = replace(apple_at(1, 3), dimensions=np.array([0.105, 0.09, 0.105]))
     grasps, ruled_out = sample(wide)
     assert grasps == ()
@@ -101,7 +101,7 @@ def test_a_fruit_too_wide_for_the_fingers_says_so():
     assert "103 mm" in ruled_out[0].reason
 
 
-def test_a_neighbour_on_one_side_rules_out_what_would_touch_it():
+def test_a_neighbour_on_one_side_rules_out_grasps_that_would_touch_it():
     target = apple_at(4, 3)
     neighbour = replace(apple_at(4, 3), T_base_fruit=target.T_base_fruit.copy())
     neighbour.T_base_fruit[0, 3] += 0.078  # 5 mm of air along x

@@ -102,7 +102,7 @@ def test_pixels_without_depth_say_nothing() -> None:
     assert fused.states[i, j, k] == UNKNOWN
 
 
-def test_the_target_and_what_it_hides_are_left_out() -> None:
+def test_the_target_and_the_space_behind_it_are_left_out() -> None:
     frame = look(FROM_ABOVE, LEFT, RIGHT)
     target = Convex.of_points("target", LEFT + RADIUS * fibonacci_sphere(500))
     fused = integrate(empty(), frame, FROM_ABOVE, CELL, target=target)
@@ -129,7 +129,7 @@ def test_the_robot_itself_is_no_obstacle() -> None:
     assert np.linalg.norm(fused.centres(OCCUPIED, HIDDEN) - RIGHT, axis=1).min() > 0.1
 
 
-def test_a_second_look_opens_what_the_first_one_could_not_see() -> None:
+def test_a_second_image_opens_cells_that_the_first_one_did_not_show() -> None:
     first = integrate(empty(), look(FROM_ABOVE, LEFT, stamp=1.0), FROM_ABOVE, CELL)
     second = integrate(first, look(FROM_LEFT, LEFT, stamp=4.0), FROM_LEFT, CELL)
     hidden_then = first.states == HIDDEN
@@ -140,7 +140,7 @@ def test_a_second_look_opens_what_the_first_one_could_not_see() -> None:
     assert np.all(ages[second.last_look == 1] == 2.0)
 
 
-def test_what_was_taken_away_is_free_after_the_next_look() -> None:
+def test_a_removed_object_is_free_after_the_next_look() -> None:
     first = integrate(empty(), look(FROM_ABOVE, LEFT, RIGHT), FROM_ABOVE, CELL)
     second = integrate(first, look(FROM_ABOVE, RIGHT, stamp=1.0), FROM_ABOVE, CELL)
     left_over = np.linalg.norm(second.centres(OCCUPIED, HIDDEN) - LEFT, axis=1)

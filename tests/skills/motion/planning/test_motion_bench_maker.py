@@ -53,7 +53,7 @@ def test_scenes_and_requests_become_problems(tmp_path):
     assert second.world.obstacles == ()
 
 
-def test_solved_unsolved_and_invalid_are_told_apart(tmp_path):
+def test_solved_unsolved_and_invalid_are_distinguished(tmp_path):
     folder = tmp_path / "shelf"
     write(folder, 1, HOME)
     at_goal = ROBOT_MODEL.tcp(HOME)[:3, 3]
@@ -93,7 +93,7 @@ def test_a_file_that_is_wrong_is_named(tmp_path, name, content, says):
     assert bad.value.path.name == name
 
 
-def test_an_empty_folder_is_told(tmp_path):
+def test_an_empty_folder_is_reported(tmp_path):
     with pytest.raises(BadProblem, match=r"holds no request\*\.yaml"):
         problem_sets(tmp_path)
 
@@ -106,7 +106,7 @@ def test_an_empty_folder_is_told(tmp_path):
         (["--problems", "nowhere"], "holds no request"),
     ],
 )
-def test_bad_input_of_the_command_is_told_in_one_line(tmp_path, capsys, changed, says):
+def test_bad_input_of_the_command_is_reported_in_one_line(tmp_path, capsys, changed, says):
     write(tmp_path / "shelf", 1, HOME)
     parser = argparse.ArgumentParser()
     add(parser.add_subparsers())

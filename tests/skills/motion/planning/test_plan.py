@@ -73,7 +73,7 @@ def failure(request_: PlanRequest) -> PlanningFailed:
     return failed.value
 
 
-def test_start_in_collision_says_with_what():
+def test_start_in_collision_names_the_obstacle():
     failed = failure(request(DiscWorld(np.array([[0.5, 0.5, 0.1], [-1.5, -1.0, 0.2]]))))
     assert failed.code == "START_IN_COLLISION"
     assert failed.data["obstacle"] == "disc 1"

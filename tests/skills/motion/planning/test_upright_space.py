@@ -74,7 +74,7 @@ def test_a_segment_is_free_only_where_every_point_of_it_is() -> None:
     assert 20 < sum(said) < 180
 
 
-def test_too_narrow_a_bound_is_said_for_a_posture() -> None:
+def test_too_narrow_a_bound_is_reported_for_a_posture() -> None:
     space = UprightSpace(around(), UP, np.radians(5.0))
     tilted = START.copy()
     tilted[5] += 0.2

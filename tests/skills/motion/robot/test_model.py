@@ -91,7 +91,7 @@ def test_manipulability_vanishes_with_the_arm_stretched() -> None:
     assert robot.manipulability(stretched) < 1e-9
 
 
-def test_fingers_and_gripper_are_told_from_the_arm() -> None:
+def test_fingers_and_gripper_are_distinguished_from_the_arm() -> None:
     robot = RobotModel.load(SIA5F)
     groups = {body.name: body.group for body in robot.bodies}
     assert groups["link_t"] == "arm"

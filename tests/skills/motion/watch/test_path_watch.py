@@ -37,14 +37,14 @@ def watch(workspace: Workspace = WORKSPACE, **known: object) -> PathWatch:
     return PathWatch(SHAPE, PATH, SIA5F_LIMITS, 0.1, workspace, **known)  # type: ignore[arg-type]
 
 
-def test_nothing_new_is_told_though_the_robot_moves_through_the_image() -> None:
+def test_nothing_new_is_reported_though_the_robot_moves_through_the_image() -> None:
     looking = watch()
     for t in np.linspace(0.0, PATH.duration, 12):
         q = np.array([np.interp(t, PATH.t, joint) for joint in PATH.q.T])
         assert looking.look(frame(t, *robot_at(q)), T_BASE_CAMERA, q, 0.0, float(t)) is None
 
 
-def test_what_moves_in_within_reach_stops_the_arm_and_is_told_where_it_is() -> None:
+def test_an_object_that_moves_in_within_reach_stops_the_arm_and_is_reported_with_its_place() -> None:
     looking = watch()
     assert looking.look(frame(0.0, *robot_at(OBSERVE)), T_BASE_CAMERA, OBSERVE, 0.0, 0.0) is None
     x, y, z = on_the_way(0.5)
@@ -56,7 +56,7 @@ def test_what_moves_in_within_reach_stops_the_arm_and_is_told_where_it_is() -> N
     assert np.linalg.norm(np.array(told.point) - ball[:3]) < 0.1
 
 
-def test_what_moves_in_far_away_stops_nothing() -> None:
+def test_an_object_that_moves_in_far_away_stops_nothing() -> None:
     looking = watch()
     looking.look(frame(0.0, *robot_at(OBSERVE)), T_BASE_CAMERA, OBSERVE, 0.0, 0.0)
     far = (-0.55, -0.75, 0.0, 0.05)
@@ -64,7 +64,7 @@ def test_what_moves_in_far_away_stops_nothing() -> None:
     assert told is None
 
 
-def test_what_stands_there_unknown_stops_the_arm_only_where_it_would_get_at_it() -> None:
+def test_an_unknown_object_stops_the_arm_only_where_the_arm_would_reach_it() -> None:
     ball = (*on_the_way(0.9), 0.04)
     looking = watch()
     early = looking.look(frame(0.0, *robot_at(OBSERVE), ball), T_BASE_CAMERA, OBSERVE, 0.0, 0.0)
@@ -79,7 +79,7 @@ def test_what_stands_there_unknown_stops_the_arm_only_where_it_would_get_at_it()
     assert not told.moved
 
 
-def test_what_the_map_or_the_task_knows_is_no_news() -> None:
+def test_objects_of_the_map_or_the_task_are_not_new() -> None:
     x, y, z = on_the_way(0.5)
     ball = (x, y, z, 0.03)
     empty = OccupancyMap.empty(WORKSPACE.lower, WORKSPACE.upper, 0.01)

@@ -24,7 +24,7 @@ def sample(angle: float = 0.7) -> Annotation:
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7, 2.5, np.pi])
-def test_what_is_written_is_read_back(tmp_path: Path, angle: float) -> None:
+def test_written_values_are_read_back(tmp_path: Path, angle: float) -> None:
     path = tmp_path / "000001.json"
     written = sample(angle)
     write_annotation(path, written)

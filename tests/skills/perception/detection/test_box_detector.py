@@ -97,7 +97,7 @@ def test_a_model_that_cannot_be_used_is_a_failure_in_one_line(scene: RenderedFra
     assert "model.onnx: has the outputs logits (1, 1), expected boxes (n, 4)" in outcome.reason.message
 
 
-def test_check_names_what_is_wired_wrongly(tmp_path: Path) -> None:
+def test_check_names_wrong_wires(tmp_path: Path) -> None:
     config = tmp_path / "config_pose.yaml"
     config.write_text("dimensions: {apple: [9.756, 8.539, 9.590]}\n")
     known = {"fruit": "apple", "boxes": "none.onnx", "config": str(config), "weights": "", "pose_from": "depth"}

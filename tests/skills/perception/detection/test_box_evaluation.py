@@ -18,7 +18,7 @@ def boxes(*rows: tuple[float, float, float, float]) -> np.ndarray:
     return np.array(rows, np.float64).reshape(-1, 4)
 
 
-def test_overlap_is_the_shared_part_of_what_both_cover() -> None:
+def test_overlap_is_the_common_area_over_the_whole() -> None:
     overlaps = iou(boxes((0, 0, 10, 10), (5, 0, 10, 10)), boxes((0, 0, 10, 10), (20, 20, 1, 1)))
     assert overlaps == pytest.approx(np.array([[1.0, 0.0], [1.0 / 3.0, 0.0]]))
 

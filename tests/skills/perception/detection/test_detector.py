@@ -162,7 +162,7 @@ def test_untrained_networks_return_in_bounded_time_and_finite() -> None:
     assert all(np.isfinite([f.size, f.score, f.visibility]).all() for f in found)
 
 
-def test_evaluation_tells_found_missed_and_wrong_apart() -> None:
+def test_evaluation_distinguishes_found_missed_and_wrong() -> None:
     T = np.eye(4)
     T[2, 3] = 0.5
     points = np.vstack([np.array([[x, y] for x in (80.0, 120.0) for y in (80.0, 120.0)] * 2), [[100.0, 100.0]]])

@@ -31,7 +31,7 @@ def test_the_score_for_a_recall_is_the_highest_that_reaches_it(
     assert result.recall(higher) < recall
 
 
-def test_recall_and_precision_count_what_they_say() -> None:
+def test_recall_and_precision_follow_their_definitions() -> None:
     result = outcome([0.9, 0.6, 0.4], 1, [0.7, 0.2])
     assert result.recall(0.5) == 0.5
     assert result.precision(0.5) == 2 / 3
@@ -40,7 +40,7 @@ def test_recall_and_precision_count_what_they_say() -> None:
 
 
 @given(SCORES, st.integers(0, 5), SCORES)
-def test_the_curve_says_what_recall_and_precision_say_at_each_score(
+def test_the_curve_agrees_with_recall_and_precision_at_each_score(
     found: list[float], missed: int, wrong: list[float]
 ) -> None:
     result = outcome(found, missed, wrong)

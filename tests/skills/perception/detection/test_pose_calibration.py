@@ -47,7 +47,7 @@ def test_errors_of_the_covariance_lie_inside_as_often_as_they_should() -> None:
     assert "| drawn | 800 | 0." in pose_calibration_table({"drawn": errors})
 
 
-def test_a_covariance_that_says_too_little_is_found() -> None:
+def test_a_covariance_that_is_too_small_is_found() -> None:
     errors = drawn(1, wider=2.0)
     for key in FREEDOM:
         assert coverage(errors, key, 0.9) < 0.75
@@ -61,7 +61,7 @@ def test_a_fruit_of_another_size_is_expected_where_a_perfect_look_puts_a_cad_siz
     assert seen_as_cad_sized(truth) == pytest.approx(p_camera, abs=1e-9)
 
 
-def test_an_axis_upside_down_lies_outside_and_what_has_no_pose_is_not_counted() -> None:
+def test_an_axis_upside_down_lies_outside_and_a_find_without_pose_is_not_counted() -> None:
     flipped = transform(minimal_rotation((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)) @ T[:3, :3], T[:3, 3])
     truth = AnnotatedObject("apple", 1.0, flipped, POINTS)
     errors = pose_errors(Instance(POINTS, 0.9, 1.0, T, COVARIANCE), truth)

@@ -71,7 +71,7 @@ def test_the_cost_never_rises(seed: int, noise: float) -> None:
     assert ((after * scale) ** 2).sum() <= ((before * scale) ** 2).sum() + 1e-9
 
 
-def test_what_says_nothing_leaves_the_pose() -> None:
+def test_missing_or_unweighted_points_leave_the_pose() -> None:
     R, t = pose(0)
     for seen, scale in ((np.full((9, 2), np.nan), np.ones(18)), (picture(R, t), np.zeros(18))):
         found_R, found_t = refine_pose(R, t, MODEL, seen, K, scale)

@@ -44,7 +44,7 @@ def test_a_perfect_look_gives_the_labels_pose_and_keypoints(stem: tuple[float, .
     assert np.allclose(solve_pose(keypoints, APPLE, K).T_camera_object, T, atol=1e-3)  # another way to the same pose
 
 
-def test_the_covariance_is_the_scatter_of_what_the_look_errs_in() -> None:
+def test_the_covariance_is_the_scatter_of_the_errors_of_a_look() -> None:
     rng = np.random.default_rng(0)
     T = posed((0.1, -0.7, -0.6), (0.12, -0.08, 0.6))
     truth = seen(T)

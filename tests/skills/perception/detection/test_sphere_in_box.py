@@ -53,7 +53,7 @@ def test_holes_in_the_depth_are_left_out(missing: float) -> None:
     assert np.linalg.norm(sphere_in_box(depth, K, box_of(ball(centre, 0.045)), RADII).centre - centre) < 2e-3
 
 
-def test_what_is_no_fruits_shape_is_refused_with_both_values() -> None:
+def test_an_implausible_shape_is_refused_with_both_values() -> None:
     box = np.array([280.0, 200.0, 80.0, 80.0])
     with pytest.raises(NoSphere, match=r"depth at 0 pixels of the box, expected at least 40"):
         sphere_in_box(np.zeros((480, 640), np.float32), K, box, RADII)

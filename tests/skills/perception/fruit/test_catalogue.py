@@ -54,7 +54,7 @@ def test_loading_by_folder_and_by_file_gives_the_same_fruit(tmp_path: Path) -> N
     assert load_fruit(folder).name == load_fruit(folder / "fruit.yaml").name == "cube"
 
 
-def test_unknown_name_lists_what_there_is() -> None:
+def test_unknown_name_lists_the_known_ones() -> None:
     with pytest.raises(UnknownFruit, match=r"appel.*apple"):
         load_fruit("appel")
 

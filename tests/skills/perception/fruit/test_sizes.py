@@ -21,7 +21,7 @@ def drawn(count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np
     return np.exp(np.column_stack([ln_width, ln_width + ln_ratio])), np.exp(ln_shown), deviation, sine
 
 
-def test_intervals_hold_what_they_state_and_errors_are_less_than_without_either_source() -> None:
+def test_intervals_hold_their_stated_share_and_errors_are_less_than_without_either_source() -> None:
     true, shown, deviation, sine = drawn(4000, 0)
     found = [KIND.given(*each, MODEL) for each in zip(shown, deviation, sine, strict=True)]
     error = np.array([size for size, _ in found]) - true
@@ -33,7 +33,7 @@ def test_intervals_hold_what_they_state_and_errors_are_less_than_without_either_
     assert np.abs(error[:, 0]).mean() < 0.9 * min(of_kind, of_picture)
 
 
-def test_a_size_that_nobody_can_see_is_the_kinds() -> None:
+def test_a_size_that_no_image_shows_is_the_kinds() -> None:
     size, covariance = KIND.given(0.2, 1e3, 1.0, MODEL)
     assert size == pytest.approx([KIND.width, KIND.width * KIND.height_over_width], rel=1e-3)
     assert np.sqrt(covariance[0, 0]) == pytest.approx(KIND.width * KIND.width_deviation, rel=1e-3)

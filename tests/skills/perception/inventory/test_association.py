@@ -15,7 +15,7 @@ def at(x: float, y: float = 0.0, z: float = 1.0, covariance: np.ndarray = SMALL)
 
 
 @given(st.integers(1, 8), st.integers(0, 2**32 - 1))
-def test_solid_fruit_seen_again_from_anywhere_is_told_apart_whatever_the_order(count: int, seed: int) -> None:
+def test_solid_fruit_seen_again_from_anywhere_is_distinguished_in_any_order(count: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     places = np.column_stack([np.arange(count) * 0.09, rng.uniform(0, 0.1, count), rng.uniform(0.9, 1.1, count)])
     order = rng.permutation(count)
@@ -23,7 +23,7 @@ def test_solid_fruit_seen_again_from_anywhere_is_told_apart_whatever_the_order(c
     assert associate([(p, SMALL) for p in places], seen, 0.09) == order.tolist()
 
 
-def test_what_lies_farther_than_a_fruit_is_new() -> None:
+def test_an_object_farther_away_than_a_fruit_is_new() -> None:
     assert associate([at(0.0)], [at(0.09)], 0.09) == [None]
     assert associate([at(0.0)], [at(0.03)], 0.09) == [0]
     assert associate([], [at(0.0)], 0.09) == [None]

@@ -39,7 +39,7 @@ def test_a_fruit_that_three_frames_show_is_counted_once_and_measured_by_all_of_t
     assert book.fruit[0].size.dimensions[0] == pytest.approx(0.0803, abs=1e-4)
 
 
-def test_frames_of_which_nobody_says_where_the_camera_stood_are_not_merged() -> None:
+def test_frames_without_camera_poses_are_not_merged() -> None:
     book = FruitBook()
     assert book.add_frame([seen(0.0)], None) == [1]
     assert book.add_frame([seen(0.0)], None) == [2]
@@ -57,7 +57,7 @@ def test_a_motion_of_the_camera_brings_places_into_one_frame() -> None:
     assert book.add_frame([seen(0.06)], HERE, 0.05) == [3]  # which of two it is nearer to, when neither is sure
 
 
-def test_what_was_not_measured_chooses_last_and_is_measured_when_another_frame_shows_it() -> None:
+def test_an_unmeasured_fruit_chooses_last_and_is_measured_when_another_frame_shows_it() -> None:
     book = FruitBook()
     assert book.add_frame([seen(0.0, measured=False)], HERE) == [1]
     assert book.fruit[0].size is None

@@ -50,7 +50,7 @@ def blank(depth: np.ndarray | None) -> Frame:
 MOVED = transform(rot_y(0.06) @ rot_x(-0.04), (0.05, -0.03, 0.04))
 
 
-def test_a_known_motion_is_found_within_what_it_says() -> None:
+def test_a_known_motion_is_found_within_its_stated_error() -> None:
     motion = camera_motion(wall(np.eye(4)), wall(MOVED, noise=0.002))
     assert motion.T_earlier_later is not None
     point = np.array([0.0, 0.0, 1.1, 1.0])
@@ -68,7 +68,7 @@ def test_a_known_motion_is_found_within_what_it_says() -> None:
     ],
     ids=("another scene", "a strip", "nothing to see", "no depth"),
 )  # fmt: skip
-def test_what_cannot_be_known_is_not_guessed(later, words: str) -> None:
+def test_unknown_values_are_not_guessed(later, words: str) -> None:
     motion = camera_motion(wall(np.eye(4)), later())
     assert motion.T_earlier_later is None
     assert re.search(words, motion.why)

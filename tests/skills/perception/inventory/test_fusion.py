@@ -20,7 +20,7 @@ def look(size_mm, deviation_mm, axes=R):
     return np.array(size_mm) * 1e-3, np.diag((np.broadcast_to(deviation_mm, 3) * 1e-3) ** 2), axes
 
 
-def test_one_look_is_what_it_is() -> None:
+def test_a_single_look_stays_unchanged() -> None:
     size, covariance, _ = look([80, 70, 81], 2.0)
     fused = fuse_sizes([(size, covariance, R)])
     assert fused.dimensions == pytest.approx(size)
@@ -33,12 +33,12 @@ def test_looks_are_weighted_by_their_information() -> None:
     assert fused.dimensions == pytest.approx([0.081, 0.070, 0.080])
 
 
-def test_what_looks_have_in_common_is_not_averaged_away() -> None:
+def test_errors_that_looks_have_in_common_are_not_averaged_away() -> None:
     many = fuse_sizes([look([80, 70, 80], 2.0)] * 50)
     assert np.sqrt(np.diag(many.covariance)) == pytest.approx(2e-3 * np.sqrt(SHARED + (1 - SHARED) / 50))
 
 
-def test_errors_that_are_correlated_as_assumed_are_told_as_they_are() -> None:
+def test_correlated_errors_are_covered_by_the_interval() -> None:
     rng, errors, inside = np.random.default_rng(0), [], 0
     deviations = np.array([[1.0, 2.0, 1.5], [3.0, 1.0, 2.0], [2.0, 2.0, 2.0]]) * 1e-3
     truth = np.array([0.08, 0.07, 0.081])
@@ -55,7 +55,7 @@ def test_errors_that_are_correlated_as_assumed_are_told_as_they_are() -> None:
     assert inside == 800  # as if they had nothing in common, they would agree in 99 of 100 cases
 
 
-def test_looks_that_disagree_are_told_and_widen_the_interval() -> None:
+def test_looks_that_disagree_are_reported_and_widen_the_interval() -> None:
     apart, near = ([look([80, 70, 80], 1.0), look([80 + by, 70, 80], 1.0)] for by in (12.0, 1.0))
     assert fuse_sizes(near).agree
     assert not fuse_sizes(apart).agree

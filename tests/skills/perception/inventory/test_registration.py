@@ -67,7 +67,7 @@ def test_depth_of_another_lens_or_another_scene_lies_nowhere(seed: int) -> None:
         assert misplaced_depth(with_depth(frame, other)) == "depth's edges lie nowhere on colour's"
 
 
-def test_where_nothing_tells_nothing_is_said() -> None:
+def test_without_evidence_nothing_is_reported() -> None:
     frame = leaves(1)
     none, flat = np.zeros_like(frame.depth), np.full_like(frame.depth, 1.5)
     assert [misplaced_depth(with_depth(frame, depth)) for depth in (None, none, flat)] == [""] * 3

@@ -84,7 +84,7 @@ def test_fruit_is_as_curved_as_its_model_whole_and_half_hidden(hidden: float) ->
         assert found is None or found.least + 2.0 * found.deviation > 0.6
 
 
-def test_a_leaf_in_front_that_agrees_with_a_smaller_fruit_is_told() -> None:
+def test_a_leaf_in_front_that_agrees_with_a_smaller_fruit_is_reported() -> None:
     T = transform(rot_x(-0.9), (0.0, 0.0, 0.6))
     virtual, box = render_depth(APPLE, T, CAMERA, using="zbuffer")
     depth = np.zeros(U.shape)
@@ -98,6 +98,6 @@ def test_a_leaf_in_front_that_agrees_with_a_smaller_fruit_is_told() -> None:
     assert "a wall, a post or a leaf" in str(error.value)
 
 
-def test_too_few_pixels_tell_no_curvature() -> None:
+def test_too_few_pixels_give_no_curvature() -> None:
     flat = np.full((6, 6), 0.5, np.float32)
     assert least_curvature(flat, flat, np.ones((6, 6), np.bool_), 4e-3, 12.0) is None

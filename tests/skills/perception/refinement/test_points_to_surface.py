@@ -100,7 +100,7 @@ def test_after_a_step_a_walk_ends_where_a_search_tree_does(name):
     assert np.mean(too_far > 1e-9) < 1e-3
 
 
-def test_what_looks_away_or_lies_too_far_does_not_count():
+def test_points_that_face_away_or_lie_too_far_do_not_count():
     thing = Object(np.zeros(3), np.zeros(2), transform(translation=(0.0, 0.0, 0.6)))
     points = np.array([[0.0, 0.0, 0.5495], [0.0, 0.0, 0.6505], [0.0, 0.0, 0.53]])  # the front, the back, before it
     rays = np.tile([0.0, 0.0, 1.0], (3, 1))

@@ -215,7 +215,7 @@ def test_fruit_held_above_the_table_does_not_reach_it(scene, apple):
 
 
 @pytest.mark.parametrize("wrong_by", [-0.008, 0.008])
-def test_a_wrong_table_height_is_corrected_by_what_the_camera_sees(scene, apple, wrong_by):
+def test_a_wrong_table_height_is_corrected_by_the_camera(scene, apple, wrong_by):
     s = scene((62, 47, 62), 60, 2)
     r = measured(s, apple, support=horizontal_plane(s.T_base_camera, wrong_by))
     assert r.method == "shape+plane"
@@ -252,7 +252,7 @@ def test_both_renderers_measure_the_same(scene, apple):
 
 @pytest.mark.parametrize("using", ["pyrender", "zbuffer"])
 @pytest.mark.parametrize("method", ["shape", "uniform"])
-def test_a_scan_with_a_hole_where_nobody_looks_measures_the_same_however_its_faces_are_wound(
+def test_a_scan_with_a_hole_on_an_unseen_side_measures_the_same_however_its_faces_are_wound(
     scene, apple, method, using
 ):
     s = scene((91, 85, 91), 68, 11)
@@ -356,7 +356,7 @@ def test_with_its_kinds_sizes_one_scale_gives_width_and_height_apart(scene, appl
     assert front[0] == pytest.approx(front[1], abs=1e-9)
 
 
-def test_a_kinds_proportion_is_what_a_shape_falls_back_to_where_depth_does_not_show_it(scene, apple):
+def test_a_shape_falls_back_to_its_kinds_proportion_where_depth_does_not_show_it(scene, apple):
     s = scene((84, 81, 84), 84, 3)  # from above: the height is not seen
     kind = KindSizes(0.084, 0.1, 81 / 84, 0.02)
     alone, known = (measured(s, apple, sizes=sizes) for sizes in (None, kind))

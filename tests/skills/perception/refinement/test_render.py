@@ -113,7 +113,7 @@ def test_stretched_model(apple, camera, using):
 
 
 @pytest.mark.parametrize("using", RENDERERS)
-def test_what_is_not_before_the_camera_is_refused(apple, camera, using):
+def test_a_mesh_behind_the_camera_is_refused(apple, camera, using):
     whole = ImageBox(0, 0, camera.width, camera.height)
     for z in (-0.5, 0.0, 0.03):
         with pytest.raises(RenderFailed, match="behind"):
@@ -141,7 +141,7 @@ def test_any_thread_may_render(apple, camera):
 
 
 @pytest.mark.slow
-def test_what_was_current_in_the_callers_thread_stays_current():
+def test_context_of_the_callers_thread_stays_current():
     program = """
 import numpy as np, trimesh
 from pomona.drivers.interfaces import Intrinsics

@@ -19,7 +19,7 @@ def scene():
     return np.where(leaf, 0.57, depth), bump, leaf
 
 
-def test_what_agrees_is_kept_and_the_leaf_is_cut_off():
+def test_agreeing_points_are_kept_and_the_leaf_is_cut_off():
     depth, bump, leaf = scene()
     agreeing = bump & ~leaf
     agreeing[20:24, 20:24] = True  # a few pixels of the leaf agree by chance

@@ -38,7 +38,7 @@ def test_a_known_plane_moves_to_where_it_is_seen(shift):
     assert_is_the_table(seen_near(horizontal_plane(T_BASE_CAMERA, shift), table_points(400, others=100)))
 
 
-def test_what_is_far_from_the_known_plane_is_another_one():
+def test_a_plane_far_from_the_known_one_is_another_one():
     assert seen_near(horizontal_plane(T_BASE_CAMERA, 0.05), table_points(400)) is None
     tilted = horizontal_plane(T_BASE_CAMERA, 0.0)
     turned = Plane(rotation_about((1.0, 0.0, 0.0), np.radians(8.0)) @ tilted.normal, tilted.offset)
@@ -57,7 +57,7 @@ def test_what_is_far_from_the_known_plane_is_another_one():
         (0.2, 0.0, False),
     ],
 )
-def test_a_plane_that_is_not_where_it_is_said_to_be_is_told(height: float, tilt: float, told: bool) -> None:
+def test_a_plane_away_from_its_stated_place_is_reported(height: float, tilt: float, told: bool) -> None:
     known = Plane(np.array([0.0, -0.6, -0.8]), 0.5)
     turned = rotation_about(np.array([1.0, 0.0, 0.0]), np.radians(tilt)) @ known.normal
     rng = np.random.default_rng(0)

@@ -35,7 +35,7 @@ def test_noise_is_that_of_the_data_sheet():
     assert 0.5 < beside < 0.95
 
 
-def test_grazing_surfaces_and_what_only_one_imager_sees_have_no_depth(apple):
+def test_grazing_surfaces_and_points_that_one_imager_sees_have_no_depth(apple):
     fruit = standing(apple, (0.09, 0.08, 0.09))
     T = looking_at((0.0, 0.0, 0.04), 0.6, np.radians(60.0))
     true = true_depth([fruit], T)

@@ -23,7 +23,7 @@ def test_they_are_as_large_as_things_on_a_table_and_painted_within_bounds() -> N
     assert 0.01 < min(extents) < 0.04 < max(extents) < 0.2
 
 
-def test_a_scene_without_fruit_holds_them_all_as_what_is_none() -> None:
+def test_a_scene_without_fruit_labels_everything_as_no_fruit() -> None:
     options = SceneOptions(SMALL.width, SMALL.height, SMALL.camera, (0, 0), 0, kinds=SMALL.kinds, lookalikes=8)
     apple = load_fruit("apple")
     frames = [render_scene(apple, options, seed) for seed in range(2)]

@@ -94,7 +94,7 @@ def test_too_few_labels_are_refused_before_anything_is_learnt(
 
 
 @pytest.mark.long
-def test_a_short_run_learns_measures_both_and_writes_only_what_it_keeps(
+def test_a_short_run_learns_measures_both_and_writes_only_its_result(
     photographs: PhotoSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     torch.set_num_threads(1)

@@ -178,7 +178,7 @@ def test_a_late_fall_may_be_put_off_while_the_rate_is_still_high(frames: Path, t
     assert said[-1].step == 8
 
 
-def test_progress_tells_loss_rate_and_held_out_figures(frames: Path, tmp_path: Path) -> None:
+def test_progress_shows_loss_rate_and_held_out_figures(frames: Path, tmp_path: Path) -> None:
     said: list[Progress] = []
     plan = TrainingRun("close_look", ((frames, 4),), frames, tmp_path, Schedule(2, validate_every=2), workers=0)
     train_part(plan, said.append)
@@ -210,7 +210,7 @@ def test_close_looks_hold_the_fruit_they_are_labelled_with(frames: Path) -> None
     assert float(visibility[~fruit].abs().max()) == 0.0
 
 
-def test_places_are_kept_and_what_deceives_the_finder_is_taught_as_no_fruit(frames: Path, tmp_path: Path) -> None:
+def test_places_are_kept_and_false_finds_are_taught_as_no_fruit(frames: Path, tmp_path: Path) -> None:
     folder = FrameFolder([frames])
     torch.manual_seed(0)
     found = find_places(torch_detector(FinderNetwork(), CloseLookNetwork()), folder)
