@@ -199,7 +199,7 @@ def free_port() -> int:
     ],
     ids=["lsp", "campaign", "doctor", "driver", "skill", "tree", "cell"],
 )
-def test_what_is_not_there_is_named(alone: Alone, words: tuple[str, ...], says: str) -> None:
+def test_missing_parts_are_named(alone: Alone, words: tuple[str, ...], says: str) -> None:
     done = alone.pomona(*words)
     assert done.returncode == 2
     assert says.format(pip=f"{alone.folder / 'env' / 'bin' / 'python'} -m pip") in " ".join(done.stderr.split())
@@ -245,7 +245,7 @@ def test_both_distributions_agree() -> None:
             assert target == theirs[name] or target.startswith("pomona.executive.running.empty_cell:"), name
 
 
-def test_what_the_part_lacks_is_listed() -> None:
+def test_commands_that_the_part_lacks_are_listed() -> None:
     part, whole = project(ROOT / "executive")["entry-points"], project(ROOT)["entry-points"]
     commands = whole["pomona.commands"].keys() - part["pomona.commands"].keys()
     assert commands == set(command_line.ELSEWHERE)
@@ -265,7 +265,7 @@ def test_both_distributions_in_one_environment_are_refused(monkeypatch: pytest.M
         command_line.make_parser(["run"])
 
 
-def test_a_missing_package_is_told_with_the_command_that_brings_it() -> None:
+def test_a_missing_package_is_reported_with_the_command_that_installs_it() -> None:
     with pytest.raises(UsageError, match=re.escape(f"sums needs the extra 'sums': {install_extra('sums')} (No module")):
         need("no_such_module", "sums", "sums")
     assert remedy("pygls.lsp") == install_extra("lsp")

@@ -15,7 +15,7 @@ def board():
     return Board(ManualClock(5.0))
 
 
-def test_entries_say_when_and_by_whom(board):
+def test_entries_have_their_time_and_author(board):
     board.tick = 7
     board.write("/a", 1, "t/A")
     assert board.get("/a") == Entry(1, 5.0, 7, "t/A")

@@ -22,13 +22,13 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     return captured.err
 
 
-def test_a_missing_tree_is_named_with_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_tree_is_named_with_the_existing_ones(capsys: pytest.CaptureFixture[str]) -> None:
     error = refused(capsys, "run", "pick_aple")
     assert "no tree file 'pick_aple'" in error
     assert "did you mean 'pick_apple'?" in error
 
 
-def test_a_missing_cell_is_named_with_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_cell_is_named_with_the_existing_ones(capsys: pytest.CaptureFixture[str]) -> None:
     error = refused(capsys, "run", "pick_apple", "--cell", "nowhere.yaml")
     assert "no cell file 'nowhere.yaml'" in error
     assert "sim" in error
@@ -67,7 +67,7 @@ def test_a_place_that_cannot_be_written_is_named_in_one_line(
         ("\x00\x01", "error["),
     ],
 )
-def test_a_broken_tree_says_where_and_what(
+def test_a_broken_tree_names_place_and_mistake(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, text: str, expected: str
 ) -> None:
     path = tmp_path / "broken.yaml"
@@ -91,7 +91,7 @@ def test_a_bad_setting_is_refused_before_anything_moves(capsys: pytest.CaptureFi
     assert setting.split("=")[0] in error
 
 
-def test_a_broken_cell_says_where(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_broken_cell_names_the_place(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path = tmp_path / "cell.yaml"
     path.write_text("name: x\nkind: simulated\ndevices:\n  arm: {driver: no-such-driver}\n")
     error = refused(capsys, "run", "pick_apple", "--cell", str(path))
@@ -106,7 +106,7 @@ def test_a_cell_without_the_devices_is_refused(capsys: pytest.CaptureFixture[str
     assert "Camera" in error
 
 
-def test_a_breakpoint_that_nobody_could_pass_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_breakpoint_without_anyone_to_pass_it_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert "add --dashboard" in refused(capsys, "run", "pick_apple", "--dry", "--break-after", "Refine")
 
 
@@ -157,14 +157,14 @@ loaded(["check", "pick_apple"], "torch", "matplotlib", "pomona.executive.execute
 """
 
 
-def test_small_commands_load_only_what_they_need() -> None:
+def test_small_commands_load_only_needed_modules() -> None:
     declared_skills()  # kept from here on, where they were not
     command = [sys.executable, "-c", SMALL_COMMANDS]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
 
 
-def test_what_skills_declare_is_asked_without_loading_their_networks() -> None:
+def test_declarations_of_skills_are_read_without_loading_their_networks() -> None:
     script = "import sys; from pomona.executive.registry import Registry; assert len(Registry.installed()) > 10"
     heavy = "; print([name for name in ('torch', 'trimesh', 'matplotlib', 'scipy.stats') if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", script + heavy], capture_output=True, text=True, timeout=60)
@@ -175,7 +175,7 @@ FAILING = "pomona: 1\ntree: t\nroot: {fail: {code: NO_LUCK, message: the dice fe
 
 
 @pytest.mark.parametrize("quiet", [True, False])
-def test_a_quiet_run_that_fails_says_why_in_one_line(
+def test_a_quiet_run_that_fails_gives_the_reason_in_one_line(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, quiet: bool
 ) -> None:
     tree = tmp_path / "t.yaml"
@@ -191,7 +191,7 @@ def test_a_quiet_run_that_fails_says_why_in_one_line(
         assert said.err == ""
 
 
-def test_a_quiet_run_that_ends_in_the_safe_state_says_why(
+def test_a_quiet_run_that_ends_in_the_safe_state_gives_the_reason(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(_runner: Runner) -> None:
@@ -262,7 +262,7 @@ sys.exit(cli.main())
 @pytest.mark.parametrize(
     ("what", "name"), [("thread", "a skill's"), ("process", "a skill's"), ("computation", "pomona-compute_0")]
 )
-def test_what_a_skill_has_left_running_is_named_and_does_not_keep_the_process(what: str, name: str) -> None:
+def test_a_leftover_of_a_skill_is_named_and_does_not_keep_the_process(what: str, name: str) -> None:
     command = [sys.executable, "-c", LEAVES_BEHIND, what, "3"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == 3
@@ -314,7 +314,9 @@ def test_a_misspelt_skill_is_answered_with_the_one_that_is_meant(capsys: pytest.
     assert "the fruit's weight alone needs more force" in " ".join(capsys.readouterr().out.split())
 
 
-def test_an_import_ends_with_what_is_not_installed_here(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_an_import_ends_with_the_skills_that_are_not_installed(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     xml = tmp_path / "nav.xml"
     tree = "<Sequence><ComputePath/><FollowPath/><ComputePath/></Sequence>"
     xml.write_text(f'<root BTCPP_format="4"><BehaviorTree ID="nav">{tree}</BehaviorTree></root>')

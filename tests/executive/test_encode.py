@@ -60,7 +60,7 @@ def test_a_reason_keeps_its_causes_however_deep_the_tree_is(depth):
     Reason("many", "GONE", "it is gone", causes=(*[Reason("a", "NO", "no")] * (3 * MOST_CAUSES), chain(3))),
     Reason("wide", "GONE", "it is gone", causes=(chain(60),) * 1000),
 ])  # fmt: skip
-def test_what_nobody_reads_is_left_out_of_a_reason_but_never_what_it_came_down_to(reason):
+def test_unread_text_is_left_out_of_a_reason_but_never_its_cause(reason):
     found = reason_from(json.loads(encoded(plain(reason))))
     assert found.code == reason.code
     assert list(found.leaves())[-1] == Reason("leaf", "GONE", "it is gone", {"at": [1.0, {"x": 2.0}]})

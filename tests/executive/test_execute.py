@@ -26,7 +26,7 @@ def order(*breaks: tuple[str, Side]) -> RunOrder:
     return RunOrder(find_tree("pick_apple"), find_cell("sim"), dry=True, breaks=breaks)
 
 
-def test_a_breakpoint_at_no_node_is_refused_with_what_is_near() -> None:
+def test_a_breakpoint_at_no_node_is_refused_with_similar_names() -> None:
     with pytest.raises(UsageError, match="no node 'Refin' to break at: did you mean 'Refine'"):
         execute(order(("Refin", "after")))
 

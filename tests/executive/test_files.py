@@ -9,7 +9,7 @@ from pomona.executive.files import default_name, find_cell, find_tree
 from pomona.executive.values.shipped import installed_trees
 
 
-def test_what_is_taken_when_nobody_names_one_is_installed() -> None:
+def test_the_default_is_installed() -> None:
     assert find_tree(default_name("tree")).is_file()
     assert find_cell(default_name("cell")).is_file()
 

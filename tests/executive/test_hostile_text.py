@@ -49,7 +49,7 @@ def test_every_acting_character_becomes_a_sign_and_everything_else_stays() -> No
     assert not ACTING.search(visible(EVIL))
 
 
-def test_json_says_the_same_and_acts_no_more() -> None:
+def test_json_has_the_same_content_and_acts_no_more() -> None:
     value = {"name": EVIL.replace("\ud800", ""), "apple": "🍎"}
     assert json.loads(json_text(value)) == value
     assert not ACTING.search(json_text(value))

@@ -16,7 +16,7 @@ SMOOTH = cv2.resize(RNG.integers(0, 256, (6, 8, 3), dtype=np.uint8), (64, 48), i
 DEPTH = RNG.integers(0, 65536, (48, 64), dtype=np.uint16)
 
 
-def test_jpeg_is_what_opencv_codes_and_comes_back_as_rgb() -> None:
+def test_jpeg_is_coded_by_opencv_and_comes_back_as_rgb() -> None:
     content = to_jpeg(SMOOTH, 90)
     coded = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
     assert np.abs(coded.astype(int) - SMOOTH).mean() < 4.0
@@ -34,7 +34,7 @@ def test_png_comes_back_to_the_bit_here_and_in_opencv(pixels: np.ndarray) -> Non
     assert np.array_equal(theirs[..., ::-1] if theirs.ndim == 3 else theirs, pixels)
 
 
-def test_a_shrunk_picture_holds_the_mean_of_what_each_pixel_covers() -> None:
+def test_a_shrunk_picture_holds_the_mean_of_the_area_under_each_pixel() -> None:
     small = shrunk(SMOOTH, 0.25)
     expected = SMOOTH.reshape(12, 4, 16, 4, 3).mean(axis=(1, 3))
     assert small.shape == (12, 16, 3)

@@ -37,7 +37,7 @@ subtrees:
 """
 
 
-def test_what_is_given_the_same_values_is_judged_once(registry, tmp_path, monkeypatch):
+def test_equal_values_are_judged_once(registry, tmp_path, monkeypatch):
     asked, detect = [], registry["Detect"]
     monkeypatch.setattr(detect, "judge", lambda known, cell: asked.append(known["fruit"]) or [Problem("fruit", "no")])
     nodes = "".join(f'    - Detect: {{fruit: {fruit}, detection: "{{d}}"}}\n' for fruit in ("apple", "lemon", "apple"))
@@ -86,25 +86,21 @@ def test_a_pose_that_the_cell_lacks_is_found_where_it_is_written(
     assert judged(tmp_path, registry, cell=None, where="nowhere") == []  # no cell, no poses
 
 
-def test_what_is_wrong_elsewhere_hides_no_pose(tmp_path: Path, registry: Registry, unconnected: None) -> None:
+def test_mistakes_elsewhere_hide_no_pose(tmp_path: Path, registry: Registry, unconnected: None) -> None:
     wrong = TREE.replace("to: home", "to: hoem").replace("- Refine:", "- Refien:")
     found = judged(tmp_path, registry, wrong + "  other: {root: {wait: 5}}\n")
     assert [f.code for f in found] == ["unknown-skill", "unfit", "value"]
     assert found[1].hint == "did you mean 'home'?"
 
 
-def test_what_could_not_be_read_is_not_judged_as_a_default(
-    tmp_path: Path, registry: Registry, unconnected: None
-) -> None:
+def test_an_unreadable_value_is_not_judged_as_a_default(tmp_path: Path, registry: Registry, unconnected: None) -> None:
     broken = TREE.replace("{type: text, default: observe}", "{type: txt, default: observe}")
     assert {f.code for f in judged(tmp_path, registry, broken)} == {"unknown-type"}
     endless = TREE + "  again: {root: {again: {}}}\n"
     assert "recursion" in {f.code for f in judged(tmp_path, registry, endless)}
 
 
-def test_fruit_that_nobody_knows_or_that_is_not_there_is_found(
-    tmp_path: Path, registry: Registry, unconnected: None
-) -> None:
+def test_an_unknown_or_missing_fruit_is_found(tmp_path: Path, registry: Registry, unconnected: None) -> None:
     (found,) = judged(tmp_path, registry, cell=None, kind="aple")
     assert (found.line, found.severity) == (10, "error")
     assert "did you mean 'apple'?" in found.message
@@ -114,7 +110,7 @@ def test_fruit_that_nobody_knows_or_that_is_not_there_is_found(
     assert judged(tmp_path, registry, kind="lemon", fruit="lemon") == []
 
 
-def test_fruit_without_weights_is_told_with_the_command_that_makes_them(tmp_path: Path, registry: Registry) -> None:
+def test_fruit_without_weights_is_reported_with_the_command_that_makes_them(tmp_path: Path, registry: Registry) -> None:
     assert pomona(["new", "fruit", "plum", "--into", str(tmp_path)]) == 0
     path = tmp_path / "plum" / "fruit.yaml"
     (found, *_) = judged(tmp_path, registry, cell=None, kind=str(path))
@@ -160,7 +156,7 @@ def test_a_run_with_a_wrong_value_connects_nothing(tmp_path: Path, unconnected: 
         execute(RunOrder(path, find_cell("sim"), settings={"kind": "aple"}))
 
 
-def test_every_installed_cell_is_checked_as_one_and_so_is_what_builds_on_it(
+def test_every_installed_cell_is_checked_as_one_and_so_is_a_cell_that_includes_it(
     tmp_path: Path, unconnected: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
     own = tmp_path / "own.yaml"

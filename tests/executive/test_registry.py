@@ -68,11 +68,11 @@ def test_a_skill_that_cannot_be_imported_is_reported(installed):
     assert "ModuleNotFoundError" in found.problems["Lost"]
 
 
-def test_what_is_no_skill_is_reported(installed):
+def test_a_class_that_is_no_skill_is_reported(installed):
     assert "not a Skill" in installed(FakePoint("Basket", Basket)).problems["Basket"]
 
 
-def test_the_listing_says_all_that_a_person_needs(installed):
+def test_the_listing_is_complete_for_a_reader(installed):
     (listing,) = installed(FakePoint("Weigh", Weigh)).listing()
     assert (listing.name, listing.summary, listing.failures) == ("Weigh", "Weigh a basket.", ("TOO_HEAVY",))
     assert listing.inputs[1] == {
@@ -97,7 +97,7 @@ class FakePackage:
         self.name = name
 
 
-def test_a_skill_that_two_packages_offer_is_refused_until_somebody_says_whose(monkeypatch, installed):
+def test_a_skill_that_two_packages_offer_is_refused_until_one_is_chosen(monkeypatch, installed):
     class Other(Weigh):
         """Another one."""
 
@@ -116,7 +116,7 @@ def test_a_skill_that_two_packages_offer_is_refused_until_somebody_says_whose(mo
     assert "'nobody' offers no Weigh" in installed(*points).problems["Weigh"]
 
 
-def test_a_tree_says_whose_skill_it_means_and_the_command_goes_first(monkeypatch, installed):
+def test_a_tree_names_the_package_of_a_skill_and_the_command_overrides_it(monkeypatch, installed):
     class Other(Weigh):
         """Another one."""
 

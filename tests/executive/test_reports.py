@@ -62,7 +62,7 @@ def said(capsys: pytest.CaptureFixture[str]) -> list[str]:
     return capsys.readouterr().out.splitlines()
 
 
-def test_an_attempt_that_is_called_the_first_three_times_is_told_apart(capsys: pytest.CaptureFixture[str]) -> None:
+def test_attempts_with_the_same_number_are_distinguished(capsys: pytest.CaptureFixture[str]) -> None:
     told = [" ".join(line.split()) for line in said(capsys) if line.split()[0] == "attempt"]
     assert told == [
         "attempt ✗ 1 of 8 in look 1, at 1.00 s Lift LOST: it slipped",
@@ -79,7 +79,7 @@ def test_the_headline_counts_the_outermost_attempts(capsys: pytest.CaptureFixtur
     assert "on the third attempt of 3" in explain(RUN)[0]
 
 
-def test_the_worlds_score_is_told_as_it_was(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_worlds_score_is_reported_unchanged(capsys: pytest.CaptureFixture[str]) -> None:
     (truth,) = (line for line in said(capsys) if "truth" in line)
     assert "drops 1" in truth
     assert "lifted: yes" in truth
@@ -127,7 +127,7 @@ def test_no_figure_is_finer_than_anything_measures(name: str, value: object, wor
 LIFT = "pick/Look/Attempt/Lift"
 
 
-def test_what_the_fingers_feel_is_told_when_a_skill_has_ended_and_not_while_it_grips() -> None:
+def test_finger_contact_is_reported_when_a_skill_has_ended_and_not_while_it_grips() -> None:
     felt = [
         NodeChanged(2.0, 100, LIFT, "RUNNING", "", 1),
         HandChanged(2.1, 105, "something is between the fingers"),
@@ -149,7 +149,7 @@ def test_what_the_fingers_feel_is_told_when_a_skill_has_ended_and_not_while_it_g
 HEAVY = Reason(LIFT, "TOO_HEAVY", "put back", {"limit_n": 14.0, "wanted_n": 20.7})
 
 
-def test_three_sentences_say_what_happened_why_and_what_to_try() -> None:
+def test_three_sentences_give_event_cause_and_remedy() -> None:
     failed = NodeChanged(3.5, 175, LIFT, "FAILURE", "", 1, HEAVY)
     late = TickOverran(0.2, 10, LIFT, 1.2, 0.1)
     run = (RUN[0], late, failed, RunEnded(5.2, 260, "failure", HEAVY, 260, 5.2, 1.0, {"drops": 1}))
@@ -163,7 +163,7 @@ def test_three_sentences_say_what_happened_why_and_what_to_try() -> None:
     assert "kept the tick waiting" in " ".join(whole[3:])
 
 
-def test_of_a_stopped_run_the_moments_are_told_in_the_order_of_time() -> None:
+def test_of_a_stopped_run_the_moments_are_listed_in_the_order_of_time() -> None:
     reason = Reason("", "SAFE_STOP", "Ada pressed SAFE STOP")
     run = (
         RUN[0],

@@ -84,7 +84,7 @@ def _lines(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[str]:
     return capsys.readouterr().out.splitlines()
 
 
-def test_show_tells_everything_about_a_run(capsys: pytest.CaptureFixture[str]) -> None:
+def test_show_prints_everything_about_a_run(capsys: pytest.CaptureFixture[str]) -> None:
     run("mocks.yaml", "--set", "pauses=4", "--seed", "5")
     said = say(capsys, "runs", "show", "last")
     for words in ("try_thrice", "seed 5", "pauses=4", "NO_PATH × 2", "py-trees", "/events", "/log"):
@@ -104,7 +104,7 @@ def test_compare_puts_runs_side_by_side_and_finds_where_two_of_a_kind_part(capsy
     assert "consist of the same" in say(capsys, "runs", "compare", first, "again")
 
 
-def test_explain_says_what_happened_and_why(capsys: pytest.CaptureFixture[str]) -> None:
+def test_explain_gives_events_and_causes(capsys: pytest.CaptureFixture[str]) -> None:
     run("always.yaml", "--set", "pauses=2", status=1)
     said = say(capsys, "explain")
     assert "try_thrice ran on the mocked cell dry with seed 0 and pauses = 2" in said
@@ -117,12 +117,12 @@ def test_explain_says_what_happened_and_why(capsys: pytest.CaptureFixture[str]) 
     assert "On the way failed: MoveTo NO_PATH 2 times." in said
 
 
-def test_explain_tells_a_success_with_the_attempt_that_made_it(capsys: pytest.CaptureFixture[str]) -> None:
+def test_explain_names_the_attempt_that_succeeded(capsys: pytest.CaptureFixture[str]) -> None:
     run()
     assert "It succeeded after 3.5 s, on the third attempt of 3." in say(capsys, "explain", "last")
 
 
-def test_explain_says_that_a_record_was_cut_off_where_and_why(
+def test_explain_reports_where_and_why_a_record_was_cut_off(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(recorder_module, "CHUNK_BYTES", 1000)
@@ -161,7 +161,7 @@ def test_rerun_refuses_a_run_of_a_real_cell(capsys: pytest.CaptureFixture[str]) 
     assert "only a simulated run can be repeated" in say(capsys, "rerun", "real", status=2)
 
 
-def test_rerun_connects_no_device_that_a_record_names_while_it_says_that_it_was_simulated(
+def test_rerun_connects_no_real_device_of_a_record_that_claims_to_be_simulated(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     from recorded_events import started
@@ -175,7 +175,7 @@ def test_rerun_connects_no_device_that_a_record_names_while_it_says_that_it_was_
     assert "it moves a device outside this process" in say(capsys, "rerun", "r1", status=2)
 
 
-def test_frames_and_export_say_what_they_wrote(capsys: pytest.CaptureFixture[str]) -> None:
+def test_frames_and_export_name_the_written_files(capsys: pytest.CaptureFixture[str]) -> None:
     write(Path("runs/one"), SUCCEEDED)
     assert "one.zip" in say(capsys, "runs", "export", "one")
     assert "one.jsonl" in say(capsys, "runs", "export", "one", "one.jsonl")
@@ -248,7 +248,7 @@ def test_another_programs_mcap_is_refused_in_words(capsys: pytest.CaptureFixture
     assert say(capsys, "runs", "show", "foreign.mcap", status=2)
 
 
-def test_a_slower_run_is_recorded_as_that_told_and_repeated(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_slower_run_is_recorded_reported_and_repeated_as_such(capsys: pytest.CaptureFixture[str]) -> None:
     run("mocks.yaml", "--speed", "30 %")
     assert "at 30 % of the speed" in say(capsys, "explain", "last")
     assert "speed 30 %" in say(capsys, "runs", "show", "last")
@@ -256,7 +256,7 @@ def test_a_slower_run_is_recorded_as_that_told_and_repeated(capsys: pytest.Captu
 
 
 @pytest.mark.parametrize("speed", ["0", "5 %", "150 %", "nan", "30"])
-def test_a_speed_that_nobody_can_have_is_refused(capsys: pytest.CaptureFixture[str], speed: str) -> None:
+def test_an_impossible_speed_is_refused(capsys: pytest.CaptureFixture[str], speed: str) -> None:
     said = say(capsys, "run", "tree.yaml", "--dry", "mocks.yaml", "--speed", speed, status=2)
     assert said.startswith("--speed: ")
     assert "30 %" in said or "10 % to 100 %" in said

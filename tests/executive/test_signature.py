@@ -63,11 +63,11 @@ def test_inputs_are_the_parameters_of_run():
     }
 
 
-def test_outputs_are_the_fields_of_what_run_returns():
+def test_outputs_are_the_fields_of_the_value_that_run_returns():
     assert dict(Weigh.outputs) == {"mass": Port(MASS, help="of what is in it"), "count": Port(int)}
 
 
-def test_what_it_returns_is_written_to_its_ports():
+def test_returned_values_are_written_to_its_ports():
     outcome = drive(Weigh(), {"basket": Basket()})
     assert outcome.status is Status.SUCCESS
     assert outcome.outputs == {"mass": 0.03, "count": 3}
@@ -94,7 +94,7 @@ def test_a_subclass_with_the_same_run_has_the_same_ports():
     assert dict(Again.inputs) == dict(Weigh.inputs)
 
 
-def test_a_run_that_takes_whatever_comes_says_its_ports_in_the_class():
+def test_a_run_with_any_arguments_declares_its_ports_in_the_class():
     class Mock(Skill):
         inputs = Ports(force=FORCE)
 
@@ -155,7 +155,7 @@ def test_a_mistake_is_an_error_when_the_class_is_made(run, sentence):
         made(run)
 
 
-def test_ports_are_not_said_twice():
+def test_ports_are_not_declared_twice():
     def run(self, force: Force) -> None: ...
 
     with pytest.raises(SkillError, match="inputs are declared by the signature of run already"):
@@ -175,5 +175,5 @@ def test_a_default_is_accepted_exactly_within_its_range(least, most, default):
             made(run)
 
 
-def test_what_has_no_default_must_be_wired():
+def test_a_port_without_default_must_be_wired():
     assert Weigh.inputs["basket"].default is REQUIRED

@@ -33,7 +33,7 @@ def watched(path: Path, saves: list[Callable[[], object]]) -> tuple[int, str]:
     return len(runs), told.getvalue()
 
 
-def test_a_changed_tree_runs_again_and_says_what_changed(tmp_path: Path) -> None:
+def test_a_changed_tree_runs_again_and_lists_the_changes(tmp_path: Path) -> None:
     path = tmp_path / "t.yaml"
     path.write_text(TREE)
     runs, told = watched(path, [lambda: path.write_text(TREE.replace("1 s", "25 s"))])

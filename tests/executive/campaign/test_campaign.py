@@ -127,7 +127,7 @@ def test_a_key_that_varies_must_be_known(tmp_path: Path) -> None:
         campaign(tmp_path, FILE.replace("{fruit:", "{friut:").replace("tree: pick_apple_paper, ", ""))
 
 
-def test_a_real_cell_has_no_campaign_since_nobody_acknowledges_between_its_runs(tmp_path: Path) -> None:
+def test_a_real_cell_has_no_campaign_since_no_operator_acknowledges_between_its_runs(tmp_path: Path) -> None:
     (tmp_path / "bench.yaml").write_text("name: bench\nkind: real\nclock: manual\ndevices: {}\n")
     (tmp_path / "t.yaml").write_text("pomona: 1\ntree: t\nroot: {wait: 20 ms}\n")
     with pytest.raises(UsageError, match=r"error\[real-cell\].*'bench' is a real cell"):
@@ -277,7 +277,7 @@ def result(name: str, fruit: str, place: str, lifted: bool, **more: Any) -> dict
     }  # fmt: skip
 
 
-def test_the_report_counts_what_the_world_says_not_what_the_tree_says(tmp_path: Path) -> None:
+def test_the_report_counts_the_truth_and_not_the_trees_result(tmp_path: Path) -> None:
     lied = {**result("c", "apple_2", "1", False), "outcome": "success", "reason": None}
     results = [result("a", "apple_1", "1", True), result("b", "apple_1", "2", False), lied]
     document = report(campaign(tmp_path), results, "benchmarks/pick.yaml")
@@ -313,7 +313,7 @@ def test_every_mistake_of_every_arm_is_found_before_the_first_run(tmp_path: Path
     assert "Nothing was run" in str(error.value)
 
 
-def test_a_setting_that_nobody_knows_hides_no_other_mistake(tmp_path: Path) -> None:
+def test_an_unknown_setting_hides_no_other_mistake(tmp_path: Path) -> None:
     text = FILE.replace("{others: 0}", "{others: many, nonsense: 3, jitter: 15}").replace("[2]}", "[9]}")
     findings = Findings()
     path = tmp_path / "demo.yaml"
@@ -324,7 +324,7 @@ def test_a_setting_that_nobody_knows_hides_no_other_mistake(tmp_path: Path) -> N
     assert found == [(10, "unknown-value"), (12, "value"), unknown, unknown, (12, "value")]
 
 
-def test_a_campaign_counts_what_the_cell_says_unless_its_file_says_otherwise(tmp_path: Path) -> None:
+def test_a_campaign_uses_the_score_of_the_cell_unless_its_file_names_another(tmp_path: Path) -> None:
     assert campaign(tmp_path).conditions == ("lifted",)
     assert campaign(tmp_path).score.figures[0] == "position_error_mm"
     other = campaign(tmp_path, FILE + "score: {success: [], figures: [bruise_kpa]}\n")
@@ -332,7 +332,7 @@ def test_a_campaign_counts_what_the_cell_says_unless_its_file_says_otherwise(tmp
     assert other.score.figures[:2] == ("bruise_kpa", "position_error_mm")
 
 
-def test_the_schema_accepts_what_the_reader_accepts() -> None:
+def test_schema_and_reader_accept_the_same() -> None:
     schema = CAMPAIGN_FILES.schema()
     jsonschema.Draft202012Validator.check_schema(schema)
     texts = [path.read_text() for path in (Path(__file__).parents[3] / "benchmarks").glob("*.yaml")]

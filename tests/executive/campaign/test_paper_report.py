@@ -32,7 +32,7 @@ def test_the_papers_dimensions_are_mu_times_the_model_that_its_authors_published
     assert np.abs(scaled - printed.REFINED_DIMENSIONS).max() < 1e-3
 
 
-def test_a_press_of_eight_newtons_stays_below_what_bruises() -> None:
+def test_a_press_of_eight_newtons_stays_below_the_bruising_force() -> None:
     assert 40e3 < pressure(5.0) < 50e3
     assert pressure(0.0) == 0.0
 

@@ -33,7 +33,7 @@ def test_its_tests_pass(kit: Path) -> None:
     assert "6 passed" in done.stdout
 
 
-def test_its_tree_does_what_its_scenario_says(kit: Path, monkeypatch, capsys) -> None:
+def test_its_tree_follows_its_scenario(kit: Path, monkeypatch, capsys) -> None:
     monkeypatch.syspath_prepend(str(kit))
     hover = importlib.import_module("my_fruit_kit.hover").Hover
     monkeypatch.setattr(Registry, "installed", staticmethod(lambda: Registry({"Hover": hover})))
@@ -94,7 +94,7 @@ def test_a_piece_without_a_package_begins_one(tmp_path: Path) -> None:
         (("package", "pomona"), "means something else"),
     ],
 )
-def test_what_cannot_be_is_refused(kit: Path, capsys: pytest.CaptureFixture[str], arguments, said) -> None:
+def test_impossible_values_are_refused(kit: Path, capsys: pytest.CaptureFixture[str], arguments, said) -> None:
     before = sorted(kit.rglob("*"))
     assert main(["new", *arguments, "--into", str(kit)]) == 2
     assert said in capsys.readouterr().err
@@ -111,7 +111,7 @@ def test_folders_of_a_user_with_common_names_do_not_hide_pomona(tmp_path: Path) 
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_what_to_do_next_is_said(tmp_path, capsys):
+def test_the_next_step_is_named(tmp_path, capsys):
     for words, said in (
         (["package", "orchard"], f"next: pip install -e {tmp_path / 'orchard'}, after which"),
         (["cell", "bench"], f"next: pomona check {tmp_path / 'bench.yaml'}"),

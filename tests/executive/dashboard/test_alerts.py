@@ -90,7 +90,7 @@ def feed(alerts: Alerts, outcomes: str) -> int:
     return sum(teller is not None for teller in tellers)
 
 
-def test_a_rate_that_falls_is_told_once_until_it_has_risen_again(hook: Hook) -> None:
+def test_a_falling_rate_is_reported_once_until_it_has_risen_again(hook: Hook) -> None:
     alerts = Alerts(AlertRule(hook.address, below=0.75, over=4))
     assert feed(alerts, "---") == 0  # too few to say anything
     assert feed(alerts, "+") == 1
@@ -145,7 +145,7 @@ def test_an_alert_follows_no_redirect(
 
 
 @pytest.mark.parametrize("said", ["HTTP/1.1 500 no\r\ncontent-length: 0\r\n\r\n", "hello?\r\n\r\n", ""])
-def test_whatever_a_webhook_answers_is_told_in_words_and_nothing_else_happens(
+def test_any_answer_of_a_webhook_is_reported_and_nothing_else_happens(
     said: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
@@ -164,7 +164,7 @@ def test_whatever_a_webhook_answers_is_told_in_words_and_nothing_else_happens(
     assert "the alert was not taken by http://127.0.0.1" in caplog.text
 
 
-def test_a_webhook_that_is_down_is_told_in_words(caplog: pytest.LogCaptureFixture) -> None:
+def test_an_unreachable_webhook_is_reported_without_a_traceback(caplog: pytest.LogCaptureFixture) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
     teller = Alerts(AlertRule(f"http://127.0.0.1:{port}", 1.0, 1)).take(ended(False))
@@ -186,7 +186,7 @@ def test_a_run_that_ends_otherwise_than_it_seemed_counts_once(hook: Hook) -> Non
     assert (told["success_rate"], told["failures"], told["last_run"]) == (0.0, {"SLIPPED": 2}, "two")
 
 
-def test_runs_of_other_processes_count_and_what_was_known_is_not_told_again(tmp_path: Path, hook: Hook) -> None:
+def test_runs_of_other_processes_count_and_known_ones_are_not_reported_again(tmp_path: Path, hook: Hook) -> None:
     for n, good in enumerate((True, False, False)):
         folder = tmp_path / f"2026-11-2{n}"
         folder.mkdir()
@@ -200,7 +200,7 @@ def test_runs_of_other_processes_count_and_what_was_known_is_not_told_again(tmp_
     assert Alerts(AlertRule(hook.address, below=0.5, over=4), before).count(False, "X", "run") is not None
 
 
-def test_a_run_from_the_command_line_tells_too(tmp_path: Path, hook: Hook) -> None:
+def test_a_run_from_the_command_line_sends_alerts_too(tmp_path: Path, hook: Hook) -> None:
     tree = tmp_path / "bad.yaml"
     tree.write_text("pomona: 1\ntree: bad\nroot:\n  fail: {code: BLOCKED, message: x}\n", encoding="utf-8")
     alert = ["--alert-to", hook.address, "--alert-over", "2"]

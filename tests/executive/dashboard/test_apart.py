@@ -137,7 +137,7 @@ def test_a_stop_during_a_preparation_is_confirmed_while_the_run_s_process_lets_n
     assert starting.cancelled.startswith("safe stop")
 
 
-def test_what_sets_something_in_motion_is_refused_when_the_run_s_process_was_too_busy(page: PageProcess) -> None:
+def test_an_action_that_starts_motion_is_refused_when_the_run_s_process_was_too_busy(page: PageProcess) -> None:
     refusals: list[dict[str, Any]] = []
     asking = threading.Thread(
         target=lambda: refusals.append(post(page, "api/act", action="take", viewer="me", who="ada"))

@@ -113,7 +113,7 @@ def test_a_run_is_watched_from_start_to_end(show: Show, open_page: Open) -> None
     expect(page.locator("#why")).to_contain_text("nothing failed on the way")
 
 
-def test_pause_and_resume_show_what_is_acknowledged(show: Show, open_page: Open) -> None:
+def test_pause_and_resume_show_the_acknowledged_state(show: Show, open_page: Open) -> None:
     page = open_page()
     show.run(HOLD)
     expect(page.locator("#state")).to_have_text("▶ running")
@@ -181,7 +181,7 @@ def test_a_failed_run_is_explained_in_words_with_data(show: Show, open_page: Ope
     assert page.locator("#tree img, #why img").count() == 0
 
 
-def test_why_says_what_the_tree_did_next(show: Show, open_page: Open) -> None:
+def test_why_names_the_next_step_of_the_tree(show: Show, open_page: Open) -> None:
     page = open_page()
     show.run(JAM)
     expect(page.locator("#why")).to_contain_text("Then the tree went on with The way out.")
@@ -243,7 +243,7 @@ def test_a_breakpoint_holds_and_is_shown_to_all(show: Show, open_page: Open) -> 
     expect(page.locator("#state")).to_have_text("✓ success")
 
 
-def test_a_question_of_the_tree_is_answered_by_who_holds_control(show: Show, open_page: Open) -> None:
+def test_a_question_of_the_tree_is_answered_by_the_operator_in_control(show: Show, open_page: Open) -> None:
     page = open_page()
     show.run("pomona: 1\ntree: demo\nroot:\n  ask: Is it ripe?\n  choices: [ripe, not yet]\n")
     question = page.locator("#questions")
@@ -478,7 +478,7 @@ def test_a_lost_connection_looks_lost(show: Show, chromium: Any) -> None:
     page.close()
 
 
-def test_nothing_can_be_started_before_the_page_knows_what_there_is(show: Show, open_page: Open) -> None:
+def test_nothing_can_be_started_before_the_page_has_its_lists(show: Show, open_page: Open) -> None:
     show.dashboard.allow_starts(lambda *_: pytest.fail("nothing was chosen"), Choices.installed())
     page = open_page()
     page.evaluate("""() => {
@@ -530,7 +530,7 @@ def test_a_setting_that_cannot_be_used_is_marked_while_it_is_typed(show: Show, o
     expect(page.locator("#by-hand-motions button").first).to_be_enabled()
 
 
-def test_modifiers_are_chips_and_what_was_passed_over_is_folded(show: Show, open_page: Open) -> None:
+def test_modifiers_are_chips_and_skipped_branches_are_folded(show: Show, open_page: Open) -> None:
     tree = """pomona: 1
 tree: chips
 parameters:

@@ -52,7 +52,7 @@ def test_260_idle_and_slow_connections_do_not_keep_a_safe_stop_out(show: Show, m
         one.close()
 
 
-def test_nothing_that_is_said_waits_for_more_to_say(show: Show) -> None:
+def test_no_message_waits_for_the_next_one(show: Show) -> None:
     """With Nagle's algorithm every press was answered 40 ms later."""
     with connect(f"ws://127.0.0.1:{show.dashboard.access.port}/live") as live:
         live.recv(LONG)
@@ -94,12 +94,12 @@ def test_a_request_that_does_not_come_is_not_waited_for(
         ("no such host", 8420, "cannot listen on no such host:8420"),
     ],
 )
-def test_an_address_that_cannot_be_listened_on_says_why(host: str, port: int, words: str) -> None:
+def test_an_address_that_cannot_be_listened_on_is_refused_with_the_reason(host: str, port: int, words: str) -> None:
     with pytest.raises(UsageError, match=words):
         server._listen_on(host, port)
 
 
-def test_a_port_that_is_taken_is_said_to_be() -> None:
+def test_a_taken_port_is_reported() -> None:
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()

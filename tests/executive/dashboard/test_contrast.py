@@ -36,7 +36,7 @@ def contrast(one: str, other: str) -> float:
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("word", WORDS)
 @pytest.mark.parametrize("ground", GROUNDS)
-def test_words_stand_out_from_what_is_behind_them(scheme: str, word: str, ground: str) -> None:
+def test_words_stand_out_from_their_background(scheme: str, word: str, ground: str) -> None:
     colours = SCHEMES[scheme]
     assert contrast(colours[word], colours[ground]) >= 4.5
 

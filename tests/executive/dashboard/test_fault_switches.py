@@ -61,7 +61,7 @@ def test_only_faults_that_the_cell_has_are_made() -> None:
     assert cell.switches["wheel"].told == [""]
 
 
-def test_the_page_needs_control_for_it_and_is_told_what_there_is() -> None:
+def test_the_page_needs_control_for_it_and_gets_the_choices() -> None:
     lock = ControlLock()
     seen: list[Any] = []
 

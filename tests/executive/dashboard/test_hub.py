@@ -47,7 +47,7 @@ def test_a_late_viewer_gets_the_run_from_its_start_in_order(hub: Hub) -> None:
     assert [message["seq"] for message in messages] == [1, 2, 3, 4, 5, 6]
 
 
-def test_a_viewer_that_comes_back_gets_only_what_it_missed(hub: Hub) -> None:
+def test_a_viewer_that_comes_back_gets_only_the_missed_messages(hub: Hub) -> None:
     hub.on_event(started())
     for tick in range(5):
         hub.on_event(StateChanged(0.0, tick, "running", ""))
@@ -100,7 +100,7 @@ def test_a_new_run_replaces_the_old_one(hub: Hub) -> None:
     assert [message["event"] for message in waiting(hub.join())] == ["RunStarted"]
 
 
-def test_a_viewer_that_stops_reading_is_told_so_and_costs_no_memory() -> None:
+def test_a_viewer_that_stops_reading_gets_a_notice_and_costs_no_memory() -> None:
     async def watch() -> tuple[Viewer, list[dict[str, Any]]]:
         hub = Hub()
         hub.attach(asyncio.get_running_loop())
@@ -129,7 +129,7 @@ class Wire:
         return self.open
 
 
-def test_what_a_wire_takes_at_once_never_overtakes_what_waits() -> None:
+def test_an_immediate_write_never_overtakes_waiting_ones() -> None:
     wire: Any = Wire()
     viewer = Viewer(wire)
     viewer.hand("a", b"a")
@@ -163,7 +163,7 @@ HOSTILE: list[tuple[str, Any]] = [
 ]
 
 
-def test_what_cannot_be_encoded_is_replaced_by_its_reason_and_ends_nothing(
+def test_an_unencodable_value_is_replaced_by_the_reason_and_ends_nothing(
     hub: Hub, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(messages_module, "MOST_TEXT", 1_000_000)

@@ -119,7 +119,9 @@ PAINTED = """() => { const seen = document.getElementById("scene");
     return g.getImageData(0, 0, c.width, c.height).data.reduce((sum, v) => sum + v, 0); }"""
 
 
-def test_what_is_clicked_in_the_scene_is_chosen_in_the_tree_and_back(show: Show, open_page: Callable[..., Any]) -> None:
+def test_an_object_clicked_in_the_scene_is_chosen_in_the_tree_and_back(
+    show: Show, open_page: Callable[..., Any]
+) -> None:
     show.record(LOOK, "old_1")
     page = open_page("run=old_1", viewport={"width": 1280, "height": 720})
     expect(page.locator("#scene-legend")).to_contain_text("planned path")

@@ -76,7 +76,7 @@ def test_a_press_that_comes_again_is_carried_out_once_and_answered_each_time() -
 
 
 @pytest.mark.parametrize(("action", "patience"), [("safe_stop", SAFE_STOP_PATIENCE), ("resume", PATIENCE)])
-def test_what_was_pressed_too_long_ago_is_not_carried_out(action: str, patience: float) -> None:
+def test_an_old_press_is_not_carried_out(action: str, patience: float) -> None:
     desk = StoppedControlLock()
     for pressed in (now() - patience - 0.1, float("nan"), float("-inf"), -(10**400)):
         with pytest.raises(TooLateError):
@@ -148,7 +148,7 @@ def test_a_stop_is_confirmed_only_when_the_cell_has_taken_it(monkeypatch: pytest
     assert desk.safe_stop("ada") == "safe state: safe stop by ada"
 
 
-def test_why_a_run_did_not_begin_is_told_until_the_next_one() -> None:
+def test_the_reason_why_a_run_did_not_begin_is_shown_until_the_next_one() -> None:
     desk = ControlLock()
     desk.prepare("rest")
     desk.clear("the camera does not answer")

@@ -134,7 +134,7 @@ def test_a_run_is_watched_stopped_and_looked_at_again_through_a_proxy(
     assert download.value.suggested_filename == "old_1.mcap"
 
 
-def test_a_proxy_that_writes_a_host_of_its_own_is_told_what_is_missing(show: Show, behind: Callable[..., Any]) -> None:
+def test_a_proxy_that_writes_a_host_of_its_own_gets_the_missing_setting(show: Show, behind: Callable[..., Any]) -> None:
     page = behind("/orchard/", streams=True, own_host=True)
     expect(page.locator("#safe-stop-words")).to_have_text("no connection: a press is tried")
     press_stop(page)
@@ -142,7 +142,7 @@ def test_a_proxy_that_writes_a_host_of_its_own_is_told_what_is_missing(show: Sho
     expect(page.locator("#press-words")).to_contain_text("--served-as NAME")
 
 
-def test_where_no_stream_passes_the_page_says_so_and_a_stop_still_arrives(
+def test_where_no_stream_passes_the_page_reports_it_and_a_stop_still_arrives(
     show: Show, behind: Callable[..., Any]
 ) -> None:
     page = behind("/", streams=False)

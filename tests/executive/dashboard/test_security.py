@@ -169,7 +169,7 @@ def test_a_certificate_needs_its_key_and_must_be_readable(tmp_path: Path) -> Non
         dashboard.start()
 
 
-def test_what_reads_does_not_act(client: TestClient, dashboard: Dashboard) -> None:
+def test_reading_does_not_act(client: TestClient, dashboard: Dashboard) -> None:
     headers = {"x-pomona-token": dashboard.access.reading}
     assert client.post("/api/act", json={"action": "take"}, headers=headers).status_code == 403
 
@@ -280,7 +280,7 @@ def test_the_page_builds_no_markup_from_text() -> None:
             assert sink not in text, f"{script.name} uses {sink}"
 
 
-def test_a_viewer_that_sends_bytes_is_told_why_it_is_closed(show: Show) -> None:
+def test_a_viewer_that_sends_bytes_gets_the_reason_of_its_closing(show: Show) -> None:
     address = show.dashboard.access.address.replace("http", "ws") + "live"
     with connect(address) as viewer:
         viewer.recv()

@@ -29,7 +29,7 @@ LONG = """async () => {
 }"""
 
 
-def test_half_an_hour_of_samples_keeps_its_peaks_and_says_where_it_is_thinned(open_page: Callable[..., Any]) -> None:
+def test_half_an_hour_of_samples_keeps_its_peaks_and_marks_thinned_parts(open_page: Callable[..., Any]) -> None:
     kept = open_page().evaluate(LONG)
     assert kept["count"] <= 40_000
     assert (kept["least"], kept["greatest"]) == (-5, 99)

@@ -126,7 +126,7 @@ def test_with_tls_another_address_watches_and_acts_with_the_token(
         first_word(live, trusting)
 
 
-def test_who_does_not_know_the_certificate_is_warned_and_plain_http_gets_nothing(
+def test_a_client_without_the_certificate_is_warned_and_plain_http_gets_nothing(
     serve: Serve, certificate: list[str]
 ) -> None:
     dashboard = serve(*certificate)
@@ -151,7 +151,7 @@ def test_the_end_waits_for_no_farewell_and_leaves_no_connection_open(
         assert dashboard._server.server_state.connections == set()
 
 
-def test_the_end_bears_a_page_that_is_closing_and_has_not_said_farewell(
+def test_the_end_tolerates_a_page_that_is_closing_without_a_close_message(
     serve: Serve, certificate: list[str], trusting: ssl.SSLContext
 ) -> None:
     dashboard = serve(*certificate)

@@ -23,7 +23,7 @@ def expect(locator: Any) -> Any:
     return playwright_expect(locator)
 
 
-def test_a_page_that_hears_nothing_says_so_within_two_seconds_and_a_stop_is_tried_until_it_is_confirmed(
+def test_a_page_without_messages_reports_it_within_two_seconds_and_a_stop_is_tried_until_it_is_confirmed(
     show: Show, chromium: Any
 ) -> None:
     page = chromium.new_page()  # its console may complain: requests fail
@@ -72,7 +72,7 @@ def test_a_stop_is_confirmed_at_once_by_the_run(show: Show, open_page: Open) -> 
 @pytest.mark.parametrize(
     ("fragment", "words"), [("", "this page only watches"), ("#token=of-yesterday", "this page is of another start")]
 )
-def test_a_page_that_cannot_act_looks_disarmed_and_says_that_a_stop_was_not_carried_out(
+def test_a_page_that_cannot_act_looks_disarmed_and_reports_that_a_stop_was_not_carried_out(
     show: Show, chromium: Any, fragment: str, words: str
 ) -> None:
     page = chromium.new_page()
@@ -116,7 +116,7 @@ def test_the_live_cell_stays_in_sight_and_can_be_stopped_over_a_record(show: Sho
     expect(page.locator("#strip")).to_be_hidden()
 
 
-def test_escape_closes_what_is_open_and_stops_when_pressed_twice(show: Show, open_page: Open) -> None:
+def test_escape_closes_an_open_picture_and_stops_when_pressed_twice(show: Show, open_page: Open) -> None:
     page = open_page()
     show.run(HOLD)
     expect(page.locator("#state")).to_have_text("▶ running")
@@ -159,7 +159,7 @@ def test_a_run_that_is_prepared_is_shown_with_its_progress_and_is_stopped(show: 
     expect(page.locator("#problem")).to_be_hidden()
 
 
-def test_the_banner_claims_no_rest_that_nobody_has_reported(show: Show, open_page: Open) -> None:
+def test_the_banner_claims_no_unreported_rest(show: Show, open_page: Open) -> None:
     page = open_page()
     show.run(HOLD)
     expect(page.locator("#state")).to_have_text("▶ running")
@@ -172,7 +172,7 @@ def test_the_banner_claims_no_rest_that_nobody_has_reported(show: Show, open_pag
     expect(page.locator("#latched-rest")).to_contain_text("No feedback from arm: its motion is unknown.")
 
 
-def test_skills_that_compute_show_their_time_and_what_is_old_is_not_called_stale(show: Show, open_page: Open) -> None:
+def test_skills_that_compute_show_their_time_and_old_values_are_not_called_stale(show: Show, open_page: Open) -> None:
     page = open_page()
     show.run("pomona: 1\ntree: demo\nroot:\n  sequence:\n    - Look: {seen: '{seen}'}\n    - Hold: {}\n")
     expect(page.locator("#camera img")).to_be_visible()
@@ -203,7 +203,7 @@ def test_a_camera_that_delivers_pictures_is_shown_live_with_the_last_look_in_a_c
     expect(page.locator("#camera .live")).to_have_count(0)
 
 
-def test_a_page_that_holds_control_and_falls_silent_is_told_to_the_others(
+def test_a_page_that_holds_control_and_falls_silent_is_reported_to_the_others(
     show: Show, open_page: Open, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("pomona.executive.dashboard.server.PAGE_SILENT", 0.9)
@@ -230,7 +230,7 @@ def test_a_press_that_the_run_does_not_answer_is_not_taken_for_done(show: Show, 
     GATE.set()
 
 
-def test_what_is_planned_is_shown_and_waits_for_a_person_who_may_change_it_first(show: Show, open_page: Open) -> None:
+def test_a_plan_is_shown_and_waits_for_an_operator_who_may_change_it_first(show: Show, open_page: Open) -> None:
     page = open_page(viewport={"width": 1280, "height": 720})
     show.run(APPROVED)
     expect(page.locator("#questions")).to_contain_text("May Rest start? The plan is shown.")

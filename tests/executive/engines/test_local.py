@@ -92,6 +92,8 @@ def test_a_worker_gives_way_to_a_fresh_one_after_some_orders() -> None:
         (("local", 1, "10.0.0.1:6379"), "--address is for --engine ray"),
     ],
 )
-def test_what_cannot_be_opened_is_refused_in_words(arguments: tuple[object, ...], message: str) -> None:
+def test_a_file_that_cannot_be_opened_is_refused_without_a_traceback(
+    arguments: tuple[object, ...], message: str
+) -> None:
     with pytest.raises(UsageError, match=message), open_engine(*arguments):  # type: ignore[arg-type]
         pass

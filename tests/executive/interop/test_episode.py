@@ -34,7 +34,7 @@ def test_each_value_is_the_newest_that_was_measured(episode: Episode) -> None:
     assert np.allclose(episode.wrench, wrenches(np.floor(episode.times * 500.0 + 1e-6) / 500.0), atol=5e-6)
 
 
-def test_what_was_done_is_the_next_state_and_the_look_is_the_newest_with_depth(episode: Episode) -> None:
+def test_the_action_is_the_next_state_and_the_look_is_the_newest_with_depth(episode: Episode) -> None:
     assert np.array_equal(episode.action[:-1], episode.state[1:])
     assert np.array_equal(episode.action[-1], episode.state[-1])
     at, files = episode.colour

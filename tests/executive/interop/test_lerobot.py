@@ -58,7 +58,7 @@ def test_a_look_that_many_steps_share_is_stored_once(made: tuple[list[Path], Pat
     assert sizes["observation.depth.camera.bytes"] < 1.2 * sum(map(len, files))
 
 
-def test_what_is_said_about_the_dataset_fits_to_it(made: tuple[list[Path], Path]) -> None:
+def test_the_metadata_of_the_dataset_fit_to_it(made: tuple[list[Path], Path]) -> None:
     _records, dataset = made
     info = json.loads((dataset / "meta/info.json").read_text())
     episodes = table(dataset, "meta/episodes/chunk-000/file-000.parquet").to_pylist()
@@ -90,7 +90,7 @@ def test_statistics_are_those_of_all_rows(made: tuple[list[Path], Path]) -> None
     assert 0.2 < stats["observation.depth.camera"]["min"][0][0][0] / 1e3 < 3.0
 
 
-def test_a_folder_that_is_there_is_left_alone_and_what_does_not_fit_is_named(
+def test_an_existing_folder_is_left_alone_and_mismatches_are_named(
     made: tuple[list[Path], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     records, dataset = made

@@ -57,7 +57,7 @@ def timeless(message: Any) -> Any:
     return [timeless(item) for item in message] if isinstance(message, (list, tuple)) else message
 
 
-def test_a_view_gets_what_the_record_has_in_its_order(tmp_path: Path) -> None:
+def test_a_view_gets_the_events_of_the_record_in_their_order(tmp_path: Path) -> None:
     shown = Shown()
     live = Live([shown])
     for event in everything():
@@ -76,7 +76,7 @@ def test_a_view_gets_what_the_record_has_in_its_order(tmp_path: Path) -> None:
     assert live.dropped == 0
 
 
-def test_a_viewer_that_hangs_costs_the_tick_nothing_and_what_it_missed_is_said(
+def test_a_viewer_that_hangs_costs_the_tick_nothing_and_its_gap_is_reported(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(live_module, "CLOSING", 0.1)
@@ -153,7 +153,7 @@ def test_a_value_that_cannot_be_shown_is_replaced_by_its_reason_and_the_views_go
 # ------------------------------------------------------------------------------------------------- Foxglove
 
 
-def test_foxglove_gets_schemas_and_messages_and_who_comes_late_what_stays() -> None:
+def test_foxglove_gets_schemas_and_messages_and_a_late_client_the_lasting_ones() -> None:
     pytest.importorskip("foxglove", reason="the extra foxglove is not installed")
     from websockets.sync.client import connect
 
@@ -187,7 +187,7 @@ def test_foxglove_gets_schemas_and_messages_and_who_comes_late_what_stays() -> N
         live.close()
 
 
-def test_a_taken_port_is_said_in_words() -> None:
+def test_a_taken_port_is_named_without_a_traceback() -> None:
     pytest.importorskip("foxglove", reason="the extra foxglove is not installed")
     from pomona.executive.interop.foxglove_view import FoxgloveView
 
@@ -266,7 +266,7 @@ def test_a_run_shows_itself_where_it_is_asked_to(tmp_path: Path, monkeypatch: py
     assert (names[0], names[-1], shown.closed) == ("RunStarted", "RunEnded", True)
 
 
-def test_without_the_extra_a_live_view_says_how_to_install_it(
+def test_without_the_extra_a_live_view_names_the_command_to_install_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

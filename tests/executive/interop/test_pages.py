@@ -91,7 +91,7 @@ def test_a_full_disk_leaves_no_half_page(
     assert [path.name for path in tmp_path.iterdir()] == ["runs"]
 
 
-def test_a_run_becomes_a_page_with_its_tables_and_what_was_drawn_over_each_picture(
+def test_a_run_becomes_a_page_with_its_tables_and_the_drawings_over_each_picture(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     runs = tmp_path / "runs"

@@ -262,7 +262,7 @@ def test_an_action_runs_a_tree_with_parameters_feedback_result_and_cancel(settin
     assert (result(setting, 4).status, result(setting, 4).result.reason) == (ABORTED, "the cell cannot be reached")
 
 
-def test_a_goal_that_is_refused_takes_control_from_nobody(setting: Setting) -> None:
+def test_a_refused_goal_takes_control_from_no_operator(setting: Setting) -> None:
     assert setting.ask("take", "bert")[0]
     uneven = {"names": ["fruit", "place"], "values": ["apple_5"]}
     twice = {"names": ["fruit", "fruit"], "values": ["apple_1", "apple_2"]}
@@ -334,7 +334,7 @@ def test_a_flood_of_requests_is_refused_at_once_and_a_safe_stop_is_taken_beside_
     assert (answers.count(True), answers.count(False)) == (WAITING, 30)
 
 
-def test_what_somebody_sends_that_is_no_request_gets_an_error_and_harms_nothing(setting: Setting) -> None:
+def test_an_invalid_request_gets_an_error_and_harms_nothing(setting: Setting) -> None:
     key = f"0/pomona/safe_stop/pomona_msgs::srv::dds_::Act_/{type_hash(ACT)}"
     for payload in (b"", b"\0\1\0\0\xff\xff\xff\xff", bytes(1000)):
         replies = list(setting.listening.session.get(key, payload=payload, attachment=b"x", timeout=2.0))
@@ -342,7 +342,7 @@ def test_what_somebody_sends_that_is_no_request_gets_an_error_and_harms_nothing(
     assert setting.ask("take")[0]
 
 
-def test_bound_elsewhere_nobody_acts_and_an_address_that_cannot_be_used_is_refused() -> None:
+def test_bound_elsewhere_no_viewer_acts_and_an_unusable_address_is_refused() -> None:
     class Elsewhere:
         local = False
 
@@ -356,7 +356,7 @@ def test_bound_elsewhere_nobody_acts_and_an_address_that_cannot_be_used_is_refus
             Ros2Peer(address)
 
 
-def test_an_address_where_nobody_speaks_ros_2_is_refused(
+def test_an_address_without_a_ros_2_peer_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     import socket
@@ -371,7 +371,7 @@ def test_an_address_where_nobody_speaks_ros_2_is_refused(
         assert f"no ROS 2 at {address}: " in capsys.readouterr().err
 
 
-def test_who_joined_a_router_finds_it_again() -> None:
+def test_a_peer_that_joined_a_router_finds_it_again() -> None:
     port = free_port()
     router, got = Ros2Peer(f"127.0.0.1:{port}"), threading.Event()
     client = Ros2Peer(f"127.0.0.1:{port}", insist=True)

@@ -144,7 +144,9 @@ def test_transforms_poses_clouds_and_scenes_are_the_recorded_values(
     assert [point.point.x for point in messages["/pomona/tcp"]] == [0.0]
 
 
-def test_the_tree_diagnostics_log_and_events_are_told(made: tuple[Path, Path], messages: dict[str, list[Any]]) -> None:
+def test_the_tree_diagnostics_log_and_events_are_published(
+    made: tuple[Path, Path], messages: dict[str, list[Any]]
+) -> None:
     last = messages["/pomona/tree"][-1]
     (node,) = last.nodes
     assert (last.run, last.tree, last.state, last.tick) == ("one", "pick", "running", 12)
@@ -211,7 +213,7 @@ def test_an_octree_has_the_bytes_of_the_map_whose_points_were_recorded() -> None
     assert octomap(np.empty((0, 3)), 0.01)["data"].tobytes() == b""
 
 
-def test_what_is_left_out_of_a_message_is_zero_and_what_it_does_not_have_is_refused() -> None:
+def test_a_field_left_out_of_a_message_is_zero_and_an_unknown_one_is_refused() -> None:
     message = coder("sensor_msgs/msg/CameraInfo").message({"width": 3})
     assert (message.width, message.height, message.k.tolist(), message.header.frame_id) == (3, 0, [0.0] * 9, "")
     with pytest.raises(KeyError, match="widht"):
@@ -240,7 +242,7 @@ def test_a_folder_that_is_there_is_left_alone_and_half_a_bag_is_left_nowhere(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bag", "damaged"]
 
 
-def test_without_the_extra_it_says_how_to_install_it(
+def test_without_the_extra_it_names_the_command_to_install_it(
     made: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "rosbags.rosbag2", None)

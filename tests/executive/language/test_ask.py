@@ -25,7 +25,7 @@ def test_an_answer_is_written_and_ends_it(built):
     assert run.value("/a") == "yes"
 
 
-def test_the_answer_decides_what_follows(built):
+def test_the_answer_chooses_the_branch(built):
     run, question = asking(built)
     run.tick()
     question.answer(question.starts, "no")
@@ -49,7 +49,7 @@ def test_without_an_answer(built, rest, attended, code, answer):
         assert reason_of(run.tree.root).code == code
 
 
-def test_what_is_no_choice_is_no_answer(built):
+def test_an_unknown_choice_is_no_answer(built):
     run, question = asking(built)
     assert not question.answer(question.starts, "yes")  # nothing is asked yet
     run.tick()

@@ -90,7 +90,7 @@ class TestNamesAreKnown:
 
 
 class TestTypesFit:
-    def test_wrong_type_says_who_wrote_it(self, findings_of):
+    def test_wrong_type_names_its_writer(self, findings_of):
         body = sequence(DETECT, SAMPLE.replace("{measured}", "{detection}"), 'check: "len({candidates.grasps}) > 0"')
         found = only(findings_of(body), "port-type")
         assert found.message == (
@@ -229,11 +229,11 @@ class TestEverythingIsWrittenBeforeItIsRead:
         body = f"root:\n  parallel:\n    - {DETECT}\n    - {REFINE}\n"
         assert {f.code for f in findings_of(body)} == {"unset", "unread"}
 
-    def test_what_all_of_a_parallel_write_is_written_after_it(self, findings_of):
+    def test_names_that_a_whole_parallel_writes_are_written_after_it(self, findings_of):
         body = f"root:\n  sequence:\n    - parallel:\n        - {DETECT}\n        - Beep: {{}}\n    - {REFINE}\n"
         only(findings_of(body), "unread", "warning")
 
-    def test_a_race_writes_only_what_every_child_writes(self, findings_of):
+    def test_a_race_writes_only_the_names_that_every_child_writes(self, findings_of):
         body = (
             f"root:\n  sequence:\n    - parallel:\n        - {DETECT}\n        - MoveTo: {{pose: home}}\n"
             f"      success_on: one\n    - {REFINE}\n"
@@ -241,7 +241,9 @@ class TestEverythingIsWrittenBeforeItIsRead:
         assert {f.code for f in findings_of(body)} == {"unset", "unread"}
 
     @pytest.mark.parametrize(("number", "is_written"), [(1, False), (2, True), (3, True)])
-    def test_of_a_number_of_children_only_what_any_so_many_write_is_written(self, findings_of, number, is_written):
+    def test_of_a_number_of_children_only_names_that_any_such_number_writes_are_written(
+        self, findings_of, number, is_written
+    ):
         children = f"        - {DETECT}\n        - {DETECT}\n        - MoveTo: {{pose: home}}\n"
         body = (
             f"root:\n  sequence:\n    - parallel:\n{children}      success_on: {number}\n    - {REFINE}\n"
@@ -294,19 +296,19 @@ class TestEverythingIsWrittenBeforeItIsRead:
         )
         assert "port-type" in {f.code for f in findings_of(body)}
 
-    def test_nobody_reads_an_output(self, findings_of):
+    def test_an_output_without_a_reader(self, findings_of):
         found = only(findings_of(sequence(DETECT)), "unread", "warning")
         assert found.message == "no node reads 'detection', which Detect writes"
 
-    def test_nobody_reads_a_parameter(self, findings_of):
+    def test_a_parameter_without_a_reader(self, findings_of):
         body = "parameters: {far: {type: int, default: 1}}\nroot: {Beep: {}}"
         assert "parameter 'far'" in only(findings_of(body), "unread", "warning").message
 
-    def test_nobody_reads_an_input(self, findings_of):
+    def test_an_input_without_a_reader(self, findings_of):
         body = "root: {a: {x: 3}}\nsubtrees: {a: {in: {x: int}, root: {Beep: {}}}}"
         assert "input 'x'" in only(findings_of(body), "unread", "warning").message
 
-    def test_nobody_calls_a_subtree(self, findings_of):
+    def test_a_subtree_without_a_caller(self, findings_of):
         only(findings_of("root: {Beep: {}}\nsubtrees: {a: {root: {Beep: {}}}}"), "unused", "warning")
 
 
@@ -322,7 +324,7 @@ class TestStructure:
         assert findings_of(body, interfaces=(arm, camera)) == []
         assert "needs a Arm" in only(findings_of(body, interfaces=(camera,)), "no-device").message
 
-    def test_retry_around_what_cannot_fail(self, findings_of):
+    def test_retry_around_a_node_that_cannot_fail(self, findings_of):
         only(findings_of("root:\n  Beep: {}\n  retry: 3"), "cannot-fail", "warning")
         only(findings_of("root:\n  fallback: [{MoveTo: {pose: a}}, {Beep: {}}]\n  retry: 3"), "cannot-fail", "warning")
 
@@ -448,7 +450,7 @@ def test_a_file_of_a_thousand_nodes_takes_its_share_of_work_and_not_the_square_o
     assert calls(1000) < 11.0 * calls(100)
 
 
-def test_what_was_meant_is_looked_for_while_few_words_are_wrong(findings_of, monkeypatch):
+def test_suggestions_are_searched_while_few_words_are_wrong(findings_of, monkeypatch):
     compared = []
     monkeypatch.setattr(
         findings, "get_close_matches", lambda word, known, **_: compared.append(len(known)) or known[:1]
@@ -487,7 +489,7 @@ class TestWhatIsNeverReached:
         [("fail: {}", "Beep: {}"), ("{Beep: {}, repeat: forever}", "Beep: {}"),
          ("{sequence: [{Beep: {}}, {fail: {code: X}}]}", "Beep: {}"), ("{Beep: {}, force: failure}", "Beep: {}")],
     )  # fmt: skip
-    def test_after_what_cannot_succeed(self, findings_of, nodes):
+    def test_after_a_node_that_cannot_succeed(self, findings_of, nodes):
         assert only(findings_of(sequence(*nodes)), "unreachable", "warning").line == 6
 
 
@@ -504,7 +506,7 @@ class TestFieldsHaveUnitsAndLengths:
             ("{m.pair[2]} > 3 N", "no-element", "there is no element 2: this has 2"),
         ],
     )
-    def test_what_cannot_be(self, measuring, condition, code, message):
+    def test_a_wrong_comparison_is_reported(self, measuring, condition, code, message):
         assert only(measuring(condition), code).message == message
 
     @pytest.mark.parametrize(
@@ -512,7 +514,7 @@ class TestFieldsHaveUnitsAndLengths:
         ["{m.size[2]} > 3 mm", "{m.size[-3]} > 3 mm", "{m.pose[0][3]} > 1 mm", "{m.push} > 1 N", "{m.pair[1]} > 1 N",
          "max({m.size[0]}, {m.size[1]}) > 3 cm"],
     )  # fmt: skip
-    def test_what_can(self, measuring, condition):
+    def test_numbers_and_elements_of_arrays_are_compared(self, measuring, condition):
         assert measuring(condition) == []
 
     def test_an_array_enters_a_port_for_arrays(self, measuring):

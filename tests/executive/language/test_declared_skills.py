@@ -124,7 +124,7 @@ def test_stand_ins_are_checked_like_the_skills_themselves(package):
         assert check(read(text, "t.yaml"), stand_ins) == expected
 
 
-def test_what_needs_the_class_itself_gets_it(package):
+def test_a_check_that_needs_the_class_gets_it(package):
     declared.declared_skills()
     text = TREE.replace("mood: wild", "inner: {width: 1, mood: calm}")
     with pytest.raises(NotLoadedError):

@@ -38,7 +38,7 @@ def test_every_rule_names_its_proof():
 
 
 @pytest.mark.parametrize("found", NodeTypes().values(), ids=lambda found: found.key)
-def test_the_page_says_of_every_type_what_the_type_says(found):
+def test_the_page_has_the_text_of_every_type(found):
     row = rf"^\| (?:`[^|]*`, )?`{found.key}\b[^|]*\| {re.escape(found.summary)}[^|]*\|"
     assert re.search(row, PAGE, re.MULTILINE), f"no row of a table reads `{found.key}: …` | {found.summary}"
     for word in found.fields:

@@ -77,7 +77,7 @@ def test_one_way_to_write():
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
-def test_what_is_shipped_is_formatted(path):
+def test_shipped_files_are_formatted(path):
     assert formatted(path.read_text()) == path.read_text()
 
 
@@ -144,7 +144,7 @@ def test_a_thousand_random_files_say_the_same_and_a_second_time_changes_nothing(
         assert once.count("#") == text.count("#"), text
 
 
-def test_what_is_no_yaml_is_left_alone():
+def test_a_file_that_is_no_yaml_is_left_alone():
     with pytest.raises(FormatError):
         formatted("a: [1, 2\nb: 3")
 

@@ -91,7 +91,7 @@ nodes = st.recursive(
 @pytest.mark.slow
 @given(root=nodes, sub=nodes)
 @settings(max_examples=300)
-def test_any_tree_is_checked_and_what_passes_is_built_and_runs(root, sub):
+def test_any_tree_is_checked_and_a_right_one_is_built_and_runs(root, sub):
     head = "pomona: 1\ntree: t\nparameters: {x: {type: int, default: 1}}"
     document = read(f"{head}\nroot: {root}\nsubtrees: {{sub: {{root: {sub}}}}}", "t.yaml")
     findings = check(document, SKILLS)

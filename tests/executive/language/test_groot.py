@@ -149,7 +149,7 @@ FOREIGN = """<root BTCPP_format="4">
 </root>"""
 
 
-def test_what_has_no_counterpart_keeps_its_children_and_is_refused(skills):
+def test_an_element_without_counterpart_keeps_its_children_and_is_refused(skills):
     text = (
         '<root BTCPP_format="4"><BehaviorTree ID="a"><Mystery level="3"><Beep/><Beep/></Mystery></BehaviorTree></root>'
     )
@@ -224,7 +224,7 @@ def test_a_parallel_that_succeeds_on_two_goes_there_and_back(skills):
         "<Inverter/>",
     ],
 )
-def test_what_cannot_be_said_is_a_finding_and_the_check_refuses_it(skills, xml):
+def test_an_element_without_equivalent_is_a_finding_and_the_check_refuses_it(skills, xml):
     text, findings = import_groot(f'<root BTCPP_format="4"><BehaviorTree ID="t">{xml}</BehaviorTree></root>', "t.xml")
     assert [finding.code for finding in findings] == ["not-translated"]
     assert "untranslated" in [finding.code for finding in check(read(text, "t.yaml"), skills)]
@@ -267,7 +267,7 @@ class TestForeignFiles:
             ("<a>" * 500 + "</a>" * 500, "too-deep"),
         ],
     )
-    def test_what_cannot_be_read_is_a_finding(self, text, code):
+    def test_an_unreadable_value_is_a_finding(self, text, code):
         assert code in [finding.code for finding in import_groot(text, "x.xml")[1]]
 
 
@@ -328,7 +328,7 @@ def test_more_words_of_behaviortree_cpp_mean_the_same(xml, words):
         "<LoopInt queue='1;2' value='{n}' if_empty='FAILURE'><Go/></LoopInt>",
     ],
 )
-def test_what_would_change_its_meaning_is_refused(xml):
+def test_a_change_of_meaning_is_refused(xml):
     text, findings = import_groot(f'<root BTCPP_format="4"><BehaviorTree ID="T">{xml}</BehaviorTree></root>', "t.xml")
     assert [finding.code for finding in findings] == ["not-translated"]
     assert "untranslated" in text
@@ -393,7 +393,7 @@ def test_a_subtree_with_wires_and_texts_is_written_out():
     assert """Move: {to: home, own: "{go_x_2}"}\n          when: "not (2 > 1 and 'home' == 'home')\"""" in text
 
 
-def test_what_a_subtree_writes_to_a_text_of_its_caller_is_refused():
+def test_a_subtree_that_writes_to_a_text_of_its_caller_is_refused():
     xml = """<root BTCPP_format="4" main_tree_to_execute="Main">
       <BehaviorTree ID="Main"><SubTree ID="Go" n="3"/></BehaviorTree>
       <BehaviorTree ID="Go"><Script code="n += 1"/></BehaviorTree>
@@ -426,7 +426,7 @@ class TestSeveralFiles:
         assert list(yaml.safe_load(text)["subtrees"]) == ["home", "go"]
 
     @pytest.mark.parametrize("included", ["main.xml", "sub", "missing.xml", "", "\0"])
-    def test_what_cannot_be_included_is_a_finding(self, tmp_path, included):
+    def test_an_include_that_fails_is_a_finding(self, tmp_path, included):
         (tmp_path / "sub").mkdir()
         main = self.tree("Main", "<Move/>", f'<include path="{included}"/>')
         (tmp_path / "main.xml").write_text(main)
@@ -434,7 +434,7 @@ class TestSeveralFiles:
         assert len(findings) == 1
         assert (findings[0].line, findings[0].column) == (1, 25 if included != "\0" else 39)
 
-    def test_files_beside_hold_what_is_called(self):
+    def test_files_beside_hold_called_trees(self):
         text, findings = import_groot(
             self.tree("Main", '<SubTree ID="Go"/>'), "main.xml", beside=[(self.tree("Go", "<Move/>"), "go.xml")]
         )
@@ -485,7 +485,7 @@ class TestModelsOfNodes:
             ("<Careful/>", "Decor"),
         ],
     )
-    def test_what_the_models_do_not_know_is_refused(self, xml, message):
+    def test_names_that_the_models_lack_are_refused(self, xml, message):
         (finding,) = self.read(xml)[1]
         assert message in finding.message
 

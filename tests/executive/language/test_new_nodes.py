@@ -43,7 +43,7 @@ def test_an_if_whose_condition_has_no_value_fails(built):
     assert reason_of(run.tree.root).code == "BAD_VALUE"
 
 
-def test_an_if_needs_what_it_does(findings_of):
+def test_an_if_needs_a_then(findings_of):
     assert [f.code for f in findings_of("root: {if: '1 == 1'}")] == ["missing-key"]
 
 
@@ -87,7 +87,7 @@ def test_cases_are_words_of_any_type(built, value, word):
     assert run.run() == "SUCCESS"
 
 
-def test_a_sequence_with_memory_goes_on_with_what_failed(built):
+def test_a_sequence_with_memory_goes_on_with_the_failed_child(built):
     run = built(f"root: {{sequence_with_memory: [{move('A')}, {move('B')}, {move('C')}], retry: 3}}")
     run.script("t/B", "NO_PATH", None)
     assert run.run() == "SUCCESS"

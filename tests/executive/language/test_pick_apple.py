@@ -53,7 +53,7 @@ def test_retreat_follows_every_failed_attempt_and_feeds_the_tried_grasp_back(bui
     assert [attempt.status.name for attempt in attempts] == ["FAILURE", "FAILURE", "SUCCESS"]
 
 
-def test_a_failure_says_everything_that_led_to_it(built, pick_apple):
+def test_a_failure_lists_everything_that_led_to_it(built, pick_apple):
     run = built(pick_apple, overrides={"attempts": "2"}).script("pick_apple/Attempt/Lift", "DROPPED")
     assert run.run() == "FAILURE"
     reason = reason_of(run.tree.root)

@@ -53,12 +53,12 @@ def test_of_thousands_of_findings_the_first_are_written_out():
     assert lines[-1] == "3001 errors."
 
 
-def test_nobody_meant_a_word_of_thousands_of_characters():
+def test_a_word_of_thousands_of_characters_gets_no_suggestion():
     assert did_you_mean("Refine" * 1000, ["Refine"]) == ""
     assert did_you_mean("Refien", ["Refine", "Lift"]) == "did you mean 'Refine'?"
 
 
-def test_a_constant_that_nobody_reads(findings_of):
+def test_a_constant_without_a_reader(findings_of):
     (finding,) = findings_of("constants: {a: 1}\nroot: {Beep: {}}")
     assert (finding.code, finding.severity) == ("unread", "warning")
 
@@ -70,7 +70,7 @@ def test_bytes_that_are_no_text_have_a_place(tmp_path):
         read_text(path)
 
 
-def test_what_is_no_regular_file_is_called_by_its_name(tmp_path):
+def test_an_irregular_file_is_called_by_its_name(tmp_path):
     os.mkfifo(tmp_path / "pipe.yaml")
     for name, sort in ((".", "a folder"), ("pipe.yaml", "a pipe")):
         with pytest.raises(UsageError, match=f"a tree must be a regular file, this is {sort}"):

@@ -14,7 +14,7 @@ from tests.executive.language import reference
 
 
 @pytest.mark.parametrize("part", range(10))
-def test_random_trees_do_what_the_reference_interpreter_does(part):
+def test_random_trees_behave_as_in_the_reference_interpreter(part):
     told = [differs for number in range(250) if (differs := reference.differs(f"ci/{part}/{number}"))]
     assert told == []
 

@@ -28,7 +28,7 @@ class TestBranches:
         run = built("root: {reactive_sequence: [{check: '1 == 1'}, {MoveTo: {pose: a}}, {Beep: {}}]}")
         assert run.run() == "SUCCESS"
 
-    def test_a_reactive_sequence_interrupts_what_runs_when_an_earlier_child_fails(self, built):
+    def test_a_reactive_sequence_interrupts_the_running_child_when_an_earlier_one_fails(self, built):
         watched = "{reactive_sequence: [{check: '{n} == 1'}, {wait: 1 s}]}"
         body = f"root: {{parallel: [{watched}, {{sequence: [{{wait: 100 ms}}, {{set: {{n: 2}}}}]}}]}}"
         with pytest.raises(TreeFileError, match="may not be written yet"):
@@ -43,7 +43,7 @@ class TestBranches:
         assert run.run() == "SUCCESS"
         assert starts(run, "A", "B", "C") == [1, 1, 0]
 
-    def test_a_fallback_says_why_each_alternative_failed(self, built):
+    def test_a_fallback_gives_the_reason_of_each_failed_alternative(self, built):
         run = built(f"root: {{fallback: [{move('A')}, {move('B')}]}}")
         run.script("t/A", "NO_PATH").script("t/B", "MOTION_FAILED")
         assert run.run() == "FAILURE"
@@ -134,14 +134,14 @@ class TestRetry:
         reason = reason_of(run.tree.root)
         assert [len(list(cause.leaves())) for cause in reason.causes] == [2, 2]
 
-    def test_attempts_are_told_as_they_end(self, built):
+    def test_attempts_are_reported_as_they_end(self, built):
         run = built(f"root: {move('A', retry=3)}").script("t", "NO_PATH", None)
         told = []
         run.tree.on_attempt(lambda path, attempt, of: told.append((path, attempt.number, attempt.status.name, of)))
         run.run()
         assert told == [("t:retry", 1, "FAILURE", 3), ("t:retry", 2, "SUCCESS", 3)]
 
-    def test_interrupting_a_retry_interrupts_what_it_tries(self, built):
+    def test_interrupting_a_retry_interrupts_its_child(self, built):
         run = built("root: {MoveTo: {pose: a}, retry: 3, timeout: 30 ms}")
         run.tick()
         run.tree.root.stop(type(run.tree.root.status).INVALID)

@@ -62,7 +62,7 @@ class TestRunning:
         result = run_scenario(scenario(CASES), skills)
         assert result.cases[0].time == pytest.approx(0.2)
 
-    def test_what_was_never_reached_is_told(self, scenario, skills):
+    def test_nodes_that_were_never_reached_are_reported(self, scenario, skills):
         coverage = run_scenario(scenario("cases: [{name: one}]"), skills).coverage
         unreached = [info.path for info in coverage.unreached()]
         assert "pick_apple/Attempt:on_failure" in unreached
@@ -83,7 +83,7 @@ class TestRunning:
             ("{mocks: {MoveTo: running}, limit: 1 s}", "got still running after 1 s"),
         ],
     )
-    def test_what_went_otherwise_is_told(self, scenario, skills, case, problem):
+    def test_differences_are_reported(self, scenario, skills, case, problem):
         result = run_scenario(scenario(f"cases: [{case}]"), skills)
         assert not result.passed
         assert problem in result.cases[0].problems[0]
@@ -229,7 +229,7 @@ def test_everything_wrong_with_a_scenario_is_found_at_once_with_its_place(tmp_pa
     ]
 
 
-def test_the_schema_takes_what_the_reader_takes(scenario):
+def test_schema_and_reader_take_the_same(scenario):
     taken = jsonschema.Draft202012Validator(SCENARIO_FILES.schema())
     cases = [
         "{name: x, set: {attempts: 2}, mocks: {Plan: [NO_PATH, {status: running, after: 2 s}]}, expect: failure}",

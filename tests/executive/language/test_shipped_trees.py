@@ -60,7 +60,7 @@ def test_its_scenarios_go_as_expected_and_reach_every_node(installed, path):
         ("{d.score} > 3 N", "a ratio and a force cannot be compared"),
     ],
 )
-def test_what_skills_exchange_has_units(installed, condition, message):
+def test_values_between_skills_have_units(installed, condition, message):
     text = f"""pomona: 1
 tree: t
 root:

@@ -31,7 +31,7 @@ class TestText:
         text = show_text(read(HEAD + "root: {a: {}}\nsubtrees: {a: {root: {sequence: [{a: {}}]}}}", "t.yaml"))
         assert text.count("▣ a") == 2
 
-    def test_a_broken_file_draws_what_there_is(self):
+    def test_a_broken_file_draws_its_readable_part(self):
         assert show_text(read("[", "t.yaml")) == ""
 
 
@@ -56,7 +56,7 @@ class TestSvg:
             for x2, y2, w2, h2 in boxes[i + 1 :]:
                 assert x + w <= x2 or x2 + w2 <= x or y + h <= y2 or y2 + h2 <= y
 
-    def test_what_is_cut_off_stands_in_the_title(self):
+    def test_shortened_text_stands_in_the_title(self):
         ports = ", ".join(f"port_{n}: 1" for n in range(12))
         svg = show_svg(read(HEAD + f"root: {{Beep: {{{ports}}}}}", "t.yaml"))
         assert "…" in svg
@@ -116,7 +116,7 @@ class TestSchema:
     def test_invalid(self, validator, body):
         assert not validator.is_valid(yaml.safe_load(HEAD + body))
 
-    def test_it_tells_units_and_failure_codes(self, skills):
+    def test_it_lists_units_and_failure_codes(self, skills):
         made = schema(skills)["$defs"]
         assert "NO_PATH" in made["skill.Plan"]["description"]
         assert "1 mm" in str(made["skill.Retreat"]["properties"]["distance"])

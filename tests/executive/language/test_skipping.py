@@ -50,7 +50,7 @@ GOOD, BAD = "{succeed: {}, name: G}", "{fail: {}, name: B}"
         (f"pipeline_sequence: [{SKIPPED}]", "INVALID"),
     ],
 )
-def test_what_a_parent_makes_of_a_skipped_child(built, node, ended):
+def test_parents_treat_a_skipped_child_by_their_rule(built, node, ended):
     run = built(
         f"root: {{sequence: [{{{node}, name: P}}, {{succeed: {{}}}}]}}\n"
         f"subtrees: {{sub: {{root: {SKIPPED}}}, other: {{root: {{sub: {{}}}}}}}}"

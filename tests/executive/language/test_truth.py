@@ -48,7 +48,7 @@ class TestWhatCanNeverHold:
         ["{k} > 2 and {k} < 4", "{k} >= 2 and {k} <= 2", "{k} == 3 or {k} == 4", "{k} != 3 and {k} != 4",
          "{k} > 1 and abs({k}) > 0", "{k} in [1, 2] and {k} in [2, 3]", "not ({k} > 3 and {k} < 1)"],
     )  # fmt: skip
-    def test_what_can_hold_is_not_told(self, findings_of, condition):
+    def test_a_sufficient_grip_is_not_reported(self, findings_of, condition):
         assert told(findings_of(after(f'check: "{condition}"'))) == []
 
     def test_a_switch_in_the_parameters_is_no_mistake(self, findings_of):
@@ -75,10 +75,10 @@ class TestContradictions:
         assert "(line 7)" in found.message
         assert (found.line, found.severity) == (9, "warning")
 
-    def test_what_is_written_between_ends_it(self, findings_of):
+    def test_a_write_between_ends_it(self, findings_of):
         assert told(findings_of(after('check: "{k} > 2"', 'set: {k: "{k} - 2"}', 'check: "{k} < 1"'))) == []
 
-    def test_alternatives_contradict_nobody(self, findings_of):
+    def test_alternatives_are_no_contradiction(self, findings_of):
         assert told(findings_of(after('check: "{k} > 2"', 'check: "{k} < 1"', composite="fallback"))) == []
 
     def test_the_other_side_of_an_if_does_not_hold(self, findings_of):
@@ -86,7 +86,7 @@ class TestContradictions:
         assert told(findings_of(after(node.format("< 1")))) == ["contradiction"]
         assert told(findings_of(after(node.format("> 5")))) == []
 
-    def test_what_may_have_been_skipped_says_nothing(self, findings_of):
+    def test_a_node_that_may_have_been_skipped_proves_nothing(self, findings_of):
         body = after('{check: "{k} > 2", when: "{k} != 7"}', 'check: "{k} < 1"')
         assert told(findings_of(body)) == []
 
@@ -106,16 +106,16 @@ class TestContradictions:
 
 
 class TestWaiting:
-    def test_for_what_is_never_true(self, findings_of):
+    def test_for_a_condition_that_is_never_true(self, findings_of):
         assert told(findings_of(tree('wait_until: "1 > 2"', "Beep: {}"))) == ["never-holds"]
         assert told(findings_of(tree('wait_until: "{n} > 5"', head=PARAMETER))) == ["never-holds"]
         assert told(findings_of(tree('wait_until: "{n} > 5"', head=PARAMETER), overrides=["n=6"])) == ["never-changes"]
 
-    def test_for_what_nobody_writes(self, findings_of):
+    def test_for_a_name_without_a_writer(self, findings_of):
         found = findings_of(after('wait_until: "{k} > 5"'))
         assert told(found) == ["never-changes"]
 
-    def test_for_what_another_child_writes(self, findings_of):
+    def test_for_a_name_that_another_child_writes(self, findings_of):
         assert told(findings_of(after('wait_until: "{k} > 5"', 'set: {k: "{k} + 1"}', composite="parallel"))) == []
         reactive = after('set: {k: "{k} + 1"}', 'wait_until: "{k} > 5"', composite="reactive_sequence")
         assert told(findings_of(reactive)) == []

@@ -132,7 +132,7 @@ class TestHover:
         [("Mo|veTo", "Move to a named pose"), ("po|se: home", "MoveTo.pose"), ("ret|ry: 3", "limits the number"),
          ("{se|en}", "a detection"), ("m.dimen|sions", "an array"), ("lo|ok: {kind", "a subtree")],
     )  # fmt: skip
-    def test_what_stands_there(self, service, at, said):
+    def test_hover_shows_the_word_below_the_cursor(self, service, at, said):
         _, row, column = cursor(TREE.replace(at.replace("|", ""), at, 1))
         assert said in service.hover(row, column)
 
@@ -202,7 +202,7 @@ class TestALongFile:
         assert found.update(self.TEXT) == []
         return found
 
-    def test_questions_are_answered_from_what_is_known(self, opened, monkeypatch):
+    def test_questions_are_answered_from_known_values(self, opened, monkeypatch):
         monkeypatch.setattr(service_module, "read", None)
         monkeypatch.setattr(service_module, "analyse", None)
         lines = self.TEXT.split("\n")
@@ -344,7 +344,7 @@ def test_only_trees_are_looked_at(service, text, tree):
     assert bool(service.update(text + "nonsense: 1\n")) is tree
 
 
-def test_the_extension_starts_what_there_is():
+def test_the_extension_starts_the_language_server():
     folder = Path(__file__).parents[3] / "scripts" / "vscode"
     told = json.loads((folder / "package.json").read_text())
     source = (folder / told["main"]).read_text()

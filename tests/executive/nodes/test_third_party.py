@@ -108,7 +108,7 @@ def test_build_makes_their_behaviours(types):
     assert context.clock.now() >= 0.2
 
 
-def test_the_dashboard_and_the_record_are_told_of_them(types):
+def test_the_dashboard_and_the_record_get_them(types):
     nodes = {info.path: info.facts() for info in build(read(TREE, "t.yaml"), SKILLS, context=BenchContext()).nodes}
     assert nodes["t/A:paced"]["settings"] == {"paced": "5 Hz", "because": "the horn is hot"}
     assert nodes["t"]["type"] == "take_turns"
@@ -187,7 +187,7 @@ def test_a_package_that_raises_is_a_problem_and_no_traceback(installed):
         ({"key": "x", "symbol": "x", "value": takes.Nothing(), "outside_of": "nowhere"}, "no modifier named"),
     ],
 )
-def test_what_a_type_leaves_out_is_told_when_it_is_registered(body, message):
+def test_an_incomplete_type_is_reported_when_it_is_registered(body, message):
     cls = type("Incomplete", (Modifier,), {"__doc__": "does x", "build": lambda self, at: at.inside(), **body})
     with pytest.raises(NodeTypeError, match=message):
         NodeTypes().register(cls)

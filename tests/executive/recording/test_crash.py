@@ -91,9 +91,7 @@ def test_a_killed_process_loses_at_most_the_last_second_and_repair_makes_its_rec
     assert repair(folder) is None
 
 
-def test_what_is_no_whole_chunk_is_kept_beside_the_repaired_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_broken_chunk_is_kept_beside_the_repaired_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recorder_module, "CHUNK_BYTES", 500)
     recorder = Recorder(tmp_path)
     for tick in range(20):
@@ -151,7 +149,7 @@ def run_on_a_full_disk(folder: Path, record: str, pace: str = "real") -> subproc
     return subprocess.run([sys.executable, "-c", LIMITED, *arguments], capture_output=True, text=True, timeout=120)
 
 
-def test_on_a_full_disk_a_run_goes_on_unrecorded_and_says_so(tmp_path: Path) -> None:
+def test_on_a_full_disk_a_run_goes_on_unrecorded_and_reports_it(tmp_path: Path) -> None:
     done = run_on_a_full_disk(tmp_path, "optional")
     said = " ".join((done.stdout + done.stderr).split())
     assert done.returncode == 0, said
@@ -258,7 +256,7 @@ def test_a_record_of_which_nothing_was_written_is_not_named_but_its_loss(
     assert "empty: nothing was written (full disk?)" in " ".join(capsys.readouterr().out.split())
 
 
-def test_what_is_written_is_with_the_system_within_a_moment(tmp_path: Path) -> None:
+def test_written_data_are_with_the_system_within_a_moment(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path)
     recorder.on_event(StateChanged(0.0, 0, "running", "started"))
     deadline = time.monotonic() + 60.0  # of a busy machine

@@ -112,9 +112,7 @@ def test_a_record_that_cannot_be_believed_is_no_evidence_and_named(
     assert written["runs"][0]["sha256"] in text
 
 
-def test_a_campaign_that_kept_no_records_is_said_to_have_none(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_campaign_without_records_is_reported_as_such(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "results.jsonl").write_text("{}\n")
     assert main(["evidence", str(tmp_path), "--out", str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err
@@ -144,7 +142,7 @@ def test_a_sensor_at_its_end_is_beyond_its_range(tmp_path: Path) -> None:
     assert found["Finger sensor at the end of its range"].beyond == 1
 
 
-def test_the_truth_counts_where_it_is_larger_than_what_was_sensed(tmp_path: Path) -> None:
+def test_the_truth_counts_where_it_is_larger_than_the_measurement(tmp_path: Path) -> None:
     truth = {"finger_peak_n": 9.03, "grasp_peak_n": 2.5}
     found = table([run(tmp_path / "a", 3.0, truth=truth)])
     finger = found["Finger sensor at the end of its range"]

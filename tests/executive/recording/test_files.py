@@ -51,7 +51,7 @@ def test_json_lines_hold_every_event(folder: Path, tmp_path: Path) -> None:
     assert [event["event"] for event in events] == [type(event).__name__ for event in everything()]
 
 
-def test_an_mcap_is_indexed_and_compressed_and_says_the_same(folder: Path, tmp_path: Path) -> None:
+def test_an_mcap_is_indexed_and_compressed_with_the_same_content(folder: Path, tmp_path: Path) -> None:
     export(folder, tmp_path / "out.mcap")
     with (tmp_path / "out.mcap").open("rb") as stream:
         reader = make_reader(stream)
@@ -64,7 +64,7 @@ def test_an_mcap_is_indexed_and_compressed_and_says_the_same(folder: Path, tmp_p
     assert len(list(read_events(tmp_path / "out.mcap"))) == len(everything())
 
 
-def test_an_export_replaces_nothing_and_says_what_it_can_write(folder: Path, tmp_path: Path) -> None:
+def test_an_export_replaces_nothing_and_lists_its_formats(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "out.zip").write_text("mine")
     with pytest.raises(UsageError, match="exists, and nothing"):
         export(folder, tmp_path / "out.zip")
@@ -86,7 +86,7 @@ def test_a_foreign_file_is_not_exported(tmp_path: Path, ending: str) -> None:
 # ------------------------------------------------------------------------------------------------ extract
 
 
-def test_extracted_frames_are_what_a_cell_of_recorded_frames_reads(folder: Path, tmp_path: Path) -> None:
+def test_a_cell_of_recorded_frames_reads_extracted_frames(folder: Path, tmp_path: Path) -> None:
     extract(folder, tmp_path / "out")
     (frame,) = list_frames(tmp_path / "out" / "frames")
     intrinsics = folder_intrinsics(tmp_path / "out" / "frames")
@@ -113,7 +113,7 @@ def test_measurements_and_paths_are_tables_and_lines(folder: Path, tmp_path: Pat
     assert (executed["label"], executed["times"]) == ("executed", [0.1])
 
 
-def test_nothing_is_extracted_over_what_is_there(folder: Path, tmp_path: Path) -> None:
+def test_nothing_is_extracted_over_existing_files(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "mine").write_text("")
     with pytest.raises(UsageError, match="exists and is not empty"):

@@ -75,7 +75,7 @@ def test_the_index_can_be_thrown_away_and_made_again(runs: Path) -> None:
     assert RunIndex(runs).rebuild() == before
 
 
-def test_foreign_cut_off_and_empty_records_are_listed_as_what_they_are(runs: Path) -> None:
+def test_foreign_cut_off_and_empty_records_are_listed_as_such(runs: Path) -> None:
     for name, content in {"a_foreign": b"not an mcap file at all", "b_empty": b""}.items():
         (runs / name).mkdir()
         (runs / name / EVENTS_FILE).write_bytes(content)
@@ -135,7 +135,7 @@ def test_a_folder_that_is_not_there_holds_no_runs(tmp_path: Path) -> None:
     assert not (tmp_path / "nowhere").exists()
 
 
-def test_what_was_measured_at_most_is_known_of_every_run(tmp_path: Path) -> None:
+def test_every_run_has_its_largest_measured_values(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     recorder = Recorder(tmp_path / "a")
     for k, force in enumerate(([1.0, 7.5], [np.nan, 3.0], [np.nan, np.nan])):
@@ -147,7 +147,7 @@ def test_what_was_measured_at_most_is_known_of_every_run(tmp_path: Path) -> None
     assert list(found.peaks) == ["force [N]", "slip [mm]"]
 
 
-def test_a_run_that_failed_deep_down_in_its_tree_has_ended_and_says_why(tmp_path: Path) -> None:
+def test_a_run_that_failed_deep_down_in_its_tree_has_ended_with_the_reason(tmp_path: Path) -> None:
     node = '{check: "1 > 2"}'
     for _ in range(12):
         node = f"{{fallback: [{{sequence: [{node}], retry: 1}}]}}"
@@ -161,7 +161,7 @@ def test_a_run_that_failed_deep_down_in_its_tree_has_ended_and_says_why(tmp_path
     assert "1 > 2" in run.message
 
 
-def test_a_picture_that_cannot_be_drawn_is_told_and_the_run_is_what_it_was(
+def test_a_picture_that_cannot_be_drawn_is_reported_and_leaves_the_run_unchanged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def save(*_arguments: object) -> None:

@@ -141,7 +141,7 @@ def test_a_byte_that_turned_a_failure_into_a_success_is_believed_by_no_command(
 
 
 @pytest.mark.usefixtures("small_chunks")
-def test_repair_keeps_everything_but_the_damaged_chunk_and_says_what_is_missing(tmp_path: Path) -> None:
+def test_repair_keeps_everything_but_the_damaged_chunk_and_names_the_gap(tmp_path: Path) -> None:
     path = record(tmp_path, run_of(40))
     content = bytearray(path.read_bytes())
     content[len(content) // 3] ^= 1
@@ -197,7 +197,7 @@ def test_a_repaired_record_is_whole_and_holds_no_event_that_was_not_recorded(
 # ------------------------------------------------------------------------------------------- the true cause
 
 
-def test_the_cause_is_said_cut_killed_disk_full_lost_power(tmp_path: Path) -> None:
+def test_the_cause_is_named_cut_killed_disk_full_lost_power(tmp_path: Path) -> None:
     path = record(tmp_path, run_of(3))
     size = path.stat().st_size
     path.write_bytes(path.read_bytes()[:-100])

@@ -8,7 +8,7 @@ from pomona.executive.errors import UsageError
 from pomona.executive.recording.new_place import made_whole
 
 
-def test_what_is_made_appears_whole_with_its_name(tmp_path: Path) -> None:
+def test_a_new_file_appears_whole_with_its_name(tmp_path: Path) -> None:
     place = tmp_path / "made"
     with made_whole(place) as beside:
         beside.mkdir()
@@ -31,7 +31,7 @@ def test_half_of_it_is_left_nowhere(tmp_path: Path, error: BaseException) -> Non
 
 
 @pytest.mark.parametrize("what", ["file", "folder", "link that leads nowhere"])
-def test_what_is_there_stays_before_and_meanwhile(tmp_path: Path, what: str) -> None:
+def test_existing_files_stay_before_and_meanwhile(tmp_path: Path, what: str) -> None:
     place = tmp_path / "made"
 
     def put() -> None:

@@ -79,7 +79,7 @@ UNREADABLE: dict[str, tuple[Event, str]] = {
 
 
 @pytest.mark.parametrize("what", UNREADABLE)
-def test_what_cannot_be_read_again_stands_as_an_error_that_names_it(tmp_path: Path, what: str) -> None:
+def test_an_unreadable_event_stands_as_an_error_that_names_it(tmp_path: Path, what: str) -> None:
     event, name = UNREADABLE[what]
     recorder = Recorder(tmp_path)
     recorder.on_event(event)

@@ -80,7 +80,7 @@ def test_a_run_that_came_to_an_end_is_not_unfinished(order: RunOrder) -> None:
     assert unfinished(order.record, order.cell) is None
 
 
-def test_a_cut_run_says_what_was_going_on_and_what_may_be_in_the_gripper(order: RunOrder) -> None:
+def test_a_cut_run_reports_its_activity_and_the_possible_content_of_the_gripper(order: RunOrder) -> None:
     leave(order, "real", HELD)
     assert order.record is not None
     cut = unfinished(order.record, order.cell)
@@ -90,7 +90,7 @@ def test_a_cut_run_says_what_was_going_on_and_what_may_be_in_the_gripper(order: 
     assert HELD in cut.sentence
 
 
-def test_what_the_supervisor_did_is_told_with_a_cut_run_and_by_explain(
+def test_actions_of_the_supervisor_are_reported_with_a_cut_run_and_by_explain(
     order: RunOrder, capsys: pytest.CaptureFixture[str]
 ) -> None:
     leave(order, "real", HELD)
@@ -152,9 +152,7 @@ def test_a_record_without_a_number_stands_where_its_time_puts_it(order: RunOrder
 
 
 @pytest.mark.parametrize("damage", ["a flipped bit", "the tail is zero", "empty", "all zero"])
-def test_a_newest_record_that_cannot_be_believed_says_of_no_cell_that_its_gripper_is_empty(
-    order: RunOrder, damage: str
-) -> None:
+def test_an_untrusted_newest_record_makes_no_gripper_count_as_empty(order: RunOrder, damage: str) -> None:
     order.cell.write_text(CELL.replace("kind: mock", "kind: real"))
     leave(order, "real", "", ended=True)
     leave(order, "real", HELD, name="2026-01-02_t")
@@ -184,7 +182,7 @@ def test_a_pipe_among_the_records_is_not_waited_for(order: RunOrder) -> None:
     assert cut.why == "its record cannot be read"
 
 
-def test_a_simulated_cell_is_only_told_of_a_record_that_cannot_be_read(
+def test_on_a_simulated_cell_an_unreadable_record_is_only_reported(
     order: RunOrder, caplog: pytest.LogCaptureFixture
 ) -> None:
     leave(order, "mock", HELD)
@@ -195,7 +193,7 @@ def test_a_simulated_cell_is_only_told_of_a_record_that_cannot_be_read(
 
 
 @pytest.mark.parametrize(("kind", "hand"), [("real", HELD), ("real", None), ("emulated", HELD)])
-def test_a_real_cell_that_may_hold_something_is_refused_with_what_to_do(
+def test_a_real_cell_that_may_hold_something_is_refused_with_the_remedy(
     order: RunOrder, kind: str, hand: str | None
 ) -> None:
     leave(order, kind, hand)
@@ -206,7 +204,7 @@ def test_a_real_cell_that_may_hold_something_is_refused_with_what_to_do(
 
 
 @pytest.mark.parametrize(("kind", "hand"), [("real", ""), ("simulated", HELD), ("mock", None)])
-def test_an_empty_gripper_and_a_simulated_cell_are_only_told(
+def test_an_empty_gripper_and_a_simulated_cell_are_only_reported(
     order: RunOrder, kind: str, hand: str | None, caplog: pytest.LogCaptureFixture
 ) -> None:
     leave(order, kind, hand)

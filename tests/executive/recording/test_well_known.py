@@ -95,7 +95,7 @@ def test_an_image_that_two_skills_draw_on_is_coded_once_and_shown_twice() -> Non
     assert shown[2][2]["data"] != shown[0][2]["data"]
 
 
-def test_the_log_tells_what_a_person_would_be_told(tmp_path: Path) -> None:
+def test_the_log_has_the_messages_for_the_operator(tmp_path: Path) -> None:
     found = contents(record(tmp_path, everything()))
     log = [(content["level"], content["message"]) for topic, _n, _s, content in found if topic == "/log"]
     assert (3, "NO_PATH: there is no path") in log

@@ -74,7 +74,7 @@ def test_a_second_press_on_the_first_approval_does_not_approve_the_next_start():
     assert {e.starts for e in events if isinstance(e, NodeChanged) and e.path == TURN} == {1}
 
 
-def test_what_is_not_approved_does_not_start():
+def test_an_unapproved_node_does_not_start():
     runner, _, events = make(
         TEXT, SKILLS, {5: lambda runner, _: runner.answer(PATH, 1, "refuse")}, attended=True, go_on=True
     )
@@ -84,7 +84,7 @@ def test_what_is_not_approved_does_not_start():
     assert not starts(events, TURN)
 
 
-def test_where_nobody_is_there_nothing_starts_and_a_code_says_why():
+def test_without_an_operator_nothing_starts_and_a_code_gives_the_reason():
     runner, _, events = make(TEXT, SKILLS)
     result = runner.run()
     assert result.reason is not None
@@ -92,7 +92,7 @@ def test_where_nobody_is_there_nothing_starts_and_a_code_says_why():
     assert not starts(events, TURN)
 
 
-def test_an_input_is_changed_before_the_next_start_and_who_did_it_is_recorded():
+def test_an_input_is_changed_before_the_next_start_and_the_operator_is_recorded():
     def act(runner, _cell):
         runner.change(AGAIN, "duration", "200 ms", "Ada")
         runner.answer(PATH, 1, "approve")
@@ -106,7 +106,7 @@ def test_an_input_is_changed_before_the_next_start_and_who_did_it_is_recorded():
     assert [(event.who, event.detail) for event in acted] == [("Ada", f"duration = 200 ms ← {AGAIN}")]
 
 
-def test_the_explanation_says_who_changed_what():
+def test_the_explanation_names_operator_and_change():
     def act(runner, _cell):
         runner.change(AGAIN, "duration", "60 ms", "Ada")
         runner.answer(PATH, 1, "approve", "Ada")
@@ -137,7 +137,7 @@ def test_a_change_that_means_nothing_is_refused(path, port, text, words):
         runner.change(path, port, text)
 
 
-def test_on_the_page_who_holds_control_changes():
+def test_on_the_page_the_operator_in_control_makes_changes():
     lock, refused = ControlLock(), []
 
     def act(runner, _cell):

@@ -22,7 +22,7 @@ class Block(Skill):
         sum(range(300_000))
 
 
-def test_a_skill_that_blocks_under_a_timeout_is_told_with_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_skill_that_blocks_under_a_timeout_is_reported_with_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "BLOCKED", 1e-4)
     monkeypatch.setattr(words, "BLOCKED", 1e-4)
     tree = "pomona: 1\ntree: t\nroot: {sequence: [{Block: {}, timeout: 100 ms}]}"

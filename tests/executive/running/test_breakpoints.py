@@ -86,7 +86,7 @@ def test_it_holds_exactly_there(name: str, side: Side, log: list[str]) -> None:
     assert walked([(name, side)])[0] == log
 
 
-def test_a_held_node_says_so_until_it_starts() -> None:
+def test_a_held_node_is_shown_as_held_until_it_starts() -> None:
     log: list[str] = []
     root, nodes = tree(log)
     points = Breakpoints(nodes)

@@ -83,7 +83,7 @@ def test_a_result_that_cannot_travel_is_an_error_and_not_a_hang(computations: Co
         computations.submit("node", unpicklable, (), True).result()
 
 
-def test_what_ended_is_reported_once_with_its_node() -> None:
+def test_an_ended_computation_is_reported_once_with_its_node() -> None:
     ended: list[tuple[str, str]] = []
     computations = Computations(lambda node, function, wall: ended.append((node, function.rsplit(".")[-1])))
     computations.submit("0/Plan", square, (2,), False)

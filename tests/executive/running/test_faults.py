@@ -128,7 +128,7 @@ def test_a_function_that_raises_stop_iteration_is_no_success() -> None:
     assert is_safe(runner, cell, events)
 
 
-def test_what_fails_while_halting_is_told_and_the_others_let_go_all_the_same() -> None:
+def test_a_failure_while_halting_is_reported_and_the_other_skills_are_halted_all_the_same() -> None:
     runner, cell, events = make(
         BESIDE.replace("- Raise", "- Raise: {}\n      name: First\n    - Raise"), raising(OSError("no hands"), 3, True)
     )
@@ -214,7 +214,7 @@ def leave() -> None:
     raise SystemExit(0)
 
 
-def test_a_cell_that_cannot_be_scored_or_stepped_any_more_is_told() -> None:
+def test_a_cell_that_can_no_longer_be_scored_or_stepped_is_reported() -> None:
     runner, cell, events = make(BESIDE, raising(ValueError("bug")))
 
     def broken(*_: object) -> Any:
@@ -308,5 +308,5 @@ def test_an_exception_that_cannot_be_shown_ends_in_the_safe_state_as_any_other()
     assert result.reason.message == "Unspeakable, which cannot be shown: RuntimeError"
 
 
-def test_a_skill_that_has_used_up_the_memory_is_told_as_such() -> None:
+def test_a_skill_that_has_used_up_the_memory_is_reported_as_such() -> None:
     assert sentence_of(MemoryError()) == "MemoryError: there is no memory left"

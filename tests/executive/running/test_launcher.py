@@ -124,7 +124,7 @@ def as_timeout_does(process: subprocess.Popen[str], number: int) -> None:
 
 @pytest.mark.parametrize("send", [to_the_process, to_the_group, as_timeout_does])
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
-def test_a_signal_reaches_the_run_once_whoever_gets_it(
+def test_a_signal_reaches_the_run_once_in_whichever_process_it_arrives(
     send: Callable[[subprocess.Popen[str], int], None], number: int, status: int
 ) -> None:
     with subprocess.Popen(

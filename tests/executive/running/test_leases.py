@@ -120,7 +120,7 @@ def test_a_motion_that_begins_behind_the_end_ends_the_run_in_the_safe_state(end:
     assert any(isinstance(event, SafeStopped) for event in events)
 
 
-def test_a_skill_that_commands_what_it_only_looks_at_ends_the_run_in_the_safe_state() -> None:
+def test_a_skill_that_commands_a_device_that_it_only_reads_ends_the_run_in_the_safe_state() -> None:
     class Look(Skill):
         """Declares no motion."""
 

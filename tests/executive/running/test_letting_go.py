@@ -48,7 +48,7 @@ def ended_at(events: list[Event]) -> float:
     return [e.t for e in events if isinstance(e, StateChanged)][-1]
 
 
-def test_what_the_trees_end_interrupts_gets_all_its_ticks() -> None:
+def test_skills_interrupted_by_the_trees_end_get_all_their_ticks() -> None:
     runner, cell, events = make(
         "pomona: 1\ntree: t\nroot:\n  parallel: [{Turn: {duration: 9 s}}, {wait: 60 ms}]\n  success_on: one", REGISTRY
     )
@@ -58,7 +58,7 @@ def test_what_the_trees_end_interrupts_gets_all_its_ticks() -> None:
     assert ended_at(events) > 0.06 + 0.04  # three ticks of coasting are a part of the run
 
 
-def test_a_failure_at_the_trees_end_waits_for_what_it_interrupts_too() -> None:
+def test_a_failure_at_the_trees_end_also_waits_for_interrupted_skills() -> None:
     runner, cell, _events = make(
         "pomona: 1\ntree: t\nroot:\n  parallel: [{Turn: {duration: 9 s}}, {sequence: [{wait: 60 ms}, {fail: {}}]}]",
         REGISTRY,
@@ -99,7 +99,7 @@ def test_two_skills_that_move_one_device_take_turns_under_a_parallel() -> None:
     assert runner.context.owners == {}
 
 
-def test_who_only_looks_waits_for_nobody_who_moves() -> None:
+def test_a_skill_that_only_reads_waits_for_no_moving_one() -> None:
     text = "pomona: 1\ntree: t\nroot:\n  parallel: [{Turn: {duration: 1 s}}, {sequence: [{Look: {}}, {IsTurning: {}}]}]"
     runner, _cell, events = make(text, REGISTRY)
     runner.run()
@@ -128,7 +128,7 @@ def test_a_pause_while_the_end_lets_go_is_a_pause() -> None:
     assert cell.wheel.log[-1] == "at rest"
 
 
-def test_what_an_installed_skill_moves_is_among_its_devices() -> None:
+def test_the_moved_devices_of_an_installed_skill_are_among_its_devices() -> None:
     registry = Registry.installed()
     for name in registry:
         skill = registry[name]

@@ -45,7 +45,7 @@ def test_a_second_run_on_a_real_cell_is_refused_until_the_first_is_over(order: R
     assert execute(order).result.outcome == "success"
 
 
-def test_nobody_else_can_begin_between_the_look_for_a_cut_run_and_the_end_of_the_one_that_follows(
+def test_no_other_run_begins_between_the_search_for_a_cut_run_and_the_end_of_the_next_one(
     order: RunOrder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     looks: list[str] = []

@@ -17,7 +17,7 @@ def permit() -> Iterator[Permit]:
     permit.close()
 
 
-def test_a_permit_is_taken_once_by_whoever_comes_first(permit: Permit) -> None:
+def test_a_permit_is_taken_once_by_the_first_caller(permit: Permit) -> None:
     elsewhere = Permit(permit.read_fd)
     assert not permit.take()
     permit.issue()

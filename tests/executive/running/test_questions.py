@@ -26,7 +26,7 @@ PATH = "asking/ask"
 SKILLS = Registry({"Turn": Turn})
 
 
-def test_who_answered_is_in_the_events():
+def test_the_answering_operator_is_in_the_events():
     runner, _, events = make(
         TEXT, SKILLS, {5: lambda runner, _: runner.answer(PATH, 1, "not yet", "Ada")}, attended=True, go_on=True
     )
@@ -68,7 +68,7 @@ def test_answers_that_are_none_are_refused():
     assert refused == ["'rotten' is no answer: ripe, not yet", "nothing is asked at asking/Turn now"]
 
 
-def test_on_the_page_who_holds_control_answers():
+def test_on_the_page_the_operator_in_control_answers():
     lock, refused = ControlLock(), []
 
     def act(runner, _cell):

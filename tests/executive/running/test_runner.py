@@ -88,7 +88,7 @@ def test_a_tree_that_succeeds() -> None:
     assert cell.latched is None
 
 
-def test_a_failure_says_which_leaf_and_why() -> None:
+def test_a_failure_names_its_leaf_and_reason() -> None:
     runner, _cell, events = make("pomona: 1\ntree: t\nroot:\n  sequence:\n    - Jam: {}\n      name: The jam\n")
     result = runner.run()
     assert result.outcome == "failure"
@@ -209,7 +209,7 @@ def test_resume_into_a_changed_world_is_refused_and_safe() -> None:
 
 
 @pytest.mark.parametrize("action", ["resume", "step"])
-def test_what_was_asked_for_while_a_tick_hung_does_not_set_the_arm_in_motion_afterwards(
+def test_requests_during_a_hung_tick_do_not_set_the_arm_in_motion_afterwards(
     action: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def ask_and_hang(runner: Runner, _cell: FakeCell) -> None:
@@ -372,7 +372,7 @@ def test_however_quick_computations_are_the_run_is_the_same(quick: bool, monkeyp
     assert cell.clock.now() == 0.0
 
 
-def test_ctrl_c_is_a_safe_stop_and_says_so() -> None:
+def test_ctrl_c_is_a_safe_stop_and_is_reported_as_one() -> None:
     def interrupt(_runner: Runner, _cell: FakeCell) -> None:
         raise KeyboardInterrupt
 
@@ -444,7 +444,7 @@ def test_the_safe_state_is_held_until_somebody_acknowledges_its_reason() -> None
     assert (last.who, last.action, last.detail) == ("ben", "acknowledge", "hand in the cell")
 
 
-def test_an_acknowledgement_that_a_device_refuses_is_told_and_the_safe_state_stays() -> None:
+def test_an_acknowledgement_that_a_device_refuses_is_reported_and_the_safe_state_stays() -> None:
     runner, cell, events = make(TURN, {4: lambda runner, _cell: runner.safe_stop("hand in the cell", "ada")})
     runner.run()
     acknowledge, tries = cell.acknowledge, iter((True, False))

@@ -58,7 +58,7 @@ def test_while_nothing_moves_a_signal_raises(number: int, status: int) -> None:
 
 @pytest.mark.parametrize("number", list(module.WORDS))
 @pytest.mark.parametrize("early", [True, False])
-def test_a_signal_that_a_library_swallowed_ends_what_was_to_begin(number: signal.Signals, early: bool) -> None:
+def test_a_signal_that_a_library_swallowed_ends_the_run_before_it_begins(number: signal.Signals, early: bool) -> None:
     """Swallow an exception in a callback as ctypes does: compiling with LLVM calls back."""
     runner, cell, events = make(LONG, Registry({"Turn": Turn}), {})
 
@@ -99,7 +99,7 @@ def test_a_signal_that_was_swallowed_in_a_callback_ends_whatever_goes_on(number:
     assert went_on == [True]
 
 
-def test_what_fails_because_a_library_swallowed_a_signal_is_still_that_signal() -> None:
+def test_a_failure_after_a_swallowed_signal_is_still_that_signal() -> None:
     """As in a compiler, which then misses its input."""
 
     def prepare() -> None:
@@ -116,7 +116,7 @@ def test_what_fails_because_a_library_swallowed_a_signal_is_still_that_signal() 
 
 
 @pytest.mark.parametrize("when", ["before a cell", "beside a cell"])
-def test_what_a_signal_cut_in_two_prints_nothing_and_what_else_cannot_be_raised_does(
+def test_output_cut_by_a_signal_prints_nothing_and_other_unraisable_errors_do(
     when: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As a library's destructor does, whose object was never finished."""
@@ -215,7 +215,7 @@ def test_while_record_and_cell_are_closed_a_signal_waits() -> None:
         assert signals.number == signal.SIGTERM
 
 
-def test_what_was_ignored_at_the_start_stays_ignored() -> None:
+def test_objects_ignored_at_the_start_stay_ignored() -> None:
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     with raising(), RunSignals():
         send(signal.SIGHUP)
@@ -235,7 +235,7 @@ def test_outside_the_main_thread_nothing_is_installed() -> None:
     assert found == [signal.SIG_DFL]
 
 
-def test_a_terminated_process_is_an_interrupted_one_to_whoever_waits() -> None:
+def test_a_terminated_process_is_an_interrupted_one_to_its_waiter() -> None:
     assert isinstance(Terminated(signal.SIGHUP), KeyboardInterrupt)
     assert "terminal was closed" in str(Terminated(signal.SIGHUP))
 

@@ -68,14 +68,14 @@ def test_a_tree_slows_its_parts_and_one_in_another_multiply() -> None:
     assert given(cell) == [1.0, 0.1, 0.5, 1.0, 1.0]
 
 
-def test_the_operators_share_multiplies_the_trees_but_not_what_has_a_speed_of_its_own() -> None:
+def test_the_operators_share_multiplies_the_trees_but_not_a_motion_with_its_own_speed() -> None:
     cell = FakeCell()
     assert runner_of(EACH, cell, speed=0.5).run().outcome == "success"
     assert cell.speeds[0] == (0.5, ())
     assert given(cell) == [0.5, 0.05, 0.25, 1.0, 0.5]
 
 
-def test_a_change_counts_at_once_also_for_what_moves() -> None:
+def test_a_change_counts_at_once_also_for_a_moving_device() -> None:
     runner, cell, events = make(TURN, REGISTRY, {3: lambda runner, _cell: runner.set_speed(0.3, "ada")})
     assert runner.run().outcome == "success"
     assert given(cell) == [1.0, 0.3, 0.3]  # the first turn, the same turn again, the second
@@ -83,7 +83,7 @@ def test_a_change_counts_at_once_also_for_what_moves() -> None:
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.05, 1.5, float("nan")])
-def test_what_is_no_speed_is_refused_and_changes_nothing(speed: float) -> None:
+def test_an_invalid_speed_is_refused_and_changes_nothing(speed: float) -> None:
     def ask(runner: Runner, _cell: FakeCell) -> None:
         with pytest.raises(SpeedRefusedError, match="10 % to 100 %"):
             runner.set_speed(speed)
@@ -103,7 +103,7 @@ def test_a_speed_that_a_tree_computes_wrongly_fails_the_node_before_anything_mov
     assert cell.wheel.log == ["start", "stop"]  # the turn before
 
 
-def test_who_asks_for_more_too_late_does_not_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_late_request_for_more_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """A tick that hung may be over without supervision; less speed is never too late."""
 
     def ask(runner: Runner, _cell: FakeCell) -> None:

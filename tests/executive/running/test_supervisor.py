@@ -91,7 +91,7 @@ def test_a_process_that_ends_or_rests_is_left_alone(tmp_path: Path, way: str) ->
     assert not (tmp_path / "stopped").exists()
 
 
-def test_a_computer_that_stands_still_as_a_whole_accuses_nobody(tmp_path: Path) -> None:
+def test_a_computer_that_stalls_as_a_whole_causes_no_fault(tmp_path: Path) -> None:
     command = [sys.executable, "-c", SUPERVISED, str(tmp_path), "still"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
@@ -112,7 +112,7 @@ def test_a_device_that_cannot_be_stopped_is_named(tmp_path: Path, monkeypatch: p
     assert "wheel could not be stopped" in said
 
 
-def test_a_report_that_cannot_be_written_is_said_without_a_traceback(tmp_path: Path) -> None:
+def test_an_unwritable_report_is_reported_without_a_traceback(tmp_path: Path) -> None:
     (tmp_path / REPORT).mkdir()
     _status, said, _took = supervised(tmp_path, "wait", signal.SIGKILL)
     assert (tmp_path / "stopped").is_dir()
@@ -186,7 +186,7 @@ class Supervised(FakeCell):
 @pytest.mark.parametrize(
     ("stands_still", "lasts", "outcome"), [(0.3, "1 s", "success"), (0.6, "1 s", "stopped"), (3600.0, "2 h", "stopped")]
 )
-def test_a_run_that_stood_still_does_not_go_on_by_itself_and_says_so_before_what_its_devices_missed_meanwhile(
+def test_a_run_that_stood_still_does_not_go_on_by_itself_and_reports_that_before_the_faults_of_its_devices(
     monkeypatch: pytest.MonkeyPatch, stands_still: float, lasts: str, outcome: str
 ) -> None:
     def stand_still(_runner: object, cell: FakeCell) -> None:

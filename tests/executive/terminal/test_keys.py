@@ -115,7 +115,7 @@ def test_the_first_letters_answer_and_enter_ends_a_pause(terminal: Terminal) -> 
 
 
 @pytest.mark.parametrize("typed", ["ripe\n", "ripe\nripe\n\n\n", "r"])
-def test_what_was_typed_before_the_question_does_not_answer_it(terminal: Terminal, typed: str) -> None:
+def test_text_typed_before_the_question_does_not_answer_it(terminal: Terminal, typed: str) -> None:
     terminal.type(typed)
 
     def person(_runner: Runner) -> None:

@@ -46,7 +46,7 @@ def test_the_running_node_is_in_sight_in_80_by_24(running: int) -> None:
     assert lines[0].startswith("t on sim")
 
 
-def test_what_is_left_out_is_counted() -> None:
+def test_left_out_items_are_counted() -> None:
     lines = shown(30)
     above = next(int(line.split()[1]) for line in lines if line.endswith("above"))
     below = next(int(line.split()[1]) for line in lines if line.endswith("below"))
@@ -67,7 +67,7 @@ def test_names_and_feedback_take_one_line_each_whatever_they_hold(odd: str, widt
     assert any("▶ a node with quite" in line for line in lines)
 
 
-def test_what_is_prepared_is_shown_until_the_run_begins() -> None:
+def test_preparation_is_shown_until_the_run_begins() -> None:
     screen: Any = Console(file=io.StringIO(), width=40, height=10, force_terminal=True, color_system=None)
     with contextlib.closing(LiveTree(screen)) as live:
         starting = live.starting()
@@ -80,7 +80,7 @@ def test_what_is_prepared_is_shown_until_the_run_begins() -> None:
     assert "◌ preparing SlipAvoidGrasp and all that…" in drawn
 
 
-def test_where_nothing_is_drawn_only_a_preparation_that_takes_long_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_nothing_is_drawn_only_a_long_preparation_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     screen: Any = Console(file=io.StringIO())
     starting = LiveTree(screen).starting()
     starting.reach("preparing Detect", 2, 9)
@@ -90,7 +90,7 @@ def test_where_nothing_is_drawn_only_a_preparation_that_takes_long_is_told(monke
     assert screen.file.getvalue() == "preparing Refine, 4 of 9 …\n"
 
 
-def test_a_skill_that_kept_the_tick_waiting_is_told_while_it_runs(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_skill_that_kept_the_tick_waiting_is_reported_while_it_runs(capsys: pytest.CaptureFixture[str]) -> None:
     live = LiveTree(Screen(width=120))
     start = RunStarted(0.0, 0, "r", "t", "t.yaml", "", "", "lab", "real", "", "", 0, {}, NODES, {}, 0.0, 0.02)
     live.on_event(start)
@@ -104,7 +104,9 @@ def test_a_skill_that_kept_the_tick_waiting_is_told_while_it_runs(capsys: pytest
     assert out == f"0.02 s ! {told} 0.06 s ! {told} 0.08 s ! {told} {busy}"
 
 
-def test_on_a_simulated_cell_only_work_that_belongs_beside_the_tick_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_on_a_simulated_cell_only_work_that_belongs_beside_the_tick_is_reported(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     live = LiveTree(Screen(width=120))
     live.on_event(
         RunStarted(0.0, 0, "r", "t", "t.yaml", "", "", "sim", "simulated", "", "", 0, {}, NODES, {}, 0.0, 0.02)

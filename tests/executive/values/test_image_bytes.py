@@ -21,7 +21,7 @@ def jpeg(*options: int) -> bytes:
     [(), (cv2.IMWRITE_JPEG_PROGRESSIVE, 1), (cv2.IMWRITE_JPEG_RST_INTERVAL, 2)],
     ids=["plain", "progressive", "restarts"],
 )
-def test_wherever_a_jpeg_is_cut_it_is_told(options: tuple[int, ...]) -> None:
+def test_a_jpeg_cut_anywhere_is_reported(options: tuple[int, ...]) -> None:
     whole = jpeg(*options)
     assert not is_cut_off(whole)
     assert not is_cut_off(whole + b"\0" * 100 + b"\xff\xda what a telephone adds")
@@ -35,7 +35,7 @@ def test_the_end_of_the_small_picture_inside_is_not_the_end() -> None:
     assert is_cut_off(with_small[: len(small) + 300])
 
 
-def test_what_is_no_jpeg_is_not_cut_off() -> None:
+def test_bytes_of_no_jpeg_are_not_cut_off() -> None:
     assert not is_cut_off(b"")
     assert not is_cut_off(b"\x89PNG\r\n")
     assert not is_cut_off(b"\xff\xd8\xff\xe0\x00\x04ab not a marker")
@@ -48,5 +48,5 @@ def test_the_size_is_the_encoders(width: int, height: int) -> None:
 
 
 @given(st.binary(max_size=200))
-def test_what_is_no_image_has_no_size_and_does_no_harm(data: bytes) -> None:
+def test_bytes_of_no_image_have_no_size_and_do_no_harm(data: bytes) -> None:
     assert len(size_of_jpeg(data)) == 2

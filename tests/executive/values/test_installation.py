@@ -64,7 +64,7 @@ def test_a_wheel_behind_an_address_is_named_by_it(origin: Origin) -> None:
     assert install_extra("ray") == "pip install 'pomona[ray] @ https://example.org/pomona-0.1.0-py3-none-any.whl'"
 
 
-def test_this_checkout_is_found_by_what_pip_has_recorded() -> None:
+def test_this_checkout_is_found_by_pips_metadata() -> None:
     assert "[torch]" in install_extra("torch")
     assert installation._origin("no-such-distribution") == {}
 

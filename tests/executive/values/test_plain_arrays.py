@@ -33,7 +33,7 @@ def packed(header: str) -> bytes:
         packed("{'descr': '<f8', 'fortran_order': False, 'shape': (-3,), }"),
     ],
 )  # fmt: skip
-def test_what_is_no_file_of_arrays_is_refused(tmp_path: Path, content: bytes) -> None:
+def test_a_file_without_arrays_is_refused(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "x.npz").write_bytes(content)
     with pytest.raises(UnreadableArraysError):
         read_plain_arrays(tmp_path / "x.npz")

@@ -43,7 +43,7 @@ def test_a_quaternion_comes_back_with_length_one_and_w_not_negative(q: list[floa
     assert abs(back @ q) / np.linalg.norm(q) == pytest.approx(1.0, abs=1e-12)
 
 
-def test_what_is_no_rotation_is_refused() -> None:
+def test_a_matrix_of_no_rotation_is_refused() -> None:
     with pytest.raises(ValueError, match="norm"):
         from_quaternion((0.0, 0.0, 0.0, 0.0))
     with pytest.raises(ValueError, match="determinant"):
@@ -74,13 +74,13 @@ def test_a_rotation_may_be_written_with_four_digits() -> None:
         ((3, 0), 1e-9), ((3, 3), 1.001), ((3, 3), 0.0), ((0, 3), np.nan), ((1, 3), np.inf), ((0, 0), np.nan),
     ],
 )  # fmt: skip
-def test_another_last_row_and_what_is_not_finite_are_not_rigid(where: tuple[int, int], value: float) -> None:
+def test_another_last_row_and_values_that_are_not_finite_are_not_rigid(where: tuple[int, int], value: float) -> None:
     T = pose()
     T[where] = value
     assert not is_rigid(T)
 
 
-def test_what_mirrors_stretches_or_flattens_is_not_rigid() -> None:
+def test_mirroring_stretching_and_flattening_are_not_rigid() -> None:
     for scale in ((-1.0, 1.0, 1.0), (-1.0, -1.0, -1.0), (1.001, 1.001, 1.001), (0.999, 1.0, 1.0), (1.0, 1.0, 0.0)):
         T = pose()
         T[:3, :3] = T[:3, :3] @ np.diag(scale)

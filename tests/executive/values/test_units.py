@@ -61,7 +61,7 @@ def test_quantities_are_read_as_people_write_them(quantity, text, si):
 
 
 @pytest.mark.parametrize("text", ["", "mm", "1 2 mm", "1e999 m", "inf m", "nan", "51/s", "١ m", "--1 m", "1,5 m"])
-def test_what_is_no_quantity_is_refused(text):
+def test_a_text_without_a_quantity_is_refused(text):
     for quantity in (LENGTH, RATE):
         with pytest.raises(ValueError, match=quantity.name):
             quantity.parse(text)
