@@ -97,7 +97,7 @@ SHAPE = re.compile(r"\((\d+|[a-z.]+\w*( \w+)?),|\bshape|\d x \d")
 """`(3,)`, `(n, 4)`, `(h, w, 3)`, or in words."""
 
 
-def test_what_returns_an_array_says_its_shape() -> None:
+def test_docstrings_state_the_shape_of_returned_arrays() -> None:
     said, unsaid = 0, []
     for path in (path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))):
         body = ast.parse(path.read_text("utf-8")).body
@@ -127,7 +127,7 @@ def raised(function: ast.FunctionDef) -> set[str]:
     return {name for name in names if name[:1].isupper()}  # else a method makes the error, and says which
 
 
-def test_what_raises_an_error_says_which() -> None:
+def test_docstrings_name_raised_errors() -> None:
     said, unsaid = 0, []
     for path in (path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))):
         if path.parent.name == "commands":  # all of them end with a sentence and 2: `pomona.executive.cli`

@@ -65,7 +65,7 @@ def test_a_row_of_the_readme_has_its_command_its_commit_and_figures_that_its_rep
 
 
 @pytest.mark.parametrize("report", REPORTS, ids=lambda page: page.stem)
-def test_a_report_says_with_which_command_and_at_which_commit_it_was_made(report: Path) -> None:
+def test_a_report_names_its_command_and_its_commit(report: Path) -> None:
     text = report.read_text("utf-8")
     commands = COMMAND.findall(text)
     assert commands

@@ -32,7 +32,7 @@ def test_a_public_class_has_a_name_of_its_own() -> None:
         assert "executive/pomona/executive/nodes/takes.py" in shared[name]
 
 
-def test_what_a_tree_file_takes_is_named_with_its_module() -> None:
+def test_kinds_of_values_in_a_tree_file_are_named_with_their_module() -> None:
     for package in ("executive", "skills", "drivers", "benchmarks", "tests"):
         for path in sorted((ROOT / package).rglob("*.py")):
             text = path.read_text("utf-8")

@@ -28,7 +28,7 @@ def pick(
     return execute(order, listeners, on_ready=on_ready or (lambda _runner: None))
 
 
-def test_an_apple_is_picked_and_the_record_tells_it_again(tmp_path: Path) -> None:
+def test_an_apple_is_picked_and_the_record_repeats_it(tmp_path: Path) -> None:
     received: list[Event] = []
     executed = pick(1, tmp_path, [received.append], fruit="apple_4", place="2")
     assert executed.result.outcome == "success", executed.result.reason
@@ -53,7 +53,7 @@ def test_another_fruit_is_picked_by_the_same_tree_with_its_own_weights() -> None
     assert truth["position_error_mm"] < 4.0
 
 
-def test_the_json_line_has_what_a_program_needs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_json_line_is_complete_for_a_program(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     status = main(["run", "pick_apple", "--seed", "2", "--record", str(tmp_path), "--json", "--set", "fruit=apple_1"])
     line = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert status == 0

@@ -26,7 +26,7 @@ def test_two_apples_are_put_into_the_crate():
     assert tables[-1].caption == "2 of 2 fruit put away"
 
 
-def test_what_cannot_be_lifted_is_left_and_named_and_the_task_ends():
+def test_a_fruit_that_cannot_be_lifted_is_left_and_named_and_the_task_ends():
     settings = {"distractors": "0", "friction": "0.06", "tries": "1", "looks": "1"}  # nothing so slippery can be lifted
     executed = execute(RunOrder(find_tree("pick_and_place"), find_cell("sim"), 0, settings))
     assert executed.result.outcome == "success", executed.result.reason

@@ -36,7 +36,7 @@ def figures() -> ModuleType:
 
 
 @pytest.mark.parametrize("name", ["scale", "surface", "slip", "sphere"])
-def test_a_figure_shows_what_the_code_computes(figures: Any, name: str) -> None:
+def test_a_figure_shows_values_of_the_code(figures: Any, name: str) -> None:
     drawn, now = json.loads(figures.NUMBERS.read_text("utf-8"))[name], figures.FIGURES[name]()
     assert drawn.keys() == now.keys(), "make figures"
     for series, values in now.items():
@@ -55,7 +55,7 @@ def pictures() -> ModuleType:
     return script("pictures")
 
 
-def test_no_picture_is_behind_what_it_was_made_from(pictures: Any) -> None:
+def test_no_picture_is_older_than_its_sources(pictures: Any) -> None:
     assert not pictures.behind(), "make figures"
     for name, entry in pictures.ledger().items():
         assert (pictures.IMAGES / name).stat().st_size < 3_000_000
@@ -63,7 +63,7 @@ def test_no_picture_is_behind_what_it_was_made_from(pictures: Any) -> None:
         assert re.fullmatch(r"[0-9a-f]{7,}\+?", entry["commit"]), name
 
 
-def test_the_picture_of_a_lift_shows_what_the_controller_does(pictures: Any) -> None:
+def test_the_picture_of_a_lift_shows_the_controller_s_actions(pictures: Any) -> None:
     assert pictures.figures_of_grip() == pytest.approx(pictures.ledger()["grip.png"]["shows"], rel=0.02), "make figures"
 
 
@@ -72,7 +72,7 @@ def test_every_picture_is_one_that_is_made(pictures: Any) -> None:
     assert there - {"made.json", "grip_modes.svg"} == pictures.PICTURES.keys() >= pictures.ledger().keys()
 
 
-def test_pictures_are_told_apart_from_afar(pictures: Any, tmp_path: Path) -> None:
+def test_pictures_are_distinguished_from_afar(pictures: Any, tmp_path: Path) -> None:
     picture = np.full((90, 160, 3), 200, np.uint8)
     noisy = picture.copy()
     noisy[::9, ::7] -= 20

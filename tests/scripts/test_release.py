@@ -44,7 +44,7 @@ def test_a_version_that_is_dated_cited_and_committed_can_be_released(release: Mo
         ("CITATION.cff", "version: 1.1.0\n", "is not about version 1.2.0"),
     ],
 )
-def test_what_does_not_fit_is_said(release: ModuleType, repository: Path, file: str, text: str, says: str) -> None:
+def test_a_mismatch_is_reported(release: ModuleType, repository: Path, file: str, text: str, says: str) -> None:
     (repository / file).write_text(text)
     found = list(release.problems(repository, "1.2.0"))
     assert any(says in problem for problem in found)
@@ -72,7 +72,7 @@ def test_each_file_with_a_placeholder_is_looked_at(release: ModuleType) -> None:
     assert found == set(release.ADDRESSED)
 
 
-def test_the_container_holds_what_the_package_needs() -> None:
+def test_the_container_holds_the_needs_of_the_package() -> None:
     told = (ROOT / "Containerfile").read_text()
     needed = {"libegl1", "libegl-mesa0", "libopengl0", "libgl1-mesa-dri"}
     libraries = (ROOT / "scripts" / "system_libraries.sh").read_text()

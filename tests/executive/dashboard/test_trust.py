@@ -230,7 +230,7 @@ def test_a_press_that_the_run_does_not_answer_is_not_taken_for_done(show: Show, 
     GATE.set()
 
 
-def test_a_plan_is_shown_and_waits_for_an_operator_who_may_change_it_first(show: Show, open_page: Open) -> None:
+def test_a_plan_is_shown_and_waits_for_an_operator_that_may_change_it_first(show: Show, open_page: Open) -> None:
     page = open_page(viewport={"width": 1280, "height": 720})
     show.run(APPROVED)
     expect(page.locator("#questions")).to_contain_text("May Rest start? The plan is shown.")
