@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
+from pomona.drivers.gripper_motion import DirectMotion
 from pomona.drivers.interfaces import Box, MotionState
-from pomona.drivers.mock.gripper import DirectMotion
 from pomona.executive.skill_testing import drive
 from pomona.skills.geometry import transform
 from pomona.skills.motion.straight_line import STEP, straight_line
