@@ -37,6 +37,7 @@ from pomona.executive.one_process import leave_if_forked
 from pomona.executive.ports import Outputs, Ports
 from pomona.executive.signature import ports_of
 from pomona.executive.values.sections import Problem
+from pomona.executive.values.sentences import shortened
 
 if TYPE_CHECKING:
     import numpy as np
@@ -244,7 +245,7 @@ class Skill(py_trees.behaviour.Behaviour):
             raise SkillError(type(self).__name__, f"failure code {code} is not declared in its `failures`")
         if not isinstance(message, str):
             raise SkillError(type(self).__name__, f"the message of {code} is no text but {type(message).__name__}")
-        return SkillFailure(Failure(code, message, data))
+        return SkillFailure(Failure(code, shortened(message), data))
 
     @property
     def context(self) -> SkillContext:

@@ -11,11 +11,11 @@ from fake_runs import Turn, make
 
 from pomona.executive.reasons import Reason
 from pomona.executive.registry import Registry
-from pomona.executive.running.events import ErrorRaised, Event, RunEnded, RunStarted, SafeStopped
+from pomona.executive.running.events import ErrorRaised, Event, NodeChanged, RunEnded, RunStarted, SafeStopped
 from pomona.executive.running.runner import Runner
 from pomona.executive.skill import Interrupted, Skill, Work
 from pomona.executive.terminal.explain import explain
-from pomona.executive.values.sentences import sentence_of
+from pomona.executive.values.sentences import LONGEST, sentence_of
 
 RAISED = [SystemExit(0), KeyboardInterrupt(), GeneratorExit(), MemoryError(), RecursionError("too deep"), Interrupted()]
 BESIDE = """
@@ -100,6 +100,28 @@ def test_a_line_of_feedback_that_is_no_text_is_a_fault_of_its_skill(said: Any) -
     assert is_safe(runner, cell, events)
     assert result.reason is not None
     assert result.reason.message.startswith("beside/Say: its feedback is no text but ")
+
+
+def test_a_text_of_ten_megabytes_is_shortened_before_the_tick_prints_it() -> None:
+    long = "a" * 10_000_000
+
+    class Say(Skill):
+        """Shows a text that is too long, and fails with it."""
+
+        failures = ("LONG",)
+
+        def run(self) -> Work[None]:
+            yield long
+            raise self.failure("LONG", long)
+
+    runner, _cell, events = make("pomona: 1\ntree: t\nroot: {Say: {}}", Registry({"Say": Say}))
+    result = runner.run()
+    assert result.reason is not None
+    shown = [event.feedback for event in events if isinstance(event, NodeChanged) and event.feedback]
+    assert len(shown) == 2
+    for text in (*shown, result.reason.message):
+        assert len(text) <= LONGEST
+        assert "a … (10000000 characters)" in text
 
 
 @pytest.mark.parametrize("lost", [False, True])

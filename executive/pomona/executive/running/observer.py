@@ -14,6 +14,7 @@ from pomona.executive.nodes.question import Question
 from pomona.executive.reasons import Reason, reason_of
 from pomona.executive.running.events import AttemptEnded, Event, NodeChanged
 from pomona.executive.skill import Skill
+from pomona.executive.values.sentences import shortened
 
 
 class TreeObserver:
@@ -37,6 +38,8 @@ class TreeObserver:
             if not isinstance(given, str):
                 behaviour.feedback_message = ""
                 wrong = SkillError(path, f"its feedback is no text but {given!r:.60} ({type(given).__name__})")
+            else:
+                behaviour.feedback_message = shortened(given)
             starts = behaviour.starts if isinstance(behaviour, (Skill, Question)) else 0
             before = self._known[path]
             if behaviour.status is before[0] and behaviour.feedback_message == before[1] and starts == before[2]:

@@ -1,13 +1,21 @@
-"""Text of an exception for the operator."""
+"""Texts for the operator: of limited length, since the tick waits while they are printed and encoded."""
 
 from __future__ import annotations
+
+LONGEST = 10_000
+"""Characters of a text that are kept."""
+
+
+def shortened(text: str) -> str:
+    """Return the beginning of a text that is too long, with its length; any other text as it is."""
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 40]} … ({len(text)} characters)"
 
 
 def sentence_of(error: BaseException) -> str:
     """Return the text of an exception, or its name if it has none; for Python's own exceptions, both."""
     name = type(error).__name__
     try:
-        text = str(error)
+        text = shortened(str(error))
     except BaseException as second:  # a defect in the exception's own text must not prevent a stop
         return f"{name}, which cannot be shown: {type(second).__name__}"
     if isinstance(error, MemoryError) and not text:
