@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import json
+import signal
 import socket
 import subprocess
 import sys
@@ -19,6 +20,7 @@ import pytest
 from fake_cell import FakeCell
 from shown_runs import GATE, HOLD, REGISTRY
 
+from pomona.executive.dashboard import apart
 from pomona.executive.dashboard.apart import PageLostError, PageProcess
 from pomona.executive.dashboard.choices import Choices
 from pomona.executive.dashboard.security import Access
@@ -62,12 +64,15 @@ print(json.dumps([time.monotonic() - began, confirmed]), flush=True)
 """
 
 
-@pytest.fixture
-def page(tmp_path: Path) -> Iterator[PageProcess]:
+def free_port() -> int:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    page = PageProcess(Access("127.0.0.1", port), tmp_path)
+        return int(free.getsockname()[1])
+
+
+@pytest.fixture
+def page(tmp_path: Path) -> Iterator[PageProcess]:
+    page = PageProcess(Access("127.0.0.1", free_port()), tmp_path)
     page.start()
     yield page
     page.close()
@@ -156,16 +161,23 @@ def test_an_address_that_is_taken_is_refused(page: PageProcess, tmp_path: Path) 
 
 
 def test_a_run_is_started_from_the_page(tmp_path: Path) -> None:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    page = PageProcess(Access("127.0.0.1", port), tmp_path)
-    page.allow_starts(lambda form: f"{form['tree']} begins", Choices.installed())
+    page = PageProcess(Access("127.0.0.1", free_port()), tmp_path)
+    begun: list[str] = []
+
+    def begin(form: dict[str, Any]) -> str:
+        begun.append(form["tree"])
+        return f"{form['tree']} begins"
+
+    page.allow_starts(begin, Choices.installed())
     page.start()
     try:
         assert "holds control" in post(page, "api/start", tree="pick", viewer="me")["error"]
         post(page, "api/act", action="take", viewer="me", who="ada")
-        assert post(page, "api/start", tree="pick", viewer="me") == {"tree": "pick begins"}
+        for _ in range(2):  # a press that the browser sends again
+            assert post(page, "api/start", tree="pick", viewer="me", press="1") == {"tree": "pick begins"}
+        late = post(page, "api/start", tree="place", viewer="me", press="2", pressed=time.monotonic() - 5.0)
+        assert "too late" in late["error"]
+        assert begun == ["pick"]
     finally:
         page.close()
 
@@ -194,3 +206,23 @@ def test_a_run_whose_page_is_gone_ends_in_the_safe_state(page: PageProcess) -> N
     assert results[0].outcome == "error"
     assert "page has ended" in results[0].reason.message
     assert cell.latched is not None
+
+
+def test_a_page_that_hangs_is_lost_and_keeps_the_run_s_process_from_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(apart, "HUNG", 1.0)
+    monkeypatch.setattr(apart, "GOODBYE", 1.0)
+    page = PageProcess(Access("127.0.0.1", free_port()), tmp_path)
+    page.start()
+    assert page._process is not None
+    page._process.send_signal(signal.SIGSTOP)
+    words = "x" * 100_000
+    deadline = time.monotonic() + 60.0
+    while not page._lost and time.monotonic() < deadline:
+        page.on_event(StateChanged(0.0, 0, "running", words))
+        time.sleep(0.05)
+    with pytest.raises(PageLostError):
+        page.on_event(StateChanged(0.0, 0, "running", words))
+    page.close()
+    assert page._process.poll() == -signal.SIGKILL

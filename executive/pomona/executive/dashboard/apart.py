@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -31,6 +32,9 @@ READY = 60.0
 GOODBYE = 5.0
 """Time that it may take to end [s]."""
 
+HUNG = 10.0
+"""Time for which the page's process may take no message before it counts as lost [s]; the socket holds some seconds."""
+
 HEARTBEAT = 0.25
 """Period of the run's status messages to the page's process [s]."""
 
@@ -45,10 +49,12 @@ NEVER_LATE = frozenset({"require", "release", "safe_stop", "judge"})
 
 
 class PageLostError(PomonaError):
-    """The page's process ended during a run: the run cannot be stopped there any more."""
+    """The page's process ended or hung during a run: the run cannot be stopped there any more."""
 
     def __init__(self) -> None:
-        super().__init__("the process that serves the page has ended: the run can be neither seen nor stopped there")
+        super().__init__(
+            "the process that serves the page has ended or hangs: the run can be neither seen nor stopped there"
+        )
 
 
 class PageProcess:
@@ -79,7 +85,7 @@ class PageProcess:
         """Take one event of a run; returns at once.
 
         Raises:
-            PageLostError: the page's process has ended by itself. The run then ends in the safe state.
+            PageLostError: the page's process has ended by itself, or hangs. The run then ends in the safe state.
         """
         if self._lost:
             raise PageLostError
@@ -92,6 +98,7 @@ class PageProcess:
             UsageError: the address cannot be used.
         """
         here, there = socket.socketpair()
+        here.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack("ll", int(HUNG), 0))
         with there:
             inherited = [there.fileno(), self._permit.read_fd]
             command = [sys.executable, "-m", "pomona.executive.dashboard.serve", *map(str, inherited)]

@@ -6,7 +6,7 @@ import asyncio
 import math
 import time
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -42,7 +42,7 @@ class Presses:
         self._acting = ThreadPoolExecutor(4, thread_name_prefix="pomona-act")
 
     async def answer(self, body: dict[str, Any]) -> dict[str, Any]:
-        """Carry a press out, unless it was already.
+        """Carry an action out, unless it was already.
 
         Returns:
             the holder of control, and the confirmation.
@@ -50,11 +50,21 @@ class Presses:
         Raises:
             RefusedError: it is not carried out.
         """
+        return await self.once(body, self._carry_out)
+
+    async def once(
+        self, body: dict[str, Any], carry_out: Callable[[dict[str, Any]], Awaitable[dict[str, Any]]]
+    ) -> dict[str, Any]:
+        """Carry a press out in time and once: a press that comes again gets the first answer.
+
+        Raises:
+            RefusedError: it is not carried out.
+        """
         press = text(body, "press")
         if not press:
-            return await self._carry_out(body)
+            return await carry_out(body)
         if press not in self._answers:
-            self._answers[press] = asyncio.ensure_future(self._carry_out(body))
+            self._answers[press] = asyncio.ensure_future(carry_out(body))
             while len(self._answers) > MOST_ANSWERS:
                 self._answers.popitem(last=False)
         return await asyncio.shield(self._answers[press])
@@ -62,7 +72,7 @@ class Presses:
     async def _carry_out(self, body: dict[str, Any]) -> dict[str, Any]:
         action, viewer = text(body, "action"), text(body, "viewer")
         who, confirmed = text(body, "who")[:60] or "operator", ""
-        _refuse_late(body, SAFE_STOP_PATIENCE if action == "safe_stop" else PATIENCE)
+        refuse_late(body, SAFE_STOP_PATIENCE if action == "safe_stop" else PATIENCE)
         loop = asyncio.get_running_loop()
         if action == "safe_stop":
             confirmed = await loop.run_in_executor(self._stopping, self._lock.safe_stop, who)
@@ -89,7 +99,12 @@ def now() -> float:
     return time.monotonic()
 
 
-def _refuse_late(body: dict[str, Any], patience: float) -> None:
+def refuse_late(body: dict[str, Any], patience: float = PATIENCE) -> None:
+    """Refuse a press that comes more than `patience` after it was made [s].
+
+    Raises:
+        TooLateError: it is too late.
+    """
     pressed = body.get("pressed")
     if not isinstance(pressed, (int, float)) or isinstance(pressed, bool):
         return
@@ -98,7 +113,7 @@ def _refuse_late(body: dict[str, Any], patience: float) -> None:
     except OverflowError:  # an integer that is no time at all
         ago = math.inf if pressed < 0 else -math.inf
     if not ago <= patience:
-        raise TooLateError(f"pressed {ago:.1f} s ago, which is too late: it is not carried out")
+        raise TooLateError(f"pressed {ago:.3g} s ago, which is too late: it is not carried out")
 
 
 def text(body: dict[str, Any], key: str) -> str:

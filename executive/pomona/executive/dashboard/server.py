@@ -28,7 +28,7 @@ from pomona.executive.dashboard.choices import Choices, JudgeForm, StartRun
 from pomona.executive.dashboard.connections import LiveWire, PatientHttp, hang_up, wire_of
 from pomona.executive.dashboard.control_lock import ControlLock, RefusedError, RunControl
 from pomona.executive.dashboard.hub import Hub, Viewer
-from pomona.executive.dashboard.presses import Presses, now, object_of, text
+from pomona.executive.dashboard.presses import Presses, now, object_of, refuse_late, text
 from pomona.executive.dashboard.record_messages import (
     between,
     cloud,
@@ -384,10 +384,9 @@ class Dashboard:
         if self._start_run is None:
             return JSONResponse({"error": "this dashboard belongs to one run and starts no other"}, 409)
         try:
-            tree = await asyncio.to_thread(self._begin, self._start_run, body)
+            return JSONResponse(await self.presses.once(body, self._begin))
         except PomonaError as error:
             return JSONResponse({"error": str(error)}, 409)
-        return JSONResponse({"tree": tree})
 
     async def _judge(self, request: Request) -> Response:
         body = await self._authorised_body(request)
@@ -398,9 +397,16 @@ class Dashboard:
         except PomonaError as error:
             return JSONResponse({"error": str(error)}, 409)
 
-    def _begin(self, start_run: StartRun, body: dict[str, Any]) -> str:
-        self._control.require(text(body, "viewer"))
-        return start_run(body)
+    async def _begin(self, body: dict[str, Any]) -> dict[str, Any]:
+        refuse_late(body)
+        start_run = self._start_run
+        assert start_run is not None
+
+        def begin() -> str:
+            self._control.require(text(body, "viewer"))
+            return start_run(body)
+
+        return {"tree": await asyncio.to_thread(begin)}
 
     async def _authorised_body(self, request: Request) -> dict[str, Any] | Response:
         if not self.access.authorised(request.headers):

@@ -1,6 +1,7 @@
 // The runs: a list to filter, open, download and compare, and the form that starts a new one.
 import { $, h, seconds, show } from "./dom.js";
-import { holdsControl, page, post, read, say, withToken } from "./page.js";
+import { link } from "./link.js";
+import { holdsControl, page, post, randomId, read, say, withToken } from "./page.js";
 import { STATUS_WORD } from "./control.js";
 import { readRecord, recordAddress } from "./record.js";
 import { drawByHand } from "./steps.js";
@@ -206,7 +207,8 @@ export async function startRun(form) {
   say("starting …");
   starting = true;
   drawStart();
-  const answer = page.token ? await post("/api/start", form) : { error: "this page may watch but not act: open the link that was printed" };
+  const pressed = link.clock === null ? null : performance.now() / 1000 + link.clock;
+  const answer = page.token ? await post("/api/start", { press: randomId(), pressed, ...form }) : { error: "this page may watch but not act: open the link that was printed" };
   starting = false;
   drawStart();
   if (answer.error) { say(answer.error, "bad"); return; }
