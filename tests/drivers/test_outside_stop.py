@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import signal
 import socket
 import subprocess
@@ -54,9 +55,9 @@ class Move(Skill):
         yield from self.wait(60.0)
 
 Registry.installed = classmethod(lambda cls: Registry({"Move": Move}))
-sys.argv[1:], way = sys.argv[2:], sys.argv[1]
-sys.argv.insert(1, way)
-sys.exit(main(sys.argv[2:]))
+way = sys.argv[1]
+del sys.argv[0 if way == "launched" else slice(0, 0)]
+sys.exit(main() if way == "launched" else main(sys.argv[2:]))
 """
 
 
@@ -121,6 +122,80 @@ def is_at_rest(place: Place) -> tuple[float, float]:
         assert (arm.state().q[-1], gripper.state().width) == pytest.approx(before, abs=1e-6)
         assert gripper.limits.width_min + 0.004 < before[1], "the fingers did not go on to their goal"
         return before
+
+
+def children_of(pid: int) -> list[int]:
+    """Return the processes that a process has started, the oldest first."""
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def wait_for_end(pid: int) -> None:
+    """Wait until a process has ended, whose parent may not have noticed."""
+    deadline = time.monotonic() + 300.0  # of a busy machine: the run draws its picture
+    while Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z":
+        assert time.monotonic() < deadline, "the run goes on"
+        time.sleep(0.05)
+
+
+def test_a_second_run_on_the_same_wires_is_refused_and_the_first_goes_on(place: Place, tmp_path: Path) -> None:
+    copy = tmp_path / "copy.yaml"
+    copy.write_text(place.cell.read_text())
+    with moving(place, "launched") as process:
+        order = ["run", str(place.tree), "--cell", str(copy), "--record", str(place.records)]
+        second = subprocess.run([sys.executable, "-c", RUN, "launched", *order], capture_output=True, text=True)
+        assert second.returncode == 2
+        assert "another run is going on on 127.0.0.1:" in second.stderr
+        assert process.poll() is None
+        process.terminate()
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == 3, said
+    assert len(list(place.records.iterdir())) == 1
+
+
+def test_a_stopped_launcher_ends_its_run_in_the_safe_state_and_a_moment_of_it_does_not(place: Place) -> None:
+    with moving(place, "launched") as process:
+        (run,) = children_of(process.pid)
+        process.send_signal(signal.SIGSTOP)
+        time.sleep(0.1)
+        process.send_signal(signal.SIGCONT)
+        time.sleep(1.0)
+        assert children_of(process.pid) == [run]
+        process.send_signal(signal.SIGSTOP)
+        try:
+            wait_for_end(run)
+        finally:
+            process.send_signal(signal.SIGCONT)
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == 3, said
+    (record,) = place.records.iterdir()
+    assert not (record / "supervisor.json").exists()
+    assert is_at_rest(place)[0] < 0.9
+
+
+@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
+def test_a_stopped_child_of_the_launcher_is_killed_and_its_devices_are_stopped(place: Place, number: int) -> None:
+    with moving(place, "launched") as process:
+        (run,) = children_of(process.pid)
+        os.kill(run, number)
+        assert process.stderr is not None
+        said = process.stderr.read()
+        assert process.wait(30) == -signal.SIGKILL, said
+    assert "arm stopped; gripper stopped" in said
+    assert is_at_rest(place)[0] < 0.9
+
+
+@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
+def test_a_run_without_its_supervisor_ends_in_the_safe_state(place: Place, number: int) -> None:
+    with moving(place, "launched") as process:
+        (run,) = children_of(process.pid)
+        (supervisor,) = [pid for pid in children_of(run) if b"supervise" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+        os.kill(supervisor, number)
+        try:
+            _, said = process.communicate(timeout=60)
+        finally:
+            os.kill(supervisor, signal.SIGKILL)
+    assert process.returncode == 3, said
+    assert is_at_rest(place)[0] < 0.9
 
 
 def test_a_run_that_is_stopped_for_most_of_its_heartbeat_and_goes_on_ends_in_the_safe_state(place: Place) -> None:
