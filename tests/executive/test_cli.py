@@ -11,6 +11,7 @@ import pytest
 
 from pomona.executive.cli import main
 from pomona.executive.language.declared_skills import declared_skills
+from pomona.executive.recording.scan import examine
 from pomona.executive.running.runner import Runner
 
 
@@ -32,6 +33,26 @@ def test_a_missing_cell_is_named_with_the_existing_ones(capsys: pytest.CaptureFi
     error = refused(capsys, "run", "pick_apple", "--cell", "nowhere.yaml")
     assert "no cell file 'nowhere.yaml'" in error
     assert "sim" in error
+
+
+@pytest.mark.parametrize(("closed", "encoding"), [(True, "utf-8"), (False, "ascii:strict")])
+def test_a_run_ends_well_with_closed_streams_or_an_encoding_without_our_signs(
+    closed: bool, encoding: str, tmp_path: Path
+) -> None:
+    tree, cell = tmp_path / "t.yaml", tmp_path / "cell.yaml"
+    tree.write_text("pomona: 1\ntree: t\nroot: {wait: 100 ms}\n")
+    cell.write_text("name: bench\nkind: mock\nclock: manual\ndevices: {}\n")
+    program = "import sys; from pomona.executive.cli import main; sys.exit(main())"
+    done = subprocess.run(
+        [sys.executable, "-c", program, "run", str(tree), "--cell", str(cell), "--record", str(tmp_path / "runs")],
+        stdout=None if closed else subprocess.PIPE,
+        env={**os.environ, "PYTHONIOENCODING": encoding},
+        preexec_fn=(lambda: os.closerange(0, 3)) if closed else None,
+    )
+    assert done.returncode == 0
+    (record,) = (tmp_path / "runs").iterdir()
+    assert examine(record / "run.mcap").state == "whole"
+    assert closed or b"\\u2713 t" in done.stdout
 
 
 @pytest.mark.parametrize(

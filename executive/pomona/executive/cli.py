@@ -7,6 +7,7 @@ SIGHUP), 130 interrupted; 129 and 143 ended by SIGHUP and SIGTERM before anythin
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import signal
 import sys
@@ -33,8 +34,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     if arguments is not None:
         return _main(list(arguments))
+    _complete_streams()
     words = sys.argv[1:]
     return in_child(lambda: _process(words)) if _command(words) in REPORTED else _process(words)
+
+
+def _complete_streams() -> None:
+    """Open closed standard streams, so that no file of the run gets their numbers, and print in any encoding."""
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # the system gives it the lowest free number
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(number, mode, encoding="utf-8", closefd=False))
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+            stream.reconfigure(errors="backslashreplace")
 
 
 def _process(words: Sequence[str]) -> int:
