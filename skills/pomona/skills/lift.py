@@ -76,6 +76,12 @@ class Lift(MovingSkill):
         ] = LENGTH("5 mm"),
         speed: Annotated[Speed, Port(min="1 mm/s", max="1 m/s")] = SPEED("0.25 m/s"),
         acceleration: Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")] = ACCELERATION("1 m/s²"),
+        deceleration: Annotated[
+            Acceleration,
+            Port(
+                min="0 m/s²", max="3 m/s²", help="at the top, where it takes load off the pads; 0: as the acceleration"
+            ),
+        ] = ACCELERATION("0 m/s²"),
         hold_time: Annotated[Time, Port(min="0 s", help="how long it is watched at the top", was="keep")] = TIME("0 s"),
         settle_within: Annotated[
             Time, Port(min="0 s", help="longest wait at the top until the grip has come to rest")
@@ -90,7 +96,8 @@ class Lift(MovingSkill):
         width, field = self.device(Gripper).state().width, usable_field(self, map)
         space = arm_space(arm, self.device(Workspace), field, width, clearance, held=grasp).leaving_table()
         line = free_line(self, T_base_goal, space, ("LIFT_BLOCKED", "LIFT_BLOCKED"), "on the way up")
-        trajectory = time_curve(line.q, height, arm.limits, speed, acceleration, acceleration / JERK_TIME)
+        jerk, braking = acceleration / JERK_TIME, deceleration or acceleration
+        trajectory = time_curve(line.q, height, arm.limits, speed, acceleration, jerk, deceleration=braking)
         active = None if hold is None or hold.ended else hold
         hanging = None if active is None else Hanging(active)
         overload = None if active is None else OverloadMonitor(active)

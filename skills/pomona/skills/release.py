@@ -24,7 +24,7 @@ from pomona.skills.shared.moving import CARRIED_ACCELERATION, POSE_FAILURES, Pos
 from pomona.skills.shared.straight_travel import follow_way, tool_pose, vertical_way
 from pomona.skills.shared.usable_map import usable_field
 
-RISING = (1.5, 15.0)  # acceleration [m/s²] and jerk [m/s³] of the empty gripper's way up
+RISING = (3.0, 30.0)  # acceleration [m/s²] and jerk [m/s³] of the empty gripper's way up
 OPENING_SPEED = 0.05  # of the fingers while they release the fruit [m/s]
 BESIDE = 0.005  # distance to the path below which an obstacle is the first contact [m]; farther walls are passed
 JOLTS = 3  # jolts after which lowering goes on; with more the load is too restless to show a contact

@@ -129,6 +129,22 @@ def test_a_curve_is_slow_at_its_end_and_keeps_to_its_acceleration_and_jerk(endin
     assert plain.duration < trajectory.duration < plain.duration + ending / 0.08
 
 
+@pytest.mark.parametrize("braking", [0.5, 2.5])
+@pytest.mark.parametrize("slow_end", [(0.0, np.inf), (0.03, 0.08)])
+def test_a_curve_brakes_with_its_own_deceleration(braking: float, slow_end: tuple[float, float]):
+    points = np.hstack([0.2 * np.linspace(0.0, 1.0, 40)[:, None]] * 7)
+    how = {"limits": LIMITS, "speed": 0.4, "acceleration": 0.8, "jerk": 8.0, "slow_end": slow_end}
+    trajectory = time_curve(points, 0.15, **how, deceleration=braking)
+    rate, gain = (0.15 / 0.2 * of[:, 0] for of in (trajectory.qd, trajectory.qdd))
+    assert gain.max() == pytest.approx(0.8, rel=0.02)
+    assert -gain.min() == pytest.approx(braking, rel=0.05)
+    assert rate.min() >= -1e-9
+    assert np.abs(np.diff(gain) / np.diff(trajectory.t)).max() <= 10.0 * max(0.8, braking) * 1.02
+    np.testing.assert_allclose(trajectory.q[[0, -1]], points[[0, -1]], atol=1e-9)
+    np.testing.assert_allclose(np.gradient(trajectory.q, trajectory.t, axis=0)[1:-1], trajectory.qd[1:-1], atol=5e-3)
+    assert (trajectory.duration < time_curve(points, 0.15, **how).duration) == (braking > 0.8)
+
+
 def test_a_curve_that_is_slow_from_its_beginning_has_one_speed():
     points = np.hstack([0.2 * np.linspace(0.0, 1.0, 40)[:, None]] * 7)
     for ending in (0.11, 0.12, 0.5):

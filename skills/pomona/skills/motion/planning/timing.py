@@ -149,6 +149,7 @@ def time_curve(
     jerk: float,
     period: float = PERIOD,
     slow_end: tuple[float, float] = (0.0, np.inf),
+    deceleration: float | None = None,
 ) -> Trajectory:
     """Return a jerk-limited motion from rest to rest along a smooth joint curve, such as a straight line of the tool.
 
@@ -158,6 +159,7 @@ def time_curve(
         limits: of the arm; where they bind, the whole motion is slowed down.
         speed, acceleration, jerk, period: along the curve [m/s, m/s², m/s³], and spacing of the samples [s].
         slow_end: length at the end of the curve [m], and the speed there [m/s].
+        deceleration: along the curve [m/s²], with the jerk in its ratio to the acceleration; None: as the acceleration.
     """
     from scipy.interpolate import CubicSpline  # takes 0.3 s of the processor to load
 
@@ -166,7 +168,8 @@ def time_curve(
         return time_polyline(q[:1], limits, period=period)
     curve = CubicSpline(np.linspace(0.0, length, len(q)), q, bc_type="natural" if len(q) < 4 else "not-a-knot")
     along = ArmLimits(*(np.array([value]) for value in (0.0, length, speed, acceleration, jerk)))
-    profile = _slowing_profile(length, along, slow_end, period)
+    braking = acceleration if deceleration is None else deceleration
+    profile = _slowing_profile(length, along, slow_end, braking, period)
     first, second, third = (curve(profile.q[:, 0], order) for order in (1, 2, 3))
     s1, s2 = profile.qd, profile.qdd
     s3 = np.gradient(s2[:, 0], profile.t)[:, None]
@@ -183,22 +186,33 @@ def time_curve(
     if stretch > 1.0:
         slower = stretch * 1.02
         return time_curve(
-            q, length, limits, speed / slower, acceleration / slower**2, jerk / slower**3, period, slow_end
+            q,
+            length,
+            limits,
+            speed / slower,
+            acceleration / slower**2,
+            jerk / slower**3,
+            period,
+            slow_end,
+            braking / slower**2,
         )
     return Trajectory(profile.t, curve(profile.q[:, 0]), qd, qdd)
 
 
-def _slowing_profile(length: float, limits: ArmLimits, slow_end: tuple[float, float], period: float) -> Trajectory:
-    """Return the distance over time [m] along a curve of one dimension that is slower at its end.
+def _slowing_profile(
+    length: float, limits: ArmLimits, slow_end: tuple[float, float], braking: float, period: float
+) -> Trajectory:
+    """Return the distance over time [m] along a curve of one dimension that brakes differently, or is slow at its end.
 
     Ramps of constant acceleration are averaged over a window, as in the module's text: the speed follows half a window
     later. So the slow speed is reached half a window's distance before the end's length.
     """
-    ending, slow = slow_end
+    ending, slow = slow_end if slow_end[0] > 0.0 else (0.0, 0.0)
     speed, a = float(limits.velocity[0]), float(limits.acceleration[0])
     window = a / float(limits.jerk[0])
     before = length - ending - slow * window / 2.0
-    if ending <= 0.0 or slow >= speed or before <= slow * (slow / a + window):
+    is_slow = ending > 0.0 and (slow >= speed or before <= slow * (slow / a + window))
+    if is_slow or (ending == 0.0 and braking == a):
         whole = ArmLimits(
             limits.lower,
             limits.upper,
@@ -207,11 +221,12 @@ def _slowing_profile(length: float, limits: ArmLimits, slow_end: tuple[float, fl
             limits.jerk,
         )
         return time_polyline([[0.0], [length]], whole, period=period)
-    room = before + slow**2 / (2.0 * a)  # for two ramps with a cruise of a window between them
-    quick = min(speed, float(a / 2.0 * (np.sqrt(window**2 + 4.0 * room / a) - window)))
-    cruise = (before - (2.0 * quick**2 - slow**2) / (2.0 * a)) / quick
-    creep = (length - before - slow**2 / (2.0 * a)) / slow
-    times = np.cumsum([0.0, quick / a, cruise, (quick - slow) / a, max(creep, 0.0), slow / a])
+    room = before + slow**2 / (2.0 * braking)  # for two ramps with a cruise of a window between them
+    mean = 2.0 * a * braking / (a + braking)
+    quick = min(speed, float(mean / 2.0 * (np.sqrt(window**2 + 4.0 * room / mean) - window)))
+    cruise = (room - quick**2 / mean) / quick
+    creep = (ending + slow * window / 2.0 - slow**2 / (2.0 * braking)) / slow if ending else 0.0
+    times = np.cumsum([0.0, quick / a, cruise, (quick - slow) / braking, max(creep, 0.0), slow / braking])
     speeds = np.array([0.0, quick, quick, slow, slow, 0.0])
     t = np.append(np.arange(0.0, times[-1], _STEP), times[-1])
     v = np.interp(t, times, speeds)
