@@ -149,8 +149,7 @@ def speed(detector: CompactDetector, frames: FrameFolder, fruit: FruitModel, rou
     """The whole of Detect against the whole of DOPE at 640 x 480, in turns within this run."""
     full = DopeNetwork().eval()
     pictures = [frames.picture(k, halved=False) for k in range(min(8, len(frames)))]
-    fx, fy, cx, cy = frames.annotation(0).camera
-    K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    K = frames.annotation(0).K
     threads = torch.get_num_threads()
     whole: list[float] = []
     network_only: list[float] = []
@@ -275,9 +274,7 @@ def rendered_lookalikes(detector: CompactDetector, options: argparse.Namespace, 
     for index in range(count):
         annotation = frames.annotation(index)
         things += len(annotation.decoys)
-        fx, fy, cx, cy = annotation.camera
-        K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-        finds = detector.find(frames.picture(index, halved=False), K)
+        finds = detector.find(frames.picture(index, halved=False), annotation.K)
         found += sum(fruit.score >= options.score for fruit in finds)
     rows.append((f"rendered lookalikes ({count} frames): detections per frame", f"{found / count:.3f}"))
     return (

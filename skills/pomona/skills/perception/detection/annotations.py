@@ -63,6 +63,12 @@ class Annotation:
     decoys: tuple[tuple[float, float, float], ...] = ()
     scene: str = ""
 
+    @property
+    def K(self) -> Float64:
+        """Camera matrix (3, 3) [px]."""
+        fx, fy, cx, cy = self.camera
+        return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
 
 def write_annotation(path: Path, annotation: Annotation) -> None:
     """Write a JSON file with DOPE's keys and, beside them, Pomona's own (`scale`, `dimensions`, `decoys`)."""

@@ -7,6 +7,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from pomona.skills.perception.detection.close_look import SIZE_OF_BOX
+from pomona.skills.perception.detection.finder_network import conv_norm
 from pomona.skills.perception.detection.outputs import CLOSE_LOOK_OUTPUTS, CLOSE_LOOK_SIZE, OFFSET_UNIT
 
 LEAST_BELIEF = 1e-4
@@ -16,24 +17,31 @@ LEAST_REACH = 0.05
 """Shortest reach of a box [cells]."""
 
 
-def _convolve(inputs: int, outputs: int, kernel: int = 3, stride: int = 1) -> nn.Sequential:
-    return nn.Sequential(
-        nn.Conv2d(inputs, outputs, kernel, stride, kernel // 2, bias=False),
-        nn.BatchNorm2d(outputs),
-        nn.ReLU(inplace=True),
-    )
+class _Convolve(nn.Sequential):
+    """A convolution, its batch norm and a rectifier."""
+
+    def __init__(self, inputs: int, outputs: int, kernel: int = 3, stride: int = 1) -> None:
+        super().__init__(
+            nn.Conv2d(inputs, outputs, kernel, stride, kernel // 2, bias=False),
+            nn.BatchNorm2d(outputs),
+            nn.ReLU(inplace=True),
+        )
+
+    def forward(self, x: Tensor) -> Tensor:
+        conv, norm, rectifier = self
+        return rectifier(conv_norm(conv, norm, x))  # type: ignore[no-any-return, arg-type]
 
 
 class _Residual(nn.Module):
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.first = _convolve(channels, channels)
+        self.first = _Convolve(channels, channels)
         self.second = nn.Conv2d(channels, channels, 3, 1, 1, bias=False)
         self.norm = nn.BatchNorm2d(channels)
 
     def forward(self, x: Tensor) -> Tensor:
         # In place: a tenth of a training step's time.
-        return functional.relu_(self.norm(self.second(self.first(x))).add_(x))
+        return functional.relu_(conv_norm(self.second, self.norm, self.first(x)).add_(x))
 
 
 class BeliefFinder(nn.Module):
@@ -47,17 +55,17 @@ class BeliefFinder(nn.Module):
         super().__init__()
         a, b, c, d = widths
         self.widths, self.boxes = widths, boxes
-        self.stem = nn.Sequential(_convolve(3, a, 5, 2), _convolve(a, b, 3, 2))
+        self.stem = nn.Sequential(_Convolve(3, a, 5, 2), _Convolve(a, b, 3, 2))
         self.at_4 = _Residual(b)
-        self.at_8 = nn.Sequential(_convolve(b, c, 3, 2), _Residual(c), _Residual(c))
-        self.at_16 = nn.Sequential(_convolve(c, d, 3, 2), _Residual(d), _Residual(d))
+        self.at_8 = nn.Sequential(_Convolve(b, c, 3, 2), _Residual(c), _Residual(c))
+        self.at_16 = nn.Sequential(_Convolve(c, d, 3, 2), _Residual(d), _Residual(d))
         self.to_8 = nn.Conv2d(d, c, 1)
         self.up_8 = _Residual(c)
         self.to_4 = nn.Conv2d(c, b, 1)
         self.up_4 = _Residual(b)
-        self.head = nn.Sequential(_convolve(b, b), nn.Conv2d(b, 9 + 17, 1))
+        self.head = nn.Sequential(_Convolve(b, b), nn.Conv2d(b, 9 + 17, 1))
         if boxes:
-            self.box_head = nn.Sequential(_convolve(b, b), nn.Conv2d(b, 4, 1))
+            self.box_head = nn.Sequential(_Convolve(b, b), nn.Conv2d(b, 4, 1))
 
     def forward(self, x: Tensor) -> Tensor:
         """Return maps (n, 6, h/4, w/4) of pictures (n, 3, h, w)."""
@@ -97,16 +105,16 @@ class CloseLookNetwork(nn.Module):
         self.widths = widths
         self.trunk = nn.Sequential(
             nn.PixelUnshuffle(4),
-            _convolve(48, a),
+            _Convolve(48, a),
             _Residual(a),
-            _convolve(a, b, 3, 2),
+            _Convolve(a, b, 3, 2),
             _Residual(b),
             _Residual(b),
             _Residual(b),
-            _convolve(b, c, 3, 2),
+            _Convolve(b, c, 3, 2),
             _Residual(c),
             _Residual(c),
-            _convolve(c, squeezed, 1),
+            _Convolve(c, squeezed, 1),
         )
         cells = CLOSE_LOOK_SIZE // 16
         self.head = nn.Sequential(

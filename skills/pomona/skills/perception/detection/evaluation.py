@@ -143,10 +143,8 @@ def evaluate(
     count = min(count, len(frames))
     for index in range(count):
         annotation, colour = frames.annotation(index), frames.picture(index, halved=False)
-        fx, fy, cx, cy = annotation.camera
-        K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
         start = time.perf_counter()
-        instances = find_instances(detector, colour, K, fruit)
+        instances = find_instances(detector, colour, annotation.K, fruit)
         seconds.append(time.perf_counter() - start)
         seen = [item for item in annotation.objects if item.visibility > 0.02]
         everything += [(i.visibility, _distance(i), keypoint_size(i.keypoints), annotation.scene) for i in seen]

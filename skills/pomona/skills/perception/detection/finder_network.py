@@ -38,7 +38,7 @@ USUAL_REACH = 1.7
 
 
 class ConvNorm(nn.Module):
-    """A convolution and its batch norm; while the norm's statistics are fixed, one convolution with the norm folded in.
+    """A convolution and its batch norm, as of `conv_norm`.
 
     Args:
         inputs, outputs: channels.
@@ -56,15 +56,19 @@ class ConvNorm(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Features (n, outputs, h / stride, w / stride)."""
-        conv, norm = self.conv, self.norm
-        if norm.training:
-            return norm(conv(x))  # type: ignore[no-any-return]
-        assert norm.running_mean is not None
-        assert norm.running_var is not None
-        gain = norm.weight * torch.rsqrt(norm.running_var + norm.eps)
-        weight = conv.weight * gain[:, None, None, None]
-        bias = norm.bias - norm.running_mean * gain
-        return functional.conv2d(x, weight, bias, conv.stride, conv.padding, 1, conv.groups)
+        return conv_norm(self.conv, self.norm, x)
+
+
+def conv_norm(conv: nn.Conv2d, norm: nn.BatchNorm2d, x: Tensor) -> Tensor:
+    """Return the norm of a convolution; with fixed statistics, one convolution with the norm folded in."""
+    if norm.training:
+        return norm(conv(x))  # type: ignore[no-any-return]
+    assert norm.running_mean is not None
+    assert norm.running_var is not None
+    gain = norm.weight * torch.rsqrt(norm.running_var + norm.eps)
+    weight = conv.weight * gain[:, None, None, None]
+    bias = norm.bias - norm.running_mean * gain
+    return functional.conv2d(x, weight, bias, conv.stride, conv.padding, 1, conv.groups)
 
 
 class _Block(nn.Module):

@@ -62,9 +62,7 @@ def frame_places(
     def judged() -> Iterator[tuple[Float64, NDArray[np.bool_]]]:
         for index in range(len(frames)):
             annotation, picture = frames.annotation(index), frames.picture(index, halved=False)
-            fx, fy, cx, cy = annotation.camera
-            K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-            places, _, features = detector.look(picture, K, 0.0)
+            places, _, features = detector.look(picture, annotation.K, 0.0)
             boxes = np.array([place.box for place in places]).reshape(-1, 4)
             fruit = np.array([item.box for item in annotation.objects if item.box], np.float64).reshape(-1, 4)
             best = iou(boxes, fruit).max(axis=1, initial=0.0)

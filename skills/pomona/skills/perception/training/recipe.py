@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import torch
 
+from pomona.executive.values.arrays import Float64, UInt8
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.compact_network import CloseLookNetwork
 from pomona.skills.perception.detection.finder_network import FinderNetwork
@@ -18,6 +19,7 @@ from pomona.skills.perception.detection.torch_engine import torch_detector
 from pomona.skills.perception.detection.weights import load_compact, save_compact
 from pomona.skills.perception.synthetic.dataset import render_dataset
 from pomona.skills.perception.synthetic.options import WITHOUT_TREES, SceneOptions
+from pomona.skills.perception.training.eight_bits import round_weights
 from pomona.skills.perception.training.fit_score import fit_score, frame_places, photo_places
 from pomona.skills.perception.training.loop import Fall, Progress, Schedule
 from pomona.skills.perception.training.optimiser import Method
@@ -148,6 +150,8 @@ QUICK = Recipe(
 VALIDATE_EVERY, SAVE_EVERY = 100, 25
 """Steps between validations and checkpoints where photographs are learnt from: steps there are few and slow."""
 
+SHOWN = 30  # rendered frames, and photographs about as many, that show the ranges of values for rounding
+
 FITTED = 6  # interval of the training photographs on which the score is fitted
 
 Say = Callable[[str, Progress], None]
@@ -205,7 +209,16 @@ def make_weights(
         about["trunk"] = hashlib.sha256(trunk.read_bytes()).hexdigest()
     score = _fitted_score(making.detector(), recipe.fit, work, fruit, workers, photographs, rendered)
     save_compact(out, making.networks["finder"], making.networks["close_look"], about, score)
+    round_weights(out, _shown(FrameFolder([held_out]), photographs))
     return out
+
+
+def _shown(frames: FrameFolder, photographs: PhotoSet | None) -> Iterator[tuple[UInt8, Float64]]:
+    """Pictures and camera matrices that show the ranges of the networks' values."""
+    for index in range(min(SHOWN, len(frames))):
+        yield frames.picture(index, halved=False), frames.annotation(index).K
+    for photo in () if photographs is None else photographs.train[:: max(1, len(photographs.train) // SHOWN)]:
+        yield photo.picture(), photo.K
 
 
 def _fitted_score(

@@ -59,9 +59,9 @@ def write_report(
     ]
     for k in range(min(_PICTURES, len(folder))):
         name = f"frame_{k}.jpg"
-        fx, fy, cx, cy = folder.annotation(k).camera
-        K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-        cv2.imwrite(str(out / name), draw(detector, folder.picture(k, halved=False), K, model)[..., ::-1])
+        cv2.imwrite(
+            str(out / name), draw(detector, folder.picture(k, halved=False), folder.annotation(k).K, model)[..., ::-1]
+        )
         lines.append(f"![Held-out frame {k}: cuboids on the left, the finder's heat on the right]({name})")
     found = None
     if photographs is not None and photographs.val:

@@ -152,17 +152,16 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
 
     def _samples(self, index: int, rng: np.random.Generator) -> list[Sample]:
         annotation, picture = self.frames.annotation(index), self.frames.picture(index, halved=False)
-        fx, fy, cx, cy = annotation.camera
-        if fx <= 0.0 or fy <= 0.0:
+        if min(annotation.camera[:2]) <= 0.0:
             path = self.frames.pictures[index].with_suffix(".json")
             raise BadAnnotation(path, "names no camera: the close look needs fx, fy, cx and cy [px]")
-        K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        K = annotation.K
         seen = [item for item in annotation.objects if item.visibility >= 0.12]
         samples = []
         for item in seen:
             if item.visibility < 0.25 or max(item.box or (0, 0, 1, 1)) < 1:
                 continue
-            size = fx * item.scale * REFERENCE_LENGTH / item.T_camera_object[2, 3]
+            size = K[0, 0] * item.scale * REFERENCE_LENGTH / item.T_camera_object[2, 3]
             for _ in range(1 if item.visibility < 0.5 else 2):
                 # A further look is aimed by the one before it, three times as well as the first by the finder.
                 doubt = 1.0 if rng.random() < 0.7 else 0.35
