@@ -224,7 +224,7 @@ def test_a_press_that_the_run_does_not_answer_is_not_taken_for_done(show: Show, 
     runner.pause = lambda who="": None  # type: ignore[method-assign]  # a tick that hangs takes no commands
     page.get_by_role("button", name="Pause").click()
     expect(page.locator("#press-what")).to_have_text("PAUSE NOT CONFIRMED")
-    expect(page.locator("#press-words")).to_contain_text("the run has not answered")
+    expect(page.locator("#press-words")).to_contain_text("the run has not confirmed it")
     show.dashboard.hub.on_event(OperatorActed(1.0, 1, "ada", "pause", ""))
     expect(page.locator("#press")).to_be_hidden()
     GATE.set()
