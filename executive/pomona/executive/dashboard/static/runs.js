@@ -32,7 +32,8 @@ $("show-runs").addEventListener("click", () => showRuns($("runs-view").hidden));
 $("runs-filter").addEventListener("input", drawRuns);
 $("compare").addEventListener("click", compare);
 $("show-failed").addEventListener("click", () => { $("runs-filter").value = $("show-failed").getAttribute("aria-pressed") === "true" ? "" : "failure"; drawRuns(); });
-new ResizeObserver(() => { if (!$("statistics").hidden) drawRuns(); }).observe($("runs"));
+let width = 0; // of the list, for which the statistics are drawn
+new ResizeObserver(([{ contentRect }]) => { if (contentRect.width === width) return; ({ width } = contentRect); if (!$("statistics").hidden) drawRuns(); }).observe($("runs"));
 $("show-statistics").addEventListener("click", () => { $("statistics").hidden = !$("statistics").hidden; $("show-statistics").setAttribute("aria-pressed", !$("statistics").hidden); drawRuns(); });
 document.addEventListener("open-run", () => showRuns(false));
 
