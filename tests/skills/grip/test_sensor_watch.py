@@ -131,6 +131,22 @@ def test_a_fruit_that_swings_between_the_pads_after_a_contact_broke_accuses_no_f
     assert lie(swing, most=400)[1] == -1
 
 
+def swinging(size: float, period: int, lag: float) -> Change:
+    """A fruit that swings between the pads: both normal forces change, one after the other."""
+    count = [0]
+
+    def change(sample: np.ndarray, _before: np.ndarray) -> None:
+        count[0] += 1
+        for side in (0, 1):
+            sample[side, 2] -= size * np.sin(2.0 * np.pi * count[0] / period - side * lag)
+
+    return change
+
+
+def test_a_finger_that_swings_through_its_average_is_not_quiet() -> None:
+    assert lie(swinging(1.0, 24, 2.6), most=200)[1] == -1
+
+
 @pytest.mark.parametrize("side", [0, 1])
 def test_a_finger_that_shows_half_of_its_load_from_now_on_is_found_within_fifty_milliseconds(side: int) -> None:
     def change(sample: np.ndarray, _before: np.ndarray) -> None:

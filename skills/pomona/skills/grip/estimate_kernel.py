@@ -98,6 +98,7 @@ class Memory(NamedTuple):
         f_t_before, f_least_before: slow averages against which a rise is measured [N].
         f_t_calm, tau_calm: averages of load and moment while nothing pushes [N, N·m].
         push_left: a push that lasts longer than this from now on counts as load [s].
+        change_left, change_right: recent maximum of the finger's fast change beyond noise [N].
     """
 
     fast: Float64 = np.zeros((2, 6))
@@ -113,6 +114,8 @@ class Memory(NamedTuple):
     f_t_calm: float = 0.0
     tau_calm: float = 0.0
     push_left: float = 0.0
+    change_left: float = 0.0
+    change_right: float = 0.0
 
 
 class GripEstimate(NamedTuple):
@@ -243,7 +246,8 @@ def estimate_sample(  # type: ignore[no-untyped-def]
         push_now = max(f_t - (1.0 + filters.push_ratio) * f_t_before - noise.push, 0.0)
     f_t_calm, tau_calm, push_left = _calm_load(f_t, tau_n, push_now, periods, memory, rates, filters)
 
-    shear_jump, press_jump_of_one, contact_jump = _jumps_of_one_finger(fast, slow, noise.band, filters)
+    jumps_of_one, change_left, change_right = _jumps_of_one_finger(memory, fast, slow, periods, noise, rates, filters)
+    shear_jump, press_jump_of_one, contact_jump = jumps_of_one
     press_jump_of_both = 0.0
     if not _is_contact(fast, slow, noise.band, 0.0, filters.aside):
         press_jump_of_both = abs(fast[0, 2] - slow[0, 2]) - noise.band[0, 2]
@@ -261,7 +265,7 @@ def estimate_sample(  # type: ignore[no-untyped-def]
     rise, cautious, reserved = f_least - f_least_before, left.cautious + right.cautious, left.reserved + right.reserved
     twist = min(max(f_least / max(f_coulomb, 0.1) - 1.0, 0.0), filters.twist_bound)
     slip_speed = abs(omega) * centre
-    averages = (f_t, f_t_before, f_least_before, f_t_calm, tau_calm, push_left)
+    averages = (f_t, f_t_before, f_least_before, f_t_calm, tau_calm, push_left, change_left, change_right)
     memory = Memory(fast, slow, True, omega, z, integral, centre, *averages)
     jumps = (shear_jump, press_jump_of_one, press_jump_of_both, contact_jump, one_presses_more)
     forces = (left.f_n, right.f_n, f_n, f_t, load, tau_n, tau_std, f_least, f_least_std, rise, f_coulomb, cautious)
@@ -363,26 +367,38 @@ def _observe(left, right, periods, rates, observer, dynamic, memory):  # type: i
 
 
 @njit(cache=True)
-def _jumps_of_one_finger(fast, slow, band, filters):  # type: ignore[no-untyped-def]
-    """Jumps of one finger beyond noise [N]: (tangential, normal) while the other one is quiet, and of a contact."""
+def _jumps_of_one_finger(memory, fast, slow, periods, noise, rates, filters):  # type: ignore[no-untyped-def]
+    """Jumps of one finger beyond noise [N], and the recent maximum of each finger's changes [N].
+
+    The jumps are (tangential, normal) while the other finger is quiet, and that of a contact. A finger
+    that swings passes through its average: its recent changes show that it is not quiet.
+    """
+    left, right = _changes(fast, slow, noise.band, 1.0), _changes(fast, slow, noise.band, -1.0)
+    kept = math.exp(-periods * rates.period / filters.swing_memory)
+    change_left = max(max(left), kept * memory.change_left)
+    change_right = max(max(right), kept * memory.change_right)
     tangential = normal = contact = 0.0
-    for finger in range(2):
-        sign = 1.0 if finger == 0 else -1.0
-        jumped = pressed = 0.0
-        other = 0.0
-        for j in range(3):
-            alike, apart = fast[0, j] - slow[0, j], fast[1, j] - slow[1, j]
-            beyond = band[0, j] + band[1, j]
-            if j < 2:
-                jumped = max(jumped, abs(alike + sign * apart) - beyond)
-            else:
-                pressed = abs(alike + sign * apart) - beyond
-            other = max(other, abs(alike - sign * apart) - beyond)
-        if _is_contact(fast, slow, band, sign, filters.aside):
+    sides = ((1.0, left, max(right), change_right), (-1.0, right, max(left), change_left))
+    for sign, (jumped, pressed), other, other_recent in sides:
+        if _is_contact(fast, slow, noise.band, sign, filters.aside):
             contact = max(contact, jumped, pressed)
-        elif other <= filters.quiet:
-            tangential, normal = max(tangential, jumped), max(normal, pressed)
-    return tangential, normal, contact
+        elif other <= filters.quiet and other_recent <= max(filters.quiet, filters.swing * max(jumped, pressed)):
+            normal = max(normal, pressed)
+            tangential = max(tangential, jumped)
+    return (tangential, normal, contact), change_left, change_right
+
+
+@njit(cache=True)
+def _changes(fast, slow, band, sign):  # type: ignore[no-untyped-def]
+    """Fast changes of a finger's tangential and normal force beyond noise [N]; `sign` as in `_is_contact`."""
+    tangential = normal = 0.0
+    for j in range(3):
+        change = abs(fast[0, j] - slow[0, j] + sign * (fast[1, j] - slow[1, j])) - band[0, j] - band[1, j]
+        if j < 2:
+            tangential = max(tangential, change)
+        else:
+            normal = change
+    return tangential, normal
 
 
 @njit(cache=True)

@@ -64,6 +64,8 @@ class FilterSettings(NamedTuple):
     push_ratio: float = 0.1  # and relative to the load (a lift of 3 m/s²: 0.05); fewer pushes found; bumps
     jump: float = 0.4  # jump beyond noise of one finger alone, or of both [N]; fewer faults; lying-sensors
     quiet: float = 0.05  # change beyond noise of a finger that is quiet [N]; more jumps of one finger; lying-sensors
+    swing: float = 0.15  # and its recent change relative to the jump; more jumps of one; lying-sensors
+    swing_memory: float = 0.02  # time constant of that change [s]; fewer jumps of one; lying-sensors
     aside: float = 0.15  # part of a jump across the load of a contact that breaks; fewer jumps found; lying-sensors
 
 
