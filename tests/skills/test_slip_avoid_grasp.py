@@ -159,7 +159,7 @@ def test_finger_forces_are_shown_in_one_unbroken_series() -> None:
     assert all(isinstance(view, SeriesView) for view in views)
     t = np.concatenate([view.t for view in views])
     assert np.diff(t) == pytest.approx(np.full(len(t) - 1, 0.01))
-    assert {"grasp force [N]", "least force [N]", "width [m]"} <= set(views[0].values)
+    assert {"grasp force [N]", "minimum grip force [N]", "width [m]"} <= set(views[0].values)
 
 
 # -------------------------------------------------------------------------------------------------- failures

@@ -45,7 +45,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch, peak: float, long: str) -> Any:
             t,
             {
                 "grasp force [N]": peak * np.sin(t) ** 2,
-                "least force [N]": 0.8 * peak * np.sin(t) ** 2,
+                "minimum grip force [N]": 0.8 * peak * np.sin(t) ** 2,
                 "slip speed [m/s]": 1e-3 * np.sin(t) ** 2,
                 "width [m]": 0.08 + 0.01 * t,
             },

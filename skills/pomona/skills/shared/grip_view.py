@@ -35,7 +35,7 @@ def show_grip(skill: Skill, hold: Hold, everything: bool = False) -> None:
             values={
                 "grasp force [N]": samples.f_n,
                 "reference [N]": samples.f_ref,
-                "least force [N]": samples.f_least,
+                "minimum grip force [N]": samples.f_least,
                 "tangential load [N]": samples.f_t,
                 "slip speed [m/s]": samples.slip_speed,
                 "width [m]": samples.width,
