@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 JUMP = 0.05  # a taxel that changes by more than this between two successive readings jumps [V]
-# A jump is a load if so many other taxels change by at least this ratio of the largest change. A row of the pad has four
-# others; a contact of the emulated pad moves six, even at its corner.
+# A jump is a load if so many other taxels change by at least this ratio of the largest change. A row of the pad has
+# four others; a contact of the emulated pad moves six, even at its corner.
 OTHERS, FOLLOWS = 5, 0.25
 
 
