@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from py_trees.behaviour import Behaviour
 
 from benchmarks.bench_tree import GROUP, Spin, processor, tree_text
 from benchmarks.planning_scenes import table_look
@@ -110,6 +111,18 @@ def milliseconds(work: Callable[[], object], repeats: int = 3) -> float:
     return min(times)
 
 
+def ticked_often(root: Behaviour, ticks: int) -> None:
+    """Tick a tree."""
+    for _ in range(ticks):
+        root.tick_once()
+
+
+def recorded(runner: Runner, recorder: Recorder) -> None:
+    """Carry out a run and close its record."""
+    runner.run()
+    recorder.close()
+
+
 def of_nodes(size: int) -> Iterator[Cost]:
     """A tick, and the check of a file: parallels of nine polling skills each, in a parallel."""
     size = min(size, MOST_NODES - GROUP - 1)
@@ -118,7 +131,7 @@ def of_nodes(size: int) -> Iterator[Cost]:
     root = build(read(text, "spin.yaml"), skills, context=BenchContext()).root
     root.tick_once()
     ticks = max(3, 20_000 // size)
-    ticked = milliseconds(lambda: [root.tick_once() for _ in range(ticks)])
+    ticked = milliseconds(lambda: ticked_often(root, ticks))
     yield Cost("tick of a tree", "nodes", nodes, 1e3 * ticked / ticks, "µs")
     yield Cost("read and check a tree file", "nodes", nodes, milliseconds(lambda: check(read(text, "s.yaml"), skills)))
 
@@ -131,7 +144,7 @@ def of_length(ticks: int) -> Iterator[Cost]:
         events, recorder = EventStream(), Recorder(Path(folder))
         events.subscribe(recorder.on_event)
         runner = Runner(lambda context, board: build(document, skills, context=context, board=board), DryCell(), events)
-        yield Cost("run and record", "ticks", ticks, milliseconds(lambda: (runner.run(), recorder.close()), 1))
+        yield Cost("run and record", "ticks", ticks, milliseconds(lambda: recorded(runner, recorder), 1))
         yield Cost("read a record", "ticks", ticks, milliseconds(lambda: list(read_events(Path(folder))), 1))
         yield Cost("size of a record", "ticks", ticks, (Path(folder) / EVENTS_FILE).stat().st_size / 1e3, "kB")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import assume, given, strategies as st
 
 from pomona.skills.grip.limit_surface import SoftContact
 from pomona.skills.grip.pads import MIRROR
@@ -32,6 +32,7 @@ def slid(mu, f_n=(0.4, 0.6), way=1.0, load=0.0, bias=0.0, samples=60, noise=0.0,
     bias=st.floats(-0.01, 0.01),
 )
 def test_friction_is_found_at_any_forces_and_bias(mu, first, second, bias):
+    assume(abs(bias) < 0.15 * mu * min(first, second))  # beyond, the fruit counts as lifted by the pads
     up, down = (slid(mu, (first, second), way, bias=bias) for way in (1.0, -1.0))
     found = friction_of_slides(up, down, CONTACT)
     assert found.mu == pytest.approx(mu, rel=1e-9)

@@ -41,4 +41,4 @@ class SpikeFilter:
         """Return True unless a taxel jumps alone."""
         changes = np.abs(volts - before)
         largest = float(changes.max())
-        return largest <= JUMP or np.count_nonzero(changes >= FOLLOWS * largest) > OTHERS
+        return largest <= JUMP or int(np.count_nonzero(changes >= FOLLOWS * largest)) > OTHERS

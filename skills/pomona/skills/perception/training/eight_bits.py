@@ -101,7 +101,8 @@ class _Rounding:
 
         def rounding(name: str, scale: Any, zero: Any, axis: int | None = None) -> str:
             graph.initializer.extend([from_array(scale, f"{name}.scale"), from_array(zero, f"{name}.zero")])
-            given, kind = [f"{name}.scale", f"{name}.zero"], {} if axis is None else {"axis": axis}
+            given = [f"{name}.scale", f"{name}.zero"]
+            kind: dict[str, Any] = {} if axis is None else {"axis": axis}
             if zero.dtype == np.int32:  # QuantizeLinear has no such output
                 nodes.append(make_node("Div", [name, given[0]], [f"{name}.ratio"]))
                 nodes.append(make_node("Round", [f"{name}.ratio"], [f"{name}.whole"]))
