@@ -178,7 +178,7 @@ def main(into: Path, animation: Path | None = None) -> None:
         orders = {
             "pick": RunOrder(find_tree("pick_apple"), find_cell("sim"), 5, settings, record=records),
             "failed": RunOrder(
-                find_tree("pick_apple"), find_cell("sim"), seed=1, settings={"height": "1200 mm"}, record=records
+                find_tree("pick_apple"), find_cell("sim"), seed=1, settings={"height": "900 mm"}, record=records
             ),
             "names": RunOrder(hard, find_cell("sim"), dry=True, record=records),
         }

@@ -318,8 +318,11 @@ def test_a_link_to_a_moment_leads_there_and_carries_no_token(show: Show, open_pa
     show.record(JAM, "old_1")
     page = open_page("run=old_1", permissions=["clipboard-read", "clipboard-write"])
     expect(page.locator("#connection")).to_have_text("recorded run")
+    expect(page.locator("#shown")).to_contain_text("0.3 s of")  # a failed run opens at its failure
     page.locator("#timeline").press("Home")
+    expect(page.locator("#shown")).to_contain_text("0 ms of")
     page.locator("#timeline").press("ArrowRight")
+    expect(page.locator("#shown")).to_contain_text("0.1 s of")
     page.get_by_role("button", name="Link to this moment").click()
     expect(page.locator("#connection")).to_contain_text("copied")
     link = page.evaluate("navigator.clipboard.readText()")

@@ -125,7 +125,7 @@ def test_an_object_clicked_in_the_scene_is_chosen_in_the_tree_and_back(
     show.record(LOOK, "old_1")
     page = open_page("run=old_1", viewport={"width": 1280, "height": 720})
     expect(page.locator("#scene-legend")).to_contain_text("planned path")
-    wait_for_size(page, "#scene", 400, 190)  # on the smallest desk's screen, with everything else in sight
+    wait_for_size(page, "#scene", 400, 180)  # on the smallest desk's screen, with everything else in sight
     page.wait_for_function(f"() => ({PAINTED})() > 0")
     before = page.evaluate(PAINTED)
     page.evaluate(PICK)
