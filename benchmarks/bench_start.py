@@ -18,7 +18,7 @@ from pathlib import Path
 ROUNDS = 10
 COMMANDS: tuple[tuple[tuple[str, ...], float], ...] = (
     (("--help",), 0.2),
-    (("check", "pick_apple"), 0.55),
+    (("check", "pick_apple"), 1.5),  # imports all skills and the cell's drivers: poses and fruit are checked, too
     (("show", "pick_apple"), 0.6),
     (("skills",), 0.6),
     (("schema",), 0.6),

@@ -23,7 +23,10 @@ class TreeObserver:
     def __init__(self, tree: BuiltTree, emit: Callable[[Event], None], stamp: Callable[[], tuple[float, int]]) -> None:
         self._tree, self._emit, self._stamp = tree, emit, stamp
         self._known: dict[str, tuple[Status, str, int]] = dict.fromkeys(tree.behaviours, (Status.INVALID, "", 0))
-        self._nodes = tuple((path, behaviour) for path, behaviour in tree.behaviours.items())
+        self._nodes = tuple(
+            (path, behaviour, behaviour if isinstance(behaviour, (Skill, Question)) else None)
+            for path, behaviour in tree.behaviours.items()
+        )
         tree.on_attempt(self._attempt)
 
     def after_tick(self) -> None:
@@ -33,15 +36,17 @@ class TreeObserver:
             SkillError: the feedback of a node is no text; it counts as empty from then on.
         """
         wrong: SkillError | None = None
-        for path, behaviour in self._nodes:
+        for path, behaviour, counted in self._nodes:
             given: object = behaviour.feedback_message  # any behaviour may set it, as py_trees' own do
+            starts = 0 if counted is None else counted.starts
+            before = self._known[path]
+            if given is before[1] and behaviour.status is before[0] and starts == before[2]:
+                continue
             if not isinstance(given, str):
                 behaviour.feedback_message = ""
                 wrong = SkillError(path, f"its feedback is no text but {given!r:.60} ({type(given).__name__})")
             else:
                 behaviour.feedback_message = shortened(given)
-            starts = behaviour.starts if isinstance(behaviour, (Skill, Question)) else 0
-            before = self._known[path]
             if behaviour.status is before[0] and behaviour.feedback_message == before[1] and starts == before[2]:
                 continue
             now = (behaviour.status, behaviour.feedback_message, starts)
@@ -63,7 +68,7 @@ class TreeObserver:
     def culprit(self) -> str:
         """Path of the skill that broke, else of the last running leaf: the best estimate of a fault's place."""
         broke = [skill.path for skill in self._tree.skills if skill.broke]
-        running = [path for path, behaviour in self._nodes if _is_running_leaf(behaviour)]
+        running = [path for path, behaviour, _ in self._nodes if _is_running_leaf(behaviour)]
         return (broke or running or [""])[-1]
 
     def _attempt(self, path: str, attempt: Attempt, of: int) -> None:
