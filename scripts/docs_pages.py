@@ -183,6 +183,6 @@ write(
     listed(
         "Reports and model cards",
         "Measurements, with the command that repeats each.",
-        [*sorted((DOCS / "reports").glob("*/*.md")), *sorted((DOCS / "model_cards").glob("*.md"))],
+        [*sorted((DOCS / "reports").rglob("*.md")), *sorted((DOCS / "model_cards").glob("*.md"))],
     ),
 )
