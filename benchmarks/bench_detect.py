@@ -26,6 +26,7 @@ import torch
 from rich.console import Console
 from rich.progress import Progress
 
+from benchmarks.photo_border import LEAST_SCORE, calibration_error, calibration_table, recall_at_border
 from pomona.skills.perception.detection.box_evaluation import box_figures, box_intervals, match_boxes
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.dope_decode import decode_maps
@@ -39,12 +40,9 @@ from pomona.skills.perception.synthetic.dataset import render_dataset
 from pomona.skills.perception.synthetic.options import WITHOUT_TREES, SceneOptions
 from pomona.skills.perception.training.photo_figures import (
     TITLES,
-    calibration_error,
-    calibration_table,
     find_boxes,
     judged,
     photo_table,
-    recall_at_border,
 )
 from pomona.skills.perception.training.photo_folder import read_photographs
 from pomona.skills.perception.training.photographs import camera_of, fruit_scale
@@ -56,9 +54,6 @@ BENCH_SEED = 777_001
 ORCHARD_K = np.array([[917.12, 0.0, 957.72], [0.0, 916.97, 550.79], [0.0, 0.0, 1.0]])
 ORCHARD_WIDTHS = (960, 1440, 1920)
 """Widths at which 1920 px wide orchard frames are searched."""
-
-LEAST_SCORE = 0.05
-"""Least score of the finder's own in photographs with boxes."""
 
 EMPTY_WIDTHS = (320, 640)
 """Widths at which pictures without fruit are searched."""
@@ -255,7 +250,7 @@ def photographs(detector: CompactDetector, folder: Path, fruit: FruitModel, scor
     value = f"{right[sure].sum() / labelled:.3f} / {right[sure].mean() if sure.any() else 1.0:.3f}"
     rows.append((f"photographs ({len(found)}): recall / precision", value))
     rows.append((f"photographs ({len(found)}): calibration error", f"{calibration_error(scores, right):.3f}"))
-    right_at_border, at_border = recall_at_border(found, score)
+    right_at_border, at_border = recall_at_border(found, sets.val, score)
     rows.append((f"photographs ({len(found)}): boxes that the border cuts, found", f"{right_at_border} of {at_border}"))
     boxes = sum(len(photo.boxes) for photo in sets.val)
     places = len({photo.group for photo in sets.val})

@@ -1,6 +1,7 @@
 """A plan of faults turns its switches when it is time, once."""
 
-from pomona.drivers.faults import FaultPlan, FaultSwitch, PlannedFault
+from benchmarks.fault_plan import FaultPlan, PlannedFault
+from pomona.drivers.faults import FaultSwitch
 
 
 class Lamp(FaultSwitch):

@@ -25,7 +25,7 @@ from pomona.drivers.faults import FaultSwitch
 from pomona.drivers.hold_watch import HoldWatch
 from pomona.drivers.interfaces import Arm, Camera, Cameras, ForceSensor, Gripper, Hand, Workspace
 from pomona.drivers.readings import Readings
-from pomona.drivers.registration import Settings, installed_drivers
+from pomona.drivers.registration import Settings
 from pomona.executive.clock import Clock, ManualClock, SystemClock
 from pomona.executive.values.arrays import UInt8
 from pomona.executive.values.documents import Outline, with_includes
@@ -42,7 +42,6 @@ STOPPING = 1.0  # seconds for a safe stop of a device, and for the supervisor pr
 
 COUNTS_MOST = (
     "lifted",
-    "put_away",
     "drops",
     "lost",
     "collisions",
@@ -399,11 +398,6 @@ def _connect(settings: Settings[Any], context: ConnectContext) -> Device:
     return device
 
 
-def known_drivers() -> dict[str, str]:
-    """Return names that cell files can use, and the functions behind them."""
-    return {name: entry.value for name, entry in installed_drivers().items()}
-
-
 class CellFiles:
     """Cell files for the executive: read, judged, connected, described."""
 
@@ -444,4 +438,4 @@ class CellFiles:
 
 CELL_FILES = CellFiles()
 
-__all__ = ["CELL_FILES", "Cell", "CellFileError", "connect_cell", "known_drivers", "load_cell"]
+__all__ = ["CELL_FILES", "Cell", "CellFileError", "connect_cell", "load_cell"]

@@ -110,7 +110,6 @@ class World(Protocol):
     @property
     def clock(self) -> Clock:
         """The world's own time."""
-        ...
 
     def truth(self) -> Mapping[str, object]: ...
 

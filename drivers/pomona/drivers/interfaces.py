@@ -90,7 +90,6 @@ class Camera(Protocol):
 
     def latest(self) -> Frame | None:
         """Return the newest frame, or None before the first. Never waits; the caller judges the stamp's age."""
-        ...
 
 
 @runtime_checkable
@@ -102,7 +101,6 @@ class DepthCamera(Protocol):
 
     def latest_depth(self) -> Frame | None:
         """Return the newest frame, perhaps of fewer pixels, its colour black; as `Camera.latest` otherwise."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,20 +117,16 @@ class FrameSequence(Protocol):
     @property
     def count(self) -> int:
         """How many frames there are."""
-        ...
 
     @property
     def position(self) -> int:
         """Which frame is shown, from 0."""
-        ...
 
     def advance(self) -> bool:
         """Turn to the next frame; False at the last one, which stays."""
-        ...
 
     def rewind(self) -> None:
         """Turn to the first frame."""
-        ...
 
 
 # ------------------------------------------------------------------------------------------------------- arm
@@ -177,26 +171,21 @@ class Motion(Protocol):
     @property
     def state(self) -> MotionState:
         """Running, paused, stopped, failed or done."""
-        ...
 
     @property
     def progress(self) -> float:
         """Share of the motion that is done, 0 to 1."""
-        ...
 
     @property
     def settled(self) -> bool:
         """True once nothing moves any more: DONE, or STOPPED or FAILED and at rest."""
-        ...
 
     @property
     def problem(self) -> str:
         """Why the motion FAILED, as a sentence; empty otherwise."""
-        ...
 
     def stop(self) -> None:
         """Decelerate on the path within the device's limits and stay there. Harmless when the motion has ended."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -227,16 +216,13 @@ class Arm(Protocol):
     @property
     def description(self) -> Path:
         """The MJCF or URDF file of arm and gripper: the robot's only description."""
-        ...
 
     @property
     def limits(self) -> ArmLimits:
         """Limits of the arm, by joint."""
-        ...
 
     def state(self) -> ArmState:
         """Return the joints as last measured."""
-        ...
 
     @command
     def follow(self, trajectory: Trajectory) -> Motion:
@@ -245,7 +231,6 @@ class Arm(Protocol):
         Raises:
             MotionRefused: it does not start where the arm stands, violates a limit, or the arm is moving or latched.
         """
-        ...
 
 
 @runtime_checkable
@@ -259,7 +244,6 @@ class SetPoints(Motion, Protocol):
         Raises:
             BadTrajectory: they are not finite, or outside the limits; they are ignored.
         """
-        ...
 
 
 @runtime_checkable
@@ -273,7 +257,6 @@ class StreamedArm(Protocol):
         Raises:
             MotionRefused: the arm is moving or latched.
         """
-        ...
 
 
 # --------------------------------------------------------------------------------------------------- gripper
@@ -316,11 +299,9 @@ class Gripper(Protocol):
     @property
     def limits(self) -> GripperLimits:
         """Limits of the gripper."""
-        ...
 
     def state(self) -> GripperState:
         """Opening and speed as last measured."""
-        ...
 
     @command
     def move(self, width: float, speed: float) -> Motion:
@@ -329,7 +310,6 @@ class Gripper(Protocol):
         Raises:
             MotionRefused: outside the limits, or the gripper is latched.
         """
-        ...
 
     @command
     def set_speed(self, speed: float) -> None:
@@ -337,7 +317,6 @@ class Gripper(Protocol):
 
         Without a new value within the watchdog's time (100 ms) the driver commands zero.
         """
-        ...
 
 
 # -------------------------------------------------------------------------------------------- force/tactile
@@ -367,7 +346,6 @@ class Subscription(Protocol):
 
     def close(self) -> None:
         """No further call of the listener after this returns. Harmless when closed already."""
-        ...
 
 
 @runtime_checkable
@@ -377,22 +355,18 @@ class ForceSensor(Protocol):
     @property
     def rate(self) -> float:
         """Samples per second."""
-        ...
 
     def latest(self) -> WrenchSample | None:
         """Return the newest sample, or None before the first."""
-        ...
 
     def subscribe(self, listener: Callable[[WrenchSample], None]) -> Subscription:
         """Call `listener` with every sample, in order, from the sensor's own loop; it returns within a millisecond."""
-        ...
 
     def distrust(self, reason: str) -> None:
         """Mark the sensor's values as implausible: until `acknowledge` the cell's check ends a run with this reason.
 
         For code that compares the samples with other signals. The first reason stays. May be called from any thread.
         """
-        ...
 
 
 # ------------------------------------------------------------------------------------------------------ hand
@@ -404,7 +378,6 @@ class Hand(Protocol):
 
     def in_hand(self) -> str | None:
         """Describe a contact between the fingers: an empty text without contact, None if it cannot be measured."""
-        ...
 
 
 # ----------------------------------------------------------------------------------------------------- hands
@@ -429,7 +402,6 @@ class Hands(Protocol):
         LEAVE: release nothing, move nothing. HOLD: hold the fruit between the fingers. PULL: pull it along the pads
         until it slides. TWIST: the same while turning it about the line between the pads.
         """
-        ...
 
 
 # ------------------------------------------------------------------------------------------------- workspace

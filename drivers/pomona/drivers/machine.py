@@ -39,7 +39,6 @@ EXTRAS = {
     "lsp": ("pygls",),
 }
 """Optional features with the packages that each installs."""
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 EGL = "apt install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
 ROOM = 1e9  # minimum free space for a folder of records [byte]: some hundred picks
 
@@ -55,7 +54,7 @@ def examine_machine(records: Path) -> Iterator[ReportLine]:
     yield from _extras()
     yield _graphics()
     yield from _checks()
-    found = next((name for name in BROWSERS if shutil.which(name)), None)
+    found = next((name for name in ("chromium", "chromium-browser", "google-chrome") if shutil.which(name)), None)
     yield ReportLine("browser for tests", True, found or "none; only tests of the page need one: apt install chromium")
     yield _room(records)
 

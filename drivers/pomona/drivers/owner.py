@@ -39,15 +39,12 @@ class Thread(Protocol):
 
     def start(self) -> None:
         """Begin to run."""
-        ...
 
     def join(self, timeout: float | None = None) -> None:
         """Wait until it has ended, at most `timeout` seconds."""
-        ...
 
     def is_alive(self) -> bool:
         """Return True if it still runs."""
-        ...
 
 
 @runtime_checkable
@@ -56,7 +53,6 @@ class TurnTaking(Protocol):
 
     def thread(self, name: str, run: Callable[[], None]) -> Thread:
         """Return a thread that runs when it is its turn."""
-        ...
 
 
 class Owner:

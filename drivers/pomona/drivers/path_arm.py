@@ -33,17 +33,14 @@ class SetPointStream(Protocol):
     @property
     def played(self) -> bool:
         """Whether the arm must have come to the last set-point that was sent."""
-        ...
 
     @property
     def q_last(self) -> Float64:
         """The newest set-point, (dof,) [rad]."""
-        ...
 
     @property
     def sent(self) -> int:
         """How many the controller has taken."""
-        ...
 
 
 class PathArm(Device, ABC):

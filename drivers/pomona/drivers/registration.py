@@ -100,7 +100,6 @@ class Fitting(Protocol):
 
     def fits(self, around: Surroundings) -> Iterable[Problem]:
         """Yield the conflicts with the rest of the cell."""
-        ...
 
 
 @runtime_checkable
@@ -110,7 +109,6 @@ class Wired(Protocol):
     @property
     def wires(self) -> tuple[str, ...]:
         """Names of the wires, the same in every cell file that leads to them."""
-        ...
 
 
 @runtime_checkable
@@ -120,7 +118,6 @@ class Emulating(Protocol):
     @property
     def inner_wires(self) -> tuple[str, ...]:
         """Names of the wires that end in this process, as `Wired.wires` has them."""
-        ...
 
 
 @runtime_checkable

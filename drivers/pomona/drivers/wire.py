@@ -37,11 +37,9 @@ class Link(Protocol):
 
     def send(self, chunk: bytes) -> None:
         """Send bytes; raises OSError when the link is gone."""
-        ...
 
     def receive(self, timeout: float) -> bytes:
         """Return the received bytes, waiting up to `timeout` [s] for the first one; empty without any."""
-        ...
 
     def close(self) -> None: ...
 

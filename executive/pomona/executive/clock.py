@@ -12,15 +12,12 @@ class Clock(Protocol):
     @property
     def simulated(self) -> bool:
         """True for the time of a simulated world: it advances only on request."""
-        ...
 
     def now(self) -> float:
         """Return seconds since an arbitrary start; never goes back."""
-        ...
 
     def advance(self, duration: float) -> None:
         """Let `duration` seconds pass: sleep on the system's clock, step the world on a simulated one."""
-        ...
 
 
 _GOES_ON: int | None = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC) if hasattr(time, "clock_gettime") else None

@@ -47,7 +47,6 @@ class Engine(Protocol):
     @property
     def workers(self) -> int:
         """How many orders are computed at once."""
-        ...
 
     def map(
         self, function: Callable[..., Any], orders: Sequence[tuple[Any, ...]], limit: float
@@ -63,7 +62,6 @@ class Engine(Protocol):
             the order's index and its result, as they end; in place of a result the exception that it raised,
             OrderLost or OrderTooLong. One order never stops the rest.
         """
-        ...
 
 
 def open_engine(name: str, workers: int | None = None, address: str | None = None) -> AbstractContextManager[Engine]:
@@ -94,6 +92,6 @@ def one_per_core() -> int:
 def add_engine_options(parser: Any) -> None:
     """`--engine`, `--workers` and `--address` of a subcommand."""
     names = sorted(entry.name for entry in entry_points(group=GROUP))
-    parser.add_argument("--engine", default="local", choices=names, help="where processes run (default: local)")
+    parser.add_argument("--engine", default="local", choices=names, help="where the work is done (default: local)")
     parser.add_argument("--workers", type=int, default=None, help="processes at once (default: one per core)")
     parser.add_argument("--address", help="of a Ray cluster, HOST:PORT (default: Ray on this machine alone)")

@@ -16,15 +16,12 @@ class FileKind(Protocol):
 
     def recognises(self, keys: Collection[str]) -> bool:
         """Return True if a file with these keys at its top is one."""
-        ...
 
     def check(self, path: Path, findings: Findings) -> None:
         """Everything that is wrong with a file."""
-        ...
 
     def schema(self) -> Mapping[str, Any]:
         """Return the JSON Schema of such files."""
-        ...
 
 
 def kind_names() -> tuple[str, ...]:

@@ -45,7 +45,6 @@ class Lessee(Protocol):
     @classmethod
     def claims(cls) -> tuple[type, ...]:
         """Interfaces of the devices that it commands."""
-        ...
 
 
 class Lease:

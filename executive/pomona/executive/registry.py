@@ -13,7 +13,6 @@ from pomona.executive.skill import Skill
 
 GROUP = "pomona.skills"
 CHOSEN = "POMONA_SKILLS"  # of the environment, for the run's other processes: `Detect=my_package Plan=other`
-BUILTIN_TYPES: Mapping[str, PortType] = {"bool": bool, "int": int, "number": float, "text": str, **QUANTITIES}
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +42,7 @@ class Registry(Mapping[str, type[Skill]]):
             old: new for skill in self._skills.values() for old, new in skill.renamed_failures.items()
         }
         """Failure codes of the previous version, each with its present name."""
-        self.types: dict[str, PortType] = dict(BUILTIN_TYPES)
+        self.types: dict[str, PortType] = {"bool": bool, "int": int, "number": float, "text": str, **QUANTITIES}
         for skill in self._skills.values():
             for port in (*skill.inputs.values(), *skill.outputs.values()):
                 self.types.setdefault(type_name(port.type), port.type)

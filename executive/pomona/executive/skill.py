@@ -73,15 +73,12 @@ class Computation(Protocol):
 
     def done(self) -> bool:
         """Return True if it has ended."""
-        ...
 
     def result(self) -> Any:
         """Return the function's result, or the exception that it raised."""
-        ...
 
     def cancel(self) -> None:
         """Give up at once; an isolated computation's process is killed."""
-        ...
 
 
 class CellFacts(Protocol):
@@ -92,7 +89,6 @@ class CellFacts(Protocol):
 
     def known(self, what: type[T]) -> T | None:
         """Return an object that its file describes (`pomona.drivers.interfaces.Workspace`), or None."""
-        ...
 
 
 class SkillContext(Protocol):
@@ -101,7 +97,6 @@ class SkillContext(Protocol):
     @property
     def clock(self) -> Clock:
         """The cell's clock."""
-        ...
 
     def device(self, interface: type[T], skill: Skill) -> T:
         """Return the skill's handle of the cell's device with this interface; commands need an acquired device.
@@ -109,35 +104,27 @@ class SkillContext(Protocol):
         Raises:
             KeyError: the cell has none.
         """
-        ...
 
     def seed(self, node: str) -> int:
         """Return a seed for one start of a node: equal in all runs with the run's seed, different between starts."""
-        ...
 
     def compute(self, node: str, function: Callable[..., Any], *arguments: Any, isolated: bool) -> Computation:
         """Start a function beside the tick: see `Skill.compute`."""
-        ...
 
     def publish(self, node: str, topic: str, value: object) -> None:
         """Show a value to everyone who watches the run, and record it."""
-        ...
 
     def elapsed(self) -> float:
         """Return the run's time [s], which stands still during a pause. Deadlines of the tree use it."""
-        ...
 
     def acquire(self, skill: Skill) -> str | None:
         """Make a skill the owner of the devices that it moves, or return the reason to wait and acquire nothing."""
-        ...
 
     def release(self, skill: Skill) -> None:
         """The skill moves nothing any more. Harmless when it owns nothing."""
-        ...
 
     def halt(self, skill: Skill, work: Work[Any]) -> None:
         """Drive an interrupted body until it has ended; the skill owns its devices until then. Never raises."""
-        ...
 
 
 class Skill(py_trees.behaviour.Behaviour):

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.fault_plan import FaultPlan, PlannedFault
 from pomona.drivers.cell import Cell, load_cell
 from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
-from pomona.drivers.faults import FaultPlan, PlannedFault
 from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper, MotionState
 from pomona.skills.motion.planning.timing import time_polyline
 

@@ -5,7 +5,7 @@ import pytest
 
 from pomona.drivers.errors import CellFileError
 from pomona.drivers.sim.fruit_shape import make_fruit
-from pomona.drivers.sim.held_force import HeldForce
+from pomona.drivers.sim.score import HeldForce
 
 
 def target(open_cell, seed=5, **options):

@@ -1,6 +1,6 @@
 import numpy as np
 
-from pomona.drivers.suntouch.spike_filter import SpikeFilter
+from pomona.drivers.suntouch.finger import SpikeFilter
 
 
 def test_a_single_jump_of_one_taxel_is_rejected() -> None:

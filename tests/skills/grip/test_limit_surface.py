@@ -13,9 +13,9 @@ from scipy.optimize import brentq
 from benchmarks.grasp_patch import pressure_shares
 from pomona.skills.grip.limit_surface import (
     SoftContact,
-    centre_of_rotation,
     grasp_force,
     least_force,
+    least_force_of_finger,
     limit_surface,
     nu,
     surface_table,
@@ -88,8 +88,8 @@ def test_the_table_is_monotone(k: float) -> None:
 def test_the_least_force_of_the_published_load() -> None:
     f_n = float(least_force(1.0, 0.005, FIRST_SET))
     assert f_n == pytest.approx(4.240889, abs=1e-4)
-    rho = FIRST_SET.delta * f_n**FIRST_SET.gamma
-    assert centre_of_rotation(1.0, 0.005, f_n, FIRST_SET) / rho == pytest.approx(0.588550, abs=1e-4)
+    s = least_force_of_finger(1.0, 0.005, surface_table(FIRST_SET))[1]
+    assert s / (1.0 - s) == pytest.approx(0.588550, abs=1e-4)  # distance of the centre of rotation, over the radius
 
 
 @given(

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pomona.drivers.depth_calibration import DepthCalibration
 from pomona.drivers.depth_model import SENSORS
 from pomona.drivers.errors import DriverError
 from pomona.executive.values.kinds import Measure
@@ -38,26 +39,26 @@ def add(subparsers: Any) -> None:
     fingers.add_argument("--seed", type=int, default=0)
     fingers.set_defaults(main=lambda options: _guarded(_fingers, options))
     side = Measure(LENGTH, "1 mm", "1 m")
-    hand_eye = kinds.add_parser("hand-eye", help="estimate the camera's pose on the flange from images of a chessboard")
+    hand_eye = kinds.add_parser("hand-eye", help="find the camera's place on the flange from looks at a chessboard")
     hand_eye.add_argument("folder", type=Path, help="images, poses.json and intrinsics.yaml")
     hand_eye.add_argument("--board", default="9x6", help="inner corners of the chessboard (default: 9x6)")
     hand_eye.add_argument("--square", type=side.option, required=True, help="side of a square, such as 24.5mm")
     hand_eye.add_argument("--out", type=Path, required=True, help="the file to write")
     hand_eye.set_defaults(main=lambda options: _guarded(_hand_eye, options))
     depth = kinds.add_parser(
-        "depth", help="estimate the depth errors of a camera from balls or a wall in recorded frames"
+        "depth", help="find out how a camera's depth errs, from balls or a wall in recorded frames"
     )
     recorded = "NAME_color.jpg or .png, NAME_depth_mm.png and intrinsics.yaml; none with --cell"
     depth.add_argument("folder", type=Path, nargs="?", help=recorded)
     live = f"with --wall: look now, with this cell's camera, {LIVE_FRAMES} times; nothing moves"
     depth.add_argument("--cell", metavar="CELL", help=live)
     depth.add_argument("--balls", type=Path, help="table (CSV): frame, name, x, y, w, h [px], diameter_mm")
-    depth.add_argument("--wall", action="store_true", help="the frames show a flat wall or board: noise only")
+    depth.add_argument("--wall", action="store_true", help="the frames show a flat wall or board: noise alone")
     depth.add_argument("--diameter", default="diameter_mm", metavar="COLUMN", help="column with the diameter in mm")
-    depth.add_argument("--only", default="", metavar="BEGIN", help="only the rows whose name begins with BEGIN")
-    depth.add_argument("--intrinsics", type=Path, help="intrinsics of the camera, if the folder has no file")
+    depth.add_argument("--only", default="", metavar="BEGIN", help="rows of the table whose name begins so")
+    depth.add_argument("--intrinsics", type=Path, help="of the camera, where the folder holds none")
     depth.add_argument("--sensor", default="d4xx", choices=sorted(SENSORS), help="prior model of the sensor (d4xx)")
-    depth.add_argument("--plot", type=Path, help="plot of measured against true distance, before and after")
+    depth.add_argument("--plot", type=Path, help="picture of measured against true distance, before and after")
     depth.add_argument("--out", type=Path, required=True, help="the depth model file to write")
     depth.set_defaults(main=lambda options: _guarded(_depth, options))
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
@@ -163,8 +164,29 @@ def _depth(options: argparse.Namespace) -> str:
     found.save(options.out)
     drawn = ""
     if options.plot is not None and found.seen:
-        from pomona.drivers.depth_plot import draw_calibration  # matplotlib: only for who wants a picture
-
         draw_calibration(found, options.plot)
         drawn = f", picture in {options.plot}"
     return f"{found}\nwritten to {options.out}{drawn}; as depth_model.yaml in a folder of frames it holds for these"
+
+
+def draw_calibration(calibration: DepthCalibration, path: Path) -> None:
+    """Draw measured minus true distance of every ball over its distance, into a PNG, SVG or PDF file."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    model, seen = calibration.model, calibration.seen
+    true = np.array([s.true for s in seen])
+    outlines = calibration.outline_growth * np.array([s.per_pixel for s in seen])
+    before = np.array([s.measured for s in seen]) - true
+    after = before - outlines - model.offset - model.scale * true
+    figure = Figure(figsize=(7.0, 3.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    for axes, values, title in zip(
+        figure.subplots(1, 2, sharey=True), (before, after), ("before", "after"), strict=True
+    ):
+        axes.errorbar(true, 1e3 * values, 1e3 * np.array([s.deviation for s in seen]), fmt="o", capsize=3)
+        axes.axhline(0.0, color="0.6", linewidth=0.8)
+        axes.set_title(title)
+        axes.set_xlabel("distance from the outline [m]")
+    figure.axes[0].set_ylabel("depth differs by [mm]")
+    figure.savefig(path)

@@ -53,7 +53,6 @@ from pomona.executive.values.units import RATE, TIME
 
 START = 120.0  # the world must be ready within this time [s]
 ANSWER = 2.0  # deadline for the world's score [s]
-WIRES = ("arm", "controller", "gripper", "fingers", "camera")
 
 
 class PacedClock:
@@ -181,7 +180,7 @@ def _start_process(settings: Settings[EmulatedWorldFile], context: ConnectContex
     for name, text in said.options.items():
         command += ["--set", f"{name}={text}"]
     command += ["--pace", str(said.pace)]
-    for wire in WIRES:
+    for wire in ("arm", "controller", "gripper", "fingers", "camera"):
         command += [f"--{wire}", getattr(said, wire)]
     # A session of its own: Ctrl-C reaches the run, which stops safely, before the world ends.
     process = subprocess.Popen(

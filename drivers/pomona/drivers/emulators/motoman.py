@@ -41,11 +41,9 @@ class Joints(Protocol):
 
     def measured(self) -> tuple[Float64, Float64]:
         """Return positions [rad] and velocities [rad/s], shape (dof,)."""
-        ...
 
     def drive(self, q: Float64, qd: Float64) -> None:
         """The set-point of now."""
-        ...
 
 
 class FreeJoints:

@@ -22,11 +22,9 @@ class Peer(Protocol):
 
     def send(self, chunk: bytes) -> None:
         """Send bytes to every connected peer."""
-        ...
 
     def close(self) -> None:
         """Hang up, where the wire knows that."""
-        ...
 
 
 class Emulator(Protocol):
@@ -34,19 +32,15 @@ class Emulator(Protocol):
 
     def connected(self, peer: Peer) -> None:
         """A peer has connected."""
-        ...
 
     def received(self, peer: Peer, chunk: bytes) -> None:
         """Bytes came from a peer."""
-        ...
 
     def disconnected(self, peer: Peer) -> None:
         """A peer has gone."""
-        ...
 
     def advance(self, now: float) -> None:
         """Let the device's time go on to `now` [s]."""
-        ...
 
 
 class Endpoint(Protocol):
@@ -55,15 +49,12 @@ class Endpoint(Protocol):
     @property
     def address(self) -> str:
         """Where a driver finds it, as cell files write it."""
-        ...
 
     def readable(self) -> Sequence[int]:
         """File descriptors to wait for; none for a port that must be polled."""
-        ...
 
     def poll(self) -> None:
         """Pass on the bytes that have arrived."""
-        ...
 
     def close(self) -> None: ...
 

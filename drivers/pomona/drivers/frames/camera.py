@@ -49,11 +49,9 @@ class Recorded(Protocol):
     @property
     def label(self) -> str:
         """Its origin, for the operator."""
-        ...
 
     def read(self, intrinsics: Intrinsics) -> Images:
         """Return its images. Raises UnusableFrames: they cannot be read, or do not fit the intrinsics."""
-        ...
 
 
 class FramesCamera(Device):

@@ -32,7 +32,6 @@ class ImageSource(Protocol):
 
     def wait(self, timeout: float) -> Pair | None:
         """Return the next pair of pictures, waiting at most `timeout` seconds; None when none came."""
-        ...
 
     def close(self) -> None: ...
 

@@ -30,11 +30,9 @@ class RosNode(Protocol):
 
     def subscribe(self, topic: str, kind: str, take: Callable[[bytes], None]) -> Any:
         """Call `take` with every message's bytes, in the wire's thread."""
-        ...
 
     def publish(self, topic: str, kind: str, coded: Any, stamp: int) -> None:
         """Send bytes; never waits."""
-        ...
 
     def close(self) -> None: ...
 

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from pomona.drivers.sim.held_force import HeldForce
 from pomona.drivers.sim.robot import PADS
 from pomona.drivers.sim.scene import SimScene, container_of, fixed_names
 from pomona.executive.values.arrays import Float64
@@ -20,6 +19,42 @@ SLID_OUT = 10e-3
 from the gripped position at which the pads have released a fruit: a jolt interrupts stiff contacts for some
 milliseconds repeatedly without that.
 """
+
+
+@dataclass(slots=True)
+class HeldForce:
+    """Normal forces of one grip, as the simulator has them."""
+
+    # stamps, forces, least: while the fruit hung free: time [s], force summed over both fingers [N], and the least such
+    # force with which the contact model holds the load of that moment [N]
+    stamps: list[float] = field(default_factory=list)
+    forces: list[float] = field(default_factory=list)
+    least: list[float] = field(default_factory=list)
+    # finger_peak, grasp_peak: largest force of one finger, and of both together, from the first touch on [N]
+    finger_peak: float = 0.0
+    grasp_peak: float = 0.0
+
+    def note(self, now: float, force: float, least: float) -> None:
+        """The fruit hangs free at this moment."""
+        self.stamps.append(now)
+        self.forces.append(force)
+        self.least.append(least)
+
+    def report(self) -> dict[str, float | None]:
+        """Median force and median ratio to the least while it hung, both at the end, and one finger's peak."""
+        stamps, forces, least = map(np.asarray, (self.stamps, self.forces, self.least))
+        loaded = least > 0.2  # minimum grip force below which the ratio to it is not computed [N]
+        figures: dict[str, float | None] = dict.fromkeys(
+            ("hold_force_n", "hold_ratio", "end_force_n", "end_ratio"), None
+        )
+        if loaded.any():
+            late = loaded & (stamps >= stamps[-1] - 0.1)  # length of the end of a grip [s]
+            figures["hold_force_n"] = float(np.median(forces[loaded]))
+            figures["hold_ratio"] = float(np.median(forces[loaded] / least[loaded]))
+            if late.any():
+                figures["end_force_n"] = float(np.mean(forces[late]))
+                figures["end_ratio"] = float(np.mean(forces[late]) / np.mean(least[late]))
+        return {**figures, "finger_peak_n": self.finger_peak, "grasp_peak_n": self.grasp_peak}
 
 
 @dataclass(slots=True)
@@ -130,9 +165,9 @@ class Scorer:
                 self._watch_grip(i, record, sensors)
 
     def note_look(self) -> None:
-        """Note an exposure, perhaps many times a second; a fruit in the hand or in a crate is not measured later."""
+        """Note an exposure, perhaps many times a second; later, a fruit between the fingers is not measured."""
         for i, record in enumerate(self._fruits):
-            if record.grip is None and not self._inside(i):
+            if record.grip is None:
                 record.looked = self._pose(i)
 
     def _watch_grip(self, i: int, record: FruitRecord, sensors: _Sensors) -> None:
@@ -226,7 +261,7 @@ class Scorer:
             if wrong := other.touches if never_gripped else other.bumps:
                 hits[self.scene.fruits[i].name] = wrong
         return {
-            "lifted": bool(risen > LIFTED and record.grip is not None) if grip and not self._inside(index) else None,
+            "lifted": bool(risen > LIFTED and record.grip is not None) if grip else None,
             "fruit": fruit.name,
             "place": fruit.place,
             "target": self.scene.fruits[0].name,

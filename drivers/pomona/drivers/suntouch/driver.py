@@ -23,8 +23,7 @@ from pomona.drivers.interfaces import ForceSensor, Gripper, Subscription, Wrench
 from pomona.drivers.owner import Owner
 from pomona.drivers.streams import SIDES, SILENCE, Belief, WrenchStream
 from pomona.drivers.suntouch.codec import TAXELS, FingerReading
-from pomona.drivers.suntouch.finger import Finger
-from pomona.drivers.suntouch.spike_filter import JUMP
+from pomona.drivers.suntouch.finger import JUMP, Finger
 from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import Float64
 

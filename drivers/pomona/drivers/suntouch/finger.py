@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pomona.drivers.suntouch.calibration import FingerCalibration
 from pomona.drivers.suntouch.codec import REQUEST, TAXELS, Assembler, FingerReading
-from pomona.drivers.suntouch.spike_filter import SpikeFilter
 from pomona.drivers.wire import Link, Malformed
 from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import Float64
@@ -85,3 +85,33 @@ class Finger:
         end = self._clock.now() + FLUSHING
         while self._line.receive(0.25 * FLUSHING) and self._clock.now() < end:
             pass
+
+
+JUMP = 0.05  # a taxel that changes by more than this between neighbouring readings is a spike [V]
+
+
+class SpikeFilter:
+    """Rejects readings in which a taxel jumps, unless the next reading confirms the jump; `rejected` counts."""
+
+    def __init__(self) -> None:
+        self.rejected = 0
+        self._accepted: NDArray[np.float64] | None = None
+        self._suspect: NDArray[np.float64] | None = None
+
+    def accept(self, volts: NDArray[np.float64]) -> bool:
+        """Return True for a valid reading, shape (25,) [V]. A step is accepted one reading late."""
+        usual = self._accepted is None or self._near(volts, self._accepted)
+        confirmed = self._suspect is not None and self._near(volts, self._suspect)
+        if usual or confirmed:
+            self._accepted, self._suspect = volts, None
+            return True
+        self._suspect = volts
+        self.rejected += 1
+        return False
+
+    def forget(self) -> None:
+        """Accept the next reading in any case: after a gap all values may have changed."""
+        self._accepted = self._suspect = None
+
+    def _near(self, a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+        return bool(np.abs(a - b).max() <= JUMP)

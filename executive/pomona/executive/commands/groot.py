@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -13,11 +14,14 @@ from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.language.documents import read_document, refuse_errors, with_declarations
 from pomona.executive.language.groot_export import export_groot
 from pomona.executive.language.groot_import import import_groot
-from pomona.executive.language.groot_stubs import with_stubs
 from pomona.executive.language.read import read
 from pomona.executive.nodes.calls import SKILL
+from pomona.executive.nodes.leaves import SetType
+from pomona.executive.nodes.untranslated import UntranslatedType
 from pomona.executive.registry import Registry
 from pomona.executive.values.findings import format_findings
+from pomona.executive.values.yaml_nodes import YamlScalar
+from pomona.executive.values.yaml_text import flow
 
 
 def add_export(subparsers: Any) -> None:
@@ -33,10 +37,10 @@ def add_import(subparsers: Any) -> None:
     into = subparsers.add_parser("import", help="read XML of Groot2 or BehaviorTree.CPP and print a tree file")
     into.add_argument("xml", type=Path, help="the file with the main tree; included files are read, too")
     into.add_argument("beside", type=Path, nargs="*", metavar="xml", help="further files with called trees")
-    into.add_argument("--nodes", type=Path, action="append", default=[], metavar="FILE", help="models of the nodes")
+    into.add_argument("--nodes", type=Path, action="append", default=[], metavar="FILE", help="models of its nodes")
     about = "declare the skills that are not installed in the tree: it can be checked, drawn, run dry and exported"
     into.add_argument("--stubs", action="store_true", help=about)
-    into.add_argument("--main", dest="tree", default="", metavar="ID", help="main tree, if the file names none")
+    into.add_argument("--main", dest="tree", default="", metavar="ID", help="the tree that runs, if the file is silent")
     into.add_argument("--out", type=Path, metavar="FILE", help="file to write (default: standard output)")
     into.set_defaults(main=import_)
 
@@ -95,3 +99,42 @@ def _what_next(text: str, out: Path | None) -> str:
         f"{len(nodes)} nodes; {len(unknown)} skills are not installed here: {', '.join(unknown)}. Write each with "
         "`pomona new skill NAME`, or install the package that has it"
     )
+
+
+_WIRE = re.compile(r"\{(\w+)\}")
+
+
+def with_stubs(text: str) -> str:
+    """Return the text of a tree with `skills:` for those that are not installed.
+
+    A port that is wired to a name which nothing before it writes is an output; every other is an input.
+    Elements without translation are declared, too: a dry run goes through their children.
+    """
+    document, skills = read(text, "imported.yaml"), declared_skills()
+    ports: dict[str, dict[str, bool]] = {}
+    for definition in document.definitions():
+        written = {*definition.inputs, *definition.file.parameters, *definition.file.constants}
+        nodes = [*definition.root.walk()] if definition.root is not None else []
+        written.update(name for node in nodes if isinstance(node.type, SetType) for name in node.ports)
+        for node in nodes:
+            if isinstance(node.type, UntranslatedType) and re.fullmatch(r"[A-Za-z]\w*", node.type.element(node)):
+                ports.setdefault(node.type.element(node), {})
+            if node.type is not SKILL:
+                continue
+            known = skills.get(node.key.text)
+            found = ports.setdefault(node.key.text, {}) if known is None else {}
+            for port, (_, value) in node.ports.items():
+                wire = _WIRE.fullmatch(value.text) if isinstance(value, YamlScalar) else None
+                is_output = known is not None and port in known.outputs
+                if known is None:
+                    is_output = found.setdefault(port, wire is not None and wire[1] not in written)
+                if wire is not None and is_output:
+                    written.add(wire[1])
+    if not ports:
+        return text
+    lines = ["skills:                           # not installed here; their behaviour is unknown"]
+    for name, found in sorted(ports.items()):
+        sides = {side: [p for p, out in found.items() if out == (side == "out")] for side in ("in", "out")}
+        lines.append(f"  {name}: {flow({side: names for side, names in sides.items() if names})}")
+    head, tree, rest = text.partition("\nroot:")
+    return f"{head}\n{chr(10).join(lines)}{tree}{rest}"

@@ -11,7 +11,6 @@ from pomona.executive.language.schema import schema
 from pomona.executive.terminal.filtered import write_json
 
 TREE = "tree"
-DRAFT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def add(subparsers: Any) -> None:
@@ -36,6 +35,6 @@ def main(options: argparse.Namespace) -> int:
     if options.kind == TREE:
         found = with_declarations(schema)
     else:
-        found = {"$schema": DRAFT, **file_kind(options.kind).schema()}
+        found = {"$schema": "https://json-schema.org/draft/2020-12/schema", **file_kind(options.kind).schema()}
     write_json(found, indent=2)
     return 0

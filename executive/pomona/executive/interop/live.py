@@ -37,19 +37,15 @@ class Sink(Protocol):
 
     def send(self, topic: str, schema: Schema, content: Mapping[str, Any], stamp: int) -> None:
         """One message, as a record has it; `stamp` is nanoseconds since 1970."""
-        ...
 
     def show(self, topic: str, view: ImageView, stamp: int) -> None:
         """A picture, before the event that carries its drawings."""
-        ...
 
     def rest(self) -> None:
         """Called between messages, a hundred times a second."""
-        ...
 
     def close(self) -> None:
         """Release it."""
-        ...
 
 
 class Live:

@@ -25,7 +25,6 @@ STATUS_PERIOD = SECOND // 10  # shortest period of the tree's status [ns]: it ch
 TRACE_PERIOD, TRACE_POINTS = SECOND, 1000  # period of the executed path [ns], and most points published of it
 LEVELS = {2: 20, 3: 30, 4: 40}  # log levels, Foxglove's to ROS 2's: info, warning, error
 
-_STATUS = {"INVALID": 1, "RUNNING": 2, "SUCCESS": 3, "FAILURE": 4}
 _KIND = {"sequence": 2, "fallback": 3, "parallel": 4}  # py_trees_ros_interfaces/Behaviour: status and type
 
 
@@ -238,7 +237,7 @@ class _TreeStatus:
             "current_child_id": self._id(running or ""),
             "type": kind,
             "blackbox_level": 4,
-            "status": _STATUS.get(node["status"], 1),
+            "status": {"INVALID": 1, "RUNNING": 2, "SUCCESS": 3, "FAILURE": 4}.get(node["status"], 1),
             "message": node.get("feedback", ""),
             "is_active": node["status"] != "INVALID",
         }

@@ -34,7 +34,6 @@ class Mocks(Protocol):
 
     def replace(self, skill: type[Skill], skill_name: str, label: str, path: str) -> Skill | None:
         """Return the mock that stands in for a node's skill, or None to keep the skill."""
-        ...
 
 
 def build(

@@ -41,23 +41,18 @@ class TypeScope(Protocol):
 
     def type_of(self, reference: Reference) -> ValueType:
         """Return the type of a name; report an unknown name and return ANY."""
-        ...
 
     def failure_codes(self) -> Iterable[str] | None:
         """Return codes that `failure.code` can have here; None when any."""
-        ...
 
     def failed(self) -> str:
         """Return the node that `failure` describes."""
-        ...
 
     def renamed_failures(self) -> Mapping[str, str]:
         """Failure codes of the previous version, each with its present name."""
-        ...
 
     def report(self, at: Expression, code: str, message: str, hint: str = "") -> None:
         """Report an error in a part of the expression."""
-        ...
 
 
 def type_of(expression: Expression, scope: TypeScope) -> ValueType:

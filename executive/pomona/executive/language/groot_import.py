@@ -23,7 +23,6 @@ from pomona.executive.values.findings import Finding, Findings
 from pomona.executive.values.yaml_text import YamlText, block, flow
 
 _ATTRIBUTES = ("name", "ID", "_description", "_autoremap", "_fullpath", "_uid")
-_LOOPS = ("LoopInt", "LoopDouble", "LoopBool", "LoopString")
 _PRECONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")
 """In the order in which BehaviorTree.CPP evaluates them."""
 _AFTERWARDS = ("_onSuccess", "_onFailure", "_post")
@@ -167,7 +166,7 @@ class _Importer:
             return self.attempt(element)
         if tag == "Precondition":
             return self.precondition(element)
-        if tag in _LOOPS:
+        if tag in ("LoopInt", "LoopDouble", "LoopBool", "LoopString"):
             return self.loop(element)
         if tag in BUILTIN or not re.fullmatch(r"[A-Z][A-Za-z0-9_]*", tag):
             return element.untranslated("has no counterpart in tree files")

@@ -222,12 +222,9 @@ def _vector(node: YamlMapping, name: str, length: int) -> NDArray[np.float64]:
         raise LiteralError(written or node, f"a pose's {name} has {length} numbers")
     for item in written.items:
         found = scalar_type(item) if isinstance(item, YamlScalar) else None
-        if isinstance(found, Quantity) and found != _UNITS_OF_POSES.get(name):
+        if isinstance(found, Quantity) and found != {"position": LENGTH, "rpy": ANGLE}.get(name):
             raise LiteralError(item, f"a pose's {name} takes no {found.name}")
     return _array(written)
-
-
-_UNITS_OF_POSES = {"position": LENGTH, "rpy": ANGLE}
 
 
 def _from_quaternion(q: NDArray[np.float64], node: YamlNode) -> NDArray[np.float64]:

@@ -20,8 +20,6 @@ from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, 
 VERSION = "1"
 MAX_FILES = 100
 _TOP = ("pomona", "tree", "description", "skills", "parameters", "constants", "in", "out", "root", "subtrees")
-_SUBTREE = ("description", "in", "out", "root")
-_DECLARED = ("type", "default", "min", "max", "choices", "help")
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
@@ -186,7 +184,7 @@ class _Reader:
             fields = shape.mapping(value, what)
             if fields is None:
                 continue
-            shape.known_keys(fields, _DECLARED, what)
+            shape.known_keys(fields, ("type", "default", "min", "max", "choices", "help"), what)
             declared = Declared(key, type=shape.text(fields.get("type")))
             declared.default, declared.min, declared.max = fields.get("default"), fields.get("min"), fields.get("max")
             if "type" not in fields.entries:
@@ -252,7 +250,7 @@ class _Reader:
                 elif written is not None:
                     file.unread.add(key.text)
                 continue
-            shape.known_keys(at, _SUBTREE, "a subtree")
+            shape.known_keys(at, ("description", "in", "out", "root"), "a subtree")
             described = shape.text(at.get("description"))
             definition = Definition(key.text, at, file)
             definition.description = described.text if described is not None else _comment(key)

@@ -34,7 +34,6 @@ class NodeText(Protocol):
     @property
     def key(self) -> YamlScalar:
         """Its type as written."""
-        ...
 
     @property
     def kind(self) -> str: ...
@@ -45,27 +44,22 @@ class NodeText(Protocol):
     @property
     def children(self) -> Sequence[NodeText]:
         """Nodes that belong to its type, in order."""
-        ...
 
     @property
     def leads(self) -> Sequence[str]:
         """Text before each child in a drawing."""
-        ...
 
     @property
     def parts(self) -> Mapping[str, NodeText]:
         """Nodes that belong to a modifier, by the modifier's field."""
-        ...
 
     @property
     def ports(self) -> Mapping[str, Entry]:
         """Wires of its ports."""
-        ...
 
     @property
     def modifiers(self) -> Mapping[str, Entry]:
         """Entries beside the type except name and description, by name."""
-        ...
 
 
 class NodeContext(Protocol):
@@ -76,11 +70,9 @@ class NodeContext(Protocol):
 
     def written(self, slot: str) -> YamlNode | None:
         """Return the text behind the layer's own word or one of its fields."""
-        ...
 
     def literal(self, slot: str) -> Any:
         """Return a value that is known before the run, else None."""
-        ...
 
 
 class OutcomeContext(NodeContext, Protocol):
@@ -88,25 +80,20 @@ class OutcomeContext(NodeContext, Protocol):
 
     def inside(self) -> Outcome:
         """Return the outcome of the node that a modifier wraps."""
-        ...
 
     def child(self, index: int) -> Outcome:
         """Return the outcome of one child."""
-        ...
 
     def children(self) -> list[Outcome]:
         """Return the outcome of each child."""
-        ...
 
     def part(self, slot: str) -> Outcome | None:
         """Return the outcome of the node in a modifier's field, if it is written."""
-        ...
 
     def skill(self) -> Outcome: ...
 
     def subtree(self) -> Outcome:
         """Return the outcome of the called subtree."""
-        ...
 
 
 class WalkContext(NodeContext, Protocol[Before, After]):
@@ -115,19 +102,15 @@ class WalkContext(NodeContext, Protocol[Before, After]):
     @property
     def outcomes(self) -> OutcomeContext:
         """Possible outcomes of this layer and the nodes in it."""
-        ...
 
     def inside(self, before: Before, /) -> After:
         """Walk through the node that a modifier wraps."""
-        ...
 
     def child(self, index: int, before: Before, /) -> After:
         """Walk through one child."""
-        ...
 
     def part(self, slot: str, before: Before, /) -> After | None:
         """Walk through the node in a modifier's field, if it is written."""
-        ...
 
 
 class CheckContext(WalkContext[Around, None], Protocol):
@@ -136,62 +119,48 @@ class CheckContext(WalkContext[Around, None], Protocol):
     @property
     def around(self) -> Around:
         """The node's surroundings: counters, the last failure, names of items."""
-        ...
 
     @property
     def findings(self) -> Findings: ...
 
     def condition(self, slot: str, written: YamlNode, around: Around | None = None) -> None:
         """Check a Boolean expression, and keep it."""
-        ...
 
     def value(self, slot: str, written: YamlNode, port: Port, who: str = "", *, known: bool = False) -> None:
         """Check the value of a port, and keep it; `known` requires a value that is known before the run."""
-        ...
 
     def elements(self, slot: str, written: YamlNode) -> None:
         """Check a list, and keep it."""
-        ...
 
     def keep(self, slot: str, value: object, written: YamlNode) -> None:
         """Keep a value that is known before the run."""
-        ...
 
     def check_ports(self, inputs: Mapping[str, Port], outputs: Mapping[str, Port]) -> None:
         """Check the wires of the node's ports."""
-        ...
 
     def declare_output(self, slot: str, target: YamlScalar, written: YamlNode, element: bool) -> None:
         """Declare a name that the layer writes: the value of an expression, or its elements."""
-        ...
 
     def item(self) -> str:
         """Return the name that this layer writes; empty without one."""
-        ...
 
     def is_stand_in(self, name: str) -> bool:
         """Return True for a name that the tree declares and no installed package has: it runs dry only."""
-        ...
 
     def look_up_skill(self) -> None:
         """Find the skill that the node calls, and declare its outputs."""
-        ...
 
     def look_up_subtree(self) -> None:
         """Find the subtree that the node calls, or report that there is none."""
-        ...
 
     def mark_outputs_unknown(self) -> None:
         """Mark the names wired to a missing skill or subtree as perhaps written: one mistake, one finding."""
-        ...
 
     def check_call(self) -> None:
         """Check the wires of the skill or the subtree."""
-        ...
 
     def devices(self, index: int) -> Mapping[str, str]:
         """Return the devices that a child and all nodes in it move, each with the first such node."""
-        ...
 
 
 class FlowContext(WalkContext[Names, Ends], Protocol):
@@ -200,16 +169,13 @@ class FlowContext(WalkContext[Names, Ends], Protocol):
     @property
     def outputs(self) -> tuple[str, ...]:
         """Names that the layer itself writes."""
-        ...
 
     @property
     def computes(self) -> bool:
         """True if the layer computes a value, which may be missing during the run."""
-        ...
 
     def require(self, slot: str, names: Names) -> None:
         """Report the reads of a slot listed in `NodeType.late` that are not certainly written."""
-        ...
 
 
 class FactContext(WalkContext[Facts, Facts], Protocol):
@@ -217,27 +183,21 @@ class FactContext(WalkContext[Facts, Facts], Protocol):
 
     def must(self, slot: str, known: Facts) -> Facts:
         """Add the condition of a slot; report one that cannot be true."""
-        ...
 
     def awaits(self, slot: str, known: Facts) -> Facts:
         """Add a condition for which the node waits; report one that cannot become true."""
-        ...
 
     def assign(self, known: Facts) -> Facts:
         """Add the values that the node writes."""
-        ...
 
     def forget(self, known: Facts) -> Facts:
         """Return the facts that remain after any end of the node."""
-        ...
 
     def share(self, known: Facts) -> Facts:
         """Return the facts that hold at every moment while the node runs, in any order of its children."""
-        ...
 
     def after(self, index: int, known: Facts) -> Facts:
         """Return the facts that remain after any end of a child."""
-        ...
 
 
 class BuildContext(NodeContext, Protocol):
@@ -246,48 +206,38 @@ class BuildContext(NodeContext, Protocol):
     @property
     def name(self) -> str:
         """Name of the layer's behaviour."""
-        ...
 
     @property
     def now(self) -> Callable[[], float]:
         """Time on the run's clock [s]."""
-        ...
 
     def given(self, slot: str) -> bool:
         """Return True if a value is written for a slot."""
-        ...
 
     def value(self, slot: str, default: Any = None, **names: object) -> Callable[[], Any]:
         """Return a getter of a value; it raises `NoValue` if there is none."""
-        ...
 
     def condition(self, slot: str, **names: object) -> Condition: ...
 
     def inputs(self) -> Mapping[str, Callable[[], Any]]:
         """Return a getter for each wired port."""
-        ...
 
     def writer(self, name: str) -> Callable[[Any], None]:
         """Return a setter of a name that the layer declared."""
-        ...
 
     def skill(self) -> Behaviour:
         """Return the skill that the node calls, or its mock."""
-        ...
 
     def subtree(self) -> Behaviour:
         """Return the behaviour of the called subtree."""
-        ...
 
     def inside(self, **names: object) -> Behaviour: ...
 
     def child(self, index: int, **names: object) -> Behaviour:
         """Return the behaviour of one child."""
-        ...
 
     def children(self, **names: object) -> list[Behaviour]:
         """Return the behaviours of all children."""
-        ...
 
     def part(self, slot: str, **names: object) -> Behaviour | None: ...
 
@@ -297,33 +247,26 @@ class XmlExport(NodeContext, Protocol):
 
     def text(self, slot: str) -> str:
         """Return the text behind a word as an attribute; empty without one."""
-        ...
 
     def plain(self, slot: str) -> bool:
         """Return True for a number or a wire, which BehaviorTree.CPP can read."""
-        ...
 
     def milliseconds(self, slot: str) -> str:
         """Return a literal duration in whole milliseconds, else an empty text."""
-        ...
 
     def ports(self) -> dict[str, str]:
         """Return the ports as attributes."""
-        ...
 
     def element(self, tag: str, attributes: Mapping[str, str] | None = None) -> Any:
         """Return an element of BehaviorTree.CPP that contains the inner nodes."""
-        ...
 
     def own(self, attributes: Mapping[str, str]) -> Any:
         """Return an element of Pomona; the file then holds its model."""
-        ...
 
     def skill(self) -> Any: ...
 
     def subtree(self) -> Any:
         """Return the element that calls the subtree."""
-        ...
 
 
 class XmlImport(Protocol):
@@ -332,37 +275,28 @@ class XmlImport(Protocol):
     @property
     def tag(self) -> str:
         """Tag of the element."""
-        ...
 
     @property
     def attributes(self) -> Mapping[str, str]:
         """All attributes of the element."""
-        ...
 
     def get(self, name: str) -> str:
         """Return an attribute's text; empty without one."""
-        ...
 
     def value(self, name: str) -> object:
         """Return an attribute in the form of tree files."""
-        ...
 
     def duration(self, name: str) -> str:
         """Return an attribute in milliseconds as a duration."""
-        ...
 
     def children(self) -> list[Words]:
         """Return the children, translated."""
-        ...
 
     def ports(self) -> Words:
         """Return all attributes that are ports."""
-        ...
 
     def untranslated(self, message: str) -> Words:
         """Return an `untranslated` node that keeps the children: no equivalent node exists."""
-        ...
 
     def wrap(self, child: Words, word: str, value: object, more: Words | None = None) -> Words:
         """Return a node with one more modifier."""
-        ...

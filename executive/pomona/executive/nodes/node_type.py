@@ -135,15 +135,12 @@ class Reading(Protocol):
     @property
     def findings(self) -> Findings:
         """Where findings are reported."""
-        ...
 
     def node(self, written: YamlNode) -> TreeNode | None:
         """Read a node; None when it cannot be one, which is reported."""
-        ...
 
     def comment(self, line: int) -> str:
         """Return the comment on a line and the lines of comment above it, each given once."""
-        ...
 
 
 class Field(ABC):

@@ -24,7 +24,7 @@ class EndingFile:
     """The file of one record while that is written."""
 
     def __init__(self, folder: Path, number: int) -> None:
-        """Begin in a record's folder, with its number (`pomona.executive.recording.order`).
+        """Begin in a record's folder, with its number (`pomona.executive.recording.folder`).
 
         Raises OSError: it cannot be written.
         """

@@ -7,11 +7,13 @@ import errno
 import hashlib
 import os
 import tempfile
+from collections.abc import Callable, Iterable
 from datetime import datetime
 from pathlib import Path
+from typing import TypeVar
 
 from pomona.executive.errors import UsageError
-from pomona.executive.recording.order import in_order
+from pomona.executive.recording.ending import read_ending
 from pomona.executive.recording.plain_file import open_plain
 from pomona.executive.values.file_locks import lock
 from pomona.executive.values.findings import did_you_mean
@@ -106,3 +108,35 @@ def events_file(record: Path) -> Path:
 def hash_of(*texts: str) -> str:
     """Return the hash that identifies the texts of a tree or a cell."""
     return hashlib.sha256("".join(texts).encode(errors="replace")).hexdigest()[:16]
+
+
+T = TypeVar("T", str, int)
+
+
+def next_number(root: Path) -> int:
+    """Return the number of the record that begins now in a folder of records: one above the largest.
+
+    Numbers give the order of records: clocks are set back, and repairs change old files.
+    """
+    return 1 + max((_number(record) for record in root.iterdir()), default=0)
+
+
+def in_order(records: Iterable[Path], moment: Callable[[Path], T]) -> list[Path]:
+    """Return folders of records, the oldest first.
+
+    `moment` estimates the time of a record without a number (of an earlier version, or with a damaged file). Such a
+    record comes after the numbered ones with an earlier estimate.
+    """
+    places: dict[Path, tuple[int, bool, T]] = {}
+    greatest = 0
+    for seems, record in sorted((moment(record), record) for record in records):
+        number = _number(record)
+        greatest = max(greatest, number)
+        places[record] = (number or greatest, not number, seems)
+    return sorted(places, key=lambda record: places[record])
+
+
+def _number(record: Path) -> int:
+    """Return a record's number; 0 without a valid one."""
+    number = read_ending(record).get("number")
+    return number if isinstance(number, int) and not isinstance(number, bool) and 0 < number < 2**53 else 0

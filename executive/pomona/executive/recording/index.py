@@ -16,9 +16,8 @@ from types import NoneType, UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
 from pomona.executive.recording.digest import STATES, Digest, digest
-from pomona.executive.recording.folder import EVENTS_FILE, is_being_written
+from pomona.executive.recording.folder import EVENTS_FILE, in_order, is_being_written
 from pomona.executive.recording.json_text import parse
-from pomona.executive.recording.order import in_order
 
 INDEX_FILE = "index.sqlite"
 PATIENCE = 2.0  # longest wait for another process that writes the index [s]

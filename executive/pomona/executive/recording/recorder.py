@@ -28,10 +28,9 @@ from mcap.writer import CompressionType, Writer
 from pomona.executive.encode import encoded, plain
 from pomona.executive.recording.decode import event_from
 from pomona.executive.recording.ending import EndingFile
-from pomona.executive.recording.folder import DEVICES, EVENTS, EVENTS_FILE, RecordError, hash_of
+from pomona.executive.recording.folder import DEVICES, EVENTS, EVENTS_FILE, RecordError, hash_of, next_number
 from pomona.executive.recording.mcap_file import LIBRARY, MOST_MESSAGE
 from pomona.executive.recording.message import message_of
-from pomona.executive.recording.order import next_number
 from pomona.executive.recording.overview import OVERVIEW, WHOLE_BYTES, Overview
 from pomona.executive.recording.schemas import EVENT, READING, Schema
 from pomona.executive.recording.well_known import Images, samples, well_known

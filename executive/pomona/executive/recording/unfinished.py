@@ -7,8 +7,7 @@ from pathlib import Path
 
 from pomona.executive.recording.digest import digest
 from pomona.executive.recording.ending import why_cut
-from pomona.executive.recording.folder import EVENTS_FILE, is_being_written
-from pomona.executive.recording.order import in_order
+from pomona.executive.recording.folder import EVENTS_FILE, in_order, is_being_written
 from pomona.executive.recording.read import read_events
 from pomona.executive.running.events import HandChanged, NodeChanged, RunStarted
 

@@ -29,29 +29,23 @@ class CellFile(Protocol):
     @property
     def record_required(self) -> bool:
         """Whether no run may begin without a record."""
-        ...
 
     @property
     def score(self) -> Score | None:
         """The score of a world that scores runs."""
-        ...
 
     @property
     def files(self) -> Mapping[str, str]:
         """Its text and those of the files that it includes, by their path from its folder."""
-        ...
 
     def interfaces(self) -> tuple[type, ...]:
         """Return the device interfaces that the cell will have."""
-        ...
 
     def wires(self) -> tuple[str, ...]:
         """Where its devices are reached outside this process: one run at a time on each."""
-        ...
 
     def known(self, what: type[T]) -> T | None:
         """Return an object that the file describes, before any connection."""
-        ...
 
 
 class CellFiles(Protocol):
@@ -59,7 +53,6 @@ class CellFiles(Protocol):
 
     def outline(self, path: Path, findings: Findings) -> Outline | None:
         """Return the cell's kind and its options for `--set`, or None if the file cannot be read."""
-        ...
 
     def judge(
         self,
@@ -69,14 +62,12 @@ class CellFiles(Protocol):
         texts: Mapping[str, str],
     ) -> CellFile | None:
         """Read and judge a file: everything that is wrong is a finding, and there is no cell then."""
-        ...
 
     def connect(self, file: CellFile, seed: int, cleared: bool = False) -> Cell:
         """Connect the devices of a cell file without errors; devices connected before one that fails are released.
 
         `cleared`: an operator has checked the cell, so fingers without a reference may find it by moving.
         """
-        ...
 
 
 @cache

@@ -25,7 +25,6 @@ class Watcher(Protocol):
 
     def look(self) -> Iterable[tuple[str, object]]:
         """Return the changes, as (topic, view). Called in the tick's thread; must take no longer than a millisecond."""
-        ...
 
 
 class Watch:

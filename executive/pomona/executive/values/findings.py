@@ -70,22 +70,18 @@ class Located(Protocol):
     @property
     def source(self) -> Source:
         """The file that it stands in."""
-        ...
 
     @property
     def line(self) -> int:
         """Line, from 1."""
-        ...
 
     @property
     def column(self) -> int:
         """Column, from 1."""
-        ...
 
     @property
     def length(self) -> int:
         """How many characters to underline."""
-        ...
 
 
 class LocatedText(Located, Protocol):
@@ -94,7 +90,6 @@ class LocatedText(Located, Protocol):
     @property
     def text_column(self) -> int:
         """Column of its first character."""
-        ...
 
 
 class Spot(NamedTuple):

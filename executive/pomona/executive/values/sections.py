@@ -43,7 +43,6 @@ class SelfJudging(Protocol):
 
     def problems(self) -> Iterable[Problem]:
         """Yield the conflicts between the section's valid values."""
-        ...
 
 
 def value(kind: Kind[Any], default: Any = _REQUIRED, help: str = "") -> Any:

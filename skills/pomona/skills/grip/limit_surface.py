@@ -241,15 +241,6 @@ def grasp_force(
     return max(floor, margin * float(np.sum(least_force(np.array(f_t), np.array(tau_n), contact))))
 
 
-def centre_of_rotation(f_t: float, tau_n: float, f_n: float, contact: SoftContact) -> float:
-    """Return the distance of the centre of rotation from the contact [m] if this load slid under f_n [N]."""
-    s = least_force_of_finger(f_t, tau_n, surface_table(contact))[1]
-    if contact.ellipsoid:
-        radius = contact.torsion * f_n**contact.gamma / contact.mu
-        return math.inf if s >= 1.0 else radius * math.tan(0.5 * math.pi * s)
-    return math.inf if s >= 1.0 else contact.delta * f_n**contact.gamma * s / (1.0 - s)
-
-
 NO_BRUISE = 0.10e6  # contact pressure below which no apple bruises [Pa] (Processes 2024, 12, 543)
 
 

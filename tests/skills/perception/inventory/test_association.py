@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from pomona.skills.perception.inventory.association import GATE, MISPLACED, associate
+from pomona.skills.perception.inventory.book import GATE, MISPLACED, associate
 
 MM = 1e-3
 SMALL = (2 * MM) ** 2 * np.eye(3)

@@ -5,14 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.photo_border import calibration_error, cut_by_border, recall_at_border
 from pomona.skills.perception.training.photo_figures import (
     Finds,
     calibration,
-    calibration_error,
-    cut_by_border,
     judged,
     photo_table,
-    recall_at_border,
 )
 from pomona.skills.perception.training.photographs import Photograph
 
@@ -26,7 +24,7 @@ def photo() -> Photograph:
 
 
 def finds(boxes: list[list[float]], scores: list[float]) -> Finds:
-    return Finds(np.array(boxes), np.array(scores), LABELS, "a", cut_by_border(photo()))
+    return Finds(np.array(boxes), np.array(scores), LABELS, "a")
 
 
 def test_boxes_that_end_at_the_border_are_cut() -> None:
@@ -35,9 +33,9 @@ def test_boxes_that_end_at_the_border_are_cut() -> None:
 
 def test_recall_at_the_border_counts_cut_boxes_alone() -> None:
     found = finds([[1, 10, 19, 20], [40, 40, 20, 20], [82, 10, 18, 20], [10, 80, 9, 20]], [0.9, 0.9, 0.4, 0.9])
-    assert recall_at_border([found], 0.5) == (2, 3)
-    assert recall_at_border([found, found], 0.3) == (6, 6)
-    assert recall_at_border([finds([[60, 60, 9, 9]], [0.9])], 0.5) == (0, 3)
+    assert recall_at_border([found], [photo()], 0.5) == (2, 3)
+    assert recall_at_border([found, found], [photo(), photo()], 0.3) == (6, 6)
+    assert recall_at_border([finds([[60, 60, 9, 9]], [0.9])], [photo()], 0.5) == (0, 3)
 
 
 def test_calibration_is_the_mean_distance_of_score_and_ratio() -> None:

@@ -20,9 +20,9 @@ from pomona.drivers.interfaces import ArmLimits, Trajectory
 from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.planning.errors import BadRequest, PlanningFailed
 from pomona.skills.motion.planning.planners import PLANNERS, BudgetUse, solve
-from pomona.skills.motion.planning.rounding import time_free_path
 from pomona.skills.motion.planning.shortcut import path_length, shortcut
 from pomona.skills.motion.planning.space import Effort, Space
+from pomona.skills.motion.planning.timing import time_polyline
 
 GOOD_ENOUGH = 1.02  # a path this close to the straight distance to the nearest goal is not worth improving
 
@@ -203,3 +203,27 @@ def _solve(request: PlanRequest, planner: str, goals: Float64, share: float, pro
 
 def _nearest(request: PlanRequest, goals: Float64) -> float:
     return float(np.linalg.norm(goals[0] - request.q_start))
+
+
+_SHARPER = {0.0: 0.35, 0.35: 0.7, 0.7: 1.0}
+
+
+def time_free_path(space: Space, waypoints: Float64, limits: ArmLimits) -> Trajectory:
+    """Time a free polyline, shape (n, dof) [rad]; corners that would touch an obstacle are rounded less.
+
+    A corner at which the motion rests follows the polyline exactly, so this ends with a free motion.
+
+    Raises:
+        PlanningFailed: NO_PATH: the polyline itself is not free.
+    """
+    dwells = np.zeros(len(waypoints))
+    while True:
+        trajectory = time_polyline(waypoints, limits, dwells)
+        blocked = space.first_blocked(trajectory.q)
+        if blocked is None:
+            return trajectory
+        corners = [k for k in range(1, len(waypoints) - 1) if dwells[k] < 1.0]
+        if not corners:
+            raise PlanningFailed("NO_PATH", "the path touches an obstacle between its waypoints")
+        near = min(corners, key=lambda k: float(np.linalg.norm(waypoints[k] - trajectory.q[blocked])))
+        dwells[near] = _SHARPER[float(dwells[near])]

@@ -14,32 +14,25 @@ class Space(Protocol):
     @property
     def lower(self) -> Float64:
         """Joint limits, shape (dof,) [rad]."""
-        ...
 
     @property
     def upper(self) -> Float64:
         """Joint limits, shape (dof,) [rad]."""
-        ...
 
     def free(self, q: Float64) -> bool:
         """Return True if a configuration is free of collision."""
-        ...
 
     def free_between(self, q_a: Float64, q_b: Float64) -> bool:
         """Return True if the straight joint segment is free of collision."""
-        ...
 
     def first_blocked(self, path: Float64) -> int | None:
         """Return the number of the first segment of a joint polyline, shape (n, dof), that is not free, or None."""
-        ...
 
     def connect(self, q_start: Float64, q_goals: Float64, iterations: int, seed: int) -> tuple[Float64 | None, int]:
         """Waypoints, shape (n, dof), from a free start to one of the free goals by RRT-Connect, and the iterations."""
-        ...
 
     def explain(self, q: Float64) -> tuple[str, dict[str, object]]:
         """Explain why a configuration is not free: part of a sentence, and data (link, obstacle, distance)."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

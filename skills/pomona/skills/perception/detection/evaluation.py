@@ -35,11 +35,9 @@ class Frames(Protocol):
     def __len__(self) -> int: ...
     def annotation(self, index: int) -> Annotation:
         """Return the annotation of a frame."""
-        ...
 
     def picture(self, index: int, halved: bool) -> UInt8:
         """Return the picture of a frame, (h, w, 3) uint8 RGB, at half its size if asked for."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

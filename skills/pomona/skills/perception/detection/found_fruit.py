@@ -42,7 +42,6 @@ class Finder(Protocol):
 
         Raises BadFrame: another shape or type.
         """
-        ...
 
 
 def inside(box: Float64, width: int, height: int) -> Float64:

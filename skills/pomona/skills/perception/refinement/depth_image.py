@@ -23,12 +23,10 @@ class Triangles(Protocol):
     @property
     def vertices(self) -> Float64:
         """Shape (n, 3) [m]."""
-        ...
 
     @property
     def faces(self) -> NDArray[np.int32]:
         """Indices of vertices, shape (m, 3)."""
-        ...
 
     def __hash__(self) -> int: ...
 
@@ -67,4 +65,3 @@ class DepthRenderer(Protocol):
 
     def __call__(self, mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, box: ImageBox) -> DepthImage:
         """Return the depth of shape `box.shape`, float32 [m]; 0 where the mesh is not seen."""
-        ...

@@ -16,7 +16,6 @@ from pomona.skills.perception.synthetic.options import SceneOptions
 from pomona.skills.perception.synthetic.scene import RenderedFrame, render_scene
 
 CHUNK = 20
-JPEG_QUALITY = 95
 
 Rendered = tuple[int, bytes, Annotation]  # index of a frame, its JPEG file and its annotation
 
@@ -116,6 +115,6 @@ def render_chunk(indices: list[int], seed: int, fruit: str, options: SceneOption
     rendered = []
     for index in indices:
         frame = render_scene(model, options, frame_seed(seed, index))
-        _, picture = cv2.imencode(".jpg", frame.colour[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+        _, picture = cv2.imencode(".jpg", frame.colour[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 95])
         rendered.append((index, picture.tobytes(), annotate(frame, model, options)))
     return rendered

@@ -36,7 +36,6 @@ class Windows(Protocol):
 
     def draw(self, rng: np.random.Generator) -> Window:
         """One window, a function of the generator's state alone."""
-        ...
 
 
 class EmptyWindows:

@@ -14,7 +14,6 @@ from pomona.skills.perception.detection.box_evaluation import (
     box_figures,
     box_intervals,
     judge,
-    labels_of,
 )
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.training.photographs import Photograph
@@ -27,9 +26,6 @@ TITLES = {
     "threshold": "score at precision 0.90",
 }
 """Figures of a table, by their names in `BoxFigures`."""
-
-AT_BORDER = 1.0  # a box that ends this near to the picture's border counts as cut by it [px]
-LEAST_SCORE = 0.05  # detections with less score are left out of calibration
 
 
 def searching(
@@ -53,7 +49,6 @@ class Finds:
     scores: Float64  # (n,)
     labelled: Float64  # labelled boxes, (m, 4) [px]
     group: str  # as of `Photograph`
-    cut: NDArray[np.bool_]  # which labelled boxes the picture's border cuts, (m,)
 
     def judged(self) -> JudgedPicture:
         """Return these against the labels."""
@@ -72,28 +67,10 @@ def find_boxes(
         fruit = searching(detector, photo, scale).find(photo.picture(), photo.K)
         boxes = np.array([f.outline(photo.width, photo.height) for f in fruit]).reshape(-1, 4)
         scores = np.array([f.score for f in fruit], np.float64)
-        found.append(Finds(boxes, scores, photo.boxes, photo.group, cut_by_border(photo)))
+        found.append(Finds(boxes, scores, photo.boxes, photo.group))
         if progress is not None:
             progress(number + 1, len(photographs))
     return found
-
-
-def cut_by_border(photo: Photograph) -> NDArray[np.bool_]:
-    """Return which boxes of a photograph end at its border, (n,)."""
-    low, high = photo.boxes[:, :2], photo.boxes[:, :2] + photo.boxes[:, 2:]
-    limits = np.array([photo.width, photo.height]) - AT_BORDER
-    return np.asarray((low <= AT_BORDER).any(axis=1) | (high >= limits).any(axis=1), np.bool_)
-
-
-def recall_at_border(found: Sequence[Finds], score: float) -> tuple[int, int]:
-    """Return how many of the boxes that the border cuts are found with at least this score, and how many there are."""
-    right = asked = 0
-    for finds in found:
-        sure = finds.scores >= score
-        label = labels_of(finds.boxes[sure], finds.scores[sure], finds.labelled, 0.5)
-        right += int(finds.cut[label[label >= 0]].sum())
-        asked += int(finds.cut.sum())
-    return right, asked
 
 
 def judged(found: Sequence[Finds]) -> tuple[Float64, NDArray[np.bool_]]:
@@ -134,16 +111,3 @@ def calibration(
     ]
     error = sum(count * abs(score - share) for score, share, count in points) / max(1, len(scores))
     return error, points
-
-
-def calibration_error(scores: Float64, right: NDArray[np.bool_], least: float = LEAST_SCORE) -> float:
-    """Return the expected calibration error of the detections with at least this score."""
-    return calibration(scores[scores >= least], right[scores >= least])[0]
-
-
-def calibration_table(scores: Float64, right: NDArray[np.bool_], least: float = LEAST_SCORE) -> str:
-    """Return scores against the ratio of such detections that are right, as Markdown."""
-    error, points = calibration(scores[scores >= least], right[scores >= least])
-    lines = [f"Expected calibration error of detections with score ≥ {least}: {error:.3f}.", ""]
-    lines += ["| mean score | ratio right | detections |", "|---|---|---|"]
-    return "\n".join([*lines, *(f"| {score:.2f} | {share:.2f} | {count} |" for score, share, count in points)])

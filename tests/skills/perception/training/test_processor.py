@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pomona.skills.perception.detection import processor
+from pomona.skills.perception.training import loop
 
 
 @pytest.mark.parametrize(
@@ -15,7 +15,7 @@ def test_bfloat16_is_taken_only_where_it_is_faster(
     flags: str, expected: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "cpuinfo").write_text(f"processor : 0\nflags : {flags}\n")
-    monkeypatch.setattr(processor, "CPU_FLAGS", tmp_path / "cpuinfo")
-    assert processor.has_bfloat16.__wrapped__() is expected
-    monkeypatch.setattr(processor, "CPU_FLAGS", tmp_path / "none")
-    assert processor.has_bfloat16.__wrapped__() is False
+    monkeypatch.setattr(loop, "CPU_FLAGS", tmp_path / "cpuinfo")
+    assert loop.has_bfloat16.__wrapped__() is expected
+    monkeypatch.setattr(loop, "CPU_FLAGS", tmp_path / "none")
+    assert loop.has_bfloat16.__wrapped__() is False

@@ -1,4 +1,4 @@
-"""Write the catalogue's own meshes: `python -m pomona.skills.perception.fruit.write_meshes`."""
+"""Write the catalogue's own meshes: `python -m scripts.write_meshes`."""
 
 from __future__ import annotations
 
