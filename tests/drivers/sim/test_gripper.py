@@ -93,6 +93,22 @@ def test_a_jam_fails_a_move(cell, gripper):
     assert "blocked" in motion.problem
 
 
+def test_fingers_held_just_before_their_width_fail_a_move_instead_of_the_run(cell, gripper):
+    run_out(cell, gripper.move(0.05, 0.1))
+    state = cell.devices["world"].state
+    for finger in ("finger_left", "finger_right"):
+        state.joint(finger).qfrc_applied[0] = -4.0  # a millimetre of the drive
+    motion = gripper.move(0.08, 0.1)
+    start = cell.clock.now()
+    while not motion.settled:
+        cell.clock.advance(0.01)
+        cell.check()
+        assert cell.clock.now() - start < 2.0
+    assert 0.0785 < gripper.state().width < 0.0799
+    assert motion.state is MotionState.FAILED
+    assert "blocked at" in motion.problem
+
+
 def test_a_move_pauses_and_goes_on(cell, gripper):
     motion = gripper.move(0.04, 0.05)
     cell.clock.advance(0.2)

@@ -19,7 +19,8 @@ ACCELERATION = 2.0  # of the opening, during moves [m/s²]
 ARRIVED = 1e-4  # a move is done this near to its width [m]
 BLOCKED = 2e-3  # fingers this far behind their set-point [m] …
 STANDING = 2e-3  # … that move slower than this [m/s] …
-PATIENCE = 0.05  # … for this long [s] are blocked
+PATIENCE = 0.05  # … for this long [s] are blocked …
+PATIENCE_NEAR = 0.2  # … as are resting fingers nearer to it that do not arrive in this time [s]
 STALE = 0.045  # a state that is older than this is none [s]; as of a WSG
 RUNAWAY, FAST_STOP = 0.03, 0.2  # speed of runaway fingers [m/s], and time from a safe stop to the fast stop [s]
 MOTOR_STEP = 0.5  # step of the grip force by the motor's current [N]
@@ -185,9 +186,11 @@ class SimGripper(FaultyDevice):
         left = move.width - set_point
         if self.fault == "busy":
             return 0.0
-        stuck = (abs(set_point - measured) > BLOCKED and abs(speed) < STANDING) or self.fault == "jam"
-        self._blocked_for = self._blocked_for + TIMESTEP if stuck else 0.0
-        if self._blocked_for > PATIENCE:
+        resting = abs(speed) < STANDING
+        far = (abs(set_point - measured) > BLOCKED and resting) or self.fault == "jam"
+        near = resting and abs(left) < ARRIVED / 4.0
+        self._blocked_for = self._blocked_for + TIMESTEP if far or near else 0.0
+        if self._blocked_for > (PATIENCE if far else PATIENCE_NEAR):
             move.end(MotionState.FAILED, f"the fingers are blocked at {1e3 * measured:.1f} mm")
             self._supervisor.rest(self._world.clock.now())
             return 0.0
