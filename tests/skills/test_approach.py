@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
+from pomona.drivers.interfaces import MotionState
 from pomona.drivers.path_motion import PathMotion
 from pomona.executive.skill_testing import drive
 from pomona.skills.approach import SLOW, UNSEEN, Approach
@@ -69,6 +70,19 @@ def test_a_touch_stops_the_arm_before_the_next_tick(monkeypatch):
     outcome = drive(Approach(), {"grasp": GRASP}, scene.devices, clock=scene.clock)
     assert outcome.reason.code == "CONTACT"
     assert 0.7 < stopped[0] < 0.71  # three samples of 2 ms; the next tick is at 0.72 s
+
+
+def test_fingers_that_are_blocked_at_the_pre_grasp_end_the_attempt_and_the_arm_stays():
+    scene = at_pre_grasp()
+
+    def block(_tick: int) -> None:
+        if scene.gripper.moves:
+            scene.gripper.moves[-1].end(MotionState.FAILED, "the fingers are blocked at 62.0 mm")
+
+    outcome = drive(Approach(), {"grasp": GRASP}, scene.devices, clock=scene.clock, each_tick=block)
+    assert outcome.reason.code == "CONTACT"
+    assert "at the pre-grasp the fingers are blocked at 62.0 mm" in outcome.reason.message
+    assert scene.arm.followed == []
 
 
 def test_fingers_that_something_pushes_from_outside_stop_the_arm():

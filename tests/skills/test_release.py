@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from pomona.drivers.interfaces import Hand
+from pomona.drivers.interfaces import Hand, MotionState
 from pomona.drivers.mock.fingers import spring_fruit
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.skills.grip.hold import Hold, current_hold
@@ -46,6 +46,22 @@ def test_it_lowers_until_the_fruit_is_carried_then_opens_and_rises():
     assert scene.gripper.moves[0].speed <= 0.05
     assert scene.gripper.width == pytest.approx(0.10, abs=1e-3)
     assert scene.tcp[2, 3] == pytest.approx(before, abs=1e-3)
+
+
+@pytest.mark.parametrize(("opened", "rises"), [(0.002, False), (0.006, True)])
+def test_fingers_that_a_neighbour_blocks_rise_once_they_have_released_the_fruit(opened: float, rises: bool):
+    before = PickingScene(q=a_grasp().q_pre_grasp[0].copy()).tcp[2, 3]
+    scene = over_ground(before - 0.06)
+
+    def block(_tick: int) -> None:
+        if scene.gripper.moves and scene.gripper.width > 0.08 + opened:
+            scene.gripper.moves[-1].end(MotionState.FAILED, "the fingers are blocked")
+
+    outcome = drive(Release(), {}, scene.devices, clock=scene.clock, each_tick=block)
+    assert (outcome.reason is None) == rises
+    assert (scene.tcp[2, 3] > before - 0.001) == rises
+    if outcome.reason is not None:
+        assert outcome.reason.code == "MOTION_FAILED"
 
 
 def test_over_nothing_the_fruit_stays_held():

@@ -19,7 +19,7 @@ from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
+from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.live_watch import WATCH_FAILURES, KnownAround, prepare_watch
 from pomona.skills.shared.straight_travel import free_line
 from pomona.skills.shared.touch import Touch
@@ -88,7 +88,7 @@ class Approach(MovingSkill):
         self.publish("approach", SceneView(lines=(Line3(tcp_line, "approach", "approach"),)))
         if abs(gripper.state().width - width) > WIDTH_TOLERANCE:
             take_over(gripper)
-            yield from self.move_fingers(width, gripper.limits.speed_max)
+            yield from self._open(width, grasp)
         fruit = apply(inverse(grasp.T_base_grasp), fruit_points(grasp.fruit))
         slow_end = gripper_shape(robot).first_touch(fruit, width, UNSEEN), SLOW
         jerk = acceleration / JERK_TIME
@@ -109,6 +109,15 @@ class Approach(MovingSkill):
                     feel()  # the touch has stopped it
                 raise
         return None
+
+    def _open(self, width: float, grasp: Grasp) -> Watching:
+        try:
+            yield from self.move_fingers(width, self.device(Gripper).limits.speed_max)
+        except SkillFailure as failed:
+            if failed.failure.code != "MOTION_FAILED":
+                raise
+            reason = f"at the pre-grasp {failed.failure.message}"
+            raise self.failure("CONTACT", reason, candidate=grasp.index) from failed
 
     def _require_pre_grasp(self, T_base_tcp: np.ndarray, grasp: Grasp) -> None:
         T_base_pre_grasp = grasp.T_base_pre_grasp
