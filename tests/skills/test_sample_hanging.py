@@ -66,6 +66,12 @@ def test_a_candidate_that_was_tried_is_not_given_again_for_the_same_fruit() -> N
     assert elsewhere.attempt == 1
 
 
+def test_a_large_fruit_measured_within_four_millimetres_has_candidates() -> None:
+    fruit = replace(hanging_at(0.0, -0.6, 0.4), dimensions=np.array([0.088, 0.078, 0.088]))
+    end = sample(replace(fruit, covariance=np.eye(6) * 0.004**2))
+    assert end.status is Status.SUCCESS, end.reason
+
+
 def test_a_fruit_beyond_the_arm_has_no_candidate_and_the_reasons_are_counted() -> None:
     end = sample(hanging_at(0.0, -1.6, 0.4))
     assert end.reason is not None

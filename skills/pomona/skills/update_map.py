@@ -57,6 +57,9 @@ class UpdateMap(Skill):
         target_margin: Annotated[
             Length, Port(min="0 mm", max="50 mm", help="depth this close to the fruit counts as the fruit's")
         ] = LENGTH("10 mm"),
+        shadow: Annotated[
+            Length, Port(min="0 mm", max="200 mm", help="depth behind a seen surface that counts as blocked, too")
+        ] = LENGTH("100 mm"),
     ) -> Work[Mapped]:
         arm, workspace = self.device(Arm), self.device(Workspace)
         model = RobotModel.load(arm.description)
@@ -80,7 +83,7 @@ class UpdateMap(Skill):
             lower, upper = workspace.lower, workspace.upper
             grid = OccupancyMap.empty(lower, upper, resolution) if previous is None else previous
             target = None if measured is None else Convex.of_fruit(measured)
-            sensing = Sensing(target_margin=target_margin)
+            sensing = Sensing(target_margin=target_margin, shadow=shadow)
             fused = yield from self.compute(_fuse, grid, frame, T_base_camera, workspace, robot, target, sensing)
         except NothingMeasured as error:
             raise self.failure("NO_DEPTH", str(error), valid=error.valid, inside=error.inside) from error

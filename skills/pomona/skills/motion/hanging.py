@@ -121,7 +121,7 @@ def sample_hanging(
         candidates in the order of preference, each with the joint solutions that can roll, and those ruled out.
     """
     rules = rules or HangingRules()
-    follow = GraspRules(solutions=6, tried_solutions=40, arm_angles=16)
+    follow = GraspRules(sigmas=1.0, solutions=6, tried_solutions=40, arm_angles=16)
     setting = grasp_setting(measured, robot, space, q_now, None, Sphere(rules.before), follow)
     knuckle = knuckle_of(measured)
     good: list[Grasp] = []
