@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, StreamedArm, Workspace
+from pomona.drivers.errors import MotionRefused
+from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Motion, StreamedArm, Trajectory, Workspace
 from pomona.drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
 from pomona.drivers.mock.arm import ROBOT
 from pomona.drivers.mock.clock import PERIOD
 from pomona.executive.skill_testing import SkillEnd, drive
-from pomona.skills.detach import Detach, held_fruit, neighbours_of
+from pomona.skills.detach import STUCK, Detach, held_fruit, neighbours_of
 from pomona.skills.geometry import transform
 from pomona.skills.motion.detaching import roll_clearance
 from pomona.skills.motion.grasp import Grasp
@@ -136,6 +137,39 @@ def test_pads_that_meet_nothing_open_again() -> None:
     rig.stem.gone = True
     end = rig.drive()
     assert code(end) == "NOT_GRIPPED"
+
+
+@pytest.mark.parametrize(("refusals", "expected"), [(2, "NOT_GRIPPED"), (3, "REFUSED")])
+def test_an_arm_that_branches_push_off_its_place_is_waited_for_before_it_goes_back(
+    refusals: int, expected: str
+) -> None:
+    rig, refused = Rig(), []
+    rig.stem.gone = True
+    follow = rig.arm.follow
+
+    def stubborn(trajectory: Trajectory) -> Motion:
+        if len(refused) < refusals:
+            refused.append(trajectory)
+            raise MotionRefused("arm", "the trajectory starts 0.27° away from the arm at joint 3")
+        return follow(trajectory)
+
+    rig.arm.follow = stubborn  # type: ignore[method-assign]
+    assert code(rig.drive()) == expected
+    assert len(refused) == refusals
+
+
+def test_fingers_that_spread_against_wood_close_again() -> None:
+    rig = Rig()
+    rig.stem.gone = True
+    widest: list[float] = []
+
+    def wood() -> None:
+        widest.append(rig.gripper.width)
+        rig.gripper.width = min(rig.gripper.width, 0.062)
+
+    drive_until(rig, "releasing", lambda: rig.clock.each_step.append(wood))
+    assert max(widest) < 0.0625
+    assert rig.gripper.width == pytest.approx(0.062 - STUCK, abs=1.5e-3)
 
 
 @pytest.mark.parametrize(("phase", "expected"), [("rolling", "SLIPPED"), ("moving back", "LOST")])

@@ -19,7 +19,7 @@ from pomona.drivers.interfaces import (
     WrenchSample,
 )
 from pomona.executive.ports import ANGLE, FORCE, LENGTH, TIME, Angle, Force, Length, Outputs, Port, Ratio, Time
-from pomona.executive.skill import Work
+from pomona.executive.skill import SkillFailure, Work
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import angle_between, rot_z
 from pomona.skills.grip.hold import take_over
@@ -55,9 +55,12 @@ ROLL_WANTED = np.radians(100.0)
 """A roll that is free so far is as good as a longer one."""
 CLEAR = -0.01
 """Least distance to a neighbour during the roll [m]; a hanging neighbour gives way by 10 mm."""
-OPENED, OPENING_SPEED, STUCK = 0.02, 0.06, 6e-3
+OPENED, OPENING_SPEED, STUCK = 0.02, 0.06, 4e-3
 """Opening beyond the present one after a failure that leaves the fruit on the tree [m], its speed [m/s], and the
-distance by which fingers that meet wood may lag it [m]: less than a gripper's supervisor allows."""
+distance by which fingers that meet wood may lag it [m]: less than a gripper's supervisor allows. They close by as much
+again: fingers that spread against wood push the arm off its place, and no path begins there."""
+SPRUNG, TRIES = 0.1, 3
+"""Time in which an arm that branches push comes to rest [s], and starts of the way back."""
 BACK_OFF, BACK_SPEED, BACK_ACCELERATION, BACK_JERK = 0.10, 0.15, 1.0, 10.0
 """Way of the empty hand back from the fruit after a failure [m, m/s, m/s², m/s³]."""
 
@@ -145,6 +148,8 @@ class Detach(MovingSkill):
         try:
             while (width := gripper.state().width) < min(start + OPENED, gripper.limits.width_max - 1e-3):
                 if OPENING_SPEED * (self.clock.now() - began) - (width - start) > STUCK:
+                    gripper.set_speed(-OPENING_SPEED)
+                    yield from self.wait(STUCK / OPENING_SPEED)
                     break
                 gripper.set_speed(OPENING_SPEED)
                 yield "releasing the fruit"
@@ -153,6 +158,15 @@ class Detach(MovingSkill):
 
     def _back_off(self) -> Work[None]:
         """Draw the open hand straight back from the fruit, as far as the arm can go."""
+        for left in reversed(range(TRIES)):
+            try:
+                return (yield from self._go_back())
+            except SkillFailure as failed:
+                if failed.failure.code != "REFUSED" or not left:
+                    raise
+            yield from self.wait(SPRUNG)
+
+    def _go_back(self) -> Work[None]:
         arm, T_base_goal = self.device(Arm), tool_pose(self)
         T_base_goal[:3, 3] -= BACK_OFF * T_base_goal[:3, 2]
         line = straight_line(RobotModel.load(arm.description), arm.state().q, T_base_goal)

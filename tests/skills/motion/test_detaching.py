@@ -112,6 +112,34 @@ def test_a_break_that_was_not_noticed_is_found_and_the_fruit_is_kept(when):
     assert control.broke_at is not None
 
 
+def test_a_stem_that_only_seemed_to_break_is_rolled_on_before_the_branch_is_drawn_far():
+    class Jerking(Stem):
+        unloaded = 0
+
+        def force(self):
+            force, moment = super().force()
+            return (np.array([0.0, 0.0, G * MASS]), 0.0) if self.unloaded else (force, moment)
+
+    stem, drawn = Jerking(STRONG, bending=0.01), []
+
+    def jerk(control):
+        stem.unloaded = 2 if control.phase is DetachPhase.ROLL and not drawn and control.roll > 1.0 else 0
+        if control.phase is DetachPhase.BACK or stem.unloaded:
+            drawn.append(stem.T[:3, 3].copy())
+
+    control = detach(stem, each=jerk)
+    assert control.problem.code == "NOTHING_BROKE"
+    assert len(drawn) > 2
+    assert np.linalg.norm(drawn[-1] - drawn[0]) < 0.02
+
+
+def test_a_stem_that_one_roll_does_not_break_is_pulled_harder_before_the_hand_turns_back():
+    stem, phases = Stem(STRONG, bending=0.01), []
+    detach(stem, each=lambda control: phases.append((control.phase, control.roll)))
+    pulled = [roll for phase, roll in phases if phase is DetachPhase.LAST_PULL]
+    assert (max(pulled), min(pulled)) == pytest.approx((2.4, -2.4), abs=0.05)
+
+
 def test_the_other_way_round_comes_second():
     stem, rolls = Stem(STRONG, bending=0.01), []
     detach(stem, (-1.0, 0.5), each=lambda control: rolls.append(control.roll))

@@ -60,6 +60,7 @@ class DetachSettings:
         broken_share, broken_force: a stem has broken when its force falls below this share of its recent maximum and
             below this force [N].
         recent: time over which that maximum is remembered [s].
+        loaded_time: time above `broken_force` while the hand moves back that shows a stem which still holds [s].
         quiet_time: time below `broken_force`, after the stem was loaded, that shows a break which was not noticed [s].
         blocked: deviation of the opening from its commands that shows wood at the fingers [m]: half of what a gripper's
             supervisor allows. blocked_fading: time constant with which it is forgiven [s].
@@ -86,7 +87,7 @@ class DetachSettings:
     last_pull_time: float = 1.2
     pull_time: float = 0.3
     outwards: tuple[float, float, float] = (0.0, 0.94, 0.34)
-    admittance: float = 0.006
+    admittance: float = 0.01
     speed_max: float = 0.12
     roll_after: float = 0.4
     roll_rate: float = np.pi / 2.0
@@ -101,6 +102,7 @@ class DetachSettings:
     carried_decay: float = 10.0
     carry_share: float = 0.6
     loaded: float = 1.2
+    loaded_time: float = 0.06
     quiet_time: float = 0.16
     broken_share: float = 0.5
     broken_force: float = 1.0
@@ -197,7 +199,7 @@ class DetachController:
         self._width_gripped = 0.0
         self._lever = np.zeros(3)  # from the knuckle to the TCP, in the TCP's frame [m]
         self._recent: list[tuple[float, float]] = []
-        self._jammed = self._empty = self._quiet = 0.0
+        self._jammed = self._empty = self._quiet = self._loaded = 0.0
         self._moved_back = self._speed_back = 0.0
         self._ending: DetachProblem | None = None
         self._opening = self._behind = 0.0  # commanded rate; commanded motion that the opening did not follow
@@ -293,10 +295,12 @@ class DetachController:
                 self._let_back(DetachProblem("SLIPPED", f"the opening fell by {1e3 * s.slip_width:.0f} mm"))
             elif self._time > s.patience:
                 self._let_back(DetachProblem("NOTHING_BROKE", f"the stem held for {s.patience:.0f} s"))
-        elif self.phase is DetachPhase.BACK and self.stem_force > 2.0 * s.pull and self._moved_back > 0.02:
-            self.broke_at = None
-            self._moved_back = self._speed_back = 0.0
-            self._enter(DetachPhase.ROLL)
+        elif self.phase is DetachPhase.BACK:
+            self._loaded = self._loaded + dt if self.stem_force > s.broken_force else 0.0
+            if self._loaded > s.loaded_time:
+                self.broke_at = None
+                self._moved_back = self._speed_back = self._loaded = 0.0
+                self._enter(DetachPhase.ROLL)
 
     def _is_blocked(self) -> bool:
         """Return True if wood pushes or blocks the fingers: until the stem has broken they follow their commands."""
@@ -307,6 +311,7 @@ class DetachController:
         return DetachProblem("JAMMED", f"{words}: something pushes or blocks the fingers")
 
     def _break(self) -> None:
+        self._loaded = 0.0
         self.broke_at, self.roll_at_break = self._time, self.roll
         self._enter(DetachPhase.BACK)
 
@@ -364,14 +369,14 @@ class DetachController:
         elif self.phase is DetachPhase.ROLL:
             self._turn_to(dt, self._rolls[self._attempt])
             if abs(self.roll - self._rolls[self._attempt]) < 0.02:
-                self._attempt += 1
-                if self._attempt == len(self._rolls):
-                    self._attempt -= 1
-                    self._enter(DetachPhase.LAST_PULL)
+                self._enter(DetachPhase.LAST_PULL)
         elif self.phase is DetachPhase.LAST_PULL:
-            self._turn_to(dt, self._rolls[-1])
+            self._turn_to(dt, self._rolls[self._attempt])
             pull = s.pull + (s.last_pull - s.pull) * min(since / s.last_pull_time, 1.0)
-            if since > 1.5 * s.last_pull_time:
+            if since > 1.5 * s.last_pull_time and self._attempt + 1 < len(self._rolls):
+                self._attempt += 1
+                self._enter(DetachPhase.ROLL)
+            elif since > 1.5 * s.last_pull_time:
                 tried = " and ".join(f"{np.degrees(roll):.0f}°" for roll in self._rolls)
                 words = f"the stem held rolls of {tried} and a pull of {s.last_pull:.0f} N"
                 self._let_back(DetachProblem("NOTHING_BROKE", words))
