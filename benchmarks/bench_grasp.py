@@ -6,8 +6,8 @@
 Fruits of 0.05 to 0.4 kg with friction 0.3 to 0.9, the centre of mass up to 15 mm off the grasp axis and up to 3 mm off
 the fingers' middle, 0.2 N of white noise on every force, lifts of up to 3 m/s². The gripper can press with 20 N a
 finger; a draw whose load needs more than that is drawn again (their number is printed). Steady force is compared with
-the theoretical least force where that lies above the 0.5 N floor. No apple bruises below 0.10 MPa of contact pressure
-(Processes 2024, 12, 543).
+the theoretical minimum grip force where that lies above the 0.5 N floor. No apple bruises below 0.10 MPa of contact
+pressure (Processes 2024, 12, 543).
 """
 
 from __future__ import annotations
@@ -247,7 +247,7 @@ def allocation_growth(count: int) -> str:
 
 
 def plot(result: TrialResult, title: str, path: Path) -> None:
-    """Force, least force, slip and rotation of one trial over time."""
+    """Grip force, its minimum, slip and rotation of one trial over time."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -257,8 +257,8 @@ def plot(result: TrialResult, title: str, path: Path) -> None:
     figure, (force, slip) = plt.subplots(2, 1, sharex=True, figsize=(8, 5), layout="constrained")
     force.plot(trace.t, trace.f_n, label="grasp force")
     force.plot(trace.t, trace.f_ref, label="reference", lw=0.8)
-    force.plot(trace.t, trace.least_sensed, label="least force, sensed", lw=0.8)
-    force.axhline(result.least, ls=":", c="k", label="least force at rest, theory")
+    force.plot(trace.t, trace.least_sensed, label="minimum grip force, sensed", lw=0.8)
+    force.axhline(result.least, ls=":", c="k", label="minimum grip force at rest, theory")
     force.set_ylabel("N")
     force.legend(fontsize=7)
     force.set_title(title, fontsize=9)

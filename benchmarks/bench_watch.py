@@ -62,13 +62,15 @@ class WatchedPath:
     nearest: float
     speed: float
     seen: float
+    duration: float
     why: str
 
 
 class Trials:
     """A cell, its map, and random paths in it."""
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, within: float = np.inf) -> None:
+        self.within = within  # latest time at which arm and hand would meet [s]
         self.cell: Cell = load_cell(find_cell("sim_watched"), seed=seed, overrides={"others": "4", "distractors": "0"})
         self.rng = np.random.default_rng([seed, 99])
         self.arm, world = self.cell.device(Arm), self.cell.devices["world"]
@@ -107,7 +109,7 @@ class Trials:
     def reach(self, path: Trajectory) -> Reach | None:
         """A hand that meets a part of the robot somewhere on its path; None where there is no room for it."""
         at = float(self.rng.uniform(0.3, 0.95)) * path.duration
-        if at < IN_TIME:
+        if not IN_TIME <= at <= self.within:
             return None
         q = np.array([np.interp(at, path.t, joint) for joint in path.q.T])
         moving = [g for g, link in enumerate(self.shape.arrays.links) if link >= 4]  # elbow to fingers
@@ -175,7 +177,7 @@ class Trials:
         code = end.reason.code if end.reason else ""
         seen, speed = float(np.mean(sights or [False])), reach.speed if reach else 0.0
         why = f"after {end.duration:.2f} s: {end.reason.message if end.reason else 'came to its end'}"
-        return WatchedPath(code == "PATH_BLOCKED", code, nearest_moving, nearest, speed, seen, why)
+        return WatchedPath(code == "PATH_BLOCKED", code, nearest_moving, nearest, speed, seen, end.duration, why)
 
     def go_back(self, q: Float64) -> None:
         """Bring the arm back without a watch; the hand is away."""
@@ -204,8 +206,9 @@ def main() -> None:
     parser.add_argument("--free", type=int, default=100, help="paths on which nothing is new")
     parser.add_argument("--unseen", type=int, default=50, help="paths against a hand that is not seen all the way")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--within", type=float, default=np.inf, help="only hands that would meet the arm by then [s]")
     asked = parser.parse_args()
-    trials, took = Trials(asked.seed), []
+    trials, took = Trials(asked.seed, asked.within), []
     look = path_watch.PathWatch.look
 
     def timed(*arguments: Any) -> Any:
@@ -241,7 +244,8 @@ def main() -> None:
             print(
                 f"contact: seen on {control.seen:.0%} of its way, {one.speed:.2f} m/s, {reach}, {one.why}", flush=True
             )
-    print(f"{asked.free} paths on which nothing is new: {sum(o.blocked for o in free)} stopped")
+    print(f"{asked.free} paths on which nothing is new: {sum(o.blocked for o in free)} stopped, "
+          f"{np.mean([o.duration for o in free] or [0.0]):.3f} s each")  # fmt: skip
     for seen in (True, False):
         chosen = [(control, one) for control, one in pairs if (control.seen >= SEEN) is seen]
         if chosen:

@@ -81,7 +81,7 @@ def sizes_plot(cells: Cells) -> str:
 
 
 def force_plot(cells: Cells) -> str:
-    """Force against the least force, and slip."""
+    """Grip force against its minimum, and slip."""
     good = [run for run in cells.good(cells.arm(REFINED)) if run["truth"].get("end_force_n")]
     with Plot(1, 2, height=3.4) as plot:
         left, right = plot.axes
@@ -97,7 +97,7 @@ def force_plot(cells: Cells) -> str:
         for factor, style in ((1.0, "-"), (1.25, "--")):
             left.plot([0.0, top / factor], [0.0, top], color=INK, linewidth=0.8, linestyle=style)
         left.set_title("Force at the end [N]")
-        left.set_xlabel("least force [N]")
+        left.set_xlabel("minimum grip force [N]")
         left.legend(frameon=False, fontsize=8, loc="lower right")
         right.set_xticks(range(5), APPLES)
         right.set_ylim(bottom=0.0)

@@ -104,7 +104,7 @@ def _tiles(cells: Cells) -> Tiles:
         ),
         Tile("median error of the dimensions", f"{size.value:.2f} mm", f"the paper's, recomputed: {paper_size:.1f} mm"),
         Tile(
-            "times the least force, median while held",
+            "times the minimum grip force, median while held",
             f"{ratio.value:.2f}",
             f"95 %: {ratio.low:.2f}–{ratio.high:.2f}; goal {FORCE_GOAL}",
             ratio.value <= FORCE_GOAL,

@@ -1,4 +1,4 @@
-"""Hooks of mkdocs for the pages of the language: tests become footnotes, and whole trees are drawn below their text."""
+"""Hooks of mkdocs: tests become footnotes, whole trees are drawn below their text, empty headers become plain cells."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pomona.executive.language.drawing import show_svg
 
 PROOF = r"`(?:[\w/]+\.py::)?test_\w+(?:\.py(?:::\w+)*)?`|`test_[\w/.:]+`"
 IN_TEXT = re.compile(rf"\s*\((?:{PROOF})(?:,\s+(?:{PROOF}))*\)")
+EMPTY_HEADER = re.compile(r"<th([^>]*)>\s*</th>")
 TREE = re.compile(r"^```yaml\n(.*?^root:\n.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
@@ -21,10 +22,10 @@ def on_page_markdown(markdown: str, **_others: Any) -> str:
 
 
 def on_page_content(html: str, page: Any, **_others: Any) -> str:
-    """A hook of mkdocs: a search lists decisions and reports after the other pages."""
+    """A hook of mkdocs: no empty headers of columns; a search lists decisions and reports after the other pages."""
     if page.file.src_uri.startswith(("decisions/", "reports/")):
         page.meta["search"] = {"boost": 0.1}
-    return html
+    return EMPTY_HEADER.sub(r"<td\1></td>", html)
 
 
 class Footnotes:

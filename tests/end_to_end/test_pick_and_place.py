@@ -20,6 +20,8 @@ def test_two_apples_are_put_into_the_crate():
     truth = executed.result.truth
     assert truth is not None
     assert truth["put_away"] == 2
+    assert truth["lifted"] is None, "it was put down on purpose"
+    assert truth["position_error_mm"] < 10.0, "of its place on the table, not in the crate"
     assert truth["drops"] == 0
     assert truth["collided_with"] == []
     tables = [event.value for event in received if isinstance(event, Published) and isinstance(event.value, TableView)]

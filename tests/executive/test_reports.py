@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 from recorded_events import started
 
+from pomona.executive.campaign.report import title
 from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.reasons import Reason
 from pomona.executive.running.events import (
@@ -77,6 +78,19 @@ def test_attempts_with_the_same_number_are_distinguished(capsys: pytest.CaptureF
 def test_the_headline_counts_the_outermost_attempts(capsys: pytest.CaptureFixture[str]) -> None:
     assert "succeeded on attempt 3 of 3" in said(capsys)[0]
     assert "on the third attempt of 3" in explain(RUN)[0]
+
+
+def test_a_single_attempt_is_not_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    summary = Summary()
+    for event in (RUN[0], attempt(1.0, "pick/Look:retry", 1, 1, True), RUN[-1]):
+        summary.on_event(event)
+    summary.print(Screen(width=200), None)
+    assert "succeeded   " in capsys.readouterr().out
+
+
+def test_a_key_of_records_is_shown_as_the_term_of_the_glossary() -> None:
+    assert figure("least_force_n", 2.0) == "minimum grip force 2 N"
+    assert title("least_force_n") == "minimum grip force [N]"
 
 
 def test_the_worlds_score_is_reported_unchanged(capsys: pytest.CaptureFixture[str]) -> None:
@@ -181,10 +195,23 @@ def test_of_a_stopped_run_the_moments_are_listed_in_the_order_of_time() -> None:
     assert what.endswith("It was stopped after 3.1 s.")
     assert why == "The reason, at 3.0 s, while Lift was running: SAFE_STOP: Ada pressed SAFE STOP."
     assert "--recover" in remedy
-    (moments,) = (paragraph for paragraph in rest if "asked for" in paragraph)
+    (moments,) = (paragraph for paragraph in rest if "Ada: acknowledge" in paragraph)
     times = [float(t) for t in re.findall(r"At (\d\.\d) s", moments)]
     assert times == [0.0, 2.5, 3.0, 3.0, 3.4], "of the late ticks the longest is told"
-    assert "So waited 1 more" in moments
+    assert "Ticks that waited 0.5 s or longer: 2." in moments
+    assert "Ada: safe stop" in moments
+
+
+def test_a_skill_that_a_stop_interrupted_has_not_failed() -> None:
+    why = explain(
+        (
+            RUN[0],
+            NodeChanged(1.0, 50, LIFT, "RUNNING", "", 1),
+            SafeStopped(2.1, 105, "the process was terminated"),
+            RunEnded(2.1, 105, "stopped", Reason(LIFT, "SAFE_STOP", "the process was terminated"), 105, 2.1, 1.0, None),
+        )
+    )[1]
+    assert why == "The reason, at 2.1 s, while Lift was running: SAFE_STOP: the process was terminated."
 
 
 def test_every_failure_code_that_can_occur_has_a_meaning_and_a_remedy() -> None:

@@ -59,6 +59,11 @@ def run(mocks: str = "mocks.yaml", *more: str, status: int = 0) -> None:
     assert main(["run", "tree.yaml", "--dry", mocks, "--quiet", *more]) == status
 
 
+def test_one_run_is_counted_in_the_singular(capsys: pytest.CaptureFixture[str]) -> None:
+    write(Path("runs/2026-01-02_good"), SUCCEEDED)
+    assert "1 run, " in say(capsys, "runs", "list")
+
+
 def test_list_shows_how_each_run_ended(capsys: pytest.CaptureFixture[str]) -> None:
     write(Path("runs/2026-01-01_failed"), FAILED)
     write(Path("runs/2026-01-02_good"), SUCCEEDED)

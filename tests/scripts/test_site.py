@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
+from markdown import markdown
 from mkdocs.config import load_config
 
 from pomona.executive.language.outline import show_text
 from pomona.executive.nodes import NodeTypes
 from scripts.mathml import on_page_content
 from scripts.node_examples import EXAMPLES, beside, document_of
-from scripts.proofs import on_page_markdown
+from scripts.proofs import on_page_content as clean_page, on_page_markdown
 from tests.executive.dashboard.test_contrast import contrast
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -35,6 +37,14 @@ def test_every_word_of_the_language_has_an_example_that_reads_and_is_drawn() -> 
         assert [found.message for found in document.findings if found.severity == "error"] == [], word
         assert word in show_text(document)
         assert "<svg" in beside(word)
+
+
+def test_no_column_has_an_empty_header() -> None:
+    page = SimpleNamespace(file=SimpleNamespace(src_uri="decisions/house-lines.md"), meta={})
+    text = (ROOT / "docs" / page.file.src_uri).read_text(encoding="utf-8")
+    html = markdown(text, extensions=["tables"])
+    assert re.search(r"<th[^>]*></th>", html)
+    assert not re.search(r"<th[^>]*></th>", clean_page(html, page))
 
 
 def test_proofs_become_footnotes_and_whole_trees_are_drawn() -> None:

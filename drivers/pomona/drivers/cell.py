@@ -42,6 +42,7 @@ STOPPING = 1.0  # seconds for a safe stop of a device, and for the supervisor pr
 
 COUNTS_MOST = (
     "lifted",
+    "put_away",
     "drops",
     "lost",
     "collisions",

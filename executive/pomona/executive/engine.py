@@ -92,6 +92,6 @@ def one_per_core() -> int:
 def add_engine_options(parser: Any) -> None:
     """`--engine`, `--workers` and `--address` of a subcommand."""
     names = sorted(entry.name for entry in entry_points(group=GROUP))
-    parser.add_argument("--engine", default="local", choices=names, help="where the work is done (default: local)")
+    parser.add_argument("--engine", default="local", choices=names, help="where processes run (default: local)")
     parser.add_argument("--workers", type=int, default=None, help="processes at once (default: one per core)")
     parser.add_argument("--address", help="of a Ray cluster, HOST:PORT (default: Ray on this machine alone)")

@@ -74,7 +74,7 @@ class Approach(MovingSkill):
         acceleration: Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")] = ACCELERATION("1 m/s²"),
         contact: Annotated[Force, Port(min="0.3 N", help="change of force that counts as a touch")] = FORCE("1.5 N"),
         clearance: Annotated[
-            Length, Port(min="0 mm", help="kept by the links; gripper and fingers keep a share")
+            Length, Port(min="0 mm", help="distance of the links to obstacles; less for the gripper")
         ] = LENGTH("5 mm"),
     ) -> Work[None]:
         arm, gripper = self.device(Arm), self.device(Gripper)

@@ -58,11 +58,9 @@ class CountFruit(Skill):
     def run(
         self,
         looked: Annotated[AllDetections | None, Port(help="detections in the frame")] = None,
-        finds: Annotated[
-            FrameSightings | None, Port(help="the same fruit as measured; those of another frame are not used")
-        ] = None,
-        unreadable: Annotated[str, Port(help="why the frame could not be searched; it keeps its row")] = "",
-        frames: Annotated[int, Port(min=0, help="number of frames in all; 0: unknown")] = 0,
+        finds: Annotated[FrameSightings | None, Port(help="measured fruit of this frame; others are ignored")] = None,
+        unreadable: Annotated[str, Port(help="why the frame could not be searched; its row is kept")] = "",
+        frames: Annotated[int, Port(min=0, help="total number of frames; 0: unknown")] = 0,
         join: Annotated[bool, Port(help="estimate the camera's motion between frames that do not give it")] = True,
         out: Annotated[str, Port(help="new folder for tables, page and pictures; nothing is written without it")] = "",
     ) -> Work[FruitCount]:

@@ -97,16 +97,18 @@ class Detach(MovingSkill):
 
     def run(
         self,
-        grasp: Annotated[Grasp, Port(help="where the hand stands, with the fruit between its open fingers")],
+        grasp: Annotated[Grasp, Port(help="pose of the hand, with the fruit between its open fingers")],
         others: Annotated[
-            AllDetections | None, Port(help="fruit of the same look: the hand rolls away from them")
+            AllDetections | None, Port(help="other fruit of the same look; the hand rolls away from them")
         ] = None,
-        map: Annotated[OccupancyMap | None, Port(help="what is in the way; the target is left out of it")] = None,
+        map: Annotated[OccupancyMap | None, Port(help="obstacles, without the target")] = None,
         clearance: Annotated[
-            Length, Port(min="0 mm", help="kept by the links; gripper and fingers keep a share")
+            Length, Port(min="0 mm", help="distance of the links to obstacles; less for the gripper")
         ] = LENGTH("4 mm"),
-        pull: Annotated[Force, Port(min="0 N", max="10 N", help="by which the fruit is drawn")] = FORCE("3 N"),
-        roll: Annotated[Angle, Port(min="60 deg", max="150 deg", help="at most, either way")] = ANGLE("140 deg"),
+        pull: Annotated[Force, Port(min="0 N", max="10 N", help="force with which the fruit is pulled")] = FORCE("3 N"),
+        roll: Annotated[Angle, Port(min="60 deg", max="150 deg", help="maximum roll in both directions")] = ANGLE(
+            "140 deg"
+        ),
         mu: Annotated[Ratio, Port(min=0.1, max=2.0, help="assumed friction of the pads")] = 0.6,
         watchdog: Annotated[
             Time, Port(min="50 ms", max="1 s", help="the arm comes to rest when no set-point arrives for this long")

@@ -45,26 +45,26 @@ class Detect(LookingSkill):
 
     def run(
         self,
-        fruit: Annotated[str, Port(help="which fruit to look for: a name in the catalogue, or a path")],
-        target: Annotated[str, Port(choices=POLICIES, help="which one, when there are several")] = "nearest",
-        index: Annotated[int, Port(min=0, max=99, help="place by falling score, for target: index")] = 0,
+        fruit: Annotated[str, Port(help="fruit to detect: a name in the catalogue, or a path")],
+        target: Annotated[str, Port(choices=POLICIES, help="choice among several fruit")] = "nearest",
+        index: Annotated[int, Port(min=0, max=99, help="rank by score from 0, for target: index")] = 0,
         reselect: Annotated[
             Literal["freely", "last", "never"],
             Port(
-                help="choose fruit that was chosen before: like any other, as a last choice, or never",
+                help="whether fruit may be chosen again: freely, as a last choice, or never",
                 was="again",
             ),
         ] = "last",
         max_selections: Annotated[
-            int, Port(min=1, help="how often one fruit may be chosen, for reselect: never", was="times")
+            int, Port(min=1, help="maximum number of choices of one fruit, for reselect: never", was="times")
         ] = 1,
-        score: Annotated[Ratio, Port(min=0.0, max=1.0, help="least belief that it is this fruit")] = 0.6,
+        score: Annotated[Ratio, Port(min=0.0, max=1.0, help="minimum detection score")] = 0.6,
         fallback_score: Annotated[
             Ratio,
             Port(
                 min=0.0,
                 max=1.0,
-                help="least belief from the second look on, when no surer new fruit is left; 1: never",
+                help="minimum score from the second look on, if no new fruit has a higher one; 1: never",
                 was="unsure",
             ),
         ] = 1.0,

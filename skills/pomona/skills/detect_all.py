@@ -24,17 +24,17 @@ class DetectAll(LookingSkill):
 
     def run(
         self,
-        fruit: Annotated[str, Port(help="which fruit to look for: a name in the catalogue, or a path")],
-        score: Annotated[Ratio, Port(min=0.0, max=1.0, help="least belief that it is this fruit")] = 0.6,
+        fruit: Annotated[str, Port(help="fruit to detect: a name in the catalogue, or a path")],
+        score: Annotated[Ratio, Port(min=0.0, max=1.0, help="minimum detection score")] = 0.6,
         max_age: Annotated[Time, Port(min="1 ms", max="60 s", help="older frames are refused")] = TIME("500 ms"),
         working_width: Annotated[
             int, Port(min=64, max=4096, help="width at which the whole picture is searched [px]")
         ] = 320,
         max_places: Annotated[
-            int, Port(min=1, max=1000, help="places that are looked at closely, surest first", was="most")
+            int, Port(min=1, max=1000, help="maximum number of close looks, highest score first", was="most")
         ] = 100,
         least: Annotated[
-            int, Port(min=0, help="fewer fail with NOTHING_FOUND; with 0, a frame without fruit succeeds")
+            int, Port(min=0, help="minimum number of fruit, else NOTHING_FOUND; 0: success without fruit")
         ] = 1,
     ) -> Work[AllDetected]:
         model = self.fruit_model(fruit)

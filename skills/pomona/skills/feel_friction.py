@@ -69,7 +69,7 @@ class FeelFriction(MovingSkill):
         distance: Annotated[Length, Port(min="0.5 mm", max="5 mm", help="path of the slides")] = LENGTH("2 mm"),
         speed: Annotated[Speed, Port(min="1 mm/s", max="30 mm/s")] = SPEED("20 mm/s"),
         min_rel_uncertainty: Annotated[
-            Ratio, Port(min=0.0, max=0.5, help="smallest relative uncertainty of the result", was="least")
+            Ratio, Port(min=0.0, max=0.5, help="lower bound of the relative uncertainty of the result", was="least")
         ] = 0.04,
     ) -> Work[Felt]:
         if not hold.holds:

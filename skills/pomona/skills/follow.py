@@ -35,8 +35,10 @@ class Follow(MovingSkill):
     def run(
         self,
         path: Trajectory,
-        map: Annotated[OccupancyMap | None, Port(help="known obstacles, which the cameras need not report")] = None,
-        grasp: Annotated[Grasp | None, Port(help="its fruit is known to be there, too")] = None,
+        map: Annotated[
+            OccupancyMap | None, Port(help="known obstacles; the watched path does not report them as new")
+        ] = None,
+        grasp: Annotated[Grasp | None, Port(help="grasp of a fruit that is known, too")] = None,
     ) -> Work[None]:
         arm = self.device(Arm)
         try:

@@ -25,9 +25,9 @@ class KeepTally(Skill):
 
     def run(
         self,
-        detection: Annotated[Detection, Port(help="the fruit as it was found")],
+        detection: Annotated[Detection, Port(help="detected fruit")],
         measured: Annotated[
-            MeasuredFruit | None, Port(help="the same fruit measured; another look's measurement is not used")
+            MeasuredFruit | None, Port(help="measurement of the same fruit; one of another look is ignored")
         ] = None,
         outcome: Annotated[str, Port(help=f"{DONE}, or another outcome")] = DONE,
         why: Annotated[str, Port(help="the reason, for the operator")] = "",

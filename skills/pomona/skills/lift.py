@@ -65,26 +65,30 @@ class Lift(MovingSkill):
 
     def run(
         self,
-        height: Annotated[Length, Port(min="1 mm", max="1 m", help="how far up")] = LENGTH("150 mm"),
-        hold: Annotated[Hold | None, Port(help="the grip that goes on while lifting")] = None,
+        height: Annotated[Length, Port(min="1 mm", max="1 m", help="height of the lift")] = LENGTH("150 mm"),
+        hold: Annotated[Hold | None, Port(help="grip that continues during the lift")] = None,
         grasp: Annotated[
-            Grasp | None, Port(help="of the held fruit, which is then checked for collision as part of the robot")
+            Grasp | None, Port(help="grasp of the held fruit; collision checks include this fruit")
         ] = None,
         map: Annotated[OccupancyMap | None, Port(help="obstacles")] = None,
         clearance: Annotated[
-            Length, Port(min="0 mm", help="kept by the links; gripper and fingers keep a share")
+            Length, Port(min="0 mm", help="distance of the links to obstacles; less for the gripper")
         ] = LENGTH("5 mm"),
         speed: Annotated[Speed, Port(min="1 mm/s", max="1 m/s")] = SPEED("0.25 m/s"),
         acceleration: Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")] = ACCELERATION("1 m/s²"),
         deceleration: Annotated[
             Acceleration,
             Port(
-                min="0 m/s²", max="3 m/s²", help="at the top, where it takes load off the pads; 0: as the acceleration"
+                min="0 m/s²",
+                max="3 m/s²",
+                help="deceleration at the top, where it unloads the pads; 0: as the acceleration",
             ),
         ] = ACCELERATION("0 m/s²"),
-        hold_time: Annotated[Time, Port(min="0 s", help="how long it is watched at the top", was="keep")] = TIME("0 s"),
+        hold_time: Annotated[
+            Time, Port(min="0 s", help="time for which the fruit is monitored at the top", was="keep")
+        ] = TIME("0 s"),
         settle_within: Annotated[
-            Time, Port(min="0 s", help="longest wait at the top until the grip has come to rest")
+            Time, Port(min="0 s", help="maximum wait at the top until the grip is at rest")
         ] = TIME("0 s"),
     ) -> Work[None]:
         arm = self.device(Arm)

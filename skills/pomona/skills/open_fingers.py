@@ -33,10 +33,10 @@ class OpenFingers(MovingSkill):
     def run(
         self,
         grasp: Grasp,
-        path: Annotated[Trajectory, Port(help="on which the arm is meanwhile")],
+        path: Annotated[Trajectory, Port(help="path that the arm follows at the same time")],
         map: Annotated[OccupancyMap | None, Port(help="obstacles, without the target")] = None,
         clearance: Annotated[
-            Length, Port(min="0 mm", help="kept by the links; gripper and fingers keep a share")
+            Length, Port(min="0 mm", help="distance of the links to obstacles; less for the gripper")
         ] = LENGTH("5 mm"),
     ) -> Work[None]:
         gripper = self.device(Gripper)

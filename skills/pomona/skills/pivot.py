@@ -39,7 +39,7 @@ class Pivot(Skill):
             Length,
             Port(min="0.5 mm", help="largest distance of the fruit's centre from the vertical through the fingers"),
         ] = LENGTH("4 mm"),
-        patience: Annotated[Time, Port(min="0.5 s", help="longest time")] = TIME("8 s"),
+        patience: Annotated[Time, Port(min="0.5 s", help="maximum time")] = TIME("8 s"),
     ) -> Work[None]:
         if not hold.holds:
             raise self.failure("NOT_HELD", "no fruit is held that could pivot")

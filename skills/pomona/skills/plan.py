@@ -49,17 +49,17 @@ class Plan(Skill):
 
     def run(
         self,
-        to: Annotated[GraspCandidates, Port(help="goals; reaching any one of them will do")],
+        to: Annotated[GraspCandidates, Port(help="goals; the path leads to any one of them")],
         map: Annotated[OccupancyMap, Port(help="obstacles, without the target")],
         planner: Annotated[str, Port(choices=tuple(PLANNERS))] = "RRTConnect",
         improve: Annotated[
-            str, Port(choices=("none", *OPTIMISING), help="for the rest of the budget")
+            str, Port(choices=("none", *OPTIMISING), help="planner that improves the path for the rest of the budget")
         ] = "InformedRRTstar",
         budget: Annotated[Time, Port(min="1 ms", max="60 s", help="planning time on an unloaded core")] = TIME(
             "200 ms"
         ),
         clearance: Annotated[
-            Length, Port(min="2 mm", help="kept by the links; gripper and fingers keep a share")
+            Length, Port(min="2 mm", help="distance of the links to obstacles; less for the gripper")
         ] = LENGTH("10 mm"),
         map_age: Annotated[Time, Port(min="0 s", help="an older map is stale")] = TIME("2 min"),
         direct: Annotated[bool, Port(help="try straight joint motions first; the paper does not")] = True,

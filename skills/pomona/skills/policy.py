@@ -47,7 +47,7 @@ class Policy(MovingSkill):
             "150 ms"
         ),
         still: Annotated[
-            Angle, Port(min="0.01 deg", help="it has arrived when no joint is to move further than this")
+            Angle, Port(min="0.01 deg", help="the policy has arrived when no joint is to move further than this")
         ] = ANGLE("0.5 deg"),
     ) -> Work[None]:
         network = self._network(weights)

@@ -75,9 +75,7 @@ class Refine(Skill):
 
     def run(
         self,
-        detection: Annotated[
-            Detection, Port(help="the fruit as the detector saw it, posed as if it had the CAD model's size")
-        ],
+        detection: Annotated[Detection, Port(help="detected fruit, at the pose for a fruit of the CAD model's size")],
         method: Annotated[
             Literal["shape", "uniform", "paper", "none"],
             Port(
@@ -85,20 +83,20 @@ class Refine(Skill):
             ),
         ] = "shape",
         earlier: Annotated[
-            MeasuredFruit | None, Port(help="the same fruit, measured from another place: its looks are fused in")
+            MeasuredFruit | None, Port(help="measurement of the same fruit from another viewpoint; its looks are fused")
         ] = None,
         inlier_band: Annotated[
             Length,
             Port(min="0.5 mm", max="50 mm", help="depth agrees within this, or within its noise if larger"),
         ] = LENGTH("4 mm"),
-        min_inliers: Annotated[Ratio, Port(min=0.0, max=1.0, help="least share of the depth that must agree")] = 0.3,
-        smallest: Annotated[Ratio, Port(min=0.01, max=1.0, help="least accepted size relative to the CAD model")] = 0.4,
-        largest: Annotated[
-            Ratio, Port(min=1.0, max=10.0, help="greatest accepted size relative to the CAD model")
-        ] = 1.6,
+        min_inliers: Annotated[
+            Ratio, Port(min=0.0, max=1.0, help="minimum fraction of the depth that must agree")
+        ] = 0.3,
+        smallest: Annotated[Ratio, Port(min=0.01, max=1.0, help="minimum size relative to the CAD model")] = 0.4,
+        largest: Annotated[Ratio, Port(min=1.0, max=10.0, help="maximum size relative to the CAD model")] = 1.6,
         renderer: Annotated[
             Literal["pyrender", "zbuffer"],
-            Port(help="of the virtual depth; zbuffer also where pyrender fails"),
+            Port(help="renderer of the virtual depth; zbuffer is the fallback of pyrender"),
         ] = "pyrender",
     ) -> Work[Refined]:
         workspace = self.device(Workspace)

@@ -49,35 +49,32 @@ class Release(PoseSkill):
     def run(
         self,
         into: Annotated[
-            str | None, Port(help="a pose of the cell file to go to first, above where the fruit is put")
+            str | None, Port(help="pose of the cell file above the place for the fruit; the arm moves there first")
         ] = None,
         variation: Annotated[int, Port(min=1, help="1 is the pose itself, 2 its pose_2 and so on, around")] = 1,
-        depth: Annotated[Length, Port(min="1 mm", max="1 m", help="how far down to search for a support")] = LENGTH(
-            "150 mm"
-        ),
+        depth: Annotated[Length, Port(min="1 mm", max="1 m", help="maximum distance of lowering")] = LENGTH("150 mm"),
         grasp: Annotated[
-            Grasp | None, Port(help="the grasp by which the fruit is held: it is then part of the robot on the way")
+            Grasp | None, Port(help="grasp of the held fruit; collision checks include this fruit")
         ] = None,
-        hold: Annotated[Hold | None, Port(help="the grip that goes on until the fruit is released")] = None,
+        hold: Annotated[Hold | None, Port(help="grip that continues until the fruit is released")] = None,
         map: Annotated[OccupancyMap | None, Port(help="obstacles")] = None,
         clearance: Annotated[
-            Length, Port(min="0 mm", help="kept by the links; gripper and fingers keep a share")
+            Length, Port(min="0 mm", help="distance of the links to obstacles; less for the gripper")
         ] = LENGTH("5 mm"),
         upright: Annotated[
-            Angle, Port(min="1 deg", max="180 deg", help="the fruit is tilted by no more than this on the way")
+            Angle, Port(min="1 deg", max="180 deg", help="maximum tilt of the fruit during the motion")
         ] = ANGLE("180 deg"),
         contact: Annotated[Force, Port(min="0.1 N", help="change of load that shows contact")] = FORCE("0.35 N"),
-        speed: Annotated[Speed, Port(min="1 mm/s", max="0.1 m/s", help="at which the fruit is lowered")] = SPEED(
-            "0.02 m/s"
-        ),
-        fast: Annotated[Speed, Port(min="1 mm/s", max="0.5 m/s", help="used while nothing known is near")] = SPEED(
+        speed: Annotated[Speed, Port(min="1 mm/s", max="0.1 m/s", help="speed of lowering")] = SPEED("0.02 m/s"),
+        fast: Annotated[Speed, Port(min="1 mm/s", max="0.5 m/s", help="speed while no known object is near")] = SPEED(
             "0.25 m/s"
         ),
         slow_within: Annotated[
             Length, Port(min="5 mm", max="200 mm", help="height over the known support at which lowering slows down")
         ] = LENGTH("15 mm"),
         acceleration: Annotated[
-            Acceleration, Port(min="0.5 m/s²", max="5 m/s²", help="largest of the held fruit on the way to the pose")
+            Acceleration,
+            Port(min="0.5 m/s²", max="5 m/s²", help="maximum acceleration of the held fruit on the way to the pose"),
         ] = CARRIED_ACCELERATION,
         start_free: Annotated[
             bool, Port(help="map cells that the arm occupies at the start are free: branches that bend aside")

@@ -65,15 +65,13 @@ class SampleGrasp(Skill):
         alpha_max: Angle = ANGLE("360 deg"),
         alphas: Annotated[int, Port(min=1)] = 12,
         clearance: Annotated[
-            Length, Port(min="2 mm", help="kept by the links; gripper and fingers keep a share")
+            Length, Port(min="2 mm", help="distance of the links to obstacles; less for the gripper")
         ] = LENGTH("10 mm"),
         sigmas: Annotated[
             Ratio, Port(min=0.0, max=10.0, help="clearance in standard deviations of the measurement")
         ] = 2.0,
-        count: Annotated[int, Port(min=0, help="how many candidates to give at most; 0 gives all")] = 0,
-        check: Annotated[
-            bool, Port(help="exclude grasps without a free approach; the paper leaves that to planning")
-        ] = True,
+        count: Annotated[int, Port(min=0, help="maximum number of candidates; 0: all")] = 0,
+        check: Annotated[bool, Port(help="exclude grasps without a free approach; the paper: no")] = True,
     ) -> Work[Sampled]:
         arm, workspace = self.device(Arm), self.device(Workspace)
         self._tried.begin(around)

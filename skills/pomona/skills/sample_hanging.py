@@ -48,14 +48,14 @@ class SampleHanging(Skill):
     def run(
         self,
         around: Annotated[MeasuredFruit, Port(help="the refined fruit")],
-        map: Annotated[OccupancyMap | None, Port(help="what is in the way; the target is left out of it")] = None,
+        map: Annotated[OccupancyMap | None, Port(help="obstacles, without the target")] = None,
         tried: Annotated[Grasp | None, Port(help="the candidate of the previous attempt")] = None,
         clearance: Annotated[
-            Length, Port(min="0 mm", help="kept by the links; gripper and fingers keep a share")
+            Length, Port(min="0 mm", help="distance of the links to obstacles; less for the gripper")
         ] = LENGTH("6 mm"),
-        before: Annotated[Length, Port(min="50 mm", max="200 mm", help="of the pre-grasp from the grasp")] = LENGTH(
-            "100 mm"
-        ),
+        before: Annotated[
+            Length, Port(min="50 mm", max="200 mm", help="distance of the pre-grasp from the grasp")
+        ] = LENGTH("100 mm"),
         enough: Annotated[int, Port(min=1, help="candidates after which the sampling ends")] = 4,
     ) -> Work[HangingSampled]:
         arm = self.device(Arm)

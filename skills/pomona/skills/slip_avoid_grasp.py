@@ -67,17 +67,19 @@ class SlipAvoidGrasp(Skill):
 
     def run(
         self,
-        fruit: Annotated[MeasuredFruit | None, Port(help="its size decides where the fingers move fast")] = None,
+        fruit: Annotated[
+            MeasuredFruit | None, Port(help="measured fruit; beyond its size the fingers move fast")
+        ] = None,
         mu: Annotated[Ratio, Port(min=0.05, max=3.0, help="friction coefficient between pad and fruit")] = 0.75,
-        mu_uncertainty: Annotated[Ratio, Port(min=0.0, max=0.5, help="relative, covered by more force")] = 0.1,
+        mu_uncertainty: Annotated[
+            Ratio, Port(min=0.0, max=0.5, help="relative uncertainty of mu; raises the force")
+        ] = 0.1,
         delta: Annotated[Length, Port(help="contact radius at 1 N")] = LENGTH("4.353 mm"),
         gamma: Annotated[Ratio, Port(min=0.0, max=1.0, help="exponent of the contact radius over the force")] = 0.2569,
         k: Annotated[Ratio, Port(min=1.0, max=100.0, help="shape of the pressure; 2 is Hertz's")] = 4.0,
         surface: Annotated[Literal["exact", "ellipsoid"], Port(help="limit surface")] = "exact",
         margin: Annotated[Ratio, Port(min=1.0, max=3.0, help="factor on the minimum grip force")] = 1.125,
-        reserve: Annotated[
-            Force, Port(min="0 N", max="10 N", help="push at the fruit that the grip withstands")
-        ] = FORCE("0 N"),
+        reserve: Annotated[Force, Port(min="0 N", max="10 N", help="expected disturbance force")] = FORCE("0 N"),
         offset: Annotated[
             Length, Port(min="0 mm", max="50 mm", help="largest distance of the fruit's centre from the grip")
         ] = LENGTH("3 mm"),
@@ -88,7 +90,8 @@ class SlipAvoidGrasp(Skill):
             "14 N"
         ),
         stiffness: Annotated[
-            Stiffness, Port(min="100 N/m", max="100 kN/m", help="stiffness of the pads: grasp force over closing")
+            Stiffness,
+            Port(min="100 N/m", max="100 kN/m", help="stiffness of the pads: grasp force per closing distance"),
         ] = STIFFNESS("2000 N/m"),
         law: Annotated[
             str, Port(choices=tuple(law.value for law in ForceLaw), help="for comparison")

@@ -22,11 +22,11 @@ class Tabulate(Skill):
 
     def run(
         self,
-        detection: Annotated[Detection, Port(help="the fruit as it was found")],
-        measured: Annotated[MeasuredFruit | None, Port(help="the same fruit as it was measured")] = None,
-        why: Annotated[str, Port(help="why it was not measured; another fruit's measurement is not used")] = "",
+        detection: Annotated[Detection, Port(help="detected fruit")],
+        measured: Annotated[MeasuredFruit | None, Port(help="measurement of the fruit")] = None,
+        why: Annotated[str, Port(help="why it was not measured; then `measured` is ignored")] = "",
         so_far: Annotated[
-            FrameSightings | None, Port(help="detections in the frame; those of another frame are not used")
+            FrameSightings | None, Port(help="earlier rows of this frame; rows of another frame are ignored")
         ] = None,
     ) -> Tabulated:
         before = so_far.sightings if so_far is not None and so_far.frame is detection.frame else ()

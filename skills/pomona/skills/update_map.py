@@ -46,16 +46,18 @@ class UpdateMap(Skill):
     def run(
         self,
         measured: Annotated[
-            MeasuredFruit | None, Port(help="the fruit to be picked; its look is fused and its shape left out")
+            MeasuredFruit | None, Port(help="fruit to pick; its look is fused, its shape stays free")
         ] = None,
-        detection: Annotated[Detection | None, Port(help="its look is fused when nothing was measured")] = None,
+        detection: Annotated[
+            Detection | None, Port(help="detection whose look is fused if nothing was measured")
+        ] = None,
         previous: Annotated[
-            OccupancyMap | None, Port(help="an earlier map to add to; without it the map starts afresh")
+            OccupancyMap | None, Port(help="earlier map to extend; without it the map starts empty")
         ] = None,
         resolution: Annotated[Length, Port(min="5 mm", max="50 mm", help="edge of a cell")] = LENGTH("10 mm"),
         max_age: Annotated[Time, Port(min="0 s", help="largest age of the look")] = TIME("5 s"),
         target_margin: Annotated[
-            Length, Port(min="0 mm", max="50 mm", help="depth this close to the fruit counts as the fruit's")
+            Length, Port(min="0 mm", max="50 mm", help="depth within this distance counts as the fruit")
         ] = LENGTH("10 mm"),
         shadow: Annotated[
             Length, Port(min="0 mm", max="200 mm", help="depth behind a seen surface that counts as blocked, too")

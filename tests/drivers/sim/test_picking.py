@@ -19,7 +19,7 @@ def test_a_scripted_probe_picks_the_fruit(open_cell, probe_of, pick_with, fruit,
     assert truth["drops"] == truth["lost"] == 0
     assert truth["collisions"] == 0
     assert truth["least_force_n"] < truth["peak_force_n"]
-    # The least force is what friction needs for the weight, a little more while accelerating upwards.
+    # The minimum grip force is what friction needs for the weight, a little more while accelerating upwards.
     needed = truth["mass_kg"] * 9.81 / truth["friction"]
     assert needed < truth["least_force_n"] < 1.35 * needed
 
@@ -61,11 +61,14 @@ def test_touching_the_table_is_counted_as_a_collision(open_cell, probe_of):
 def test_a_fruit_that_stands_in_the_crate_is_put_away_and_not_dropped(open_cell, probe_of, pick_with):
     cell = open_cell(seed=4, fruit="apple_4")
     world = probe_of(cell).world
-    assert world.truth()["put_away"] == 0
+    before = world.truth()
+    assert before["put_away"] == 0
     world.state.joint("fruit_0").qpos[:3] = [0.395, 0.045, -0.07]
     cell.clock.advance(1.0)
+    world.looked()
     truth = world.truth()
     assert truth["put_away"] == 1
+    assert truth["T_base_fruit_at_look"] == before["T_base_fruit_at_look"], "a fruit in the crate is not measured"
     assert truth["fruits"][0]["inside"] == "crate"
     assert truth["drops"] == 0
     assert abs(truth["fruits"][0]["T_base_fruit"][2][3] - (-0.112 + 0.032)) < 0.004  # on the floor, 8 mm thick

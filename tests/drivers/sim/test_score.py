@@ -1,4 +1,4 @@
-"""The score's least force is where the engine itself lets a held fruit slip."""
+"""The score's minimum grip force is where the engine itself lets a held fruit slip."""
 
 from types import SimpleNamespace
 

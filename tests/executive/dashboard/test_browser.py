@@ -30,6 +30,7 @@ from pomona.executive.running.events import (
     SafeStopped,
     StateChanged,
 )
+from pomona.executive.values.failure_codes import failure_codes
 from pomona.executive.views import ImageView, Line2, Points3, SceneView, SeriesView, TableView
 
 pytestmark = pytest.mark.browser
@@ -168,6 +169,22 @@ def test_a_replay_of_a_stopped_run_shows_the_skill_interrupted(show: Show, open_
     expect(replay.locator("#connection")).to_have_text("recorded run")
     expect(row(replay, "Hold").locator(".icon")).to_have_attribute("aria-label", "interrupted")
     expect(row(replay, "Hold once more").locator(".icon")).to_have_attribute("aria-label", "idle, last result success")
+
+
+def test_a_skill_that_the_stop_refuses_stays_red(show: Show, open_page: Open) -> None:
+    page = open_page()
+    expect(page.locator("#connection")).to_have_text("connected")
+    page.evaluate(Path(__file__).with_name("refused_by_the_stop.js").read_text(encoding="utf-8"))
+    expect(row(page, "Lift")).to_have_class(re.compile(r"\bbad\b"))
+    expect(row(page, "Feel")).to_have_class(re.compile(r"\bpast\b"))
+    expect(page.locator("#why")).to_have_text(re.compile(r"^■ Stopped: SAFE_STOP safe stop by ada\.$"))
+
+
+def test_a_failed_run_shows_the_remedy_of_its_code(show: Show, open_page: Open) -> None:
+    page = open_page()
+    show.run("pomona: 1\ntree: late\nroot:\n  fail: {code: TIMEOUT, message: too slow}\n")
+    expect(page.locator("#why .remedy")).to_have_text(re.compile(f"^Remedy: {failure_codes()['TIMEOUT'].remedy[:12]}"))
+    expect(page.locator("#why")).not_to_contain_text("`")
 
 
 def test_a_failed_run_is_explained_in_words_with_data(show: Show, open_page: Open) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from shown_runs import HOLD, Show
+from shown_runs import HOLD, SIZES, Show
 
 pytestmark = pytest.mark.browser
 
@@ -102,6 +102,43 @@ def test_a_stretch_of_the_curves_is_zoomed_into_and_a_double_click_goes_back(
     page.wait_for_function(f"(place) => {moment} !== place", arg=before)  # the shorter stretch has it elsewhere
     plot.dblclick()
     page.wait_for_function(f"(place) => {moment} === place", arg=before)
+
+
+def test_lane_and_row_of_the_running_skill_are_in_sight_at_any_moment(
+    show: Show, open_page: Callable[..., Any]
+) -> None:
+    rests = "".join(f"    - Rest: {{}}\n      name: Rest {i}\n" for i in range(30))
+    show.record(f"pomona: 1\ntree: long\nroot:\n  sequence:\n{rests}", "old_1")
+    page = open_page("run=old_1&t=2.85", viewport={"width": 1280, "height": 800})
+    expect(page.locator("#connection")).to_have_text("recorded run")
+    row = page.locator(".row.busy.leaf")
+    expect(row).to_contain_text("Rest 28")
+    expect(row).to_be_in_viewport()
+    expect(page.locator("#node .about")).to_contain_text("Rest 28")  # nothing is chosen yet
+    timeline = page.locator("#timeline")
+    expect(timeline).to_have_attribute("data-first", re.compile("2[0-8]"))
+    timeline.press("Home")
+    expect(timeline).to_have_attribute("data-first", "0")
+
+
+GRIP = """async () => { // four forces, a speed and a width
+    const { page } = await import("/static/page.js");
+    const { apply } = await import("/static/store.js");
+    const names = ["force [N]", "reference [N]", "least [N]", "load [N]", "slip [mm/s]", "width [mm]"];
+    const values = Object.fromEntries(names.map((name) => [name, [1, 2]]));
+    const value = { type: "SeriesView", t: [0, 1], values };
+    apply(page.live.whole, { event: "Published", topic: "grip", t: 1, value });
+    page.dirty = true;
+}"""
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES.values())
+def test_all_curves_are_in_sight(show: Show, open_page: Callable[..., Any], width: int, height: int) -> None:
+    page = open_page(viewport={"width": width, "height": height})
+    expect(page.locator("#connection")).to_have_text("connected")
+    page.evaluate(GRIP)
+    expect(page.locator("#plots .plot")).to_have_count(3)
+    assert page.locator("#plots").evaluate("(plots) => plots.scrollWidth <= plots.clientWidth + 1")
 
 
 PICK = """() => { // clicks all over the scene, until something is hit

@@ -159,6 +159,18 @@ def test_a_run_that_is_prepared_is_shown_with_its_progress_and_is_stopped(show: 
     expect(page.locator("#problem")).to_be_hidden()
 
 
+def test_the_run_before_is_dimmed_while_another_one_is_prepared(show: Show, open_page: Open) -> None:
+    page = open_page()
+    show.run("pomona: 1\ntree: demo\nroot:\n  Rest: {}\n")
+    expect(page.locator("#state")).to_have_text("✓ success")
+    show.dashboard.control.prepare("pick_apple")
+    expect(page.locator("#preparing-words")).to_contain_text("Below: the run before")
+    expect(page.locator("#run-view")).to_have_css("opacity", "0.45")
+    expect(page.locator("#clock")).to_have_text("")
+    show.dashboard.control.clear("cancelled")
+    expect(page.locator("#run-view")).to_have_css("opacity", "1")
+
+
 def test_the_banner_claims_no_unreported_rest(show: Show, open_page: Open) -> None:
     page = open_page()
     show.run(HOLD)

@@ -17,7 +17,7 @@ from pomona.executive.errors import UsageError
 from pomona.executive.recording.evidence import gather, read_hazards
 from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.recording.recorder import Recorder
-from pomona.executive.running.events import Event, OperatorActed, Published, RunEnded, TickOverran
+from pomona.executive.running.events import Event, NodeChanged, OperatorActed, Published, RunEnded, TickOverran
 from pomona.executive.views import SeriesView
 
 CELL = "name: sim\ndevices:\n  gripper: {force_max: 20 N}\n  fingers: {range: 8 N}\n"
@@ -29,14 +29,19 @@ def run(
     force: float,
     *,
     drops: int = 0,
-    lifted: bool = True,
+    lifted: bool | None = True,
+    has_lifted: bool = True,
     speed: float = 1.0,
     truth: Mapping[str, float] = MappingProxyType({}),
     events: Sequence[Event] = (),
 ) -> Path:
     folder.mkdir(parents=True)
     recorder = Recorder(folder)
-    recorder.on_event(started(cell_text=CELL))
+    recorder.on_event(
+        started(cell_text=CELL, nodes=({"path": "pick/Lift", "parent": None, "name": "Lift", "type": "Lift"},))
+    )
+    if has_lifted:
+        recorder.on_event(NodeChanged(0.1, 5, "pick/Lift", "SUCCESS", "", 1))
     stamp = np.array([0.0, 0.002, 0.004])
     normal = {"finger_1_force_z_N": np.array([1.0, force, np.nan]), "finger_2_force_z_N": np.array([-1.0, -force, 1.0])}
     recorder.read(0.1, 5, {"fingers": {"stamp_s": stamp, **normal, "finger_1_force_x_N": np.full(3, 99.0)}})
@@ -88,6 +93,16 @@ def test_a_limit_that_was_passed_is_counted(tmp_path: Path) -> None:
         "The fruit is dropped": 1,
         "Failed pick reported as a success": 1,
     }
+
+
+def test_a_success_needs_a_lifted_fruit_or_one_that_was_put_away(tmp_path: Path) -> None:
+    name = "Failed pick reported as a success"
+    away = table([run(tmp_path / "away", 3.0, lifted=None, truth={"put_away": 5})])[name]
+    assert (away.runs, away.beyond) == (1, 0)
+    empty = table([run(tmp_path / "empty", 3.0, lifted=None, truth={"put_away": 0})])[name]
+    assert (empty.runs, empty.beyond) == (1, 1), "Lift succeeded without a fruit"
+    look = table([run(tmp_path / "look", 3.0, lifted=None, has_lifted=False)])[name]
+    assert look.runs == 0, "a tree that lifts nothing claims no pick"
 
 
 def test_a_record_that_cannot_be_believed_is_no_evidence_and_named(

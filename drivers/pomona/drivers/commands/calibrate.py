@@ -39,26 +39,26 @@ def add(subparsers: Any) -> None:
     fingers.add_argument("--seed", type=int, default=0)
     fingers.set_defaults(main=lambda options: _guarded(_fingers, options))
     side = Measure(LENGTH, "1 mm", "1 m")
-    hand_eye = kinds.add_parser("hand-eye", help="find the camera's place on the flange from looks at a chessboard")
+    hand_eye = kinds.add_parser("hand-eye", help="estimate the camera's pose on the flange from images of a chessboard")
     hand_eye.add_argument("folder", type=Path, help="images, poses.json and intrinsics.yaml")
     hand_eye.add_argument("--board", default="9x6", help="inner corners of the chessboard (default: 9x6)")
     hand_eye.add_argument("--square", type=side.option, required=True, help="side of a square, such as 24.5mm")
     hand_eye.add_argument("--out", type=Path, required=True, help="the file to write")
     hand_eye.set_defaults(main=lambda options: _guarded(_hand_eye, options))
     depth = kinds.add_parser(
-        "depth", help="find out how a camera's depth errs, from balls or a wall in recorded frames"
+        "depth", help="estimate the depth errors of a camera from balls or a wall in recorded frames"
     )
     recorded = "NAME_color.jpg or .png, NAME_depth_mm.png and intrinsics.yaml; none with --cell"
     depth.add_argument("folder", type=Path, nargs="?", help=recorded)
     live = f"with --wall: look now, with this cell's camera, {LIVE_FRAMES} times; nothing moves"
     depth.add_argument("--cell", metavar="CELL", help=live)
     depth.add_argument("--balls", type=Path, help="table (CSV): frame, name, x, y, w, h [px], diameter_mm")
-    depth.add_argument("--wall", action="store_true", help="the frames show a flat wall or board: noise alone")
+    depth.add_argument("--wall", action="store_true", help="the frames show a flat wall or board: noise only")
     depth.add_argument("--diameter", default="diameter_mm", metavar="COLUMN", help="column with the diameter in mm")
-    depth.add_argument("--only", default="", metavar="BEGIN", help="rows of the table whose name begins so")
-    depth.add_argument("--intrinsics", type=Path, help="of the camera, where the folder holds none")
+    depth.add_argument("--only", default="", metavar="BEGIN", help="only the rows whose name begins with BEGIN")
+    depth.add_argument("--intrinsics", type=Path, help="intrinsics of the camera, if the folder has no file")
     depth.add_argument("--sensor", default="d4xx", choices=sorted(SENSORS), help="prior model of the sensor (d4xx)")
-    depth.add_argument("--plot", type=Path, help="picture of measured against true distance, before and after")
+    depth.add_argument("--plot", type=Path, help="plot of measured against true distance, before and after")
     depth.add_argument("--out", type=Path, required=True, help="the depth model file to write")
     depth.set_defaults(main=lambda options: _guarded(_depth, options))
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):

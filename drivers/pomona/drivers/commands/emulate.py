@@ -29,32 +29,34 @@ SIA5_VELOCITY = np.radians([200.0, 200.0, 200.0, 200.0, 200.0, 230.0, 350.0])
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    parser = subparsers.add_parser(
-        "emulate", help="a gripper, fingers or an arm that speak their bytes without being there"
-    )
+    parser = subparsers.add_parser("emulate", help="emulate the protocol of a gripper, of fingers or of an arm")
     kinds = parser.add_subparsers(metavar="DEVICE", required=True)
     wsg = kinds.add_parser("wsg", help="WSG gripper on TCP or CAN")
     wsg.add_argument("--tcp", default="127.0.0.1:1000", help="HOST:PORT (default: 127.0.0.1:1000)")
     wsg.add_argument(
-        "--can", metavar="INTERFACE:CHANNEL", help="a bus of python-can instead, for instance socketcan:vcan0"
+        "--can", metavar="INTERFACE:CHANNEL", help="CAN bus of python-can in place of TCP, for instance socketcan:vcan0"
     )
-    wsg.add_argument("--reply-id", type=int, default=2, help="CAN id of its replies (default: 2)")
+    wsg.add_argument("--reply-id", type=int, default=2, help="CAN id of the gripper's replies (default: 2)")
     wsg.add_argument("--not-referenced", action="store_true", help="start without a reference: moves are refused")
     wsg.add_argument("--no-script", action="store_true", help="start without the finger script for streamed speeds")
-    wsg.add_argument("--obstacle", type=Measure(LENGTH, "0 mm").option, metavar="WIDTH", help="a part between the jaws")
+    wsg.add_argument("--obstacle", type=Measure(LENGTH, "0 mm").option, metavar="WIDTH", help="part between the jaws")
     wsg.set_defaults(main=lambda options: _serve(_wsg, options))
     suntouch = kinds.add_parser("suntouch", help="one force/tactile finger on a pseudo terminal")
-    suntouch.add_argument("--link", type=Path, help="a path that shall point to the terminal")
-    suntouch.add_argument("--seed", type=int, default=0, help="which finger it is: 0 is the left, 1 the right one")
+    suntouch.add_argument("--link", type=Path, help="symbolic link to make to the terminal")
+    suntouch.add_argument("--seed", type=int, default=0, help="finger: 0 for left, 1 for right")
     suntouch.add_argument(
-        "--press", type=Measure(FORCE, "0 N").option, default=0.0, metavar="FORCE", help="it rises and falls slowly"
+        "--press",
+        type=Measure(FORCE, "0 N").option,
+        default=0.0,
+        metavar="FORCE",
+        help="peak of a slow periodic force",
     )
-    suntouch.add_argument("--record", type=Path, help="write a recording for `pomona calibrate fingers` and end")
-    suntouch.add_argument("--samples", type=int, default=20000, help="of the recording")
+    suntouch.add_argument("--record", type=Path, help="write a recording for `pomona calibrate fingers`, then exit")
+    suntouch.add_argument("--samples", type=int, default=20000, help="number of samples of the recording")
     suntouch.set_defaults(main=lambda options: _record(options) if options.record else _serve(_suntouch, options))
     motoman = kinds.add_parser("motoman", help="Yaskawa controller with MotoROS on three TCP ports")
     motoman.add_argument("--host", default="127.0.0.1")
-    motoman.add_argument("--port", type=int, default=50240, help="of motion; the state follows (default: 50240)")
+    motoman.add_argument("--port", type=int, default=50240, help="motion port; state: the next one (default: 50240)")
     motoman.add_argument("--controller", choices=tuple(ORDERS), default="fs100", help="the byte order")
     motoman.add_argument("--teach", action="store_true", help="start in teach mode")
     motoman.add_argument("--e-stop", action="store_true", help="start with the emergency stop pressed")
@@ -63,7 +65,7 @@ def add(subparsers: Any) -> None:
         type=Measure(TIME, "0 s").option,
         default=0.8,
         metavar="TIME",
-        help="motion that it holds; less is BUSY",
+        help="length of the motion queue; a full one answers BUSY",
     )
     motoman.set_defaults(main=lambda options: _serve(_motoman, options))
 

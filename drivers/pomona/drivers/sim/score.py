@@ -165,9 +165,9 @@ class Scorer:
                 self._watch_grip(i, record, sensors)
 
     def note_look(self) -> None:
-        """Note an exposure, perhaps many times a second; later, a fruit between the fingers is not measured."""
+        """Note an exposure, perhaps many times a second; a fruit in the hand or in a crate is not measured later."""
         for i, record in enumerate(self._fruits):
-            if record.grip is None:
+            if record.grip is None and not self._inside(i):
                 record.looked = self._pose(i)
 
     def _watch_grip(self, i: int, record: FruitRecord, sensors: _Sensors) -> None:
@@ -261,7 +261,7 @@ class Scorer:
             if wrong := other.touches if never_gripped else other.bumps:
                 hits[self.scene.fruits[i].name] = wrong
         return {
-            "lifted": bool(risen > LIFTED and record.grip is not None) if grip else None,
+            "lifted": bool(risen > LIFTED and record.grip is not None) if grip and not self._inside(index) else None,
             "fruit": fruit.name,
             "place": fruit.place,
             "target": self.scene.fruits[0].name,

@@ -12,6 +12,7 @@ from pomona.executive.campaign.plots import Plot, rate_map, spread
 from pomona.executive.campaign.run import succeeded
 from pomona.executive.campaign.spec import Campaign
 from pomona.executive.campaign.statistics import FEWEST, Estimate, mean, median, paired_p, wilson
+from pomona.executive.terminal.words import term
 
 Result = Mapping[str, Any]
 Figures = Mapping[str, Callable[[Result], Any]]
@@ -39,7 +40,7 @@ def title(name: str) -> str:
     """`slip_mm` -> slip [mm]."""
     units = {"mm": "mm", "m": "m", "n": "N", "s": "s", "deg": "°", "kg": "kg", "kpa": "kPa"}
     words, _, unit = name.rpartition("_")
-    return f"{words.replace('_', ' ')} [{units[unit]}]" if unit in units and words else name.replace("_", " ")
+    return f"{term(words)} [{units[unit]}]" if unit in units and words else term(name)
 
 
 def numbers(results: Sequence[Result], pick: Callable[[Result], Any]) -> list[float]:

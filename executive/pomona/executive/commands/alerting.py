@@ -18,17 +18,17 @@ SHARE = Measure(RATIO, low="0 %", high="100 %")
 def add_alerts(parser: argparse.ArgumentParser) -> None:
     """Register the options."""
     parser.add_argument(
-        "--alert-to", metavar="URL", help="post a JSON object there when fewer of the last runs succeed than should"
+        "--alert-to", metavar="URL", help="post a JSON object to URL when the success rate is below --alert-below"
     )
     parser.add_argument(
         "--alert-below",
         type=SHARE.option,
         default=0.8,
         metavar="SHARE",
-        help="success rate of the last runs (default: 80%%)",
+        help="minimum success rate of the last runs (default: 80%%)",
     )
     parser.add_argument(
-        "--alert-over", type=int, default=20, metavar="N", help="the last runs that count (default: 20)"
+        "--alert-over", type=int, default=20, metavar="N", help="number of last runs for the success rate (default: 20)"
     )
 
 

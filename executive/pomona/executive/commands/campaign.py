@@ -32,15 +32,15 @@ def add(subparsers: Any) -> None:
         help="folder of results (default: runs/campaign_NAME); a campaign that was stopped goes on there",
     )
     add_engine_options(parser)
-    parser.add_argument("--seeds", type=int, metavar="N", help="the first N seeds of every combination only")
+    parser.add_argument("--seeds", type=int, metavar="N", help="run only the first N seeds of every combination")
     parser.add_argument(
         "--only",
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help="runs with this value of what varies, or arm=NAME; may be repeated",
+        help="only runs with this value of a key under `vary`, or arm=NAME; may be repeated",
     )
-    parser.add_argument("--record", action="store_true", help="keep a record of every run, too")
+    parser.add_argument("--record", action="store_true", help="also keep a record of every run")
     parser.add_argument("--report", action="store_true", help="run nothing; write the report of the present results")
     parser.add_argument("--report-to", type=Path, metavar="DIR", help="folder of the report (default: that of results)")
     add_alerts(parser)

@@ -24,9 +24,7 @@ _ROOT = re.compile(r"^root\s*:", re.MULTILINE)
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    parser = subparsers.add_parser(
-        "check", help="find everything that is wrong with trees, scenarios, cells, campaigns"
-    )
+    parser = subparsers.add_parser("check", help="check trees, scenarios, cells and campaigns for errors")
     about = "a tree, a scenario, a cell, a campaign … or the name of an installed tree"
     parser.add_argument("files", nargs="+", metavar="FILE", help=about)
     about = (

@@ -59,7 +59,7 @@ def add_address(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tls-cert", type=Path, metavar="FILE", help="certificate (PEM): the page is served with TLS")
     parser.add_argument("--tls-key", type=Path, metavar="FILE", help="the certificate's key (PEM)")
     parser.add_argument(
-        "--insecure-act", action="store_true", help="with another --host: let the page act although it is not encrypted"
+        "--insecure-act", action="store_true", help="with another --host: allow actions without encryption"
     )
 
 

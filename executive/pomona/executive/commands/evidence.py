@@ -131,7 +131,7 @@ def _counted(counter: Counter[str]) -> str:
 
 
 def _limit(measured: Measured, unit: str) -> str:
-    return "none in the cell" if measured.limit is None else f"{measured.limit:.4g} {unit}".strip()
+    return "not known" if measured.limit is None else f"{measured.limit:.4g} {unit}".strip()
 
 
 def _largest(measured: Measured, unit: str) -> str:

@@ -17,7 +17,7 @@ from pomona.executive.values.yaml_nodes import read_yaml
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    parser = subparsers.add_parser("fmt", help="write tree files in one way; comments stay")
+    parser = subparsers.add_parser("fmt", help="format YAML files; comments stay")
     parser.add_argument(
         "files", nargs="+", type=Path, metavar="FILE", help="YAML files; - reads and writes the streams"
     )

@@ -37,10 +37,10 @@ def add_import(subparsers: Any) -> None:
     into = subparsers.add_parser("import", help="read XML of Groot2 or BehaviorTree.CPP and print a tree file")
     into.add_argument("xml", type=Path, help="the file with the main tree; included files are read, too")
     into.add_argument("beside", type=Path, nargs="*", metavar="xml", help="further files with called trees")
-    into.add_argument("--nodes", type=Path, action="append", default=[], metavar="FILE", help="models of its nodes")
+    into.add_argument("--nodes", type=Path, action="append", default=[], metavar="FILE", help="models of the nodes")
     about = "declare the skills that are not installed in the tree: it can be checked, drawn, run dry and exported"
     into.add_argument("--stubs", action="store_true", help=about)
-    into.add_argument("--main", dest="tree", default="", metavar="ID", help="the tree that runs, if the file is silent")
+    into.add_argument("--main", dest="tree", default="", metavar="ID", help="main tree, if the file names none")
     into.add_argument("--out", type=Path, metavar="FILE", help="file to write (default: standard output)")
     into.set_defaults(main=import_)
 

@@ -11,7 +11,7 @@ from pomona.executive.files import find_cell
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    parser = subparsers.add_parser("lsp", help="a language server: editors start it by themselves")
+    parser = subparsers.add_parser("lsp", help="language server; started by editors")
     parser.add_argument("--cell", help="complete and check the names that this cell knows")
     parser.set_defaults(main=main)
 

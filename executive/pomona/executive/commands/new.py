@@ -27,10 +27,10 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
     kinds = sorted({point.name for point in entry_points(group=GROUP)} | {"package", "tree"})
-    parser = subparsers.add_parser("new", help="begin a tree, a package, or a piece of one such as a skill")
+    parser = subparsers.add_parser("new", help="create a tree, a package, or a part of a package such as a skill")
     parser.add_argument("kind", type=_kind, choices=kinds)
     parser.add_argument("name", help="such as Weigh")
-    about = "a folder; a package that stands there gets the piece, else a new one is begun"
+    about = "folder; an existing package gets the new part, otherwise a package is created"
     parser.add_argument("--into", type=Path, default=Path(), metavar="DIR", help=about)
     parser.set_defaults(main=main)
 

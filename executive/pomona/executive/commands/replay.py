@@ -21,7 +21,7 @@ SLOWEST, FASTEST = 1e-3, 1e3  # range of `--speed`: seconds of the run per secon
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    parser = subparsers.add_parser("replay", help="show a recorded run again")
+    parser = subparsers.add_parser("replay", help="show a recorded run again as it happened")
     parser.add_argument("run", help="a record's folder, its name below --record, or 'last'")
     add_records_folder(parser)
     parser.add_argument(

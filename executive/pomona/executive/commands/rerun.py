@@ -35,8 +35,8 @@ def add(subparsers: Any) -> None:
     parser = subparsers.add_parser(
         "rerun",
         help="repeat a simulated run from its own record and confirm the same events",
-        description="Repeats a simulated run with the tree and the cell that are in its record, whatever has become of "
-        "the files, and compares every event. Exit status: 0 the same, 1 it differs.",
+        description="Repeats a simulated run with the tree and the cell of its record, not with the present files, "
+        "and compares every event. Exit status: 0 the same, 1 different.",
     )
     parser.add_argument("run", help=RUN)
     add_records_folder(parser)

@@ -45,7 +45,7 @@ def add(subparsers: Any) -> None:
     parser = subparsers.add_parser("run", help="run a tree file on a cell")
     parser.add_argument("tree", help="a tree file, or the name of an installed tree")
     parser.add_argument("--cell", help="a cell file, or the name of an installed cell (default: the simulated one)")
-    parser.add_argument("--seed", type=int, default=0, help="every random choice comes from it (default: 0)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of all random numbers (default: 0)")
     parser.add_argument(
         "--set",
         action="append",

@@ -39,14 +39,14 @@ def add(subparsers: Any) -> None:
     listing.add_argument("--failed", action="store_true", help="only runs that did not succeed")
     listing.add_argument("--limit", type=Whole(1).option, default=30, metavar="N", help="maximum number (default: 30)")
     listing.add_argument("--all", action="store_true", help="no limit")
-    listing.add_argument("--rebuild", action="store_true", help="make the index afresh from the records")
+    listing.add_argument("--rebuild", action="store_true", help="rebuild the index from the records")
     listing.add_argument("--json", action="store_true", help="one JSON object a line")
 
     show = _command(commands, "show", _show, "one run: settings, result, contents of its record")
     show.add_argument("run", help=RUN)
     show.add_argument("--json", action="store_true", help="one JSON object")
 
-    compare = _command(commands, "compare", _compare, "runs side by side, and where two of the same kind part")
+    compare = _command(commands, "compare", _compare, "runs side by side, with their differences")
     compare.add_argument("runs", nargs="+", metavar="RUN", help=RUN)
 
     exporting = _command(commands, "export", _export, "a run as one portable file, or in the format of another tool")
@@ -74,16 +74,16 @@ def add(subparsers: Any) -> None:
         help=f"a new file for the page (default: {FAILURES} here); only runs with all of these words",
     )
 
-    prune = _command(commands, "prune", _prune, "remove old records after a question; a run in progress stays")
-    prune.add_argument("--older", type=pruning.AGE.option, metavar="AGE", help="older than this: 30 d, 12 h, 4 w")
-    prune.add_argument("--keep", type=Whole(1).option, metavar="N", help="all but the newest N")
+    prune = _command(commands, "prune", _prune, "remove old records after confirmation; runs in progress stay")
+    prune.add_argument("--older", type=pruning.AGE.option, metavar="AGE", help="older than this age: 30 d, 12 h, 4 w")
+    prune.add_argument("--keep", type=Whole(1).option, metavar="N", help="keep the newest N records")
     prune.add_argument(
-        "--total", type=pruning.SIZE.option, metavar="SIZE", help="the oldest, until the rest fits into this: 20 GB"
+        "--total", type=pruning.SIZE.option, metavar="SIZE", help="remove the oldest until the rest fits into 20 GB …"
     )
     prune.add_argument("--dry", action="store_true", help="only list the records to delete")
     prune.add_argument("--yes", action="store_true", help="do not ask")
 
-    repairing = _command(commands, "repair", _repair, "repair records whose process was killed")
+    repairing = _command(commands, "repair", _repair, "complete records that are cut off or damaged")
     repairing.add_argument("runs", nargs="*", metavar="RUN", help=f"{RUN}; default: all that need it")
 
 

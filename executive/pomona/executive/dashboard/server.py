@@ -45,6 +45,7 @@ from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.recording.index import RunIndex, records_in
 from pomona.executive.recording.plain_file import is_plain
 from pomona.executive.running.events import Event
+from pomona.executive.values.failure_codes import failure_codes
 
 WATCH_ONLY = "this page may watch but not act: open the link that was printed"
 STATIC = Path(__file__).parent / "static"
@@ -112,6 +113,7 @@ class Dashboard:
             routes=[
                 Route("/", self._page),
                 Route("/api/choices", self._offer),
+                Route("/api/remedies", self._remedies),
                 Route("/api/runs", self._runs),
                 Route("/api/runs/{name}/messages", self._messages),
                 Route("/api/runs/{name}/images/{at}", self._image),
@@ -236,6 +238,9 @@ class Dashboard:
 
     async def _offer(self, _request: Request) -> Response:
         return JSONResponse(await asyncio.to_thread(self._choices.describe))
+
+    async def _remedies(self, _request: Request) -> Response:
+        return JSONResponse({code: about.remedy for code, about in failure_codes().items()})
 
     async def _runs(self, _request: Request) -> Response:
         runs = await asyncio.to_thread(self._index.read)

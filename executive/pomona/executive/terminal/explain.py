@@ -31,6 +31,7 @@ from pomona.executive.terminal.words import at_place, figure, headline, seconds
 from pomona.executive.values.failure_codes import failure_codes
 
 ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
+STOPPED = ("SAFE_STOP", "INTERRUPTED", "STOPPED")  # codes of a run that was stopped from outside its nodes
 BLOCKED = 0.5  # wait within a tick from which it is reported [s]
 
 
@@ -86,7 +87,8 @@ class _Story:
         elif isinstance(event, NodeChanged):
             self._follow(event)
         elif isinstance(event, OperatorActed):
-            self._note(event.t, f"{event.who} asked for {event.action} {event.detail}".rstrip())
+            detail = f": {event.detail}" if event.detail else ""
+            self._note(event.t, f"{event.who}: {event.action.replace('_', ' ')}{detail}")
         elif isinstance(event, SafeStopped):
             if not self.stops:
                 self.interrupted = self._running_leaves()
@@ -184,8 +186,11 @@ class _Story:
         if t is None:
             t = self.stops[0].t if self.stops else self.t
         where = self._place(leaf.node_path)
-        failed = f"{where} failed with {leaf.code}" if where else leaf.code
-        doing = f", while {' and '.join(self.interrupted)} was running" if self.interrupted and not where else ""
+        if leaf.code in STOPPED and where:  # the node did not fail: it was interrupted
+            doing, failed = f", while {where} was running", leaf.code
+        else:
+            doing = f", while {' and '.join(self.interrupted)} was running" if self.interrupted and not where else ""
+            failed = f"{where} failed with {leaf.code}" if where else leaf.code
         return f"The reason, at {t:.1f} s{doing}: {failed}: {_sentence(leaf.message + at_place(leaf))}"
 
     def _figures(self, reason: Reason) -> str:
@@ -243,7 +248,7 @@ class _Story:
         late = [overrun for overrun in self.overruns if overrun.duration >= BLOCKED]
         if late:
             longest = max(late, key=lambda overrun: overrun.duration)
-            others = f" So waited {len(late) - 1} more, for {seconds(BLOCKED)} or longer." if len(late) > 1 else ""
+            others = f" Ticks that waited {seconds(BLOCKED)} or longer: {len(late)}." if len(late) > 1 else ""
             yield longest.t, self._blocked(longest) + others
 
     def _blocked(self, overrun: TickOverran) -> str:

@@ -175,7 +175,7 @@ class Summary:
         assert self.ended is not None
         if self.ended.outcome == "success":
             last = self.last_attempt()
-            return f"succeeded on attempt {last.number} of {last.of}" if last is not None else "succeeded"
+            return f"succeeded on attempt {last.number} of {last.of}" if last and last.of > 1 else "succeeded"
         word = {"failure": "failed", "stopped": "stopped"}.get(self.ended.outcome, "ended in the safe state")
         return f"{word}: {say(self.ended.reason)}"
 

@@ -43,6 +43,11 @@ RESOLUTION = {"mm": 1e-3, "m": 1e-5, "n": 1e-3, "nm": 1e-5, "kg": 1e-4, "deg": 1
 """Resolution below which a value counts as 0, in the unit itself: no supported device or simulation measures finer."""
 
 
+def term(name: str) -> str:
+    """`size_error` -> size error; `least_force`, a key of records, -> minimum grip force."""
+    return {"least_force": "minimum grip force"}.get(name, name.replace("_", " "))
+
+
 def figure(name: str, value: Any) -> str:
     """slip_mm, 0.1392 -> 'slip 0.1392 mm'; height_gained_m, -7.4e-08 -> 'height gained 0 m'; lifted -> 'lifted: yes'.
 
@@ -55,7 +60,7 @@ def figure(name: str, value: Any) -> str:
         return f"{name.replace('_', ' ')}: {'yes' if value else 'no'}"
     found = re.fullmatch(r"(.+)_([a-z]+)", name)
     unit = found[2] if found and found[2] in UNITS else ""
-    said = f"{(found[1] if found and unit else name).replace('_', ' ')} {_number(value, RESOLUTION.get(unit, 0.0))}"
+    said = f"{term(found[1] if found and unit else name)} {_number(value, RESOLUTION.get(unit, 0.0))}"
     return f"{said} {UNITS[unit]}" if unit else said
 
 

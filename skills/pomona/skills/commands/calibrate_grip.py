@@ -32,9 +32,9 @@ GRASP_FORCE = Measure(FORCE, "0.6 N", "15 N")  # at which pushes may be made
 
 def add(kinds: Any) -> None:
     """Register `grip` among the kinds of `pomona calibrate`."""
-    grip = kinds.add_parser("grip", help="friction and stiffness of a grip from pushes, recorded or made now")
-    grip.add_argument("recording", type=Path, nargs="?", help=".npz of pushes; without it they are made at --cell")
-    grip.add_argument("--cell", help="cell file, or the name of an installed one, at which pushes are made now")
+    grip = kinds.add_parser("grip", help="estimate friction and stiffness of a grip from recorded or guided pushes")
+    grip.add_argument("recording", type=Path, nargs="?", help=".npz of pushes; without it they are recorded at --cell")
+    grip.add_argument("--cell", help="cell file, or the name of an installed cell, for guided pushes")
     grip.add_argument("--out", type=Path, required=True, help="the parameter file to write")
     grip.add_argument("--fruit", default="", help="name of the fruit, for the report")
     about = "grasp forces (2N 4N 7N)"
@@ -42,9 +42,9 @@ def add(kinds: Any) -> None:
         "--forces", type=GRASP_FORCE.option, nargs="+", default=[2.0, 4.0, 7.0], metavar="FORCE", help=about
     )
     long = Measure(TIME, "100 ms", "2 min")
-    grip.add_argument("--time", type=long.option, default=6.0, help="for one push (6s)")
-    grip.add_argument("--keep", type=Path, help="also keep the pushes that are made now, as .npz")
-    grip.add_argument("--k", type=float, default=4.0, help="shape of the pressure, taken as given (4)")
+    grip.add_argument("--time", type=long.option, default=6.0, help="time for one push (6s)")
+    grip.add_argument("--keep", type=Path, help="also write the recorded pushes to this .npz file")
+    grip.add_argument("--k", type=float, default=4.0, help="exponent k of the pressure distribution; not estimated (4)")
     grip.set_defaults(main=main)
 
 

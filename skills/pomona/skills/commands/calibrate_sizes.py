@@ -42,7 +42,7 @@ class UnusableTable(ValueError):
 
 def add(kinds: Any) -> None:
     """Register `sizes` among the kinds of `pomona calibrate`."""
-    sizes = kinds.add_parser("sizes", help="learn the sizes of a kind of fruit from measured fruit")
+    sizes = kinds.add_parser("sizes", help="estimate the sizes of a kind of fruit from measured fruit")
     sizes.add_argument("tables", type=Path, nargs="+", metavar="FINDS", help="finds.csv of pomona measure")
     sizes.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
     about = "use the sizes of --method shape, where its depth separates height and width: no calipers"

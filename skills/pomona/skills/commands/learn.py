@@ -27,16 +27,16 @@ RECORDS = Path("runs")
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser(
-        "learn", help="learn a detector on from recorded runs; kept only if no bench is worse"
+        "learn", help="train a detector further on recorded runs; the result is kept only if no figure is worse"
     )
     parser.add_argument("runs", nargs="+", metavar="RUN", help="names or folders of records")
     parser.add_argument("--out", type=Path, default=Path("learnt.weights"), help="new weights file (learnt.weights)")
     parser.add_argument("--work", type=Path, default=Path("runs/learn"), help="proposals, frames and checkpoints")
     parser.add_argument("--record", type=Path, default=RECORDS, help="folder of the records (runs)")
     parser.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
-    parser.add_argument("--start-from", type=Path, help="weights to learn on from (the fruit's photo_weights)")
-    parser.add_argument("--propose", action="store_true", help="write the proposals alone, for a person to correct")
-    parser.add_argument("--workers", type=int, default=1, help="processes that render, and that learn together (1)")
+    parser.add_argument("--start-from", type=Path, help="weights to start from (the fruit's photo_weights)")
+    parser.add_argument("--propose", action="store_true", help="only write the proposals, so that you can correct them")
+    parser.add_argument("--workers", type=int, default=1, help="processes for rendering and training (1)")
     parser.set_defaults(main=main)
 
 

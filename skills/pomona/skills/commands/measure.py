@@ -22,16 +22,16 @@ TREE, BAGS = "measure_fruit", (".bag", ".db3", ".mcap")
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser("measure", help="count and measure the fruit in recorded frames: tables and a page")
-    parser.add_argument("frames", type=Path, metavar="FOLDER|VIDEO|BAG", help="colour with depth that was recorded")
-    parser.add_argument("--kind", default="apple", help="which fruit: a name in the catalogue, or a path (apple)")
-    parser.add_argument("--score", default="0.5", help="least belief that it is fruit, 0 to 1 (0.5)")
+    parser.add_argument("frames", type=Path, metavar="FOLDER|VIDEO|BAG", help="recorded colour images with depth")
+    parser.add_argument("--kind", default="apple", help="kind of fruit: a name in the catalogue, or a path (apple)")
+    parser.add_argument("--score", default="0.5", help="minimum detection score, 0 to 1 (0.5)")
     parser.add_argument("--width", default="1280", help="width at which a picture is searched [px] (1280)")
-    parser.add_argument("--method", default="uniform", help="how size is refined: uniform, shape, paper (uniform)")
-    parser.add_argument("--every", default="1", metavar="N", help="use one of N frames (1)")
+    parser.add_argument("--method", default="uniform", help="refinement of the size: uniform, shape, paper (uniform)")
+    parser.add_argument("--every", default="1", metavar="N", help="use every N-th frame (1)")
     parser.add_argument(
-        "--no-join", action="store_true", help="each frame without a known camera pose is a scene of its own"
+        "--no-join", action="store_true", help="each frame without a given camera pose is a separate scene"
     )
-    parser.add_argument("--out", type=Path, default=Path("measured"), help="new folder for all of it (measured)")
+    parser.add_argument("--out", type=Path, default=Path("measured"), help="new folder for tables and page (measured)")
     parser.set_defaults(main=main)
 
 

@@ -1,4 +1,4 @@
-"""Watching the way while the arm moves: every camera of the cell, every new frame."""
+"""Watch of the path while the arm moves: every camera of the cell, every new frame."""
 
 from __future__ import annotations
 
@@ -106,6 +106,25 @@ class LiveWatch:
             if frame is not None and abs(self._skill.clock.now() - frame.stamp) < TOO_OLD:
                 require_sound_pose(self._skill, frame, pose_of_camera(frame, self._robot), self._workspace)
 
+    def pace(self) -> float:
+        """Return the share of the path's pace at which the motion is safe beside unmapped objects; watch at that pace.
+
+        Objects that stand in the cameras' newest frames may set off when the arm does: see `PathWatch.slowed`.
+        """
+        seen = [np.empty((0, 3))]
+        q = self._arm.state().q
+        for number, camera in enumerate(self._cameras):
+            frame = _newest(camera)
+            if frame is None or frame.depth is None or not frame.placed:
+                continue
+            if abs(self._skill.clock.now() - frame.stamp) < TOO_OLD:
+                T_base_camera = pose_of_camera(frame, self._robot)
+                posture = q if frame.q is None else frame.q
+                seen.append(self._watch.standing(frame, T_base_camera, posture, number))
+        share, self._watch = self._watch.slowed(np.concatenate(seen))
+        self._duration /= share
+        return share
+
     def begin(self, motion: Motion) -> None:
         """The motion has been started."""
         self._motion = motion
@@ -138,7 +157,7 @@ class LiveWatch:
                 self._refuse(ahead, camera, frame)
             note_pose(self._skill, frame, T_base_camera)
             if ahead is not None:
-                said = f"something new is on the way, {ahead.after:.1f} s ahead"
+                said = f"unmapped object on the path, {ahead.after:.1f} s ahead"
         return said
 
     def _posture(self, stamp: float) -> Float64:
@@ -156,12 +175,12 @@ class LiveWatch:
         self._refuse_untrue(camera, frame)
         x, y, z = ahead.point
         spot = Points3(np.array([ahead.point]), "obstacle", "occupied", 0.04)
-        words = "something has come in" if ahead.moved else "something unknown stands"
+        words = "a moving object entered" if ahead.moved else "an unmapped object stands"
         self._skill.publish("blocked", SceneView(points=(spot,), caption=f"{words} at ({x:.2f}, {y:.2f}, {z:.2f}) m"))
         raise self._skill.failure(
             BLOCKED,
-            f"{words} at ({x:.2f}, {y:.2f}, {z:.2f}) m, {1e3 * ahead.distance:.0f} mm from the way of {ahead.part}: "
-            "look again, or clear the way",
+            f"{words} at ({x:.2f}, {y:.2f}, {z:.2f}) m, {1e3 * ahead.distance:.0f} mm from the path of {ahead.part}: "
+            "detect again, or clear the path",
             point_m=list(ahead.point),
             distance_m=round(ahead.distance, 4),
             after_s=round(ahead.after, 3),
@@ -183,7 +202,7 @@ class LiveWatch:
 
 
 def prepare_watch(skill: Skill) -> None:
-    """For `prepare` of a skill that watches its way: compile the loops, and let every camera look once."""
+    """For `prepare` of a skill that watches its path: compile the loops, and read a frame of every camera."""
     cameras, workspace, arm = (
         skill.optional_device(Cameras),
         skill.optional_device(Workspace),
@@ -198,7 +217,7 @@ def prepare_watch(skill: Skill) -> None:
 
 @lru_cache(maxsize=8)
 def _warm(description: Path) -> None:
-    """Watch a short motion once, with something in its way."""
+    """Watch a short motion once, with an obstacle on its path."""
     robot = RobotModel.load(description)
     q = (robot.lower + robot.upper) / 2.0
     still = np.zeros((2, robot.dof))

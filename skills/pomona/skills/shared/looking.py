@@ -255,7 +255,7 @@ def picture(
         if instance.score < score:
             continue
         style = "found" if k == chosen else "muted"
-        lines.append(Line2(instance.keypoints[_EDGES], f"{k}: {instance.score:.2f}", style))
+        lines.append(Line2(instance.keypoints[_EDGES], f"fruit {k}, score {instance.score:.2f}", style))
     centres = np.array([i.keypoints[8] for i in instances if i.score >= score]).reshape(-1, 2)
     target = f"target {chosen}" if isinstance(chosen, int) else chosen
     optics = frame.intrinsics

@@ -83,7 +83,7 @@ def move_to_pose(
         skill: it must have Arm, Gripper and Workspace among its devices, and `POSE_FAILURES`.
         map, carrying: obstacles besides the fixed surroundings, and the grasp by which a fruit is held.
         clearance: kept by the arm's links [m], as in `arm_space`.
-        avoiding: a fruit that was left out of the map and is still there.
+        avoiding: fruit that is not in the map and must be avoided.
         speed: ratio of the speed that the limits allow, above 0 to 1.
         upright: largest tilt of the fruit on the path [rad], against its pose at the grasp, or without `carrying`
             against the present one; π: no limit.

@@ -6,15 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings, strategies as st
 
-from pomona.drivers.interfaces import Frame, Workspace
+from pomona.drivers.interfaces import Frame, PathWatchSettings, Workspace
 from pomona.drivers.mock.arm import SIA5F_LIMITS
 from pomona.drivers.path_follower import PathFollower
 from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.collision import Convex, RobotShape
 from pomona.skills.motion.occupancy import OccupancyMap
-from pomona.skills.motion.planning.timing import time_polyline
+from pomona.skills.motion.planning.timing import stretched, time_polyline
 from pomona.skills.motion.watch import Braking, PathWatch
+from pomona.skills.motion.watch.path_watch import FRAME_INTERVAL, PACES
 from tests.skills.overhead import LENS, T_BASE_CAMERA, frame
 from tests.skills.picking_scene import HOME, OBSERVE, ROBOT_MODEL, WORKSPACE
 
@@ -145,3 +147,46 @@ def test_where_nothing_is_measured_a_fixed_camera_sees_an_empty_room_and_one_on_
         told = looking.look(seen, T_BASE_CAMERA, OBSERVE, 0.0, 0.3)
     assert told is not None
     assert told.moved is moved
+
+
+def standing_ball(gap: float) -> Float64:
+    """Cells of an object beside the middle of the path [m]."""
+    looking = watch()
+    x, y, z = on_the_way(0.5)
+    ball = (x, y - gap, z, 0.05)
+    return looking.standing(frame(0.0, *robot_at(OBSERVE), ball), T_BASE_CAMERA, OBSERVE)
+
+
+def test_without_an_unmapped_object_the_pace_is_kept() -> None:
+    looking = watch()
+    pace, paced = looking.slowed(looking.standing(frame(0.0, *robot_at(OBSERVE)), T_BASE_CAMERA, OBSERVE))
+    assert pace == 1.0
+    assert paced is looking
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(0.25, 1.2), st.floats(0.0, 2.0 * np.pi), st.floats(0.0, 1.0))
+def test_at_the_pace_the_arm_rests_before_an_object_that_sets_off_can_meet_it(
+    away: float, angle: float, share: float
+) -> None:
+    point = on_the_way(share) + away * np.array([np.cos(angle), np.sin(angle), 0.0])
+    looking = watch()
+    pace, _ = looking.slowed(point[None])
+    if pace == PACES[-1]:  # too near for any pace that is tried
+        return
+    path, how = stretched(PATH, 1.0 / pace), PathWatchSettings()
+    braking = Braking(path, SIA5F_LIMITS)
+    for begun in np.arange(0.0, path.duration, 0.1):
+        seen = begun + FRAME_INTERVAL + how.delay
+        until = seen + braking.time(min(seen, path.duration))
+        for t in np.linspace(begun, min(until, path.duration), 8):
+            q = np.array([np.interp(t, path.t, joint) for joint in path.q.T])
+            spheres = np.asarray(SHAPE.spheres(q, 0.1))
+            gap = np.min(np.linalg.norm(spheres[:, :3] - point, axis=1) - spheres[:, 3])
+            assert gap > how.speed * (t - begun), (pace, begun, t)
+
+
+def test_a_nearer_object_makes_the_arm_slower() -> None:
+    paces = [watch().slowed(standing_ball(gap))[0] for gap in (0.2, 0.4, 1.5)]
+    assert paces == sorted(paces)
+    assert paces[0] < 1.0

@@ -62,7 +62,7 @@ def test_unknown_name_lists_the_known_ones() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ("dimensions: 0.1 0.1 0.2 m", r"fruit.yaml:4:13.*which measures 100\.00 100\.00 100\.00 mm"),
+        ("dimensions: 0.1 0.1 0.2 m", r"fruit.yaml:4:13.*the mesh measures 100\.00 100\.00 100\.00 mm"),
         ("dimensions: [0.1, 0.1, 0.1]", "lacks a unit"),
         ("dimensions: 0.1 0.1 m", "a list of 3 numbers"),
         ("dimensions: [1 m, 1 m, .nan]", "is not a length"),

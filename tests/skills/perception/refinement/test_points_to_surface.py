@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
 from hypothesis import given, strategies as st
+from scipy.spatial import cKDTree
 
 from pomona.skills.geometry import rotation_about, transform
 from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.refinement.form import Form
-from pomona.skills.perception.refinement.points_to_surface import PlacedForm, Points, points_to_surface, walk_to_nearest
+from pomona.skills.perception.refinement.points_to_surface import (
+    PlacedForm,
+    Points,
+    points_to_surface,
+    start_of_walk,
+    walk_to_nearest,
+)
+from pomona.skills.perception.refinement.shape_steps import move
 from pomona.skills.perception.refinement.surface import surface_of
 
 BALL = trimesh.creation.icosphere(subdivisions=5, radius=0.05)
-SAMPLES = surface_of(BALL).samples
+SAMPLES = surface_of(BALL)
 small = st.floats(-0.06, 0.06)
 
 
@@ -22,22 +32,17 @@ class Object:
     """A stretched, leaning and posed ball."""
 
     def __init__(self, ln: np.ndarray, lean: np.ndarray, T: np.ndarray) -> None:
-        self.form, self.T = Form.scaled(BALL, 1.0).changed(ln, lean), T
+        self.form, self.T = replace(Form.scaled(BALL, 1.0), stretch=np.exp(ln), lean=lean), T
 
     def placed(self) -> PlacedForm:
         R = np.ascontiguousarray(self.T[:3, :3])
-        return PlacedForm(R, self.T[:3, 3].copy(), self.form.stretch, self.form.lean, self.form.radius)
+        return PlacedForm(R, self.T[:3, 3].copy(), self.form.stretch.copy(), self.form.lean.copy(), self.form.radius)
 
     def moved(self, x: np.ndarray) -> Object:
         """By a step of the fit's parameters, in the order in which the kernel has them."""
-        after = Object(np.zeros(3), np.zeros(2), self.T.copy())
-        turn = x[[3, 10, 4]]
-        angle = float(np.linalg.norm(turn))
-        if angle:
-            after.T[:3, :3] = after.T[:3, :3] @ rotation_about(turn / angle, angle)
-        after.T[:3, 3] += x[:3]
-        after.form = self.form.changed(x[5:8], x[8:10])
-        return after
+        placed = self.placed()
+        move(placed, x)
+        return Object(np.log(placed.stretch), placed.lean, transform(placed.R, placed.t))
 
 
 def felt(thing: Object, point: np.ndarray, nearest: int) -> tuple[np.ndarray, float, int]:
@@ -88,16 +93,25 @@ def test_normals_are_those_of_the_deformed_mesh(ln, lean, face):
 
 
 @pytest.mark.parametrize("name", ["apple", "lemon"])
-def test_after_a_step_a_walk_ends_where_a_search_tree_does(name):
-    surface = surface_of(load_fruit(name))
+def test_after_a_step_or_from_the_grid_a_walk_ends_where_a_search_tree_does(name):
+    samples = surface_of(load_fruit(name))
     rng = np.random.default_rng(3)
-    points = surface.samples.points[rng.integers(0, 4000, 3000)] + rng.normal(0.0, 3e-3, (3000, 3))
-    nearest, index = surface.tree.query(points)
-    starts = surface.tree.query(points + rng.normal(0.0, 6e-3, points.shape))[1]
-    assert np.mean(starts != index) > 0.9
-    ends = [walk_to_nearest(surface.samples, *point, start) for point, start in zip(points, starts, strict=True)]
-    too_far = np.linalg.norm(surface.samples.points[ends] - points, axis=1) - nearest
-    assert np.mean(too_far > 1e-9) < 1e-3
+    points = samples.points[rng.integers(0, 4000, 3000)] + rng.normal(0.0, 3e-3, (3000, 3))
+    tree = cKDTree(samples.points)
+    nearest, index = tree.query(points)
+    after_step = tree.query(points + rng.normal(0.0, 6e-3, points.shape))[1]
+    assert np.mean(after_step != index) > 0.9
+    for starts in (after_step, [start_of_walk(samples, *point) for point in points]):
+        ends = [walk_to_nearest(samples, *point, start) for point, start in zip(points, starts, strict=True)]
+        too_far = np.linalg.norm(samples.points[ends] - points, axis=1) - nearest
+        assert np.mean(too_far > 1e-9) < 1e-3
+
+
+def test_a_walk_starts_beside_points_far_from_the_model():
+    far = np.array([[9.0, 0.0, 0.0], [0.0, -9.0, 0.0], [0.0, 0.0, 9.0]])
+    starts = [start_of_walk(SAMPLES, *point) for point in far]
+    cosines = np.sum(SAMPLES.points[starts] * far, axis=1) / (0.05 * 9.0)
+    assert np.all(cosines > 0.95)
 
 
 def test_points_that_face_away_or_lie_too_far_do_not_count():

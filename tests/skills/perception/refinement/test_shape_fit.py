@@ -15,6 +15,7 @@ from pomona.skills.perception.refinement.cloud import Cloud, cloud, together
 from pomona.skills.perception.refinement.depth_look import DepthLook
 from pomona.skills.perception.refinement.render import render_depth
 from pomona.skills.perception.refinement.shape_fit import RIGID, Priors, fit_shape
+from pomona.skills.perception.refinement.shape_steps import step_until_still
 from pomona.skills.perception.refinement.support_plane import Plane
 
 APPLE = load_fruit("apple")
@@ -133,3 +134,10 @@ def test_a_fruit_that_is_not_round_is_turned_about_its_stem_until_it_fits(turned
     fit = fit_shape(cloud(DepthLook(depth, CAMERA, DepthModel()), box), mango, start, 1.0)
     assert np.degrees(np.arccos(fit.T_camera_object[:3, 0] @ T_true[:3, 0])) < 3.0
     assert fit.stretch == pytest.approx([1.0, 1.0, 1.0], abs=0.03)
+
+
+def test_all_fits_use_one_compilation():
+    points, tilted = seen_points(UPRIGHT, np.ones(3)), np.linalg.qr(np.array([[0.0, 0.5, 0.1]] * 3) + np.eye(3))[0]
+    for normal in (np.array([0.0, 0.0, -1.0]), tilted[:, 0]):
+        fit_shape(points, APPLE, UPRIGHT, 1.0, support=Plane(normal, 0.6))
+    assert len(step_until_still.signatures) == 1

@@ -21,7 +21,9 @@ function act(action) {
 
 // Control is taken under a name, since the operator of each action is recorded.
 export function take() {
-  if ($("who").value.trim()) { press("take"); return; }
+  const named = Boolean($("who").value.trim());
+  $("who").setAttribute("aria-invalid", !named);
+  if (named) { press("take"); return; }
   $("who").focus();
   say("Type your name first: it is recorded with your actions.", "bad");
 }
@@ -58,12 +60,13 @@ export function drawControl(s) {
   const { held_by: holder, viewers, holder_here: here } = page.control;
   put($("holder"), mine ? "You hold control." : holder ? `${holder} holds control${here === false ? ", but that page is not connected" : ""}.` : "No operator holds control.");
   $("holder").dataset.mine = mine;
+  document.body.classList.toggle("mine", mine);
   put($("viewers"), viewers > 1 ? `${viewers} watch.` : "");
   const last = s.acts.findLast((a) => a.action !== "note");
   put($("ack"), last ? `last: ${last.action.replaceAll("_", " ")} by ${last.who}` : "");
   const name = (path) => s.byPath.get(path)?.name ?? path;
   const breaks = [...[...s.breaks.before].map((path) => `before ${name(path)}`), ...[...s.breaks.after].map((path) => `after ${name(path)}`)];
-  put($("breaks"), breaks.length ? `◉ Breakpoints: ${breaks.join(", ")}` : "");
+  put($("breaks"), breaks.length && !s.ended && !page.control.start ? `◉ Breakpoints: ${breaks.join(", ")}` : "");
   $("latched").hidden = !s.safeStop || !live;
   put($("latched-reason"), s.safeStop ?? "");
   const took = link.press?.action === "safe_stop" && link.press.state === "confirmed" ? `Confirmed after ${link.press.took.toFixed(0)} ms. ` : "";
@@ -109,7 +112,8 @@ export function drawHeader(s) {
   const still = page.beat && !page.recorded && !old && s.state === "running" && !s.ended ? (performance.now() - page.beat.moved) / 1000 : 0;
   const wall = page.beat && !page.recorded && page.at === null && kind === "simulated" && !s.ended ? page.beat.wall + (performance.now() - page.beat.received) / 1000 : 0;
   const here = wall > s.t + BEHIND ? ` (${seconds(wall)} real)` : "";
-  put($("clock"), `${(page.at ?? s.t).toFixed(1)} s${here}${ended && page.at !== null ? ` of ${page.whole.t.toFixed(1)} s` : ""}${still > 3 ? ` · no tick for ${still.toFixed(0)} s` : ""}`);
+  document.body.classList.toggle("preparing", preparing);
+  put($("clock"), preparing ? "" : `${(page.at ?? s.t).toFixed(1)} s${here}${ended && page.at !== null ? ` of ${page.whole.t.toFixed(1)} s` : ""}${still > 3 ? ` · no tick for ${still.toFixed(0)} s` : ""}`);
   $("clock").classList.toggle("stale", still > 3);
   drawLinks(s);
   document.title = s.run ? `${STATUS_WORD[state] ?? ""} ${s.run.tree} – Pomona` : "Pomona";

@@ -2,7 +2,7 @@
 import { $, h, percent, quantity, seconds, show } from "./dom.js";
 import { wordsOf } from "./control.js";
 import { press } from "./link.js";
-import { holdsControl, page } from "./page.js";
+import { holdsControl, page, read } from "./page.js";
 import { drawSteps } from "./steps.js";
 import { lastResult, leavesOf, resolved, standing, STATUS } from "./store.js";
 
@@ -33,8 +33,21 @@ const ENDED = { success: ["good", "✓ Succeeded"], failure: ["bad", "✗ Failed
 // One sentence with the last failure and its reason; earlier causes unfold.
 function verdict(leaf, s) {
   const words = leaf.message.replace(/[.\s]*$/, "");
-  return [h("strong", {}, s.byPath.get(leaf.node_path)?.name ?? (leaf.node_path || "The run")), " ", h("code", {}, leaf.code), ` ${words}.`,
+  return [leaf.node_path ? [h("strong", {}, s.byPath.get(leaf.node_path)?.name ?? leaf.node_path), " "] : null, h("code", {}, leaf.code), ` ${words}.`,
     figures(Object.entries(leaf.data ?? {}).slice(0, MOST_FACTS))];
+}
+
+// The remedy of a failure code, or null; the server has the list.
+let remedies = null;
+function remedyOf(code) {
+  if (!code) return null;
+  if (!remedies) {
+    remedies = {};
+    const tried = (found) => { remedies = found; whyKey = ""; page.dirty = true; };
+    read("/api/remedies").then((answer) => answer.json()).then(tried, () => setTimeout(tried, 3000, null));
+  }
+  const words = remedies[code];
+  return words ? h("p", { class: "remedy" }, h("b", {}, "Remedy: "), words.split("`").map((part, i) => (i % 2 ? h("kbd", {}, part) : part)), ".") : null;
 }
 
 // The run's state, its reason, the next step: always those of the whole run, whatever moment is looked at.
@@ -75,6 +88,7 @@ function endedWords(s, latest) {
   return [
     h("div", { class: "verdict" }, lead, verdict(leaf, s)),
     !failed && latest?.next ? h("p", { class: "muted" }, "At ", moment(latest.t), ". Then the tree went on with ", h("strong", {}, name(latest.next)), ".") : null,
+    remedyOf({ failure: leaf.code, error: "EXCEPTION" }[s.ended.outcome]),
     hand,
     same && leaf.message.length < 400 && Object.keys(leaf.data ?? {}).length <= MOST_FACTS ? null : h("details", {}, h("summary", {}, leaves.length === 1 ? "How it came to this" : `How it came to this: ${leaves.length} causes`), h("ol", { class: "chain" }, reasonTree(chain, s))),
     s.failures.length > 1 ? h("details", {}, h("summary", {}, `All ${s.failures.length} failures`), h("ol", { class: "history" }, s.failures.slice(-100).map((f) => h("li", {}, moment(f.t), h("span", {}, h("b", {}, name(f.path)), " ", leavesOf(f.reason).map((l) => `${l.code} ${l.message}`).join("; ")))))) : null,
@@ -95,9 +109,9 @@ const brief = (value) => (typeof value === "object" && value?.type ? value.type 
 const plain = (text) => text.replace(/^<.*\.(\w+) object.*$/s, "$1"); // default text of a Python object
 
 // Inputs that an operator has changed during the run, and a field to change one before the next start.
-function changed(s, about) {
+function changed(s, about, chosen) {
   const said = [...(s.changes.get(about.path) ?? [])].map(([port, { text, who, t }]) => h("p", { class: "changed" }, h("b", {}, `${port} = ${text}`), " from its next start on, by ", who, " at ", moment(t)));
-  if (page.recorded || about.kind !== "skill" || s.ended) return said;
+  if (page.recorded || !chosen || about.kind !== "skill" || s.ended) return said;
   const mine = holdsControl();
   const field = h("input", { "aria-label": "input = value", placeholder: "input = value", maxlength: 200, list: "inputs-known", disabled: !mine });
   const known = h("datalist", { id: "inputs-known" }, Object.keys(about.inputs ?? {}).map((port) => h("option", { value: `${port} = ` })));
@@ -107,15 +121,15 @@ function changed(s, about) {
 
 let nodeKey = "";
 export function drawNode(s, onBreak) {
-  const path = page.selected;
+  const chosen = Boolean(page.selected), path = page.selected ?? s.spans.at(-1)?.path; // until one is chosen, the skill that started last
   const node = path && s.node.get(path);
   const [before, after] = [s.breaks.before.has(path), s.breaks.after.has(path)];
-  const key = `${path}|${node?.tick}|${node?.status}|${node?.feedback}|${s.run?.run}|${s.ports.size}|${before}|${after}|${s.t.toFixed(0)}|${page.recorded}|${s.acts.length}|${holdsControl()}`;
+  const key = `${path}|${chosen}|${node?.tick}|${node?.status}|${node?.feedback}|${s.run?.run}|${s.ports.size}|${before}|${after}|${s.t.toFixed(0)}|${page.recorded}|${s.acts.length}|${holdsControl()}`;
   if (key === nodeKey || $("node").contains(document.activeElement) && document.activeElement.matches("input")) return; // not while the operator types in it
   nodeKey = key;
   const about = path && s.byPath.get(path);
   if (!about) { $("node").replaceChildren(h("p", { class: "empty" }, "Choose a node in the tree.")); return; }
-  const { icon, words, rank } = standing(node), last = lastResult(node);
+  const { icon, words, rank } = standing(node), last = lastResult(node), results = node?.history.filter((e) => e.status !== "INVALID") ?? [];
   const { line: from, end_line: to } = about;
   const source = from && s.run.tree_text ? s.run.tree_text.split("\n").slice(from - 1, Math.min(to ?? from, from + 14)).map((text, i) => `${String(from + i).padStart(3)}  ${text}`).join("\n").trimEnd() : "";
   const wires = (title, ports) => (Object.keys(ports ?? {}).length ? [h("h3", {}, title), h("dl", { class: "wires" }, Object.entries(ports).flatMap(([port, wired]) => wiring(s, port, wired)))] : []);
@@ -124,9 +138,9 @@ export function drawNode(s, onBreak) {
     h("p", { class: "about" }, h("strong", {}, about.name), ` ${about.type === about.name ? about.kind : about.type} `, h("span", { class: "muted" }, path)),
     about.description || about.comment ? h("p", {}, about.description || about.comment) : null,
     h("div", { class: `status ${rank}` }, h("b", {}, `${icon} ${words}`), h("span", {}, [percent(node?.feedback ?? ""), last ? ago(s, last.t) : "", node?.starts ? `started ${node.starts}×` : ""].filter(Boolean).join(" · "))),
-    page.recorded ? null : h("div", { class: "group joined", role: "group", "aria-label": "breakpoints of this node" }, breakButton("before", before, "b"), breakButton("after", after, "a")),
-    ...wires("Settings", about.settings), ...wires("Reads", about.inputs), ...changed(s, about), ...wires("Writes", about.outputs),
-    ...(node?.history.length ? [h("h3", {}, "Last results"), h("ol", { class: "history" }, node.history.slice(-8).reverse().map((e) => h("li", {}, moment(e.t), h("span", { class: e.status === "FAILURE" ? "bad" : "" }, `${STATUS[e.status].icon} ${STATUS[e.status].word}`, e.reason ? ` ${e.reason.code}: ${e.reason.message}` : ""))))] : []),
+    page.recorded || !chosen ? null : h("div", { class: "group joined", role: "group", "aria-label": "breakpoints of this node" }, breakButton("before", before, "b"), breakButton("after", after, "a")),
+    ...wires("Settings", about.settings), ...wires("Reads", about.inputs), ...changed(s, about, chosen), ...wires("Writes", about.outputs),
+    ...(results.length ? [h("h3", {}, "Last results"), h("ol", { class: "history" }, results.slice(-8).reverse().map((e) => h("li", {}, moment(e.t), h("span", { class: e.status === "FAILURE" ? "bad" : "" }, `${STATUS[e.status].icon} ${STATUS[e.status].word}`, e.reason ? ` ${e.reason.code}: ${e.reason.message}` : ""))))] : []),
     ...(source ? [h("h3", {}, "In the tree's file"), h("pre", { tabindex: "0" }, source)] : [])].filter(Boolean));
 }
 

@@ -123,7 +123,7 @@ export class SceneView {
 
   tell(views, robots, ways) {
     const labels = new Map();
-    for (const [, view] of views) for (const part of [...list(view.lines), ...list(view.points), ...list(view.meshes)]) if (part.label) labels.set(part.label, part.style);
+    for (const [, view] of [...views].reverse()) for (const part of [...list(view.lines), ...list(view.points), ...list(view.meshes)]) if (part.label) labels.set(part.label, part.style);
     if (robots.some(([, { trace }]) => trace.length > 1)) labels.set("executed path", "executed");
     if (ways.length) labels.set("path of the run over it", "muted");
     if (views.some(([, view]) => view.cloud)) labels.set("depth of the look", null);

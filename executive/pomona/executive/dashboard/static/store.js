@@ -143,7 +143,7 @@ const HANDLERS = {
   HandChanged(s, m) { s.hand = m.what; },
   OperatorActed(s, m) {
     s.acts.push(m);
-    if (STOPS.has(m.action)) s.halted = true;
+    if (STOPS.has(m.action)) halt(s, m.tick);
     const [, un, after] = m.action.match(/^(un)?break(_after)?$/) ?? [null];
     const side = s.breaks[after ? "after" : "before"];
     if (un) side.delete(m.detail);
@@ -158,7 +158,7 @@ const HANDLERS = {
   },
   SafeStopped(s, m) {
     s.safeStop = m.reason;
-    s.halted = true;
+    halt(s, m.tick);
     s.marks.push({ t: m.t, kind: "bad", text: `safe stop: ${m.reason}` });
   },
   ErrorRaised(s, m) {
@@ -170,6 +170,12 @@ const HANDLERS = {
     for (const span of s.spans) if (span.end === null) span.end = m.t;
   },
 };
+
+// A failure in the tick of the stop is due to it: the devices had refused already.
+function halt(s, tick) {
+  s.halted = true;
+  for (const node of s.node.values()) if (node.status === "FAILURE" && node.tick === tick && node.history.length) node.history.at(-1).halted = true;
+}
 
 // The older half of a series with half as many samples: of every few the least and the greatest, so that no peak is lost.
 function thin(have) {

@@ -4,7 +4,8 @@ import { page } from "./page.js";
 
 const MOST_LANES = 60;
 const INSTANT = 0.001; // seconds below which a skill takes no lane of its own
-const LEFT = 150, RIGHT = 14, TOP = 30;
+const WIDE = 150, NARROW = 104, RIGHT = 14, TOP = 30;
+const LABEL = 52; // px that a time on the ruler takes
 const LANE = 15;
 const RANK = { SUCCESS: "--good", FAILURE: "--bad", RUNNING: "--busy", INVALID: "--idle" };
 const MARK = { failure: "--bad", bad: "--bad", good: "--good", act: "--accent", state: "--muted" };
@@ -37,13 +38,14 @@ export class Timeline {
     this.canvas = $("timeline");
     this.onScrub = onScrub;
     this.part = null; // the stretch that is shown, or null: all of it
+    this.first = 0; // number of the first lane below the ruler
     let down = false;
     const seek = (event) => this.onScrub(this.timeAt(event.offsetX));
     this.canvas.addEventListener("pointerdown", (e) => { down = true; this.canvas.setPointerCapture(e.pointerId); seek(e); });
     this.canvas.addEventListener("pointermove", (e) => { if (down) seek(e); });
     this.canvas.addEventListener("pointerup", () => { down = false; });
     this.canvas.addEventListener("wheel", (e) => {
-      if (Math.abs(e.deltaX) < Math.abs(e.deltaY) && !e.ctrlKey && $("timeline").parentElement.scrollHeight > $("timeline").parentElement.clientHeight && !e.shiftKey && e.offsetX < LEFT) return; // over the names it scrolls the lanes
+      if (Math.abs(e.deltaX) < Math.abs(e.deltaY) && !e.ctrlKey && !e.shiftKey && e.offsetX < this.left) { this.scroll(Math.sign(e.deltaY)); e.preventDefault(); return; } // over the names it scrolls the lanes
       e.preventDefault();
       if (e.shiftKey || Math.abs(e.deltaX) > Math.abs(e.deltaY)) this.pan((e.deltaX || e.deltaY) / 500);
       else this.zoom(Math.exp(e.deltaY * 0.002), this.timeAt(e.offsetX));
@@ -56,13 +58,17 @@ export class Timeline {
       e.preventDefault();
     });
     $("whole").addEventListener("click", () => { this.part = null; this.key = ""; this.draw(); });
-    this.width = this.canvas.clientWidth; // kept: reading it makes the browser lay the page out
-    new ResizeObserver(() => { this.key = ""; this.width = this.canvas.clientWidth; page.dirty = true; }).observe(this.canvas);
+    const measure = () => { Object.assign(this, { key: "", width: this.canvas.clientWidth, tall: this.canvas.parentElement.clientHeight }); page.dirty = true; };
+    measure(); // kept: reading them makes the browser lay the page out
+    const sizes = new ResizeObserver(measure);
+    for (const element of [this.canvas, this.canvas.parentElement]) sizes.observe(element);
   }
 
   // Read anew each time: two keys may come before the next frame.
   get now() { return page.at ?? page.whole.t; }
   get length() { return Math.max(0.1, page.whole.t, page.over?.whole.t ?? 0); }
+  get left() { return this.width < 520 ? NARROW : WIDE; }
+  get room() { return Math.max(1, Math.floor((this.tall - TOP) / LANE)); } // lanes in sight
   get shown() { return this.part ?? [0, this.length]; }
 
   zoom(factor, around) {
@@ -88,7 +94,24 @@ export class Timeline {
 
   timeAt(x) {
     const [from, to] = this.shown;
-    return Math.max(0, Math.min(this.length, from + ((x - LEFT) / Math.max(1, this.canvas.clientWidth - LEFT - RIGHT)) * (to - from)));
+    return Math.max(0, Math.min(this.length, from + ((x - this.left) / Math.max(1, this.canvas.clientWidth - this.left - RIGHT)) * (to - from)));
+  }
+
+  scroll(lanes) {
+    this.first = Math.max(0, Math.min(this.first + lanes, this.lanes.length - this.room));
+    this.key = "";
+    this.draw();
+  }
+
+  // Scroll to the lane of the skill that started last before the moment; once, so that another stretch can be looked at.
+  follow(whole, now) {
+    const path = whole.spans.findLast((span) => span.start <= now + 1e-9 && (span.halted || span.status === "FAILURE" || (span.end ?? Infinity) - span.start >= INSTANT))?.path, i = this.lane.get(path) ?? 0, { room } = this;
+    const key = `${path}|${i}|${room}`;
+    if (key === this.followed) return;
+    this.followed = key;
+    const first = Math.max(0, Math.min(i, Math.max(this.first, i - room + 1), this.lanes.length - room));
+    if (first !== this.first) { this.first = first; this.key = ""; }
+    this.canvas.dataset.first = first;
   }
 
   draw() {
@@ -101,13 +124,17 @@ export class Timeline {
     this.point(now);
     this.tell(whole, now);
     const key = `${page.over?.name}|${whole.seq}|${whole.t.toFixed(2)}|${this.part}|${this.width}|${whole.run?.run}`;
+    if (key !== this.key) {
+      Object.assign(this, lanesOf(whole));
+      this.canvas.style.height = `${TOP + Math.max(1, this.lanes.length) * LANE + 4}px`;
+    }
+    this.follow(whole, now);
     if (key === this.key) return; // the cursor moves over what is drawn
     this.key = key;
     $("whole").hidden = !this.part;
     const css = getComputedStyle(document.documentElement);
     const colour = (name) => css.getPropertyValue(name).trim();
-    const { lanes, lane } = lanesOf(whole);
-    this.canvas.style.height = `${TOP + Math.max(1, lanes.length) * LANE + 4}px`;
+    const { lanes, lane, first, room } = this;
     const ratio = devicePixelRatio || 1;
     const w = this.canvas.clientWidth, ht = this.canvas.clientHeight;
     this.canvas.width = w * ratio; this.canvas.height = ht * ratio;
@@ -115,20 +142,23 @@ export class Timeline {
     g.scale(ratio, ratio);
     g.font = "12px system-ui, sans-serif";
     const [from, to] = this.shown;
-    const x = (t) => LEFT + ((t - from) / (to - from)) * (w - LEFT - RIGHT);
+    const x = (t) => this.left + ((t - from) / (to - from)) * (w - this.left - RIGHT);
     this.ruler(g, x, from, to, ht, colour);
-    const laneTop = (i) => TOP + i * LANE;
+    const laneTop = (i) => TOP + (i - first) * LANE, most = Math.floor(this.left / 6.8);
     g.textBaseline = "middle";
-    lanes.forEach(({ name, rank }, i) => {
+    lanes.slice(first).forEach(({ name, rank }, i) => {
       g.fillStyle = colour(rank ? `--${rank}` : "--text");
-      g.fillText(name.length > 22 ? `${name.slice(0, 21)}…` : name, 2, laneTop(i) + LANE / 2);
+      g.fillText(name.length > most ? `${name.slice(0, most - 1)}…` : name, 2, laneTop(first + i) + LANE / 2);
     });
+    const below = Math.max(0, lanes.length - first - room);
+    g.fillStyle = colour("--muted");
+    if (first || below) g.fillText(`${first ? `↑ ${first} ` : ""}${below ? `↓ ${below} ` : ""}more`, 2, 11);
     g.save();
-    g.beginPath(); g.rect(LEFT - 6, 0, w - LEFT - RIGHT + 12, ht); g.clip();
+    g.beginPath(); g.rect(this.left - 6, 0, w - this.left - RIGHT + 12, ht); g.clip();
     for (const span of whole.spans) {
       const i = lane.get(span.path);
       const end = span.end ?? whole.t;
-      if (i === undefined || end < from || span.start > to) continue;
+      if (i === undefined || i < first || end < from || span.start > to) continue;
       g.fillStyle = colour(span.halted ? "--bad" : RANK[span.status] ?? "--muted");
       const wide = Math.max(2.5, x(end) - x(span.start));
       g.fillRect(x(span.start), laneTop(i) + 2, wide, LANE - 4);
@@ -137,7 +167,7 @@ export class Timeline {
     }
     for (const span of page.over?.whole.spans ?? []) { // the second run's, thin, below those of the same name
       const i = lane.get(span.path), end = span.end ?? page.over.whole.t;
-      if (i === undefined || end < from || span.start > to) continue;
+      if (i === undefined || i < first || end < from || span.start > to) continue;
       g.fillStyle = colour("--text");
       g.fillRect(x(span.start), laneTop(i) + LANE - 4, Math.max(2, x(end) - x(span.start)), 2);
     }
@@ -153,12 +183,12 @@ export class Timeline {
   // The cursor is an element of its own: sixty times a second it moves, and nothing is drawn anew.
   point(now) {
     const [from, to] = this.shown;
-    const x = LEFT + ((now - from) / (to - from)) * (this.width - LEFT - RIGHT);
+    const x = this.left + ((now - from) / (to - from)) * (this.width - this.left - RIGHT);
     $("timeline-cursor").style.transform = `translateX(${x.toFixed(1)}px)`;
   }
 
   ruler(g, x, from, to, height, colour) {
-    const rough = (to - from) / 10;
+    const rough = (to - from) / Math.max(2, Math.min(10, (x(to) - x(from)) / LABEL));
     const step = [0.1, 0.2, 0.5, 1, 2, 5, 10, 30, 60, 120, 300, 600, 1800, 3600].find((s) => s >= rough) ?? 7200;
     g.strokeStyle = colour("--floor"); g.lineWidth = 1; g.fillStyle = colour("--muted"); g.textBaseline = "alphabetic"; g.textAlign = "center";
     for (let t = Math.ceil(from / step) * step; t <= to + 1e-9; t += step) {

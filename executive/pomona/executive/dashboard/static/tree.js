@@ -22,7 +22,7 @@ export class TreeView {
     $("larger").addEventListener("click", () => this.zoom(this.scale * 1.15));
     $("fit").addEventListener("click", () => this.fit());
     this.root.addEventListener("keydown", (event) => this.key(event));
-    new ResizeObserver(() => this.show(this.selected)).observe(this.root);
+    new ResizeObserver(() => this.show(this.selected ?? ($("follow").checked ? this.running : null))).observe(this.root);
   }
 
   build(state) {

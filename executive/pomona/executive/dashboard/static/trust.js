@@ -76,7 +76,7 @@ function drawStartBar() {
   if (!start || start.problem) return;
   const since = start.age + (performance.now() - page.heardControl) / 1000;
   set("preparing-what", `◌ Preparing ${start.tree}`);
-  set("preparing-words", start.cancelled ? `Cancelled (${start.cancelled}): it will not begin.` : `${start.what}${start.of ? `, ${start.done + 1} of ${start.of}` : ""} · ${seconds(since)}${page.silent === null ? "" : " · busy"} · SAFE STOP cancels it`);
+  set("preparing-words", start.cancelled ? `Cancelled (${start.cancelled}): it will not begin.` : `${start.what}${start.of ? `, ${start.done + 1} of ${start.of}` : ""} · ${seconds(since)}${page.silent === null ? "" : " · busy"} · SAFE STOP cancels it${page.live.whole.run ? ". Below: the run before" : ""}`);
   if (start.of) { $("preparing-bar").max = start.of; $("preparing-bar").value = start.done; } else $("preparing-bar").removeAttribute("value");
 }
 

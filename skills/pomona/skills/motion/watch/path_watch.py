@@ -32,6 +32,10 @@ AROUND = 0.03  # distance within which points belong to a known object [m]: nois
 BEYOND = 0.6  # the grid reaches so far beyond the workspace, upwards and sideways [m]: a hand needs 0.4 s for it
 SURE = 3.0  # standard deviations of the depth's noise that are allowed for
 MOST = 4096  # new cells of one frame that are looked at: 1.6 m² of surface
+# Way of an object until it counts as moved [m]: its cells lie two or more beside those where it stood, along a diagonal
+UNNOTICED = 2.0 * np.sqrt(3.0) * CELL
+FRAME_INTERVAL = 0.04  # longest time between two frames for which the pace is safe [s]
+PACES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.125)  # tried in this order; the last one is taken in any case
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +132,44 @@ class PathWatch:
                 return Ahead(stop, came, distance, after, point, part, new)
         return None
 
+    def standing(self, frame: Frame, T_base_camera: Float64, q: Float64, camera: int = 0) -> Float64:
+        """Note a frame from before the motion; return the cells that are occupied and not known, shape (n, 3) [m]."""
+        return self._found[: self._new_cells(frame, T_base_camera, q, camera)].copy()
+
+    def slowed(self, points: Float64) -> tuple[float, PathWatch]:
+        """Return the largest pace at which no standing object can meet the moving arm, and the watch at that pace.
+
+        At any time of the path the arm rests before an object could come from one of the points to a posture that is
+        passed until then: distance > near + UNNOTICED + speed · (FRAME_INTERVAL + delay + braking time).
+
+        Args:
+            points: of objects that may set off when the arm does, shape (n, 3) [m].
+        """
+        paced = self
+        for pace in PACES:
+            paced = self if pace == 1.0 else self._at(pace)
+            if not len(points) or paced._rests_in_time(points):
+                break
+        return pace, paced
+
+    def _at(self, pace: float) -> PathWatch:
+        """Return the same watch of the same path, followed at a share of its pace."""
+        other = copy.copy(self)
+        other._braking = self._braking.at(pace)
+        other._times = self._times / pace
+        return other
+
+    def _rests_in_time(self, points: Float64) -> bool:
+        how = self._how
+        for path_time in np.arange(0.0, self._times[-1], 0.1):
+            stopping = FRAME_INTERVAL + how.delay + self._braking.time(float(path_time))
+            first = max(int(np.searchsorted(self._times, path_time, side="right")) - 1, 0)
+            last = max(int(np.searchsorted(self._times, path_time + stopping)) + 1, first + 1)
+            allowed = how.near + UNNOTICED + how.speed * stopping
+            if self._nearest(points, first, last, allowed, float(path_time)) is not None:
+                return False
+        return True
+
     def _new_cells(self, frame: Frame, T_base_camera: Float64, q: Float64, camera: int) -> int:
         if frame.depth is None:
             return 0
@@ -195,15 +237,22 @@ class PathWatch:
 
 
 class Braking:
-    """How long the arm brakes, at any time of a trajectory that it follows at the trajectory's own pace."""
+    """How long the arm brakes, at any time of a trajectory that it follows at its pace or at a share of it."""
 
     def __init__(self, trajectory: Trajectory, limits: ArmLimits) -> None:
-        self._follower = PathFollower(trajectory, limits, PERIOD)
+        self._follower, self._pace = PathFollower(trajectory, limits, PERIOD), 1.0
+
+    def at(self, pace: float) -> Braking:
+        """Return the braking of the same path, followed at a share of its pace."""
+        other = copy.copy(self)
+        other._follower, other._pace = copy.copy(self._follower), pace
+        other._follower.rate = pace
+        return other
 
     def time(self, t: float) -> float:
         """Return seconds from the order to stop at time `t` [s] of the trajectory until the arm rests on its path."""
         follower = copy.copy(self._follower)  # the path itself is only read
-        follower.path_time = t
+        follower.path_time = t * self._pace
         follower.slow_down()
         steps = 0
         while not follower.at_rest:

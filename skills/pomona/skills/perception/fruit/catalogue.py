@@ -132,7 +132,7 @@ class FruitFileSection:
         # tolerance between a mesh's dimensions and those in the file [m]
         if np.any(np.abs(extents - self.dimensions) > 1e-4):
             measured = " ".join(f"{1e3 * size:.2f}" for size in extents)
-            yield Problem("dimensions", f"they are not the mesh's, which measures {measured} mm", "a mesh is in metres")
+            yield Problem("dimensions", f"the mesh measures {measured} mm", "a mesh is in metres")
         closed, outwards = _surface(mesh)
         if not closed:
             yield Problem(

@@ -30,10 +30,6 @@ class Form:
         """Whether the model is nearly a body of revolution, so that its turn about the axis is unobservable."""
         return bool(abs(np.log(self.radius[0] / self.radius[1])) < _NEARLY_ROUND)
 
-    def changed(self, ln_stretch: Float64, lean: Float64) -> Form:
-        """Return the form after a step in ln stretch, shape (3,), and in lean, shape (2,)."""
-        return Form(self.stretch * np.exp(ln_stretch), self.lean + lean, self.radius)
-
     def height_factor(self, model: Float64) -> Float64:
         """1 + l_x x/r_x + l_z z/r_z at points of the model, shape (n, 3) -> (n,)."""
         factor: Float64 = 1.0 + (model[:, [0, 2]] / self.radius) @ self.lean
@@ -44,11 +40,6 @@ class Form:
         leaned = model.copy()
         leaned[:, 1] *= self.height_factor(model)
         return leaned * self.stretch
-
-    def lean_derivative(self, model: Float64) -> Float64:
-        """How the height y of points changes with the lean, shape (n, 2) [m]."""
-        derivative: Float64 = (self.stretch[1] * model[:, 1])[:, None] * (model[:, [0, 2]] / self.radius)
-        return derivative
 
     def cuboid(self, mesh: Triangles) -> tuple[Float64, Float64]:
         """Centre and dimensions of the fruit's cuboid in the model's axes, shape (3,) each [m]."""

@@ -24,11 +24,19 @@ class Points(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """The model's surface: points and outward normals, shape (m, 3), and the neighbours of each, shape (m, k)."""
+    """The model's surface: points and outward normals, shape (m, 3), and the neighbours of each, shape (m, k) [m].
+
+    `near` holds the sample that is nearest to each cell of a grid over the model, shape (k, k, k): a cell's index is
+    (p - corner) / edges, cut to the grid.
+    """
 
     points: Float64
     normals: Float64
     neighbours: NDArray[np.int32]
+    near: NDArray[np.int32]
+    corner: Float64
+    edges: Float64
+    vertices: Float64  # of the mesh, shape (l, 3)
 
 
 class PlacedForm(NamedTuple):
@@ -41,7 +49,18 @@ class PlacedForm(NamedTuple):
     radius: Float64
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
+def start_of_walk(samples: Samples, x: float, y: float, z: float) -> int:
+    """Return the sample that is nearest to the grid's cell of a point of the model's frame."""
+    last = len(samples.near) - 1
+    i = min(max(int((x - samples.corner[0]) / samples.edges[0]), 0), last)
+    j = min(max(int((y - samples.corner[1]) / samples.edges[1]), 0), last)
+    k = min(max(int((z - samples.corner[2]) / samples.edges[2]), 0), last)
+    start: int = samples.near[i, j, k]
+    return start
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def walk_to_nearest(samples: Samples, x: float, y: float, z: float, start: int) -> int:
     """From neighbour to neighbour while that is nearer to a point of the model's frame."""
     points, neighbours = samples.points, samples.neighbours
@@ -58,7 +77,7 @@ def walk_to_nearest(samples: Samples, x: float, y: float, z: float, start: int) 
             return best
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def points_to_surface(
     measured: Points,
     samples: Samples,
@@ -73,64 +92,64 @@ def points_to_surface(
     They are H, shape (11, 11), b, shape (11,), and the ratio of the points that count.
 
     Args:
-        nearest: the previous nearest sample of each point, start of the search, shape (n,); changed in place.
+        nearest: the previous nearest sample of each point, start of the search, shape (n,), -1 where there is none;
+            changed in place.
         reach: points farther from the surface do not count [m].
         texture: standard deviation of the surface against the model [m].
         patches: number of independently deviating parts of the visible surface.
     """
-    count = len(measured.points)
-    jacobian = np.empty((count, PARAMETERS))
-    distance, slant = np.empty(count), np.empty(count)
-    counts = np.zeros(count, np.bool_)
-    R, stretch, lean, radius = placed.R, placed.stretch, placed.lean, placed.radius
-    local, normal = np.empty(3), np.empty(3)
+    points, rays, deviation, beside = measured.points, measured.rays, measured.deviation, measured.beside
+    on_model, normals = samples.points, samples.normals
+    R, t = placed.R, placed.t
+    sx, sy, sz = placed.stretch
+    lx, lz = placed.lean / placed.radius
+    count = len(points)
+    # derivatives of one point's distance, and the distance itself
+    terms = np.empty((count, PARAMETERS + 1))
+    slant, counts = np.empty(count), np.zeros(count, np.bool_)
     counted = 0
     for i in range(count):
+        px, py, pz = points[i, 0] - t[0], points[i, 1] - t[1], points[i, 2] - t[2]
+        u = R[0, 0] * px + R[1, 0] * py + R[2, 0] * pz
+        v = R[0, 1] * px + R[1, 1] * py + R[2, 1] * pz
+        w = R[0, 2] * px + R[1, 2] * py + R[2, 2] * pz
+        x, z = u / sx, w / sz
+        y = v / (sy * (1.0 + lx * x + lz * z))
+        j = nearest[i]
+        if j < 0:
+            j = start_of_walk(samples, x, y, z)
+        j = walk_to_nearest(samples, x, y, z, j)
+        nearest[i] = j
+        mx, my, mz = on_model[j, 0], on_model[j, 1], on_model[j, 2]
+        higher = 1.0 + lx * mx + lz * mz
+        qx, qy, qz = sx * mx, sy * my * higher, sz * mz
+        up = normals[j, 1] / higher
+        a, b, c = (normals[j, 0] - up * my * lx) / sx, up / sy, (normals[j, 2] - up * my * lz) / sz
+        shorter = 1.0 / math.sqrt(a * a + b * b + c * c)
+        a, b, c = a * shorter, b * shorter, c * shorter
+        distance = a * (u - qx) + b * (v - qy) + c * (w - qz)
+        slant[i] = 0.0
         for axis in range(3):
-            local[axis] = 0.0
-            for k in range(3):
-                local[axis] += R[k, axis] * (measured.points[i, k] - placed.t[k])
-        x, z = local[0] / stretch[0], local[2] / stretch[2]
-        y = local[1] / stretch[1] / (1.0 + lean[0] * x / radius[0] + lean[1] * z / radius[1])
-        nearest[i] = walk_to_nearest(samples, x, y, z, nearest[i])
-        m, n = samples.points[nearest[i]], samples.normals[nearest[i]]
-        higher = 1.0 + lean[0] * m[0] / radius[0] + lean[1] * m[2] / radius[1]
-        q = (stretch[0] * m[0], stretch[1] * m[1] * higher, stretch[2] * m[2])
-        up = n[1] / higher
-        a = (n[0] - up * m[1] * lean[0] / radius[0]) / stretch[0]
-        b = up / stretch[1]
-        c = (n[2] - up * m[1] * lean[1] / radius[1]) / stretch[2]
-        length = math.sqrt(a * a + b * b + c * c)
-        a, b, c = a / length, b / length, c / length
-        distance[i], slant[i] = -(a * q[0] + b * q[1] + c * q[2]), 0.0
-        for axis in range(3):
-            normal[axis] = R[axis, 0] * a + R[axis, 1] * b + R[axis, 2] * c
-            jacobian[i, axis] = normal[axis]
-            distance[i] += normal[axis] * (measured.points[i, axis] - placed.t[axis])
-            slant[i] += normal[axis] * measured.rays[i, axis]
-        jacobian[i, 3] = q[1] * c - q[2] * b
-        jacobian[i, 4] = q[0] * b - q[1] * a
-        jacobian[i, 5], jacobian[i, 6], jacobian[i, 7] = a * q[0], b * q[1], c * q[2]
-        jacobian[i, 8] = b * stretch[1] * m[1] * m[0] / radius[0]
-        jacobian[i, 9] = b * stretch[1] * m[1] * m[2] / radius[1]
-        jacobian[i, 10] = q[2] * a - q[0] * c
+            terms[i, axis] = R[axis, 0] * a + R[axis, 1] * b + R[axis, 2] * c
+            slant[i] += terms[i, axis] * rays[i, axis]
         # cosine between a normal and the ray from which a surface faces away: it is the far side of the model
-        counts[i] = abs(distance[i]) < reach and slant[i] < 0.1
+        counts[i] = abs(distance) < reach and slant[i] < 0.1
         counted += counts[i]
-    shared = math.sqrt(max(1.0, counted / patches))
-    H, right = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
+        terms[i, 3], terms[i, 4], terms[i, 10] = qy * c - qz * b, qx * b - qy * a, qz * a - qx * c
+        terms[i, 5], terms[i, 6], terms[i, 7] = a * qx, b * qy, c * qz
+        raised = b * sy * my
+        terms[i, 8], terms[i, 9] = raised * mx / placed.radius[0], raised * mz / placed.radius[1]
+        terms[i, PARAMETERS] = distance
+    patch = texture**2 * max(1.0, counted / patches)
+    sums = np.zeros((PARAMETERS, PARAMETERS + 1))
     for i in range(count):
         if not counts[i]:
             continue
-        aside = measured.beside[i] * math.sqrt(max(1.0 - slant[i] ** 2, 0.0))
-        variance = (measured.deviation[i] * slant[i]) ** 2 + aside**2 + (texture * shared) ** 2
-        weight = (1.0 - (distance[i] / reach) ** 2) ** 2 / variance
+        aside = beside[i] ** 2 * max(1.0 - slant[i] ** 2, 0.0)
+        variance = (deviation[i] * slant[i]) ** 2 + aside + patch
+        weight = (1.0 - (terms[i, PARAMETERS] / reach) ** 2) ** 2 / variance
         for row in range(PARAMETERS):
-            scaled = weight * jacobian[i, row]
-            right[row] += scaled * distance[i]
-            for column in range(row, PARAMETERS):
-                H[row, column] += scaled * jacobian[i, column]
-    for row in range(PARAMETERS):
-        for column in range(row):
-            H[row, column] = H[column, row]
-    return H, right, counted / max(count, 1)
+            scaled = weight * terms[i, row]
+            for column in range(PARAMETERS + 1):
+                sums[row, column] += scaled * terms[i, column]
+    return sums[:, :PARAMETERS].copy(), sums[:, PARAMETERS].copy(), counted / max(count, 1)

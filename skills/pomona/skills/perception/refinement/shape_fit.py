@@ -13,30 +13,21 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.geometry import rotation_about
+from pomona.skills.geometry import transform
 from pomona.skills.perception.refinement.cloud import Cloud
 from pomona.skills.perception.refinement.depth_image import Triangles
 from pomona.skills.perception.refinement.form import Form
-from pomona.skills.perception.refinement.points_to_surface import (
-    PARAMETERS,
-    PlacedForm,
-    Points,
-    Samples,
-    points_to_surface,
-)
+from pomona.skills.perception.refinement.points_to_surface import PARAMETERS, PlacedForm, Points
+from pomona.skills.perception.refinement.shape_steps import Expected, Support, contact, step_until_still
 from pomona.skills.perception.refinement.support_plane import Plane
-from pomona.skills.perception.refinement.surface import Surface, surface_of
+from pomona.skills.perception.refinement.surface import surface_of
 
 _NARROWING = (3.0, 3.0, 2.0, 2.0, 1.5, 1.5)  # the band of the first steps, in final bands
 
 _MAX_STEPS = 25
 _MAX_POINTS = 1000
-_MAX_TURN = 0.3
-_MAX_STRETCH = 0.2
-_MAX_LEAN = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,22 +62,6 @@ class ShapeFit:
     on_support: bool  # whether the contact with the support was used
 
 
-class _Normal:
-    """Normal equations H x = b of weighted residuals, x as in `points_to_surface`."""
-
-    def __init__(self, H: Float64, b: Float64) -> None:
-        self.H, self.b = H, b
-
-    def expect(self, rows: Float64, values: Float64, deviations: Float64) -> None:
-        """Expect rows · x = values, shapes (k, 11) and (k,), each within its standard deviation."""
-        weighted = rows / (deviations**2)[:, None]
-        self.H = self.H + rows.T @ weighted
-        self.b = self.b + values @ weighted
-
-    def solve(self) -> Float64:
-        return np.asarray(np.linalg.solve(self.H, self.b), dtype=np.float64)
-
-
 def fit_shape(
     cloud: Cloud,
     mesh: Triangles,
@@ -105,94 +80,39 @@ def fit_shape(
         band: half-width of the band about the surface in which points count, at the end [m].
     """
     priors = priors or Priors()
-    measured = _Measured.of(cloud.thinned(_MAX_POINTS), surface_of(mesh), T_camera_object, mu)
-    state = _State(T_camera_object.copy(), Form.scaled(mesh, mu))
-    start = _State(T_camera_object, state.form)
-    equations, share = _iterate(measured, mesh, state, start, band, priors, None, _NARROWING)
+    few, samples = cloud.thinned(_MAX_POINTS), surface_of(mesh)
+    points = Points(*map(np.ascontiguousarray, (few.points, few.rays, few.deviation, few.beside)))
+    form = Form.scaled(mesh, mu)
+    R, t = T_camera_object[:3, :3].copy(), T_camera_object[:3, 3].copy()
+    start = PlacedForm(R, t, form.stretch, form.lean, form.radius)
+    placed, nearest = PlacedForm(*(part.copy() for part in start)), np.full(len(points.points), -1)
+    expected = _expected(start, form, priors)
+    plane = Support(np.zeros(3), 0.0, np.inf)
+    steps = np.full(_MAX_STEPS, band)
+    narrowing = np.concatenate([band * np.array(_NARROWING), steps[len(_NARROWING) :]])
+    H, share = step_until_still(points, samples, placed, nearest, expected, plane, narrowing)
     on_support = False
     if support is not None:
-        gap, row = _contact(mesh, state, support)
+        plane = Support(np.ascontiguousarray(support.normal), support.offset, priors.contact)
+        gap, row = contact(samples.vertices, placed, plane)
         # Standard deviation of the gap to its support that a fruit which stands on it may seem to have, of its height
-        doubt = row @ np.linalg.solve(equations.H, row) + (0.05 * np.ptp(mesh.vertices[:, 1]) * mu) ** 2
+        doubt = row @ np.linalg.solve(H, row) + (0.05 * np.ptp(mesh.vertices[:, 1]) * mu) ** 2
         on_support = bool(gap**2 <= 9.0 * doubt)
         if on_support:
-            equations, share = _iterate(measured, mesh, state, start, band, priors, support, ())
+            H, share = step_until_still(points, samples, placed, nearest, expected, plane, steps)
     picked = np.r_[0:3, 5:8]
-    covariance = np.linalg.inv(equations.H)[np.ix_(picked, picked)]
-    centre, dimensions = state.form.cuboid(mesh)
-    if state.form.nearly_round:
+    covariance = np.linalg.inv(H)[np.ix_(picked, picked)]
+    form = Form(placed.stretch, placed.lean, placed.radius)
+    centre, dimensions = form.cuboid(mesh)
+    if form.nearly_round:
         # The offset of the cuboid's centre from the axis depends on the fruit's turn, which is unobservable.
-        centre[[0, 2]] = state.form.stretch[[0, 2]] * surface_of(mesh).samples.points[:, [0, 2]].mean(axis=0)
-    T_cuboid = state.T.copy()
-    T_cuboid[:3, 3] += T_cuboid[:3, :3] @ centre
+        centre[[0, 2]] = form.stretch[[0, 2]] * samples.points[:, [0, 2]].mean(axis=0)
+    T_cuboid = transform(placed.R, placed.t + placed.R @ centre)
     return ShapeFit(T_cuboid, dimensions / np.ptp(mesh.vertices, axis=0), covariance, share, on_support)
 
 
-@dataclass
-class _State:
-    T: Float64
-    form: Form
-
-    def move(self, step: Float64) -> None:
-        turn = step[[3, 10, 4]]
-        angle = float(np.linalg.norm(turn))
-        if angle > 0.0:
-            self.T[:3, :3] = self.T[:3, :3] @ rotation_about(turn / angle, min(angle, _MAX_TURN))
-        self.T[:3, 3] += step[:3]
-        self.form = self.form.changed(
-            np.clip(step[5:8], -_MAX_STRETCH, _MAX_STRETCH), np.clip(step[8:10], -_MAX_LEAN, _MAX_LEAN)
-        )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Measured:
-    """Measured points, the model's surface, and the sample of it that each point is next to, shape (n,)."""
-
-    points: Points
-    samples: Samples
-    nearest: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, cloud: Cloud, surface: Surface, T_camera_object: Float64, mu: float) -> _Measured:
-        on_model = (cloud.points - T_camera_object[:3, 3]) @ T_camera_object[:3, :3] / mu
-        points = Points(*map(np.ascontiguousarray, (cloud.points, cloud.rays, cloud.deviation, cloud.beside)))
-        return cls(points, surface.samples, surface.tree.query(on_model)[1])
-
-    def equations(self, state: _State, reach: float, texture: float) -> tuple[_Normal, float]:
-        """Of the points that lie within reach of the surface, and the share of these points."""
-        R, t, form = np.ascontiguousarray(state.T[:3, :3]), state.T[:3, 3].copy(), state.form
-        placed = PlacedForm(R, t, form.stretch, form.lean, form.radius)
-        # number of independently deviating parts of the visible surface: a lobe or a dent is some 10 mm wide
-        H, b, share = points_to_surface(self.points, self.samples, placed, self.nearest, reach, texture, 80)
-        return _Normal(H, b), share
-
-
-def _iterate(
-    measured: _Measured,
-    mesh: Triangles,
-    state: _State,
-    start: _State,
-    band: float,
-    priors: Priors,
-    support: Plane | None,
-    narrowing: tuple[float, ...],
-) -> tuple[_Normal, float]:
-    """Step until nothing moves; changes `state`. Returns the last equations and the share of points that count."""
-    for count in range(_MAX_STEPS):
-        reach = band * (narrowing[count] if count < len(narrowing) else 1.0)
-        equations, share = measured.equations(state, reach, priors.texture)
-        _expect_likeness(equations, state, start, priors)
-        if support is not None:
-            gap, row = _contact(mesh, state, support)
-            equations.expect(row[None], np.array([-gap]), np.array([priors.contact]))
-        step = equations.solve()
-        state.move(step)
-        if count >= len(narrowing) and np.abs(step[:3]).max() < 5e-5 and np.abs(step[3:]).max() < 5e-4:
-            break
-    return equations, share
-
-
-_LIKENESS = np.zeros((11, PARAMETERS))  # prior directions: place 3, tilt 2, size, aspect, roundness, lean 2, turn
+_LIKENESS = np.zeros((PARAMETERS, PARAMETERS))
+"""Prior directions: place 3, tilt 2, size, aspect, roundness, lean 2, turn."""
 _LIKENESS[[0, 1, 2, 8, 9, 10], [0, 1, 2, 8, 9, 10]] = 1.0
 _LIKENESS[3, 4], _LIKENESS[4, 3] = -1.0, 1.0
 _LIKENESS[5, 5:8] = 1.0 / 3.0
@@ -200,37 +120,9 @@ _LIKENESS[6, 5:8] = -0.5, 1.0, -0.5
 _LIKENESS[7, 5:8] = 1.0, 0.0, -1.0
 
 
-def _expect_likeness(equations: _Normal, state: _State, start: _State, priors: Priors) -> None:
-    """Add the priors of the kind, of the detection and of the uniform scale."""
-    axis = state.T[:3, :3].T @ start.T[:3, 1]  # the detected axis as the present object sees it; (0, 1, 0) if alike
-    ln_x, ln_y, ln_z = np.log(state.form.stretch / start.form.stretch)
-    model_ratio = float(np.log(state.form.radius[0] / state.form.radius[1]))
-    round_ratio = -model_ratio if state.form.nearly_round and priors is not RIGID else 0.0
-    facing = state.T[:3, :3].T @ start.T[:3, 0]
-    values = np.empty(11)
-    values[:3] = start.T[:3, 3] - state.T[:3, 3]
-    values[3:5] = axis[0], axis[2]
-    values[5] = -(ln_x + ln_y + ln_z) / 3.0
-    values[6] = priors.proportion - ln_y + 0.5 * (ln_x + ln_z)
-    values[7] = round_ratio - (ln_x - ln_z)
-    values[8:10] = -state.form.lean
-    values[10] = math.atan2(-facing[2], facing[0])
-    deviations = np.empty(11)
-    deviations[:3], deviations[3:5] = priors.place, priors.tilt
-    deviations[5:8] = priors.size, priors.aspect, priors.roundness
-    deviations[8:10] = priors.lean
-    deviations[10] = RIGID.turn if state.form.nearly_round else priors.turn
-    equations.expect(_LIKENESS, values, deviations)
-
-
-def _contact(mesh: Triangles, state: _State, support: Plane) -> tuple[float, Float64]:
-    """Return the height of the lowest point over the support [m], and how it changes with the parameters."""
-    R, t = state.T[:3, :3], state.T[:3, 3]
-    up = R.T @ support.normal
-    on_fruit = state.form.points(mesh.vertices)
-    index = int(np.argmin(on_fruit @ up))
-    lowest = on_fruit[index]
-    gap = float(support.normal @ (R @ lowest + t) + support.offset)
-    leaning = up[1] * state.form.lean_derivative(mesh.vertices[index : index + 1])[0]
-    x, y, z = np.cross(lowest, up)
-    return gap, np.concatenate([support.normal, [x, z], up * lowest, leaning, [y]])
+def _expected(start: PlacedForm, form: Form, priors: Priors) -> Expected:
+    turn = RIGID.turn if form.nearly_round else priors.turn
+    round_ratio = -math.log(form.radius[0] / form.radius[1]) if form.nearly_round and priors is not RIGID else 0.0
+    deviations = [*[priors.place] * 3, *[priors.tilt] * 2, priors.size, priors.aspect, priors.roundness]
+    variances = np.array([*deviations, priors.lean, priors.lean, turn]) ** 2
+    return Expected(start, _LIKENESS, variances, priors.proportion, round_ratio, priors.texture)

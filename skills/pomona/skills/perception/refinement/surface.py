@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -17,18 +16,12 @@ _NEIGHBOURS = 16
 """Number of neighbours of a sample that are tried for one that is nearer to a point. After a step of up to 10 mm a
 search from neighbour to neighbour ends beside the nearest sample for 1 of 10 000 points about the shipped fruit (12: 1
 of 1 000)."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Surface:
-    """Evenly spread points of a mesh with outward unit normals and neighbours, and a search tree of them."""
-
-    samples: Samples
-    tree: cKDTree
+_CELLS, _BESIDE = 24, 0.1
+"""Number of the grid's cells along each axis, and how far it reaches beyond the model, relative to its size."""
 
 
 @lru_cache(maxsize=8)
-def surface_of(mesh: Triangles) -> Surface:
+def surface_of(mesh: Triangles) -> Samples:
     """Sample a mesh; the same mesh object gives the same samples.
 
     Normals look outwards also where faces are wound inwards, or not alike as in scans with holes: there away from the
@@ -49,4 +42,10 @@ def surface_of(mesh: Triangles) -> Surface:
     points = np.einsum("nc,nci->ni", weights, corners[face])
     tree = cKDTree(points)
     neighbours = np.ascontiguousarray(tree.query(points, _NEIGHBOURS + 1)[1][:, 1:], dtype=np.int32)
-    return Surface(Samples(points, normals[face] / area[face, None], neighbours), tree)
+    low, high = points.min(axis=0), points.max(axis=0)
+    corner = low - _BESIDE * (high - low)
+    edges = (1.0 + 2.0 * _BESIDE) * (high - low) / _CELLS
+    middles = corner + edges * (np.indices((_CELLS, _CELLS, _CELLS)).transpose(1, 2, 3, 0) + 0.5)
+    near = tree.query(middles)[1].astype(np.int32)
+    vertices = np.array(mesh.vertices, dtype=np.float64)
+    return Samples(points, normals[face] / area[face, None], neighbours, near, corner, edges, vertices)
