@@ -65,6 +65,13 @@ def test_formulas_are_drawn_without_a_mathematical_font() -> None:
     assert "\U0001d429" in html
 
 
+def test_a_prime_stands_beside_its_letter_and_the_variable_of_a_minimum_below_it() -> None:
+    html = on_page_content(r"""<div class="arithmatex">\[\min_\sigma \hat d'_{ij}+p'\]</div>""")
+    assert html.count('<mo lspace="0" rspace="0">\N{PRIME}</mo>') == 2
+    assert "<munder><mo>min</mo>" in html
+    assert "msubsup" not in html
+
+
 def test_words_stand_out_on_the_site() -> None:
     style = (ROOT / "docs" / "assets" / "site.css").read_text("utf-8")
     schemes = dict(re.findall(r'\[data-md-color-scheme="(\w+)"\] \{(.*?)\}', style, re.DOTALL))
