@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 from html import unescape
-from xml.etree import ElementTree
 from typing import Any
+from xml.etree import ElementTree
 
 from latex2mathml.converter import convert
 

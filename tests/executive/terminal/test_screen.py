@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import io
 import sys
+import webbrowser
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from pomona.executive.terminal.screen import Screen
+from pomona.executive.terminal.screen import Screen, in_browser
 
 
 class Terminal(io.StringIO):
@@ -35,3 +37,33 @@ def test_without_being_asked_a_file_gets_plain_text(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(sys, "stdout", out := io.StringIO())
     Screen().print("red", style="red")
     assert out.getvalue() == "red\n"
+
+
+@pytest.mark.parametrize(
+    ("stream", "environment", "opens"),
+    [
+        (Terminal, {"DISPLAY": ":0"}, 1),
+        (io.StringIO, {"DISPLAY": ":0"}, 0),
+        (Terminal, {}, 0),
+        (Terminal, {"DISPLAY": ":0", "SSH_CONNECTION": "a b"}, 0),
+    ],
+)
+def test_the_browser_opens_from_a_graphical_terminal_and_its_command_line_has_no_token(
+    monkeypatch: pytest.MonkeyPatch, stream: Any, environment: dict[str, str], opens: int
+) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "SSH_CONNECTION"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setattr(sys, "stdout", stream())
+    opened: list[str] = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    with in_browser(Screen(), "http://127.0.0.1:8420/#act=secret"):
+        assert len(opened) == opens
+        for address in opened:
+            assert "secret" not in address
+            page = Path(address.removeprefix("file://"))
+            assert "url=http://127.0.0.1:8420/#act=secret" in page.read_text("utf-8")
+            assert page.parent.stat().st_mode & 0o077 == 0
+    assert not any(Path(address.removeprefix("file://")).exists() for address in opened)

@@ -30,7 +30,7 @@ from pomona.executive.speed import SpeedRefusedError, speed_of
 from pomona.executive.terminal.filtered import write_json
 from pomona.executive.terminal.keys import Keys
 from pomona.executive.terminal.live import LiveTree
-from pomona.executive.terminal.screen import Screen, stay_open
+from pomona.executive.terminal.screen import Screen, in_browser, stay_open
 
 if TYPE_CHECKING:
     from pomona.executive.interop.live import Live
@@ -108,7 +108,7 @@ def _add_views(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--dashboard",
         action="store_true",
-        help="show the run in the browser, too; in a terminal the page stays until Ctrl-C",
+        help="show the run in the browser, too; from a terminal the browser opens, and the page stays until Ctrl-C",
     )
     parser.add_argument(
         "--wait-for-page", action="store_true", help="with --dashboard: begin when the page is open in a browser"
@@ -224,6 +224,7 @@ def _serve(options: argparse.Namespace, console: Screen, stack: contextlib.ExitS
     dashboard.start()
     stack.callback(dashboard.close)
     console.print(f"dashboard: {dashboard.access.link}", soft_wrap=True)
+    stack.enter_context(in_browser(console, dashboard.access.link))
     if options.wait_for_page:
         console.print("The run begins when the page is open.")
         while not dashboard.viewers:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import sys
 import threading
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import IO, NoReturn
 
 from rich.color import ColorSystem
@@ -58,6 +60,28 @@ class Screen(Console):
                 yield Segment(visible(text), style.update_link(None) if style is not None else None)
             else:
                 yield segment
+
+
+@contextlib.contextmanager
+def in_browser(console: Screen, link: str) -> Iterator[None]:
+    """Open a page in the operator's browser; only from a terminal on this machine with a graphical display.
+
+    The link holds the token that acts, and a command line is visible to other users: the browser gets a private file.
+    """
+    graphical = sys.platform in ("darwin", "win32") or bool({"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys())
+    if not (console.is_terminal and graphical) or "SSH_CONNECTION" in os.environ:
+        yield
+        return
+    import html  # a command without a page needs none of these
+    import tempfile
+    import webbrowser
+
+    with tempfile.TemporaryDirectory(prefix="pomona_") as folder:
+        page = Path(folder) / "open.html"
+        page.write_text(f'<meta http-equiv="refresh" content="0; url={html.escape(link)}">', encoding="utf-8")
+        with contextlib.suppress(webbrowser.Error, OSError):  # the link is printed, too
+            webbrowser.open(page.as_uri())
+        yield
 
 
 def stay_open(console: Screen) -> None:
