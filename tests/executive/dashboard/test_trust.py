@@ -215,6 +215,26 @@ def test_a_camera_that_delivers_pictures_is_shown_live_with_the_last_look_in_a_c
     expect(page.locator("#camera .live")).to_have_count(0)
 
 
+def test_a_page_whose_answer_is_lost_still_knows_that_it_holds_control(show: Show, open_page: Open) -> None:
+    page = open_page("")
+    dropped: list[str] = []
+
+    def drop_answers(socket: Any) -> None:
+        server = socket.connect_to_server()
+        socket.on_message(server.send)
+        server.on_message(lambda text: dropped.append(text) if '"Pressed"' in text else socket.send(text))
+
+    page.route_web_socket("**/live*", drop_answers)
+    page.reload()
+    expect(page.locator("#connection")).to_have_text("connected")
+    page.get_by_label("your name").fill("ada")
+    page.locator("#control [data-action=take]").click()
+    expect(page.locator("#holder")).to_have_text("You hold control.")
+    assert dropped
+    page.get_by_role("button", name="Give back").click()
+    expect(page.locator("#holder")).to_have_text("No operator holds control.")
+
+
 def test_a_page_that_holds_control_and_falls_silent_is_reported_to_the_others(
     show: Show, open_page: Open, monkeypatch: pytest.MonkeyPatch
 ) -> None:

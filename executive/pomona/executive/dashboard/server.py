@@ -350,7 +350,10 @@ class Dashboard:
                 said = object_of(received["text"])
                 if isinstance(said.get("ping"), (int, float)):
                     viewer.last_seen = now()
-                    viewer.tell("Pong", ping=said["ping"], now=viewer.last_seen)  # it follows everything sent before
+                    held = self._control.standing.holder if viewer.page else None
+                    grant = held.grant if held is not None and held.viewer == viewer.page else None
+                    # it follows everything sent before; with `grant` the page knows of control whose answer was lost
+                    viewer.tell("Pong", ping=said["ping"], now=viewer.last_seen, grant=grant)
                 elif "token" in said:
                     viewer.armed = self.access.acts_with(text(said, "token"))
                     viewer.page = text(said, "viewer") if viewer.armed else ""

@@ -61,6 +61,7 @@ function take(message, size) {
     if (!asked) return;
     for (const key of pings.keys()) if (key <= message.ping) pings.delete(key);
     if (isStale()) page.dirty = true;
+    if (message.grant) hold(message.grant);
     Object.assign(link, { known: asked.at, knownAt: asked.wall, clock: message.now - performance.now() / 1000 });
     if (document.getElementById("connection").textContent.match(/^conn|^no (answer|live)/)) say(page.recorded ? "recorded run" : "connected");
   } else if (message.event === "Armed") { link.armed = message.armed; page.dirty = true; }
@@ -108,9 +109,16 @@ function send(made) {
   setTimeout(() => send(made), RETRY);
 }
 
+// The page holds control, although the answer to its press may have been late or lost.
+function hold(grant) {
+  if (page.grant === grant) return;
+  page.grant = grant;
+  sessionStorage.setItem("pomona-grant", grant);
+  page.dirty = true;
+}
+
 function answered(id, answer) {
-  // A late answer counts, too: the page must know that it holds control.
-  if (answer.yours) { page.grant = answer.grant; sessionStorage.setItem("pomona-grant", page.grant); page.dirty = true; }
+  if (answer.yours) hold(answer.grant);
   const made = link.press;
   if (made?.id === id && made.state === "confirmed" && answer.confirmed) { made.words = answer.confirmed; page.dirty = true; } // the run was quicker
   if (made?.id !== id || (made.state !== "sent" && made.state !== "lost")) return;
