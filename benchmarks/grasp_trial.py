@@ -143,6 +143,7 @@ def run_trial(
     corrupt: Corrupt | None = None,
     world: type[PatchGrasp] | type[MujocoGrasp] = PatchGrasp,
     watch: Watch | None = None,
+    control: type[GripController] = GripController,
 ) -> TrialResult:
     """Grasp, lift and hold a fruit.
 
@@ -153,6 +154,7 @@ def run_trial(
         world: the contact model.
         corrupt: turns a sample (sequence, stamp, wrenches) into those that arrive, after the grip was made.
         watch: sees time, controller and world after every sample.
+        control: the controller.
     """
     rng = np.random.default_rng(seed)
     scale = np.array([1.0, 1.0, 1.0, TORQUE_LEVER, TORQUE_LEVER, TORQUE_LEVER])
@@ -160,7 +162,7 @@ def run_trial(
     period = settings.period
     grasp = world(fruit, sample=period)
     least = least_grasp_force(fruit) if world is PatchGrasp else least_grasp_force_of_cone(fruit)
-    controller = GripController(replace(settings, width_min=0.02))
+    controller = control(replace(settings, width_min=0.02))
     trace = Trace()
     held_at = pull_at = reaction = lost_at = told_at = math.nan
     origin, turn_0 = (0.0, 0.0), 0.0
