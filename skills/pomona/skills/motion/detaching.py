@@ -45,8 +45,8 @@ class DetachSettings:
         closing, closing_touched: speed of the opening while closing, before and after the first contact [m/s].
         yielding: speed of the hand along the finger axis per force difference of the pads while closing [m/s per N].
         pull: force by which the fruit is drawn [N]; pull_time: time in which it grows [s].
-        last_pull, last_pull_time: force to which the pull grows when the last roll has not broken the stem [N], and
-            the time for it [s].
+        last_pull, last_pull_time: force to which the pull grows when a roll has not broken the stem [N], as far as
+            friction holds the fruit, and the time for it [s].
         outwards: direction of the pull in the base frame, from the wall to the robot and a little upwards, shape (3,).
         admittance: speed per force error [m/s per N]; speed_max: of the hand [m/s].
         roll_after: time of drawing before the hand turns [s]; roll_rate [rad/s]; roll_acceleration [rad/s²].
@@ -372,13 +372,14 @@ class DetachController:
                 self._enter(DetachPhase.LAST_PULL)
         elif self.phase is DetachPhase.LAST_PULL:
             self._turn_to(dt, self._rolls[self._attempt])
-            pull = s.pull + (s.last_pull - s.pull) * min(since / s.last_pull_time, 1.0)
+            hardest = max(s.pull, min(s.last_pull, 2.0 * s.mu * self.grip_limit))
+            pull = s.pull + (hardest - s.pull) * min(since / s.last_pull_time, 1.0)
             if since > 1.5 * s.last_pull_time and self._attempt + 1 < len(self._rolls):
                 self._attempt += 1
                 self._enter(DetachPhase.ROLL)
             elif since > 1.5 * s.last_pull_time:
                 tried = " and ".join(f"{np.degrees(roll):.0f}°" for roll in self._rolls)
-                words = f"the stem held rolls of {tried} and a pull of {s.last_pull:.0f} N"
+                words = f"the stem held rolls of {tried} and a pull of {hardest:.0f} N"
                 self._let_back(DetachProblem("NOTHING_BROKE", words))
         spin = self._rate * T_base_tcp[:3, 2]
         carried = np.cross(spin, T_base_tcp[:3, :3] @ self._lever)
