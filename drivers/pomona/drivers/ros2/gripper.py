@@ -80,7 +80,7 @@ class Ros2Gripper(Device):
         self._coder = coder(COMMAND)
         self._supervisor = GripperSupervisor(limits, ACCELERATION, options.supervision)
         self._state: GripperState | None = None
-        self._lost, self._estranged = True, False
+        self._lost, self._lost_since_ack = True, False
         self._widths: list[tuple[float, float]] = []
         self._set_point: float | None = None  # None: nothing was commanded yet, or the last command is no longer known
         self._move: GripperMotion | None = None
@@ -225,7 +225,7 @@ class Ros2Gripper(Device):
 
     def _take_speed(self, speed: float) -> None:
         """While latched the fingers may close and hold but not open."""
-        if self._lost or self._estranged or self._state is None:
+        if self._lost or self._lost_since_ack or self._state is None:
             return
         wanted = allowed_speed(speed, self.limits, self._latched is not None)
         if self._move is not None and not self._move.ended:
@@ -269,7 +269,7 @@ class Ros2Gripper(Device):
                 self._move.end(MotionState.FAILED, f"the gripper was lost: {error.message}")
                 self._move.settled = True  # its state is unknown
             self._rest()
-        self._lost = self._estranged = True
+        self._lost = self._lost_since_ack = True
         self._set_point = None
 
     def _blame(self, problem: DeviceError) -> None:
@@ -311,7 +311,7 @@ class Ros2Gripper(Device):
 
         Raises DeviceLost: the gripper is lost, or was lost and that is not acknowledged yet.
         """
-        if self._lost or self._estranged:
+        if self._lost or self._lost_since_ack:
             raise DeviceLost(self.name, f"was lost; acknowledge the loss before it moves: {_words(self._problem)}")
         self._owner.post(lambda: self._take_speed(speed))
 
@@ -350,7 +350,7 @@ class Ros2Gripper(Device):
         self._supervisor.rest(self._clock.now())
         with self._lock:
             self._latched = self._problem = None
-        self._estranged = False
+        self._lost_since_ack = False
 
     def pause(self) -> None:
         self._owner.post(self._pause)

@@ -65,7 +65,7 @@ class SimGripper(FaultyDevice):
         self._paused = False
         self._latched: str | None = None
         self._latched_at = 0.0
-        self._estranged = False  # lost since the last acknowledgement
+        self._lost_since_ack = False  # lost since the last acknowledgement
         self._frozen = GripperState(0.0, 0.0, 0.0, False)
         # noise of a width that sticks [m]: without it each reading would repeat the last one exactly
         self._noise = np.random.default_rng([world.seed, 9]).normal(0.0, 2e-5, 512).tolist()
@@ -92,7 +92,7 @@ class SimGripper(FaultyDevice):
     def move(self, width: float, speed: float) -> Motion:
         if self._latched is not None:
             raise MotionRefused(self.name, f"latched in the safe state ({self._latched})")
-        if self._estranged:
+        if self._lost_since_ack:
             raise MotionRefused(self.name, "does not answer" if self.fault == "lost" else ESTRANGED)
         require_move(self.name, self.limits, width, speed)
         self._end_move()
@@ -103,7 +103,7 @@ class SimGripper(FaultyDevice):
         return self._move
 
     def set_speed(self, speed: float) -> None:
-        if self._estranged:
+        if self._lost_since_ack:
             raise DeviceLost(self.name, "does not answer" if self.fault == "lost" else ESTRANGED)
         self._end_move()
         now = self._world.clock.now()
@@ -124,7 +124,7 @@ class SimGripper(FaultyDevice):
     def inject_fault(self, kind: str) -> None:
         self._frozen = self._measure()
         super().inject_fault(kind)
-        self._estranged = self._estranged or kind == "lost"
+        self._lost_since_ack = self._lost_since_ack or kind == "lost"
 
     def safe_stop(self, reason: str) -> None:
         if self._latched is None:
@@ -135,7 +135,7 @@ class SimGripper(FaultyDevice):
 
     def acknowledge(self) -> None:
         self._latched = None
-        self._estranged = self.fault == "lost"
+        self._lost_since_ack = self.fault == "lost"
         self._supervisor.rest(self._world.clock.now())
 
     def pause(self) -> None:

@@ -84,7 +84,7 @@ class WsgGripper(Device):
         """
         self._need_link()
         jaws = self._jaws
-        if jaws.estranged:
+        if jaws.lost_since_ack:
             raise DeviceLost(self.name, f"was lost; acknowledge the loss before it moves: {words(jaws.problem)}")
         if jaws.identity is None or not jaws.identity.has_script:
             raise DeviceFault(

@@ -53,7 +53,7 @@ class Jaws:
         bits: newest system state that the gripper has reported.
         supervisor: compares the fingers' motion with their commands.
         problem: a fault, until it is acknowledged.
-        estranged: lost since the last acknowledgement: nothing may move.
+        lost_since_ack: lost since the last acknowledgement: nothing may move.
         latched: reason of a safe stop, until it is acknowledged.
     """
 
@@ -66,7 +66,7 @@ class Jaws:
         self.bits = SystemState(0)
         self.supervisor = GripperSupervisor(self.limits, 1.0)
         self.problem: DeviceError | None = DeviceLost(device.name, "was never connected")
-        self.estranged = False
+        self.lost_since_ack = False
         self.latched: str | None = None
         self._device, self._open_link, self._clock = device, open_link, clock
         self._retry_at = 0.0
@@ -133,7 +133,7 @@ class Jaws:
             said = str(error) if isinstance(error, OSError) else f"the driver failed: {error!r}"
             lost = error if isinstance(error, DeviceError) else DeviceLost(self.name, said)
             lost.__cause__ = None if lost is error else error
-            self.problem, self.estranged = lost, True
+            self.problem, self.lost_since_ack = lost, True
         self._wanted = self._sent = 0.0
         self._waiting = self._obey_by = None
         if self._motion is not None:
@@ -183,7 +183,7 @@ class Jaws:
 
     def stream(self, speed: float) -> None:
         """Set the streamed speed [m/s]; while latched the fingers do not open."""
-        if self.session is None or self.estranged:
+        if self.session is None or self.lost_since_ack:
             return
         wanted = allowed_speed(speed, self.limits, self.latched is not None)
         if self._motion is not None and not self._motion.ended:
@@ -212,7 +212,7 @@ class Jaws:
         self._grace_until = now + 0.3  # time that the gripper has to clear its fault after an acknowledgement [s]
         self.supervisor.rest(now)
         self._obey_by = None
-        self.latched, self.problem, self.estranged = None, None, False
+        self.latched, self.problem, self.lost_since_ack = None, None, False
 
     def pause(self) -> None:
         """Stop a motion so that it can be resumed."""
