@@ -21,8 +21,7 @@ from pomona.executive.values.arrays import Float64
 class StreamedMotion:
     """A motion towards the newest set-point, stepped by the arm's driver at a fixed period."""
 
-    time_left = math.inf
-    """Seconds to its end: not known, since set-points may keep arriving."""
+    time_left = math.inf  # seconds to its end: not known, since set-points may keep arriving
 
     def __init__(self, q: Float64, limits: ArmLimits, period: float, watchdog: float, speed: float = 1.0) -> None:
         """

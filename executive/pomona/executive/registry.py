@@ -36,8 +36,7 @@ class Registry(Mapping[str, type[Skill]]):
         self._skills = dict(skills)
         self.problems: Mapping[str, str] = dict(problems or {})
         """Skills that are installed and cannot be used, with the reason."""
-        self.stand_ins: frozenset[str] = frozenset()
-        """Names that a tree declares and no installed package has."""
+        self.stand_ins: frozenset[str] = frozenset()  # names that a tree declares and no installed package has
         self.renamed_failures: Mapping[str, str] = {
             old: new for skill in self._skills.values() for old, new in skill.renamed_failures.items()
         }

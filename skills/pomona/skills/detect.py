@@ -39,8 +39,7 @@ class Detect(LookingSkill):
     def __init__(self, name: str = "") -> None:
         super().__init__(name)
         self._chosen: list[Float64] = []
-        self._fruit: list[Float64] = []
-        """Where each fruit was that has been chosen, once for each."""
+        self._fruit: list[Float64] = []  # where each fruit was that has been chosen, once for each
         self._looks = 0
 
     def run(

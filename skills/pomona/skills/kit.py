@@ -6,8 +6,7 @@ import trimesh
 
 from pomona.executive.values.piece import Piece
 
-RADII = (0.035, 0.04, 0.035)
-"""Half the cuboid that the fruit fills [m]: y is the height."""
+RADII = (0.035, 0.04, 0.035)  # half the cuboid that the fruit fills [m]: y is the height
 
 
 def mesh() -> bytes:

@@ -19,8 +19,7 @@ class FreeGripper:
         self._now, self._then = now, now()
         self._width, self._speed = width, 0.0
         self._motion: GripperMotion | None = None
-        self.obstacle: float | None = None
-        """Width that the jaws cannot close below [m]: a part between them, or a hand."""
+        self.obstacle: float | None = None  # width that the jaws cannot close below [m]: a part between them, or a hand
 
     def state(self) -> GripperState:
         """Where the fingers are now [m], as they move by themselves."""

@@ -25,8 +25,7 @@ class Pad:
         rng = np.random.default_rng([seed, 25])
         grid = (np.arange(5) - 2.0) * 0.004  # distance of neighbouring taxels [m]
         self._x, self._y = (axis.ravel() for axis in np.meshgrid(grid, grid, indexing="ij"))
-        self.rest = rng.uniform(1.2, 1.8, TAXELS)
-        """Voltages without contact, shape (25,) [V]."""
+        self.rest = rng.uniform(1.2, 1.8, TAXELS)  # voltages without contact, shape (25,) [V]
         self._gain = rng.uniform(0.8, 1.2, TAXELS)
         self._drag = rng.uniform(-1.0, 1.0, (TAXELS, 3)) * (0.06, 0.06, 12.0)
 

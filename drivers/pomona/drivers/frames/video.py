@@ -36,8 +36,7 @@ class Video:
         self.path, self._raw = path, raw
         self._next = 0
         self._capture = self._open()
-        self.count = max(0, int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT)))
-        """Number of pictures in its header."""
+        self.count = max(0, int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT)))  # number of pictures in its header
 
     def read(self, index: int) -> NDArray[Any]:
         """One picture, counted from 0, of shape (height, width, 3) or (height, width).

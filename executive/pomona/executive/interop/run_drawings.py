@@ -12,15 +12,11 @@ from pomona.executive.palette import BAD, GOOD, LINE, MUTED
 from pomona.executive.recording.drawn_tree import drawing
 from pomona.executive.running.events import Event, NodeChanged, RunEnded, RunStarted
 
-BOX = "<g><title>"
-"""Begins each node's box in a drawn tree."""
-
+BOX = "<g><title>"  # begins each node's box in a drawn tree
 RANKS = {"SUCCESS": "good", "FAILURE": "bad", "RUNNING": "bad"}
 """Classes of nodes by their last result; a node that never ended was interrupted."""
 
-INSTANT = 1e-3
-"""Shorter skills have no lane of their own [s]."""
-
+INSTANT = 1e-3  # shorter skills have no lane of their own [s]
 STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0)
 """Distances of ticks on the axis of time [s]."""
 

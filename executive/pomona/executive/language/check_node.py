@@ -45,8 +45,7 @@ class NodeChecker:
     resolved: dict[tuple[int, str], Resolved]
     interfaces_of_cell: tuple[type, ...] | None
     named: dict[str, YamlScalar] = field(default_factory=dict)
-    moved: dict[str, tuple[type, ...]] = field(init=False)
-    """The devices that each skill moves."""
+    moved: dict[str, tuple[type, ...]] = field(init=False)  # the devices that each skill moves
 
     def __post_init__(self) -> None:
         self.moved = {name: claims for name, skill in self.skills.items() if (claims := skill.claims())}

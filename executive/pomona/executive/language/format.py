@@ -65,8 +65,7 @@ class _Layout:
         self.lines = lines
         self.old = [len(line) - len(line.lstrip()) for line in lines]
         self.new: dict[int, int] = {}
-        self.follows: dict[int, int] = {}
-        """Lines in the middle of a value, by the line on which it begins."""
+        self.follows: dict[int, int] = {}  # lines in the middle of a value, by the line on which it begins
         self.verbatim: set[int] = set()
 
     def place(self, node: Any, indent: int) -> None:

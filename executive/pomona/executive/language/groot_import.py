@@ -60,14 +60,12 @@ class _Importer:
         self.forest, self.findings, self.types = forest, forest.findings, types
         self.names = tree_names(forest.trees, self.types)
         self.keys = KeyNames(set())
-        self.labels: set[str] = set()
-        """Names of nodes that are taken in the tree being read."""
+        self.labels: set[str] = set()  # names of nodes that are taken in the tree being read
         self.inside: list[str] = []
         self.inlined: set[str] = set()
         self.calls: set[str] = set()
         self.asked = Asked(forest, self.types)
-        self.count = 0
-        """Number of nodes in inlined subtrees."""
+        self.count = 0  # number of nodes in inlined subtrees
 
     def file(self) -> str:
         forest, main = self.forest, self.forest.main

@@ -35,8 +35,7 @@ class Truth:
     resolved: Mapping[tuple[int, str], Resolved]
     outcomes: Outcomes
     written: dict[int, frozenset[str]] = field(default_factory=dict)
-    known: dict[str, Any] = field(init=False)
-    """Values that are the same for the whole run."""
+    known: dict[str, Any] = field(init=False)  # values that are the same for the whole run
 
     def __post_init__(self) -> None:
         fixed = ("constant", "parameter")

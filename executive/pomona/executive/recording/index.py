@@ -67,8 +67,7 @@ class RunIndex:
 
     def __init__(self, root: Path, migrations: Sequence[str] = MIGRATIONS) -> None:
         self.root = root
-        self.problem = ""
-        """Reason why the file of the index could not be used the last time; empty without one."""
+        self.problem = ""  # reason why the file of the index could not be used the last time; empty without one
         self._migrations = migrations
 
     def read(self) -> list[Digest]:

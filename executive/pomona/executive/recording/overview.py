@@ -51,8 +51,7 @@ class Overview:
 
     interval: float = SHORTEST
     count: int = 0
-    size: int = 0
-    """Bytes of the kept messages."""
+    size: int = 0  # bytes of the kept messages
     _kept: dict[Hashable, OverviewEntry] = field(default_factory=dict)
     _state: dict[str, tuple[Any, Any]] = field(default_factory=dict)
 

@@ -53,8 +53,7 @@ class Ros2Peer:
         host, colon, port = address.rpartition(":")
         if not colon or not host or not port.isdigit() or not 0 < int(port) < 65536:
             raise UsageError(f"'{address}' is no address: HOST:PORT, for instance {ADDRESS}")
-        self.local = host in LOOPBACK
-        """Whether only this machine can reach it."""
+        self.local = host in LOOPBACK  # whether only this machine can reach it
         self._domain, self._node, self._insist = domain, node, insist
         self._session = self._open(f"tcp/{address}", "tcp/127.0.0.1:0" if self.local else "tcp/0.0.0.0:0")
         self._gid = secrets.token_bytes(16)

@@ -46,8 +46,7 @@ class Watch:
         """
         self._cell, self._publish, self._watchers, self._tell = cell, publish, list(watchers), tell
         self._next = -math.inf
-        self.last_seen: Mapping[str, float] = {}
-        """When each device was last seen [s], as of the last look."""
+        self.last_seen: Mapping[str, float] = {}  # when each device was last seen [s], as of the last look
 
     def look(self) -> None:
         """Publish the watchers' views when due. A watcher that fails is not called again: it must not end a run."""

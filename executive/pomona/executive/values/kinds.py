@@ -27,8 +27,7 @@ OPTION: Schema = {"type": "string", "pattern": r"\{[^{}]+\}"}  # a scalar with a
 class Kind(ABC, Generic[T]):
     """The set of values that a setting may have."""
 
-    words = "a value"
-    """Name of the kind in messages."""
+    words = "a value"  # name of the kind in messages
 
     @abstractmethod
     def read(self, node: YamlNode, reader: Reader) -> T:

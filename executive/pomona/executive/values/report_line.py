@@ -13,8 +13,7 @@ class ReportLine:
     ok: bool
     found: str
     advice: str = ""
-    absent: bool = False
-    """Optional and not there."""
+    absent: bool = False  # optional and not there
 
     def __str__(self) -> str:
         line = f"{'–' if self.absent else '✓' if self.ok else '✗'} {self.name:24} {self.found}"

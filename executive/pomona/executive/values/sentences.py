@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-LONGEST = 10_000
-"""Characters of a text that are kept."""
+LONGEST = 10_000  # characters of a text that are kept
 
 
 def shortened(text: str) -> str:

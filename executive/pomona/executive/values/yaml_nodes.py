@@ -78,8 +78,7 @@ class YamlMapping(YamlNode):
         return None if entry is None else entry[1]
 
 
-_UNSPACED_ITEM = re.compile(r"-[A-Za-z]")
-"""A list item without the space behind its dash."""
+_UNSPACED_ITEM = re.compile(r"-[A-Za-z]")  # a list item without the space behind its dash
 
 
 class Unreadable(Exception):

@@ -35,11 +35,8 @@ from pomona.skills.grip.reference_modes import ReferenceMode
 from pomona.skills.grip.settings import GripSettings
 from pomona.skills.grip.stream_guard import EARLIEST, STALE_AFTER
 
-KEPT = 2000
-"""Recorded samples kept until `drain`: 20 s; the oldest are dropped first."""
-
-RECORDED_RATE = 100.0
-"""Rate of the samples for viewers [Hz]."""
+KEPT = 2000  # recorded samples kept until `drain`: 20 s; the oldest are dropped first
+RECORDED_RATE = 100.0  # rate of the samples for viewers [Hz]
 
 _HOLDS: weakref.WeakValueDictionary[int, Hold] = weakref.WeakValueDictionary()
 

@@ -10,14 +10,9 @@ from pomona.executive.values.arrays import Float64
 STALE_AFTER = 0.05
 """A stream without a valid sample for this long is stale [s]; the driver's watchdog stops the fingers at 0.1 s."""
 
-EARLIEST = 0.02
-"""A sample whose timestamp lies further in the future is rejected [s]."""
-
-LONGEST_CATCH_UP = 0.02
-"""After a gap the filters run on with the new sample for at most this long [s]."""
-
-RESTART_AFTER = 0.05
-"""A sequence that falls back with a timestamp this much later comes from a restarted sensor [s]."""
+EARLIEST = 0.02  # a sample whose timestamp lies further in the future is rejected [s]
+LONGEST_CATCH_UP = 0.02  # after a gap the filters run on with the new sample for at most this long [s]
+RESTART_AFTER = 0.05  # a sequence that falls back with a timestamp this much later comes from a restarted sensor [s]
 
 
 class GripSample(NamedTuple):

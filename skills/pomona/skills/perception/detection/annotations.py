@@ -14,11 +14,8 @@ from pomona.executive.values.plain_text import read_plain_text
 from pomona.executive.values.rotations import from_quaternion, to_quaternion
 from pomona.skills.perception.detection.errors import BadAnnotation
 
-LARGEST_OBJECT = 2.0
-"""An object larger than this [m] is one whose file is in centimetres."""
-
-FARTHEST_OBJECT = 10.0
-"""The same for one that is farther than this [m], where a file holds no cuboid in space."""
+LARGEST_OBJECT = 2.0  # an object larger than this [m] is one whose file is in centimetres
+FARTHEST_OBJECT = 10.0  # the same for one that is farther than this [m], where a file holds no cuboid in space
 
 
 @dataclass(frozen=True, slots=True, eq=False)

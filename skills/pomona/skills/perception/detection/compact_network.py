@@ -10,11 +10,8 @@ from pomona.skills.perception.detection.close_look import SIZE_OF_BOX
 from pomona.skills.perception.detection.finder_network import conv_norm
 from pomona.skills.perception.detection.outputs import CLOSE_LOOK_OUTPUTS, CLOSE_LOOK_SIZE, OFFSET_UNIT
 
-LEAST_BELIEF = 1e-4
-"""A belief that was learnt by squared error is cut so far from 0 and 1 before its logit is taken."""
-
-LEAST_REACH = 0.05
-"""Shortest reach of a box [cells]."""
+LEAST_BELIEF = 1e-4  # a belief that was learnt by squared error is cut so far from 0 and 1 before its logit is taken
+LEAST_REACH = 0.05  # shortest reach of a box [cells]
 
 
 class _Convolve(nn.Sequential):

@@ -20,9 +20,7 @@ from pomona.skills.perception.detection.instances import Instance, find_instance
 from pomona.skills.perception.detection.pose_calibration import PoseErrors, pose_calibration_table, pose_errors
 from pomona.skills.perception.fruit import FruitModel
 
-SAME = 0.5
-"""A detection is of a fruit when its centroid is within this part of the fruit's keypoint size."""
-
+SAME = 0.5  # a detection is of a fruit when its centroid is within this part of the fruit's keypoint size
 CLEARLY_VISIBLE = 0.6
 
 END_IN_SIGHT = 20.0

@@ -25,8 +25,7 @@ class FusedScore:
     hidden: Float64  # weights and, last, bias of each unit, (units, 5)
     output: Float64  # weights of the units and, last, bias, (units + 1,)
 
-    hopeless: float = 0.05
-    """A place with less score after one look gets no second one."""
+    hopeless: float = 0.05  # a place with less score after one look gets no second one
 
     def __post_init__(self) -> None:
         fits = self.hidden.ndim == 2 and self.hidden.shape[1] == FEATURES + 1

@@ -23,14 +23,9 @@ from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.onnx_runtime import INPUT, single_thread
 from pomona.skills.perception.detection.weights_file import read_weights, write_weights
 
-FIRST, LAST = 1, 2
-"""Layers at both ends of a network that keep float32."""
-
-LARGEST_WEIGHT = 64
-"""Weights have seven bits: products of eight bits saturate on processors with AVX2 and without VNNI."""
-
-RECTIFIERS = "Relu", "Clip"
-"""Operations that are done by the layer before them."""
+FIRST, LAST = 1, 2  # layers at both ends of a network that keep float32
+LARGEST_WEIGHT = 64  # weights have seven bits: products of eight bits saturate on processors with AVX2 and without VNNI
+RECTIFIERS = "Relu", "Clip"  # operations that are done by the layer before them
 
 
 def round_weights(path: Path, pictures: Iterable[tuple[UInt8, Float64]]) -> None:
