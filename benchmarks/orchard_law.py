@@ -29,8 +29,8 @@ from pomona.drivers.orchard.stems import TORN, Stems
 from pomona.drivers.orchard.wall import Wall, draw_wall
 from pomona.drivers.sim.gl import load_mujoco
 from pomona.drivers.sim.scene import TIMESTEP
-from pomona.executive.source_commit import commit_here
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.installation import commit_here
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt

@@ -22,7 +22,7 @@ import matplotlib as mpl
 import numpy as np
 
 from pomona.executive.campaign.statistics import wilson
-from pomona.executive.source_commit import commit_here
+from pomona.executive.values.installation import commit_here
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt

@@ -16,7 +16,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from pomona.executive.source_commit import commit_here
+from pomona.executive.values.installation import commit_here
 
 ROOT = Path(__file__).resolve().parents[1]
 MEASURED = ROOT / "docs" / "reports" / "measured"

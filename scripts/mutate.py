@@ -32,7 +32,7 @@ os.environ["NUMBA_DISABLE_JIT"] = "1"  # each change would be compiled anew
 import numpy as np  # noqa: F401  (loaded once, for all processes)
 import pytest
 
-from pomona.executive.source_commit import commit_here
+from pomona.executive.values.installation import commit_here
 
 ROOT = Path(__file__).resolve().parents[1]
 

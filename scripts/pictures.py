@@ -31,7 +31,7 @@ from PIL import Image
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.files import find_cell, find_tree
 from pomona.executive.recording.digest import digest
-from pomona.executive.source_commit import commit_here
+from pomona.executive.values.installation import commit_here
 
 ROOT = Path(__file__).resolve().parents[1]
 IMAGES = ROOT / "docs" / "images"

@@ -42,10 +42,9 @@ from pomona.executive.running.starting import StartCancelledError, Starting
 from pomona.executive.running.supervisor import RunSupervision
 from pomona.executive.running.traces import place_of
 from pomona.executive.running.watching import installed_watchers
-from pomona.executive.source_commit import commit_here
 from pomona.executive.terminal.summary import Summary
 from pomona.executive.values.findings import did_you_mean
-from pomona.executive.values.installation import distribution
+from pomona.executive.values.installation import commit_here, distribution
 from pomona.executive.values.sentences import sentence_of
 from pomona.executive.values.shipped import installed_trees
 from pomona.executive.values.yaml_nodes import written

@@ -32,7 +32,7 @@ from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel, nearest_solution
 from pomona.skills.motion.straight_line import straight_line
 from pomona.skills.perception.detection.detection import AllDetections
-from pomona.skills.perception.inventory.mass import mass_of
+from pomona.skills.perception.fruit.catalogue import mass_of
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
 from pomona.skills.shared.straight_travel import LEAST_POSTURES, tool_pose

@@ -18,7 +18,7 @@ from pomona.skills.grip.grip import GripPhase
 from pomona.skills.grip.hold import Hold
 from pomona.skills.grip.limit_surface import SoftContact, surface_table
 from pomona.skills.grip.settings import ForceLaw, GripSettings, check_rate
-from pomona.skills.perception.inventory.mass import mass_of
+from pomona.skills.perception.fruit.catalogue import mass_of
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.grip_view import show_grip, watch_grip
 

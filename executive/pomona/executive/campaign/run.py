@@ -21,8 +21,8 @@ from pomona.executive.execute import RunOrder, execute
 from pomona.executive.recording.json_text import parse_object
 from pomona.executive.running.compute import keep_workers_warm
 from pomona.executive.running.signals import WORDS
-from pomona.executive.source_commit import commit_here
 from pomona.executive.values.file_locks import lock
+from pomona.executive.values.installation import commit_here
 
 RESULTS = "results.jsonl"
 RUN_LIMIT = 600.0  # seconds after which a run's process is killed and the run counted as an error

@@ -13,8 +13,8 @@ from pomona.executive.file_kinds import FileKind, file_kind, kind_names
 from pomona.executive.files import default_name, find_cell, find_tree, read_text
 from pomona.executive.judging import judge
 from pomona.executive.language.documents import read_document
+from pomona.executive.language.overrides import parse_settings
 from pomona.executive.registry import Registry
-from pomona.executive.settings import parse_settings
 from pomona.executive.terminal.filtered import write_json
 from pomona.executive.values.findings import Finding, Findings, Source, format_findings, mended, place_of, said
 from pomona.executive.values.yaml_nodes import YamlMapping, read_yaml

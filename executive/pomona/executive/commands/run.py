@@ -21,11 +21,11 @@ from pomona.executive.dashboard.control_lock import ControlLock
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.execute import Executed, RunOrder, execute
 from pomona.executive.files import default_name, find_cell, find_tree
+from pomona.executive.language.overrides import parse_settings
 from pomona.executive.recording.session import Reader
 from pomona.executive.running.events import Listener
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.signals import Terminated
-from pomona.executive.settings import parse_settings
 from pomona.executive.speed import SpeedRefusedError, speed_of
 from pomona.executive.terminal.filtered import write_json
 from pomona.executive.terminal.keys import Keys

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from pomona.executive.errors import UsageError
 from pomona.executive.language.interface import InterfaceReader
 from pomona.executive.language.literals import LiteralError, literal
 from pomona.executive.language.model import Declared, TreeFile
@@ -79,3 +80,14 @@ def read_override(name: str, text: str, port: Port, findings: Findings) -> Any:
 
 def _error(findings: Findings, text: str, message: str, hint: str = "") -> None:
     findings.add(Finding(f"--set {text}", 0, 0, "error", "set", message, hint))
+
+
+def parse_settings(given: Sequence[str]) -> dict[str, str]:
+    """`["attempts=20"]` -> `{"attempts": "20"}`; the last one wins. Raises UsageError: a text without '='."""
+    settings = {}
+    for text in given:
+        key, equals, value = text.partition("=")
+        if not equals or not key.strip():
+            raise UsageError(f"--set {text}: write key=value")
+        settings[key.strip()] = value.strip()
+    return settings

@@ -17,7 +17,7 @@ from pomona.executive.campaign.document import Heading, PagePicture, Paragraph, 
 from pomona.executive.palette import OVERLAY
 from pomona.executive.values.arrays import UInt8
 from pomona.executive.views import ImageView
-from pomona.skills.perception.inventory.mass import mass_model, mass_of
+from pomona.skills.perception.fruit.catalogue import mass_model, mass_of
 from pomona.skills.shared.fruit_report import (
     FIND_COLUMNS,
     FIND_WORDS,

@@ -11,8 +11,8 @@ import numpy as np
 from pomona.executive.values.arrays import Float64, UInt8
 from pomona.executive.views import ImageView, Line2, TableView
 from pomona.skills.perception.fruit import FruitModel
+from pomona.skills.perception.fruit.catalogue import mass_model, mass_of
 from pomona.skills.perception.inventory.book import FruitBook, KnownFruit
-from pomona.skills.perception.inventory.mass import mass_model, mass_of
 from pomona.skills.perception.inventory.sighting import Z_90, Sighting
 
 CLASS_MM = 5  # width of a size class [mm], as fruit is sorted for sale (UNECE standard FFV-50, apples)

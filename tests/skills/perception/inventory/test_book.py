@@ -7,8 +7,8 @@ import pytest
 
 from pomona.skills.geometry import rot_z, transform
 from pomona.skills.perception.fruit import load_fruit
+from pomona.skills.perception.fruit.catalogue import mass_model, mass_of
 from pomona.skills.perception.inventory.book import FruitBook
-from pomona.skills.perception.inventory.mass import mass_model, mass_of
 from pomona.skills.perception.inventory.sighting import Sighting, sighting_of
 from tests.skills.picking_scene import apple_at
 from tests.skills.test_tabulate import found

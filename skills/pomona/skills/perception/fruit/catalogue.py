@@ -12,6 +12,7 @@ from zipfile import ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from pomona.executive.values.arrays import Float64
 from pomona.executive.values.documents import read_value_file, with_includes
 from pomona.executive.values.findings import Finding, Findings
 from pomona.executive.values.kinds import Measure, Number, PathTo, Row, Schema, Text
@@ -271,3 +272,23 @@ def find_weights(folder: Path, name: str | None) -> Path | None:
     if name is None:
         return None
     return next((path for path in (folder / name, SHIPPED_WEIGHTS / name) if is_file(path)), None)
+
+
+def mass_of(fruit: FruitModel, dimensions: Float64, covariance: Float64) -> tuple[float, float] | None:
+    """Return the mass and its standard deviation [kg] by the dimensions, (3,) [m], and their covariance, (3, 3) [m²].
+
+    The mean of weighed fruit of the model's size is scaled with the volume. None for a kind without weighed fruit.
+    """
+    if fruit.mass is None:
+        return None
+    mass = fruit.mass * float(np.prod(dimensions / fruit.dimensions))
+    relative = 1.0 / dimensions  # d(ln m) / d(dimensions)
+    return mass, mass * float(np.sqrt(relative @ covariance @ relative + fruit.mass_spread**2))
+
+
+def mass_model(fruit: FruitModel) -> str:
+    """Name the model of the mass for the operator; empty without one."""
+    if fruit.mass is None:
+        return ""
+    size = " x ".join(f"{1e3 * d:.0f}" for d in fruit.dimensions)
+    return f"{1e3 * fruit.mass:.0f} g at {size} mm, with the volume, +- {fruit.mass_spread:.0%}"
