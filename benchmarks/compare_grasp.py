@@ -30,7 +30,7 @@ from pomona.skills.grip.settings import ForceLaw
 World = type[PatchGrasp] | type[MujocoGrasp]
 
 
-class Case(NamedTuple):
+class GripCase(NamedTuple):
     """A case of the comparison.
 
     Attributes:
@@ -46,17 +46,17 @@ class Case(NamedTuple):
 
 
 CASES = {
-    "known": Case(),
-    "uncertain": Case(None, 0.15),
-    "high": Case(0.5, 0.15),
-    "low": Case(-0.5, 0.15),
-    "expected": Case(bump=BUMP, reserve=BUMP),
-    "unexpected": Case(bump=BUMP),
+    "known": GripCase(),
+    "uncertain": GripCase(None, 0.15),
+    "high": GripCase(0.5, 0.15),
+    "low": GripCase(-0.5, 0.15),
+    "expected": GripCase(bump=BUMP, reserve=BUMP),
+    "unexpected": GripCase(bump=BUMP),
 }
 
 
-class Figures(NamedTuple):
-    """Figures of one lift.
+class LiftFigures(NamedTuple):
+    """LiftFigures of one lift.
 
     Attributes:
         lost: 1 for a lost fruit.
@@ -73,7 +73,7 @@ class Figures(NamedTuple):
     turn: float
 
 
-def lift(task: Draw, case: Case, world: World, control: type[GripController]) -> Figures:
+def lift(task: Draw, case: GripCase, world: World, control: type[GripController]) -> LiftFigures:
     """Lift one draw."""
     settings = settings_for(task, world, ForceLaw.SLIP_AVOIDANCE, case.mu_error is None, 0.0)
     if case.mu_error:
@@ -91,11 +91,11 @@ def lift(task: Draw, case: Case, world: World, control: type[GripController]) ->
 
 
 def figures(
-    task: Draw, case: Case, world: World, lifting: Lifting, result: TrialResult, hangs: Sequence[bool]
-) -> Figures:
+    task: Draw, case: GripCase, world: World, lifting: Lifting, result: TrialResult, hangs: Sequence[bool]
+) -> LiftFigures:
     """Return the figures of a lift; nan where it has none."""
     if not result.grasped:
-        return Figures(1.0, *(np.nan,) * 5)
+        return LiftFigures(1.0, *(np.nan,) * 5)
     trace, least = result.trace, result.least
     t = np.array(trace.t) - trace.t[0] - 0.04
     f_n = np.array(trace.f_n)
@@ -103,7 +103,7 @@ def figures(
     hanging = np.array(hangs[-len(t) :]) & in_lift
     moment = least * np.array([1.0 + max(lifting.acceleration_at(u) / GRAVITY, -0.5) for u in t])
     steady = result.steady / (least_in_bump(task.fruit, world) if case.reserve else least)
-    return Figures(
+    return LiftFigures(
         1.0 - result.held,
         steady if result.held and least > 0.5 else np.nan,
         float(f_n[in_lift].max()) / least if least > 0.5 else np.nan,
@@ -122,7 +122,7 @@ def summary(name: str, ours: Float64, theirs: Float64) -> str:
     p_lost = binomtest(one, one + other).pvalue if one + other else 1.0
     cells = [f"{name:24} lost {ours[:, 0].sum():.0f} / {theirs[:, 0].sum():.0f} of {len(ours)} (p {p_lost:.2f})"]
     held = (ours[:, 0] == 0) & (theirs[:, 0] == 0)
-    for column, label in enumerate(Figures._fields):
+    for column, label in enumerate(LiftFigures._fields):
         a, b = ours[held, column], theirs[held, column]
         both = np.isfinite(a) & np.isfinite(b)
         if column == 0 or not both.any():
