@@ -198,6 +198,52 @@ def test_a_failed_run_is_explained_in_words_with_data(show: Show, open_page: Ope
     assert page.locator("#tree img, #why img").count() == 0
 
 
+def test_a_failed_record_opens_at_its_failure_in_every_panel(show: Show, open_page: Open) -> None:
+    show.record(BROKEN + "  retry: 2\n  on_failure:\n    Rest: {duration: 300 ms}\n", "old_1")
+    page = open_page("run=old_1")
+    expect(page.locator("#why")).to_contain_text("✗ Failed at 0.6 s")
+    expect(page.locator("#clock")).to_have_text(re.compile(r"^0\.\d s of 0\.\d s$"))
+    expect(page.locator("#timeline")).to_have_attribute("aria-valuenow", "0.6")
+    expect(page.locator("#shown")).to_have_text(re.compile(r"^0\.6 s of 0\.9 s$"))
+    expect(page.locator("#node .status")).to_contain_text("✗ failure")
+
+
+def test_after_a_reset_the_next_steps_are_buttons(show: Show, open_page: Open) -> None:
+    forms: list[Any] = []
+    show.dashboard.allow_starts(lambda form: forms.append(form) or "demo", Choices.installed())
+    page = open_page()
+    runner = show.run(HOLD, seed=3)
+    take_control(page, "ada")
+    expect(page.locator("#state")).to_have_text("▶ running")
+    runner.safe_stop("a test", "ada")
+    page.get_by_role("button", name="Acknowledge and reset").click()
+    page.locator("#steps").get_by_role("button", name="Run again").click()
+    expect(page.locator("#connection")).to_have_text("connected")
+    assert [(form["tree"], form["cell"], form["seed"]) for form in forms] == [("tree", "fake", 3)]
+    page.evaluate("""async () => { // a cell that lasts, with something in its hand
+        const { page } = await import("/static/page.js");
+        page.live.whole.run.cell_kind = "emulated";
+        page.live.whole.hand = "something is between the fingers";
+        page.dirty = true;
+    }""")
+    steps = page.locator("#steps button")
+    expect(steps).to_have_text(["Put down what is held", "Home, slowly", "↻ Run again"])
+    steps.first.click()
+    expect(page.locator("#connection")).to_have_text("connected")
+    assert (forms[-1]["tree"], forms[-1]["settings"]) == ("recover", {"release": "true"})
+
+
+def test_figures_have_their_units(show: Show, open_page: Open) -> None:
+    page = open_page()
+    figures = {"width_m": 0.07974, "wanted_force_n": 20.744, "angle_rad": 0.5, "ratio": 0.25}
+    shown = page.evaluate(
+        "async (of) => { const { quantity } = await import('/static/dom.js');"
+        " return Object.entries(of).map(([name, value]) => quantity(name, value).join(' ')); }",
+        figures,
+    )
+    assert shown == ["width 79.7 mm", "wanted force 20.7 N", "angle 28.6°", "ratio 0.25"]
+
+
 def test_why_names_the_next_step_of_the_tree(show: Show, open_page: Open) -> None:
     page = open_page()
     show.run(JAM)

@@ -150,6 +150,7 @@ def test_a_run_that_is_prepared_is_shown_with_its_progress_and_is_stopped(show: 
     expect(page.locator("#kind")).to_have_text("SIMULATED")
     expect(page.locator("#preparing-what")).to_have_text("◌ Preparing pick_apple")
     expect(page.locator("#preparing-words")).to_contain_text("preparing Detect, 3 of 9")
+    expect(page.locator("#why-bar")).to_be_hidden()  # one banner at a time
     press_stop(page)
     expect(page.locator("#press-words")).to_have_text("the run that was being prepared does not begin")
     expect(page.locator("#preparing-words")).to_contain_text("Cancelled (safe stop by operator)")

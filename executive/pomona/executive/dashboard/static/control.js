@@ -66,7 +66,7 @@ export function drawControl(s) {
   put($("ack"), last ? `last: ${last.action.replaceAll("_", " ")} by ${last.who}` : "");
   const name = (path) => s.byPath.get(path)?.name ?? path;
   const breaks = [...[...s.breaks.before].map((path) => `before ${name(path)}`), ...[...s.breaks.after].map((path) => `after ${name(path)}`)];
-  put($("breaks"), breaks.length && !s.ended && !page.control.start ? `◉ Breakpoints: ${breaks.join(", ")}` : "");
+  put($("breaks"), breaks.length && !s.ended ? `◉ Breakpoints: ${breaks.join(", ")}` : "");
   $("latched").hidden = !s.safeStop || !live;
   put($("latched-reason"), s.safeStop ?? "");
   const took = link.press?.action === "safe_stop" && link.press.state === "confirmed" ? `Confirmed after ${link.press.took.toFixed(0)} ms. ` : "";
