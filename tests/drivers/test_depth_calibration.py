@@ -124,7 +124,7 @@ def test_a_wall_gives_the_noise_at_any_slant_and_an_uneven_one_is_refused() -> N
         calibrate_wall([rough.astype(np.float32)], "azure_kinect")
     with pytest.raises(UnusableDepth, match="wholly measured"):
         calibrate_wall([np.zeros_like(wall, dtype=np.float32)], "azure_kinect")
-    with pytest.raises(UnusableDepth, match="no noise at all"):  # no depth model without noise can be read
+    with pytest.raises(UnusableDepth, match="has no noise"):  # no depth model without noise can be read
         calibrate_wall([np.full_like(wall, 1.5, dtype=np.float32)], "azure_kinect")
 
 
@@ -257,7 +257,7 @@ def test_the_noise_of_a_camera_is_measured_on_a_wall(
     [
         (("--wall",), "frames are missing"),
         (("somewhere", "--cell", "sim", "--wall"), "frames are missing"),
-        (("--cell", "sim", "--balls", "balls.csv"), "balls need frames"),
+        (("--cell", "sim", "--balls", "balls.csv"), "balls need recorded frames"),
         (("--cell", "nothing", "--wall"), "nothing"),
     ],
 )

@@ -66,7 +66,7 @@ def test_a_start_away_from_the_arm_is_refused_and_so_is_an_arm_that_does_not_kno
     check_trajectory(GOOD, LIMITS, GOOD.q[0] + 1.9e-3)
     with pytest.raises(BadTrajectory, match=r"0\.12° away from the arm at joint 1"):
         check_trajectory(GOOD, LIMITS, GOOD.q[0] + (2.1e-3, 0.0))
-    with pytest.raises(BadTrajectory, match="not known"):
+    with pytest.raises(BadTrajectory, match="is unknown"):
         check_trajectory(GOOD, LIMITS, np.array([np.nan, 0.0]))
 
 

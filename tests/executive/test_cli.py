@@ -316,7 +316,7 @@ def test_a_folder_of_records_has_a_name(folder: str, capsys: pytest.CaptureFixtu
     with pytest.raises(SystemExit) as ended:
         main(["runs", "list", "--record", folder])
     assert ended.value.code == 2
-    assert "a folder has a name" in capsys.readouterr().err
+    assert "the name of the folder is empty" in capsys.readouterr().err
 
 
 def test_an_unknown_option_shows_the_commands_own_usage(capsys: pytest.CaptureFixture[str]) -> None:

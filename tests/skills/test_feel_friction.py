@@ -125,7 +125,7 @@ def test_without_room_below_the_pads_do_not_slide_and_the_configured_value_is_ke
     outcome = drive(FeelFriction(), {"hold": hold}, {**scene.devices, Workspace: low}, clock=scene.clock)
     assert outcome.status is Status.SUCCESS
     assert (outcome.outputs["mu"], outcome.outputs["mu_uncertainty"]) == (TOLD["mu"], TOLD["mu_uncertainty"])
-    assert "on the way down" in outcome.feedback
+    assert "the slide down is blocked" in outcome.feedback
     assert scene.arm.followed == []
     assert hold.reading.f_n == pytest.approx(2.2, abs=0.2)
 
@@ -173,7 +173,7 @@ def test_beyond_reach_nothing_moves():
     outcome = scene.feel_friction(hold)
     assert outcome.status is Status.SUCCESS
     assert outcome.outputs["mu"] == TOLD["mu"]
-    assert "on the way down" in outcome.feedback
+    assert "the slide down is blocked" in outcome.feedback
     assert scene.arm.followed == []
 
 

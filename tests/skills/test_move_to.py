@@ -107,7 +107,7 @@ def test_a_pose_that_would_tilt_the_fruit_is_reported_and_nothing_moves(where):
     inputs = {"pose": "there", "carrying": grasp, "upright": np.radians(10.0)}
     reason = drive(MoveTo(), inputs, scene.devices, clock=scene.clock).reason
     assert reason.code == "WOULD_TILT"
-    assert ("where the arm stands" if where == "start" else "at the pose") in reason.message
+    assert ("the arm's present position" if where == "start" else "at the pose") in reason.message
     assert "tilted by 17°, 10° are allowed" in reason.message
     assert scene.arm.followed == []
 

@@ -193,7 +193,7 @@ def damaged(file: Path, content: bytes) -> None:
         (lambda f: f.write_bytes(f.read_bytes()[:-40]), "no archive of NumPy"),
         (lambda f: np.savez(f, a=np.zeros(3)), "has no format pomona-policy-1"),
         (lambda f: np.savez(f, format=np.array([object()], object)), "no archive of NumPy"),
-        (lambda f: np.savez(f, format="pomona-policy-1"), "is not whole"),
+        (lambda f: np.savez(f, format="pomona-policy-1"), "is incomplete"),
         (lambda f: write_policy(f, network(rate=0.0)), "a rate of 0 Hz is not possible"),
         (lambda f: write_policy(f, network(layers=())), "its last layer gives 0 numbers for 7 joints"),
         (lambda f: write_policy(f, network(layers=((np.zeros((3, 7)), np.zeros(7)),))), "layer 0 does not fit"),

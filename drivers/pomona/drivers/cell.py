@@ -256,11 +256,11 @@ class Cell:
             ValueError: it is outside this range.
         """
         if not 0.0 < speed <= 1.0:
-            raise ValueError(f"a speed is a share above 0 to 1, not {speed}")
+            raise ValueError(f"a speed must be above 0 and at most 1, not {speed}")
         chosen = [device for device in self.devices.values() if not of or not set(of).isdisjoint(device.interfaces)]
         for device in chosen:
             if speed < 1.0 and device.full_speed_only:
-                raise DeviceFault(device.name, "its driver cannot move it more slowly than it is commanded")
+                raise DeviceFault(device.name, "its driver cannot reduce the commanded speed")
         for device in chosen:
             device.go_at(speed)
 

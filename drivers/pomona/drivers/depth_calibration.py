@@ -334,7 +334,7 @@ def calibrate_wall(depths: Sequence[NDArray[np.float32]], sensor: str) -> DepthC
         )
     growth = float(np.median(all_noise))
     if growth < 1e-5:  # lower bound of the noise at 1 m: every real depth sensor has more [m]
-        raise UnusableDepth("the wall has no noise at all: its depth was smoothed, or is no camera's")
+        raise UnusableDepth("the wall has no noise: its depth was smoothed, or is not from a camera")
     flat = float(np.mean(all_noise < 2.0 * growth))
     if flat < 0.7:
         raise UnusableDepth(f"only {flat:.0%} of the frames is flat: let a wall or a board fill them")

@@ -178,10 +178,10 @@ class MotionSupervisor:
             self._advanced = (advance, now)
         stalled = now - self._advanced[1]
         if stalled > supervision.stall and motion.phase is not Phase.RESTING:
-            raise DeviceFault(self._device, f"the controller has not gone on with the motion for {stalled:.1f} s")
+            raise DeviceFault(self._device, f"the controller has not continued the motion for {stalled:.1f} s")
         if now > self._deadline:
             words = "did not end" if motion.phase is Phase.RUNNING else "did not come to rest"
-            raise DeviceFault(self._device, f"the motion {words} within {supervision.margin:g} s of when it should")
+            raise DeviceFault(self._device, f"the motion {words} {supervision.margin:g} s after its expected time")
 
     def _drop_old(self, stamp: float) -> None:
         """Keep the set-points of the lag, and one before."""
@@ -198,7 +198,7 @@ class MotionSupervisor:
         # A set-point that has moved this far moves an encoder, too [rad]: hundreds of steps of a 17-bit encoder
         if old_enough and np.abs(commanded - feedback.commanded).max() > 0.01:
             same = f"{1e3 * (feedback.stamp - feedback.since):.0f} ms"
-            raise DeviceLost(self._device, f"its feedback has been the same for {same} although the arm is moved")
+            raise DeviceLost(self._device, f"its feedback has not changed for {same} although the arm is to move")
 
     def _watch_following(self, feedback: _Feedback) -> None:
         passed = [q for due, q in self._set_points if due <= feedback.stamp] or [self._set_points[0][1]]
@@ -206,5 +206,5 @@ class MotionSupervisor:
         nearest = error[error.max(axis=1).argmin()]
         if nearest.max() > self._supervision.following_error:
             joint = int(nearest.argmax())
-            away = f"joint {joint + 1} is {np.degrees(nearest[joint]):.1f}° away from where it shall be"
+            away = f"joint {joint + 1} is {np.degrees(nearest[joint]):.1f}° from its set-point"
             raise DeviceFault(self._device, f"the arm does not follow: {away}")

@@ -102,7 +102,7 @@ def _check_consistency(trajectory: Trajectory, limits: ArmLimits) -> None:
 
 def _check_start(trajectory: Trajectory, q_arm: Float64) -> None:
     if not np.isfinite(q_arm).all():
-        raise BadTrajectory("where the arm stands is not known: its joints are not finite", 0)
+        raise BadTrajectory("the arm's position is unknown: its joints are not finite", 0)
     distance = np.abs(trajectory.q[0] - q_arm)
     if distance.max() > START_TOLERANCE:
         joint = int(distance.argmax())

@@ -274,7 +274,7 @@ def _refuse_full_hand(order: RunOrder, cell: Cell) -> None:
     """
     hand = "" if order.cleared or order.tree.resolve() == _recovery() else cell.in_hand()
     if hand:
-        what = "The recovery has left it there; nothing else was run." if order.recover else "Nothing was run."
+        what = "It was still there after the recovery. Nothing else was run." if order.recover else "Nothing was run."
         raise UsageError(f"{cell.name}: {hand} before the run has begun.\n{what} {WHAT_TO_DO}")
 
 

@@ -167,14 +167,15 @@ class Detect(LookingSkill):
         if not sure:
             best = max(instance.score for instance in instances)
             raise none(
-                "LOW_CONFIDENCE", f"the surest of {len(instances)} candidates scores {best:.2f}, not {score:.2f}"
+                "LOW_CONFIDENCE",
+                f"the highest of {len(instances)} scores is {best:.2f}, below {score:.2f}",
             )
         posed = [k for k in sure if instances[k].T_camera_object is not None]
         if not posed:
             raise none("POSE_UNSOLVED", f"{instances[sure[0]].problem}")
         order = [posed[k] for k in rank([instances[k] for k in posed], target, index)]
         if not order:
-            raise none("NOTHING_FOUND", f"there are {len(posed)} fruit in the frame, number {index} was asked for")
+            raise none("NOTHING_FOUND", f"there are {len(posed)} fruit in the frame, number {index} was requested")
         if reselect == "freely" or target == "index":
             return order[0]
         before = {k: self._times_chosen(instances[k], frame, T_base_camera) for k in order}

@@ -123,7 +123,7 @@ class FeelFriction(MovingSkill):
             blocked = space.first_blocked(line.q)
             if not line.complete or blocked is not None:
                 reason = line.reason if blocked is None else space.explain(line.q[blocked + 1])[0]
-                raise NoSlideError(f"on the way {way} {reason}")
+                raise NoSlideError(f"the slide {way} is blocked: {reason}")
             lines.append(line.q)
             q = line.q[-1]
         return lines[0], lines[1]

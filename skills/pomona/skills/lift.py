@@ -134,7 +134,7 @@ class Lift(MovingSkill):
             stands = yield from put_back(self, T_base_start, acceleration, hold, overloaded.load)
             raise self._cannot_hold(overloaded.problem, hold, 0.0 if stands else risen()) from overloaded
         if hanging is not None and (missing := hanging.missing()):
-            raise grip_failure(self, "LOST", f"nothing came up: {missing}", hold)
+            raise grip_failure(self, "LOST", f"the fruit was not lifted: {missing}", hold)
         if hold is not None:
             show_grip(self, hold, everything=True)
         return None

@@ -286,7 +286,7 @@ def test_a_slower_cell_slows_the_arm_that_moves_and_the_next_path():
 
 @pytest.mark.parametrize("speed", [0.0, -1.0, 1.01, float("nan")])
 def test_a_cell_never_goes_faster_than_it_is_commanded(cell, speed):
-    with pytest.raises(ValueError, match="share above 0 to 1"):
+    with pytest.raises(ValueError, match="above 0 and at most 1"):
         cell.set_speed(speed)
 
 
@@ -299,7 +299,7 @@ def test_an_arm_whose_driver_knows_no_speed_is_named_and_refused():
     assert cell.full_speed_only == ("arm",)
     cell.set_speed(1.0)
     cell.set_speed(0.5, (Gripper,))
-    with pytest.raises(DeviceFault, match="more slowly"):
+    with pytest.raises(DeviceFault, match="cannot reduce"):
         cell.set_speed(0.5)
 
 

@@ -127,11 +127,11 @@ def test_intrinsics_in_the_folder_come_first(cell: Path, folder: Path) -> None:
         (lambda folder: (folder / "frames.json").write_text("{}"), "is no list of frames"),
         (
             lambda folder: (folder / "frames.json").write_text('[{"label": "a"}, {"label": "a"}]'),
-            "a label is there twice",
+            "two entries have the same label",
         ),
         (
             lambda folder: (folder / "frames.json").write_text('[{"label": "A"}]'),
-            "names none of the present frames, but for example 'A', and a frame is 'a'",
+            "names none of the frames of the folder. Its first label is 'A', the first frame is 'a'",
         ),
         (
             lambda folder: cv2.imwrite(str(folder / "a_depth_mm.png"), np.zeros((30, 40), np.uint8)),

@@ -88,7 +88,7 @@ def test_an_arm_refuses_bad_trajectories_as_a_real_one():
 def test_an_arm_that_does_not_know_where_it_stands_does_not_move():
     arm = MockArm(MockClock())
     arm.q[3] = np.nan
-    with pytest.raises(MotionRefused, match="where the arm stands is not known"):
+    with pytest.raises(MotionRefused, match="the arm's position is unknown"):
         arm.follow(sweep())
 
 

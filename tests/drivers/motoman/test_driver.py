@@ -411,7 +411,7 @@ def test_an_arm_that_came_to_rest_because_this_computer_was_held_up_does_not_go_
         return
     assert motion.state is MotionState.FAILED
     assert moved < 1e-9
-    with pytest.raises(DeviceFault, match="this computer or the wire was held up"):
+    with pytest.raises(DeviceFault, match="the computer or the connection was delayed"):
         arm.check()
     with pytest.raises(MotionRefused):
         arm.follow(swing(rested, -CHANGE, 2.0))
@@ -480,9 +480,9 @@ def test_a_safe_stop_decelerates_and_is_latched() -> None:
 @pytest.mark.parametrize(
     ("kind", "within", "problem", "words"),
     [
-        ("busy", 1.2, DeviceFault, "has not gone on with the motion"),
-        ("stuck", 0.6, DeviceError, "does not follow|although the arm is moved"),
-        ("frozen", 0.6, DeviceError, "does not follow|although the arm is moved"),
+        ("busy", 1.2, DeviceFault, "has not continued the motion"),
+        ("stuck", 0.6, DeviceError, "does not follow|although the arm is to move"),
+        ("frozen", 0.6, DeviceError, "does not follow|although the arm is to move"),
         ("nan", 0.1, Nonsense, "answered nonsense"),
         ("wild", 0.1, DeviceLost, r"at 1e\+30 rad, far outside its range"),
         ("no_status", 0.4, DeviceLost, "has not sent its status for"),

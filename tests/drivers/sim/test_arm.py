@@ -215,9 +215,9 @@ def test_an_alarm_stops_the_arm_and_is_reported(cell, arm, plan_rest_to_rest):
         ("nan", 0.05, DeviceLost, "not finite"),
         ("wild", 0.05, DeviceLost, r"at 1e\+30 rad, far outside its range"),
         ("jump", 0.05, DeviceLost, r"joint 1 jumped by 3\d\.\d°"),
-        ("frozen", 0.5, DeviceError, "although the arm is moved|does not follow"),
-        ("stuck", 0.5, DeviceError, "although the arm is moved|does not follow"),
-        ("stall", 0.6, DeviceFault, "has not gone on with the motion"),
+        ("frozen", 0.5, DeviceError, "although the arm is to move|does not follow"),
+        ("stuck", 0.5, DeviceError, "although the arm is to move|does not follow"),
+        ("stall", 0.6, DeviceFault, "has not continued the motion"),
     ],
 )
 def test_an_arm_that_lies_or_does_not_go_on_is_noticed_and_comes_to_rest(

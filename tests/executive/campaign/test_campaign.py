@@ -109,7 +109,7 @@ def test_a_campaign_that_is_stopped_early_has_as_many_runs_of_every_combination(
         (FILE.replace("{others: 0}", "{other: 0}"), "12:7", "did you mean 'others'"),
         (FILE.replace("refine: none", "refined: none"), "10:21", "did you mean 'refine'"),
         (FILE.replace("only: {place", "onyl: {place"), "10:46", "no setting 'onyl'"),
-        (FILE.replace("{place: [2]}", "{place: [4]}"), "10:61", "'place' is never '4'"),
+        (FILE.replace("{place: [2]}", "{place: [4]}"), "10:61", "'vary' gives 'place' no value '4'"),
         (FILE + "score: {sucess: [lifted]}\n", "13:9", "did you mean 'success'"),
         (FILE.replace("[1, 2, 3]", "[77]").replace(", only: {place: [2]}", ""), "7:43", "it cannot be '77'"),
         (FILE.replace("{others: 0}", "{friction: -1}"), "12:17", "must be between"),

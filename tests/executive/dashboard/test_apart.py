@@ -113,7 +113,7 @@ def test_control_stop_and_refusals_reach_the_run_and_come_back(page: PageProcess
     thread = threading.Thread(target=runner.run)
     thread.start()
     refused = post(page, "api/act", action="pause", viewer="me", who="ada")
-    assert refused == {"error": "nobody holds control; take it first"}
+    assert refused == {"error": "no operator holds control; take it first"}
     taken = post(page, "api/act", action="take", viewer="me", who="ada")
     assert (taken["held_by"], taken["yours"]) == ("ada", True)
     stopped = post(page, "api/act", action="safe_stop", viewer="me", who="ada")
@@ -151,7 +151,7 @@ def test_an_action_that_starts_motion_is_refused_when_the_run_s_process_was_too_
     page._call = lambda name, arguments, ago: call(name, arguments, ago + 3.0)  # type: ignore[method-assign]
     asking.start()
     asking.join(20.0)
-    assert "too late" in refusals[0]["error"]
+    assert "too old" in refusals[0]["error"]
     assert page.control.holder.who == ""
 
 
@@ -176,7 +176,7 @@ def test_a_run_is_started_from_the_page(tmp_path: Path) -> None:
         for _ in range(2):  # a press that the browser sends again
             assert post(page, "api/start", tree="pick", viewer="me", press="1") == {"tree": "pick begins"}
         late = post(page, "api/start", tree="place", viewer="me", press="2", pressed=time.monotonic() - 5.0)
-        assert "too late" in late["error"]
+        assert "too old" in late["error"]
         assert begun == ["pick"]
     finally:
         page.close()

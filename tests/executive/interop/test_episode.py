@@ -48,5 +48,5 @@ def test_without_looks_there_are_no_images_and_without_joints_nothing_to_learn(t
     assert (blind.colour, blind.depth, blind.size, blind.succeeded) == (None, None, None, False)
     with pytest.raises(UsageError, match="holds no joints"):
         read_episode(write(tmp_path / "dry", FAILED), 10.0)
-    with pytest.raises(UsageError, match="ends before everything was seen once"):
+    with pytest.raises(UsageError, match="ends before each device has delivered data"):
         read_episode(record_motion(tmp_path / "late", looks=(0.3,), end=0.3), 10.0)

@@ -101,7 +101,7 @@ def test_an_existing_folder_is_left_alone_and_mismatches_are_named(
     assert (dataset / "meta/info.json").read_bytes() == before
     blind = record_motion(tmp_path / "blind", looks=(), end=0.5)
     assert main([*export, str(tmp_path / "mixed"), "--to", "lerobot", "--with", str(blind)]) == 2
-    assert "blind has other things than the first record: observation.images.camera" in capsys.readouterr().err
+    assert "blind has other features than the first record: observation.images.camera" in capsys.readouterr().err
     assert main([*export, str(tmp_path / "x.zip"), "--rate", "20"]) == 2
     capsys.readouterr()
     assert main([*export, str(tmp_path / "often"), "--to", "lerobot", "--rate", "100000000"]) == 2

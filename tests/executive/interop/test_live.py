@@ -234,7 +234,7 @@ def test_rerun_s_file_holds_the_run_and_is_never_overwritten(tmp_path: Path) -> 
     assert path.read_bytes() == before
     with pytest.raises(UsageError, match="on this machine only"):
         RerunView("rerun+http://10.0.0.1:9876/proxy")
-    with pytest.raises(UsageError, match=r"ends with \.rrd"):
+    with pytest.raises(UsageError, match=r"must end with \.rrd"):
         RerunView(str(tmp_path / "run.txt"))
 
 

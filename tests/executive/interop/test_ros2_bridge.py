@@ -200,9 +200,9 @@ def test_hashes_are_those_that_rmw_zenoh_publishes() -> None:
 def test_acting_needs_the_token_and_control_and_anybody_with_the_token_stops(setting: Setting) -> None:
     setting.control.serve(setting.robot)  # type: ignore[arg-type]
     assert setting.ask("pause", token="guessed") == (
-        False, "acting needs the token that was printed at the start, on this machine"
+        False, "actions need the token that Pomona printed on this machine at the start"
     )  # fmt: skip
-    assert setting.ask("pause") == (False, "nobody holds control; take it first")
+    assert setting.ask("pause") == (False, "no operator holds control; take it first")
     assert setting.ask("take")[0]
     assert setting.ask("pause")[0]
     assert setting.ask("resume", detail="3")[0]  # the number of the pause, as /pomona/tree has it

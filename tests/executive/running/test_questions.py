@@ -65,7 +65,7 @@ def test_answers_that_are_none_are_refused():
     assert runner.run().outcome == "success"
     acts = [(e.action, e.detail) for e in events if isinstance(e, OperatorActed) and "←" in e.detail]
     assert acts == [("answer", f"not yet ← {PATH}"), ("too_late", f"answer ripe ← {PATH}, question answered or gone")]
-    assert refused == ["'rotten' is no answer: ripe, not yet", "nothing is asked at asking/Turn now"]
+    assert refused == ["'rotten' is no answer: ripe, not yet", "no question is open at asking/Turn"]
 
 
 def test_on_the_page_the_operator_in_control_answers():

@@ -83,7 +83,7 @@ def test_input_that_cannot_be_used_is_one_line_and_writes_nothing(
     there.write_text("mine")
     for arguments, said in (
         (("--start-from", "apple.weights"), "apple.weights: no such file"),
-        (("--fruit", "lemon"), "the finder of lemon.weights is of an earlier kind"),
+        (("--fruit", "lemon"), "the finder of lemon.weights is of an older kind"),
         (("--fruit", "durian"), "durian"),
         (("--out", there), "there.weights is there already"),
         ((), "no run has a frame with depth in which Detect searched"),

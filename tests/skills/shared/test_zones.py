@@ -70,7 +70,7 @@ def test_an_arm_that_stands_in_a_zone_is_reported_whether_it_plans_or_follows() 
     assert followed is not None
     assert (planned.code, followed.code) == ("START_IN_COLLISION", "REFUSED")
     for reason in (planned, followed):
-        assert "where the arm stands" in reason.message
+        assert "the arm's present position" in reason.message
         assert "the zone window" in reason.message
     assert scene.arm.followed == []
 

@@ -74,7 +74,7 @@ class Bag:
         with closing(reader.messages(_of(reader, topic), stamp, stamp + 1)) as found:
             for connection, _stamp, raw in found:
                 return reader.deserialize(raw, connection.msgtype)
-        raise KeyError(f"it has no message of {topic} at {stamp} ns any more")
+        raise KeyError(f"the message of {topic} at {stamp} ns is missing; the bag has changed")
 
     @contextmanager
     def _opened(self, wrong: str = "is damaged") -> Iterator[Any]:

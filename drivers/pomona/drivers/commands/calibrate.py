@@ -147,7 +147,7 @@ def _depth(options: argparse.Namespace) -> str:
         raise UnusableDepth("frames are missing: name a folder, or a cell with a live camera by --cell")
     if options.cell is not None:
         if not options.wall:
-            raise UnusableDepth("a camera that looks now is shown a wall: balls need frames, to draw boxes in")
+            raise UnusableDepth("--cell needs --wall: balls need recorded frames, in which you draw boxes")
         found = calibrate_wall(_look_now(options.cell), options.sensor)
         found.save(options.out)
         return f"{found}\nwritten to {options.out}"

@@ -187,14 +187,14 @@ def folder_poses(folder: Path, labels: Collection[str]) -> dict[str, Float64]:
             raise TypeError("it is no list")
         said = {str(entry["label"]): entry.get("T_base_camera") for entry in entries}
         if len(said) < len(entries):
-            raise ValueError("a label is there twice")
+            raise ValueError("two entries have the same label")
         poses = {label: np.array(T, np.float64) for label, T in said.items() if T is not None}
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise UnusableFrames(path, f"is no list of frames with label and T_base_camera: {error}") from error
     if said and not any(label in said for label in labels):
-        words = f"names none of the present frames, but for example '{next(iter(said))}'"
+        words = f"names none of the frames of the folder. Its first label is '{next(iter(said))}'"
         raise UnusableFrames(
-            path, f"{words}, and a frame is '{next(iter(labels), '')}'; mend the labels, or take it away"
+            path, f"{words}, the first frame is '{next(iter(labels), '')}': correct the labels or remove the file"
         )
     for label, T in poses.items():
         if T.shape != (4, 4) or not is_rigid(T):

@@ -52,7 +52,7 @@ class Video:
         there, image = self._capture.read() if self._next == index else (False, None)
         if not there or image is None:
             raise UnusableFrames(
-                self.path, f"picture {index + 1} of {self.count} cannot be read: it ends before, or is damaged"
+                self.path, f"picture {index + 1} of {self.count} cannot be read: the video is shorter, or damaged"
             )
         self._next += 1
         return np.asarray(image)

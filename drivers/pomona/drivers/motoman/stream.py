@@ -115,8 +115,8 @@ class PointStream:
         if self._point is None and ahead < self._lead:
             time, moved = self._time, self._moving
             if moved and ahead < -GAP:
-                why = "this computer or the wire was held up, and the arm has stopped"
-                raise RanDryError(session.device, f"had no points to go on for {-ahead:.2f} s: {why}")
+                why = "the computer or the connection was delayed, and the arm has stopped"
+                raise RanDryError(session.device, f"ran out of points for {-ahead:.2f} s: {why}")
             self._point = self._next()
             if self._point is not None and ahead < 0.0:
                 self._began = now - time  # the queue has run dry: at rest, after a pause, or because this came late

@@ -78,8 +78,8 @@ class RollingPath:
         if now > self._last.due:
             if self._last.qd.any():
                 late = f"for {1e3 * (now - self._last.due):.0f} ms"
-                why = "this computer was held up, and the arm comes to rest"
-                raise OutOfSetPointsError(self._device, f"had no set-points to go on {late}: {why}")
+                why = "the computer was delayed, and the arm comes to rest"
+                raise OutOfSetPointsError(self._device, f"ran out of set-points {late}: {why}")
             self._promise(SetPoint(now, self._last.q, self._last.qd))  # it rested: at the start, or after a pause
         while self._last.due < now + self._lead:
             rested = self.motion.set_point_rests

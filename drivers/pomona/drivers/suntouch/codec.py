@@ -81,7 +81,7 @@ class Assembler:
             self.damaged += 1
             self._buffer.clear()
             self._answered = True
-            raise Malformed(received, "more bytes than were asked for")
+            raise Malformed(received, "more bytes than requested")
         if len(self._buffer) < SIZE:
             return None
         answer = bytes(self._buffer)

@@ -183,12 +183,12 @@ class _Planner:
         vary = {key: [value.text for value in values] for key, values in self.placed.values.vary.items()}
         for name, values in only.items():
             if name not in vary:
-                self.findings.error(keys[name], "unknown-key", f"'{name}' does not vary", did_you_mean(name, vary))
+                self.findings.error(keys[name], "unknown-key", f"'vary' has no key '{name}'", did_you_mean(name, vary))
                 continue
             for value in values:
                 if value.text not in vary[name]:
                     hint = did_you_mean(value.text, vary[name])
-                    self.findings.error(value, "unknown-value", f"'{name}' is never '{value.text}'", hint)
+                    self.findings.error(value, "unknown-value", f"'vary' gives '{name}' no value '{value.text}'", hint)
 
     def judge(self, arm: _Arm) -> bool:
         """Yield each varied value with the first values of the others, as each run will be checked again.

@@ -89,7 +89,7 @@ def add_records_folder(parser: argparse.ArgumentParser) -> None:
 
 def _folder(text: str) -> Path:
     if not text.strip():  # Path("") is the working folder
-        raise argparse.ArgumentTypeError("a folder has a name; '.' is the working folder")
+        raise argparse.ArgumentTypeError("the name of the folder is empty; write '.' for the working folder")
     return Path(text)
 
 

@@ -211,7 +211,7 @@ class Launcher:
     def _order(self, form: dict[str, Any]) -> RunOrder:
         seed, settings = form.get("seed", 0), form.get("settings", {})
         if not isinstance(seed, int) or isinstance(seed, bool):
-            raise UsageError("the seed is a whole number")
+            raise UsageError("the seed must be a whole number")
         if not isinstance(settings, dict) or not all(isinstance(value, str) for value in settings.values()):
             raise UsageError("settings are texts by name")
         try:

@@ -191,7 +191,7 @@ class PageProcess:
 
     def _call(self, name: str, arguments: Sequence[Any], ago: float) -> Any:
         if ago > PATIENCE and name not in NEVER_LATE:
-            raise TooLateError(f"asked {ago:.1f} s ago, which is too late: it is not carried out")
+            raise TooLateError(f"the request is {ago:.1f} s old, too old to be executed")
         if name == "start" and self._start_run is not None:
             return self._start_run(*arguments)
         if name == "judge":

@@ -194,7 +194,7 @@ class ControlLock:
     def take(self, viewer: str, who: str) -> None:
         """Take control, visibly, also from another operator. Raises RefusedError: the viewer has no name."""
         if not viewer:
-            raise RefusedError("a viewer has an id of its own")
+            raise RefusedError("the id of the viewer is missing")
         self._hand_over(viewer, Holder(who, viewer), who, "take")
 
     def release(self, viewer: str) -> None:
@@ -219,7 +219,7 @@ class ControlLock:
         """
         held = self._held
         if not viewer or held.viewer != viewer:
-            raise RefusedError(f"{held.who or 'nobody'} holds control; take it first")
+            raise RefusedError(f"{held.who or 'no operator'} holds control; take it first")
         return held.who
 
     def cancel_start(self, viewer: str) -> bool:
@@ -283,7 +283,7 @@ class ControlLock:
         """
         who = self.require(viewer)
         if action not in (*ACTIONS, *BREAK_ACTIONS, "answer", "fail", "change", "speed"):
-            raise RefusedError(f"'{action}' is no action")
+            raise RefusedError(f"unknown action '{action}'")
         latched = action == "fail" and self._runner is not None and self._runner.latched is not None
         if self._runner is None or (self._runner.state.ended and not latched):  # a broken device may be repaired
             raise RefusedError("nothing is running")

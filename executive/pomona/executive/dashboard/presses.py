@@ -113,7 +113,7 @@ def refuse_late(body: dict[str, Any], patience: float = PATIENCE) -> None:
     except OverflowError:  # an integer that is no time at all
         ago = math.inf if pressed < 0 else -math.inf
     if not ago <= patience:
-        raise TooLateError(f"pressed {ago:.3g} s ago, which is too late: it is not carried out")
+        raise TooLateError(f"the press is {ago:.3g} s old, too old to be executed")
 
 
 def text(body: dict[str, Any], key: str) -> str:

@@ -122,7 +122,7 @@ class _Taken:
         start = max(begins)
         count = int((self._last - start) * rate + 1e-9) + 1
         if self._last < start or count < 2:
-            raise UsageError(f"{self._record}: it ends before everything was seen once")
+            raise UsageError(f"{self._record}: it ends before each device has delivered data")
         times = start + np.arange(count) / rate
         at = Channel(np.array([t for t, _c, _d in looks]), looks).at(times) if looks else None
         return Episode(

@@ -84,7 +84,7 @@ class _Dataset:
             self._features = features
         elif features != self._features:
             other = [key for key in {**features, **self._features} if features.get(key) != self._features.get(key)]
-            raise UsageError(f"{episode.name} has other things than the first record: {', '.join(other)}")
+            raise UsageError(f"{episode.name} has other features than the first record: {', '.join(other)}")
         if task not in self._tasks:
             self._tasks.append(task)
         number, count = len(self._episodes), len(episode.times)

@@ -40,7 +40,7 @@ class RerunView:
         else:
             refuse_taken(Path(target))
             if Path(target).suffix != ".rrd" or not Path(target).absolute().parent.is_dir():
-                raise UsageError(f"{target}: a file for Rerun ends with .rrd, in a folder that is there")
+                raise UsageError(f"{target}: a file for Rerun must end with .rrd, and its folder must exist")
             self._out.save(target)
         self._out.log("base", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
 

@@ -138,7 +138,7 @@ class Ros2Bridge:
         Raises RefusedError: the token is wrong, or the operator's name is missing.
         """
         if not self._acts_with(asked.token):
-            raise RefusedError("acting needs the token that was printed at the start, on this machine")
+            raise RefusedError("actions need the token that Pomona printed on this machine at the start")
         who = "".join(letter for letter in asked.who[: 2 * MOST_NAME] if letter.isprintable()).strip()[:MOST_NAME]
         if not who:
             raise RefusedError("the operator's name is missing")

@@ -40,7 +40,7 @@ def changed_input(tree: BuiltTree, path: str, port: str, text: str) -> Any:
     except LiteralError as error:
         raise ChangeRefusedError(f"{port}: {error.message}{error.hint and f' ({error.hint})'}") from None
     if not found.accepts(value):
-        raise ChangeRefusedError(f"{port} takes no {text[:60]}")
+        raise ChangeRefusedError(f"{port} does not accept {text[:60]}")
     problem = out_of_range(value, found)
     if problem:
         raise ChangeRefusedError(f"{port} {problem}")

@@ -112,7 +112,7 @@ def _text(get: Callable[[], Any]) -> Callable[[], str]:
     def question() -> str:
         value = get()
         if not isinstance(value, str):
-            raise NoValue(f"a question is a text, this is {value!r}")
+            raise NoValue(f"a question must be a text, not {value!r}")
         return value
 
     return question

@@ -27,14 +27,14 @@ def parse(content: bytes | str) -> Any:
         raise ValueError("a text is expected here")
     coded = content.encode(errors="replace") if isinstance(content, str) else content
     if is_deep(coded):
-        raise ValueError(f"objects within objects, more than {MOST_DEPTH} deep")
+        raise ValueError(f"nested more than {MOST_DEPTH} levels deep")
     with contextlib.suppress(ValueError):
         return orjson.loads(coded)  # it refuses the cases that the lines below repair
     hooks: dict[str, Any] = {"parse_float": _finite} if _HUGE.search(coded) else {}
     try:
         value = json.loads(coded.decode(errors="replace"), parse_constant=lambda _name: None, parse_int=_whole, **hooks)
     except RecursionError as error:  # `is_deep` took a part for a string
-        raise ValueError("objects within objects, too deep") from error
+        raise ValueError("nested too deep") from error
     if _HALF.search(coded) is None:
         return value
     return json.loads(json.dumps(value, ensure_ascii=False).encode(errors="replace"))

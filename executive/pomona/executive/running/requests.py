@@ -114,7 +114,7 @@ class Requests:
         """
         asked = self._questions.get(path)
         if asked is None or not asked.open:
-            raise AnswerRefusedError(f"nothing is asked at {path} now")
+            raise AnswerRefusedError(f"no question is open at {path}")
         if number != asked.starts:
             raise AnswerRefusedError(f"{path} now asks question {asked.starts}; the answer names question {number}")
         if choice not in asked.choices:

@@ -154,7 +154,7 @@ def _by_hand(table: Path, line: int, row: dict[str, str]) -> list[float] | None:
     for name, value in zip(TRUE, (width, height), strict=True):
         if not shown / MOST_TIMES <= value <= shown * MOST_TIMES:
             seen = f"the camera saw {shown:.1f} mm"
-            raise UnusableTable(f"{table}:{line}: {name} is {row[name]}, but {seen}: is it in mm, and of this fruit?")
+            raise UnusableTable(f"{table}:{line}: {name} is {row[name]}, but {seen}: check its unit (mm) and the fruit")
     return [width / 1e3, height / 1e3, shown / 1e3, spread / _Z_90 / shown, sine, 0.0, 0.0]
 
 
@@ -186,8 +186,8 @@ def _refuse_exchanged(measured: SizeTable, proportion: float, kind: str) -> None
     opposite = (ratio - 1.0) * (proportion - 1.0) < 0.0
     if opposite and abs(np.log(ratio / proportion)) > MOST_UNLIKE:
         raise UnusableTable(
-            f"the fruit are {ratio:.2f} times as high as wide in the middle, the model of {kind} {proportion:.2f}: "
-            f"are {TRUE[0]} and {TRUE[1]} exchanged? Fruit that truly are so need a model"
+            f"height over width of the fruit is {ratio:.2f} (median), of the model of {kind} {proportion:.2f}: "
+            f"are {TRUE[0]} and {TRUE[1]} exchanged? If not, this fruit needs another model"
         )
 
 

@@ -215,7 +215,7 @@ def _start(options: argparse.Namespace) -> Path | None:
         start = load_fruit(options.fruit).weights
         if start is None:
             raise BadTraining(
-                f"boxes do not give the pose of fruit: learning from photographs goes on from weights, and "
+                f"training on photographs needs weights to start from, since boxes give no pose: "
                 f"{options.fruit} has none; train them from rendered frames first, or name some with --start-from"
             )
     # Refused before hours of rendering.

@@ -61,7 +61,7 @@ def main(options: argparse.Namespace) -> int:
         fruit = load_fruit(options.fruit)
         start = options.start_from or fruit.photo_weights or fruit.weights
         if start is None:
-            raise BadTraining(f"{fruit.name} has no weights to learn on from: name some with --start-from")
+            raise BadTraining(f"{fruit.name} has no weights to start from: name some with --start-from")
         check_start(start)
         if options.out.exists():
             raise BadTraining(f"{options.out} is there already: name another file with --out")

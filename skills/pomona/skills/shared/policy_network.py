@@ -98,7 +98,7 @@ def read_policy(path: Path) -> PolicyNetwork:
     try:
         return _checked(path, parts)
     except (KeyError, TypeError, ValueError) as error:
-        raise UnusablePolicy(path, f"is not whole: {error}") from error
+        raise UnusablePolicy(path, f"is incomplete: {error}") from error
 
 
 def _checked(path: Path, parts: dict[str, Any]) -> PolicyNetwork:
@@ -110,7 +110,7 @@ def _checked(path: Path, parts: dict[str, Any]) -> PolicyNetwork:
     while f"W{len(layers)}" in parts and len(layers) < MOST_LAYERS:
         W, b = (np.asarray(parts[f"{name}{len(layers)}"], np.float64) for name in "Wb")
         if W.ndim != 2 or W.shape[0] != size or b.shape != W.shape[1:]:
-            raise UnusablePolicy(path, f"layer {len(layers)} does not fit to the one before")
+            raise UnusablePolicy(path, f"layer {len(layers)} does not fit the layer before")
         layers.append((W, b))
         size = W.shape[1]
     if not layers or size != dof:

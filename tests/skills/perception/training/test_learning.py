@@ -77,7 +77,7 @@ def test_weights_with_any_figure_that_is_worse_are_not_written(
 
 
 def test_a_finder_of_an_earlier_kind_is_refused(photographs: PhotoSet, tmp_path: Path) -> None:
-    with pytest.raises(BadTraining, match=r"the finder of apple\.weights is of an earlier kind"):
+    with pytest.raises(BadTraining, match=r"the finder of apple\.weights is of an older kind"):
         learn(tmp_path / "learnt.weights", tmp_path / "work", photographs, SHIPPED_WEIGHTS / "apple.weights")
 
 

@@ -34,7 +34,7 @@ def check_camera_pose(frame: Frame, T_base_camera: Float64, model: RobotModel, a
     angle = angle_between(T_base_expected[:3, :3], T_base_camera[:3, :3])
     if not (distance <= _DISTANCE and angle <= _ANGLE):
         raise CameraPoseMismatch(
-            f"it is stated {1e3 * distance:.1f} mm and {np.degrees(angle):.2f}° from where the frame's joints put it",
+            f"it is {1e3 * distance:.1f} mm and {np.degrees(angle):.2f}° from the pose that the frame's joints give",
             distance,
             angle,
         )
@@ -42,4 +42,4 @@ def check_camera_pose(frame: Frame, T_base_camera: Float64, model: RobotModel, a
         return
     off = float(np.max(np.abs(model.checked(frame.q) - arm.q)))
     if not off <= 0.02:  # between the joints at the exposure and those of an arm that stands still [rad]
-        raise CameraPoseMismatch(f"the frame's joints are {off:.3f} rad from those of the arm, which stands still")
+        raise CameraPoseMismatch(f"the frame's joints are {off:.3f} rad from those of the resting arm")

@@ -141,7 +141,7 @@ def _free_goals(request: PlanRequest) -> Float64:
         raise BadRequest(f"start and goals must have the arm's {dof} joints, not shapes {given}")
     if not space.free(request.q_start):
         reason, data = space.explain(request.q_start)
-        raise PlanningFailed("START_IN_COLLISION", f"where the arm stands, {reason}", data)
+        raise PlanningFailed("START_IN_COLLISION", f"at the arm's present position, {reason}", data)
     inside = ((q_goals >= space.lower) & (q_goals <= space.upper)).all(axis=1)
     if not inside.any():
         raise PlanningFailed("GOAL_UNREACHABLE", f"all {len(q_goals)} goals lie beyond the joint limits")
@@ -169,7 +169,7 @@ def _first_path(request: PlanRequest, goals: Float64, progress: _Progress) -> tu
         code, why = ("TIMEOUT", "time ran out") if progress.out_of_time else ("NO_PATH", "the budget is used up")
         raise PlanningFailed(
             code,
-            f"{request.planner} found no way to any of {len(goals)} goals before {why}",
+            f"{request.planner} found no path to any of {len(goals)} goals before {why}",
             {
                 "planner": request.planner,
                 "iterations": progress.iterations,

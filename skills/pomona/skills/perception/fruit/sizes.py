@@ -81,7 +81,7 @@ def learn_sizes(
     if len(sizes) < LEAST_FRUIT:
         raise TooFewFruit(f"{len(sizes)} measured fruit do not give the spread of sizes: measure {LEAST_FRUIT} or more")
     if not (np.isfinite(sizes).all() and (sizes > 0.0).all() and np.isfinite(shown).all() and (shown > 0.0).all()):
-        raise TooFewFruit("a size that is zero, negative or no number teaches nothing: leave its fruit out")
+        raise TooFewFruit("a size must be a positive number: leave its fruit out")
     ln_width, ln_ratio = np.log(sizes[:, 0]), np.log(sizes[:, 1] / sizes[:, 0])
     seen = np.log(shown) - ln_width - 0.5 * sines**2 * (ln_ratio - math.log(model_height_over_width))
     # measurements that know better than this share how large a fruit looks count no more for it

@@ -45,5 +45,5 @@ def files(folder: Path) -> list[Path]:
         raise BadPhotographs(folder, "no such folder")
     found = list(islice((p for p in folder.rglob("*") if p.is_file()), MOST_FILES + 1))
     if len(found) > MOST_FILES:
-        raise BadPhotographs(folder, f"holds more than {MOST_FILES} files: give a part of them")
+        raise BadPhotographs(folder, f"holds more than {MOST_FILES} files: name a folder with fewer")
     return found

@@ -131,7 +131,7 @@ def check_start(start: Path) -> None:
     """
     if not isinstance(load_compact(start)[0], FinderNetwork):
         raise BadTraining(
-            f"the finder of {start.name} is of an earlier kind, which cannot be learnt on: name weights of "
+            f"the finder of {start.name} is of an older kind that cannot be trained further: name weights of "
             "`pomona train detect --photos` with --start-from"
         )
 
