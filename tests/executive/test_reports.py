@@ -170,7 +170,7 @@ def test_three_sentences_give_event_cause_and_remedy() -> None:
     what, why, remedy = explain(run, whole=False)
     assert what.endswith("on 9 September 2001 at 01:46. It failed after 5.2 s.")
     assert why == "The reason, at 3.5 s: Lift failed with TOO_HEAVY: put back."
-    assert remedy.startswith("Remedy: nothing to mend if `max_force` is right")
+    assert remedy.startswith("Remedy: none needed if `max_force` is right")
     whole = explain(run)
     assert whole[:3] == [what, why, remedy]
     assert "Figures: limit 14 N, wanted 20.7 N." in whole[3]
