@@ -34,8 +34,7 @@ def follow_motion(motion: Motion, watch: Callable[[], str | None] | None = None)
     `watch` is called in each tick; it raises to end the motion, or returns feedback. When it raises or the caller is
     interrupted, the motion is stopped, and the exception passes once all is at rest.
 
-    Raises:
-        MotionEnded: it was stopped from outside, or failed.
+    Raises MotionEnded: it was stopped from outside, or failed.
     """
     try:
         while motion.state in (MotionState.RUNNING, MotionState.PAUSED):
@@ -81,8 +80,7 @@ class MovingSkill(Skill):
             carrying: the grasp by which a fruit is held.
             started: called with the motion, once it has been started.
 
-        Raises:
-            SkillFailure: REFUSED, if the path leads through a zone of the cell, or begins in one.
+        Raises SkillFailure: REFUSED, if the path leads through a zone of the cell, or begins in one.
         """
         arm = self.device(Arm)
         entered = zone_entered(self, arm, trajectory, carrying)
@@ -145,4 +143,4 @@ def zone_entered(skill: Skill, arm: Arm, trajectory: Trajectory, carrying: Grasp
     entered = world.check_path(trajectory.q, width)
     if entered is None:
         return ""
-    return f"where the arm stands, {entered}" if entered.at == 0.0 else f"on the way {entered}"
+    return f"at the arm's present position, {entered}" if entered.at == 0.0 else f"on the way {entered}"

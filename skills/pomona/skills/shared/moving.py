@@ -132,7 +132,7 @@ def _upright(
     """Return the space in which the fruit stays upright."""
     now = RobotModel.load(skill.device(Arm).description).tcp(q) if carrying is None else carrying.T_base_grasp
     keeps = UprightSpace(space, now[2, :3].copy(), most)
-    for where, there in (("where the arm stands", q), ("at the pose", q_goal)):
+    for where, there in (("at the arm's present position", q), ("at the pose", q_goal)):
         tilt = keeps.tilt(there)
         if tilt > most:
             words = f"{where} the fruit would be tilted by {np.degrees(tilt):.0f}°, {np.degrees(most):.0f}° are allowed"
@@ -143,8 +143,7 @@ def _upright(
 def named_pose(poses: Mapping[str, Float64], name: str, variation: int = 1) -> Float64:
     """Return the joints of a pose, shape (dof,) [rad]: `name`, or its variation `name_2`, `name_3` … and over again.
 
-    Raises:
-        KeyError: there is no such pose.
+    Raises KeyError: there is no such pose.
     """
     variations = [poses[name]]
     while (other := f"{name}_{len(variations) + 1}") in poses:
