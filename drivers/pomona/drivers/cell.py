@@ -92,11 +92,7 @@ class Cell:
         return tuple(dict.fromkeys(offered + ([Workspace] if self.workspace else [])))
 
     def device(self, interface: type[T]) -> T:
-        """Return the device with this interface.
-
-        Raises:
-            KeyError: the cell has none.
-        """
+        """Return the device with this interface. Raises KeyError: the cell has none."""
         found: T | None = self._find(interface)
         if found is None:
             raise KeyError(f"the cell {self.name} has no {interface.__name__}")
@@ -202,8 +198,7 @@ class Cell:
     def acknowledge(self) -> None:
         """Release the latch; nothing resumes by itself. When a device refuses, all of them stay in the safe state.
 
-        Raises:
-            DeviceError: from the first device that is still lost, or still reports a fault.
+        Raises DeviceError: from the first device that is still lost, or still reports a fault.
         """
         with self._lock:
             try:
@@ -227,8 +222,7 @@ class Cell:
     def resume(self) -> None:
         """Go on with paused motions.
 
-        Raises:
-            DeviceFault: the arm was moved or the fruit is gone since the pause; nothing moves.
+        Raises DeviceFault: the arm was moved or the fruit is gone since the pause; nothing moves.
         """
         if not self._paused:
             return

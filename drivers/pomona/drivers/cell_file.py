@@ -124,8 +124,7 @@ def read_cell_file(
         missing: called with the name of every device whose section is wrong, and the reason; the cell is then read
             without it.
 
-    Raises:
-        CellFileError: the file has errors; the exception has all of them.
+    Raises CellFileError: the file has errors; the exception has all of them.
     """
     findings = Findings()
     found = judge_cell_file(path, findings, overrides, texts, missing)

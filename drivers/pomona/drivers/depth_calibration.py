@@ -108,8 +108,7 @@ def read_balls(path: Path, diameter: str = "diameter_mm", only: str = "") -> lis
 
     `diameter` is the name of its column; only rows whose names begin with `only` are used.
 
-    Raises:
-        UnusableDepth: a column is missing, or a number is none; the text has the line.
+    Raises UnusableDepth: a column is missing, or a number is none; the text has the line.
     """
     try:
         with path.open(newline="", encoding="utf-8") as file:
@@ -226,8 +225,7 @@ def calibrate_balls(
 
     `depths` are depth images by the frames' labels, shape (h, w) [m].
 
-    Raises:
-        UnusableDepth: the balls are insufficient.
+    Raises UnusableDepth: the balls are insufficient.
     """
     unknown = sorted({ball.frame for ball in balls} - set(depths))
     if unknown:
@@ -311,8 +309,7 @@ def calibrate_wall(depths: Sequence[NDArray[np.float32]], sensor: str) -> DepthC
         depths: depth images, shape (h, w) each [m].
         sensor: name of a known sensor.
 
-    Raises:
-        UnusableDepth: no square of the frames is flat, they are without noise, or they do not show one wall each.
+    Raises UnusableDepth: no square of the frames is flat, they are without noise, or they do not show one wall each.
     """
     noise = []
     side = LEAST_SQUARE

@@ -60,7 +60,6 @@ class _Watched:
 
 
 def _watch(cell: Cell) -> dict[str, _Watched]:
-    """Count the data from each device for a while."""
     watched = {name: _Watched() for name in cell.devices}
     subscriptions = []
     for name, device in cell.devices.items():

@@ -86,8 +86,7 @@ class MotionSupervisor:
             stamp: when it was measured or came; never goes back.
             q, qd: positions [rad] and velocities [rad/s], shape (dof,).
 
-        Raises:
-            DeviceLost: it cannot be true.
+        Raises DeviceLost: it cannot be true.
         """
         problem = self._implausible(stamp, q, qd)
         if problem:

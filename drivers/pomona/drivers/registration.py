@@ -48,9 +48,7 @@ class Driver(Generic[Options]):
     def __call__(self, settings: Settings[Options], context: ConnectContext) -> Device:
         """Connect the device.
 
-        Raises:
-            CellFileError: a value of the cell file turns out to be wrong.
-            DeviceError: the device refuses.
+        Raises CellFileError: a value of the cell file turns out to be wrong; DeviceError: the device refuses.
         """
         return self.connect(settings, context)
 
@@ -165,8 +163,7 @@ class DriverSection(Kind[Settings[Any]]):
 def read_settings(of: Driver[Options], path: Path) -> Settings[Options]:
     """Return the settings of one device from a file that holds nothing else: for tools and tests.
 
-    Raises:
-        CellFileError: something is wrong; all of it is in the error.
+    Raises CellFileError: something is wrong; all of it is in the error.
     """
     section = Section(of.options, ignore=("driver",))
 

@@ -43,8 +43,7 @@ def read_limits(path: Path, dof: int | None = None) -> ArmLimits:
 
     Without `dof` the joints are those of all actuators but the gripper's.
 
-    Raises:
-        UnusableRobotFile: the file cannot be read, has fewer joints, or lacks one of the numerics.
+    Raises UnusableRobotFile: the file cannot be read, has fewer joints, or lacks one of the numerics.
     """
     files = (path, *path.parent.glob("*.xml"))  # it may include others
     return _limits(path, dof, max(file.stat().st_mtime_ns for file in files) if path.is_file() else 0)

@@ -27,8 +27,7 @@ def read_parts(path: Path, unit: float = 1.0, detail: float | None = None) -> tu
 
     Its surface is cut by cubes with the edge `detail` [m]; None: each body of the file is one part.
 
-    Raises:
-        UnusableMesh: no mesh can be read, it is empty, or its size is impossible in this unit.
+    Raises UnusableMesh: no mesh can be read, it is empty, or its size is impossible in this unit.
     """
     try:
         state = path.stat()

@@ -24,10 +24,9 @@ def check_trajectory(trajectory: Trajectory, limits: ArmLimits, q_arm: Float64 |
         limits: of the arm; infinite where none is known.
         q_arm: present joints, shape (dof,) [rad]; None when the trajectory is not to be started now.
 
-    Raises:
-        BadTrajectory: shapes that disagree, values that are not finite, time that does not increase from 0, ends that
-            are not at rest, a position, velocity, acceleration or jerk beyond its limit, positions that differ from the
-            integral of the velocities, or a start away from the arm; the text has the joint and the time.
+    Raises BadTrajectory: shapes that disagree, values that are not finite, time that does not increase from 0, ends
+    that are not at rest, a position, velocity, acceleration or jerk beyond its limit, positions that differ from the
+    integral of the velocities, or a start away from the arm; the text has the joint and the time.
     """
     _check_form(trajectory, limits.lower.size)
     _check_range(trajectory, limits)

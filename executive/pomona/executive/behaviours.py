@@ -61,8 +61,7 @@ def run_behaviour(
         listeners: receive each event of the run.
         on_ready: receives the runner before the first tick, to pause, step or stop it from another thread.
 
-    Raises:
-        UsageError: the record cannot be opened or the page's address is in use; nothing was ticked.
+    Raises UsageError: the record cannot be opened or the page's address is in use; nothing was ticked.
     """
     if not dashboard:
         return _run(root, record, period, listeners, on_ready)

@@ -72,8 +72,7 @@ def open_engine(name: str, workers: int | None = None, address: str | None = Non
         workers: processes; None for one per core.
         address: of a cluster; None for this machine.
 
-    Raises:
-        UsageError: there is none of that name, or a requirement of it is not installed or not reachable.
+    Raises UsageError: there is none of that name, or a requirement of it is not installed or not reachable.
     """
     known = {entry.name: entry for entry in entry_points(group=GROUP)}
     if name not in known:

@@ -30,8 +30,7 @@ def need(module: str, extra: str, what: str) -> Any:
         extra: that installs it.
         what: the feature that needs it, for the message.
 
-    Raises:
-        UsageError: it is not installed; names the extra.
+    Raises UsageError: it is not installed; names the extra.
     """
     try:
         return importlib.import_module(module)

@@ -32,8 +32,7 @@ def to_png(pixels: NDArray[Any], level: int = 6) -> bytes:
         pixels: to code.
         level: of compression, 0 to 9.
 
-    Raises:
-        UsageError: Pillow is not installed.
+    Raises UsageError: Pillow is not installed.
     """
     return _saved(pixels, "PNG", compress_level=level)
 
@@ -41,9 +40,7 @@ def to_png(pixels: NDArray[Any], level: int = 6) -> bytes:
 def from_file(content: bytes) -> NDArray[Any]:
     """Decode a JPEG or PNG: RGB (h, w, 3) uint8, or a plane (h, w) uint8 or uint16.
 
-    Raises:
-        ValueError: it cannot be decoded.
-        UsageError: Pillow is not installed.
+    Raises ValueError: it cannot be decoded; UsageError: Pillow is not installed.
     """
     image_class = _pillow()
     try:

@@ -33,9 +33,8 @@ def ports_of(skill: str, run: Callable[..., Any]) -> tuple[Ports, Ports] | None:
         skill: the class's name, for errors.
         run: the function, its first parameter being the skill itself.
 
-    Raises:
-        SkillError: an annotation is missing or is no port, a default does not fit its own declaration, or an output has
-            the name of an input.
+    Raises SkillError: an annotation is missing or is no port, a default does not fit its own declaration, or an output
+    has the name of an input.
     """
     parameters = list(inspect.signature(run).parameters.values())[1:]
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):

@@ -41,10 +41,7 @@ class Bag:
     """
 
     def __init__(self, path: Path) -> None:
-        """
-        Raises:
-            UnusableFrames: there is none, or it cannot be read.
-        """
+        """Raises UnusableFrames: there is none, or it cannot be read."""
         self.path = path
         if not path.exists():
             raise UnusableFrames(path, "there is no such bag")

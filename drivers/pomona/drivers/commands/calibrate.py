@@ -95,8 +95,7 @@ def _fingers(options: argparse.Namespace) -> str:
 def _look_now(name: str) -> list[NDArray[np.float32]]:
     """Return the depth images of a cell's camera, one after the other, shape (h, w) each [m].
 
-    Raises:
-        DriverError: the cell cannot be used, it has no camera, or no depth comes.
+    Raises DriverError: the cell cannot be used, it has no camera, or no depth comes.
     """
     from pomona.drivers.cell import load_cell
     from pomona.drivers.commands.doctor import find_cell

@@ -173,7 +173,6 @@ def _open_virtual(settings: Settings[EmulatedWorldFile], context: ConnectContext
 
 
 def _start_process(settings: Settings[EmulatedWorldFile], context: ConnectContext) -> EmulatedWorld:
-    """Start the process and wait until its devices can be reached."""
     said = settings.values
     command = [sys.executable, "-m", "pomona.drivers.emulators.world_process", "--cell", str(said.cell)]
     command += ["--seed", str(context.seed)]

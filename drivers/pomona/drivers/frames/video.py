@@ -41,8 +41,7 @@ class Video:
     def read(self, index: int) -> NDArray[Any]:
         """One picture, counted from 0, of shape (height, width, 3) or (height, width).
 
-        Raises:
-            UnusableFrames: it ends before, or is damaged there.
+        Raises UnusableFrames: it ends before, or is damaged there.
         """
         if index < self._next:
             self._capture.release()
@@ -100,8 +99,7 @@ class VideoFrame:
 def list_video(path: Path) -> Sequence[VideoFrame]:
     """Return the frames of a video of colour with depth beside it.
 
-    Raises:
-        UnusableFrames: it is no video, has no depth beside it, or the two are not of the same moments.
+    Raises UnusableFrames: it is no video, has no depth beside it, or the two are not of the same moments.
     """
     colour = Video(path)
     beside = path.with_name(f"{_name(path)}{DEPTH_SUFFIX}")

@@ -116,7 +116,6 @@ class MockGripper(Device):
 
     @property
     def _move(self) -> DirectMotion | None:
-        """The move under way."""
         return self.moves[-1] if self.moves and not self.moves[-1].settled else None
 
     def _end_move(self) -> None:

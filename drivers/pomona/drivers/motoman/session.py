@@ -49,18 +49,14 @@ class ControllerSession:
     def listen(self, patience: float) -> bool:
         """Take in the state that was pushed, waiting up to `patience` [s]; whether feedback came.
 
-        Raises:
-            OSError: the connection failed.
-            Nonsense: bytes that are no message.
+        Raises OSError: the connection failed; Nonsense: bytes that are no message.
         """
         return self._on_bytes(self._state.receive(patience))
 
     def forget_status(self) -> None:
         """Read all pushed messages and drop the status in them: the next push has the present one.
 
-        Raises:
-            OSError: the connection failed.
-            Nonsense: bytes that are no message.
+        Raises OSError: the connection failed; Nonsense: bytes that are no message.
         """
         while chunk := self._state.receive(0.0):
             self._on_bytes(chunk)

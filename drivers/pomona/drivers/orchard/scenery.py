@@ -39,15 +39,10 @@ def leaf_mesh(length: float, width_share: float) -> tuple[Float64, NDArray[np.in
 
 @dataclass(frozen=True, slots=True)
 class Scenery:
-    """Foliage of the rows behind, as three meshes of many leaves, and a sky.
+    """Foliage of the rows behind, as three meshes of many leaves, and a sky."""
 
-    Attributes:
-        wall: before it.
-        leaves: how many.
-    """
-
-    wall: Wall
-    leaves: int = 2400
+    wall: Wall  # before it
+    leaves: int = 2400  # how many
 
     def add_to(self, mujoco: Any, spec: Any) -> None:
         """Add it to a model; nothing of it collides."""

@@ -55,25 +55,16 @@ class Spur:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HangingFruit:
-    """A fruit on its stem.
+    """A fruit on its stem."""
 
-    Attributes:
-        spur: its number.
-        anchor: where the stem sits on the spur [m].
-        T_base_fruit: object frame, y down along the stem; dimensions (d_x, d_y, d_z) [m]; mass [kg].
-        stem: length of the visible stem [m].
-        strength: of the stem.
-        cluster: number of fruit on the spur.
-    """
-
-    spur: int
-    anchor: Float64
-    T_base_fruit: Float64
+    spur: int  # its number
+    anchor: Float64  # where the stem sits on the spur [m]
+    T_base_fruit: Float64  # object frame, y down along the stem; dimensions (d_x, d_y, d_z) [m]; mass [kg]
     dimensions: Float64
     mass: float
-    stem: float
-    strength: Strength
-    cluster: int
+    stem: float  # length of the visible stem [m]
+    strength: Strength  # of the stem
+    cluster: int  # number of fruit on the spur
 
     @property
     def lever(self) -> float:

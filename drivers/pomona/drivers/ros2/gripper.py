@@ -95,12 +95,7 @@ class Ros2Gripper(Device):
     # ---------------------------------------------------------------------------------------- connection
 
     def connect(self, deadline: float = FIRST_STATE) -> None:
-        """Wait for the first state; nothing is sent.
-
-        Raises:
-            DeviceLost: none came.
-            DeviceFault: it is implausible.
-        """
+        """Wait for the first state; nothing is sent. Raises DeviceLost: none came; DeviceFault: it is implausible."""
         end = self._clock.now() + deadline
         self._supervisor.rest(self._clock.now())
         while self._state is None:
@@ -160,7 +155,6 @@ class Ros2Gripper(Device):
         self._lost, self._state = False, state
 
     def _advance(self, now: float, state: GripperState) -> None:
-        """Advance the set-point and publish it."""
         if self._set_point is None:
             return
         elapsed = min(max(now - self._stepped_at, 0.0), 2.0 * SET_POINT_PERIOD)  # no jump after a stall of this thread

@@ -21,9 +21,7 @@ STILL = 0.1  # time without motion after which the joints count as resting [s]
 def see_rest(address: str, states: str, joints: Sequence[str], slow: float) -> None:
     """Wait until the joints are slower than `slow` [rad/s or m/s]; the other arguments are those of the cell file.
 
-    Raises:
-        TimeoutError: they go on moving, or no message arrives.
-        UsageError: there is no peer at the address.
+    Raises TimeoutError: they go on moving, or no message arrives; UsageError: there is no peer at the address.
     """
     wire = Ros2Peer(address, node="pomona_supervisor")
     try:

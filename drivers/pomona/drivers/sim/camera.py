@@ -204,7 +204,6 @@ class SimCamera(FaultyDevice):
         return colour, depth
 
     def _render_colour(self) -> NDArray[np.uint8]:
-        """Ideal colour."""
         renderer = self._open_renderer()
         renderer.disable_depth_rendering()
         self._aim(renderer, self._intrinsics)

@@ -110,7 +110,6 @@ class SimFingers(FaultyDevice):
             self._pass_on()
 
     def _pass_on(self) -> None:
-        """Deliver the sample of this step, once."""
         step = self._world.clock.steps
         if self._passed == step or self.fault == "lost":
             return

@@ -85,6 +85,5 @@ class SimHands(Device):
 
 
 def _turned(axis: Float64, angle: float) -> Float64:
-    """Return a small rotation."""
     x, y, z = axis * angle
     return np.array([[1.0, -z, y], [z, 1.0, -x], [-y, x, 1.0]])

@@ -94,8 +94,7 @@ def fit_calibration(
         components, hidden: of the PCA that are kept, and sizes of the tansig layers.
         epochs: times `STEPS` steps of L-BFGS; ends earlier when the error on the samples kept aside no longer falls.
 
-    Raises:
-        UnusableRecording: too few samples, no variation, or values that are not finite.
+    Raises UnusableRecording: too few samples, no variation, or values that are not finite.
     """
     if len(volts) < 500 or volts.shape[1:] != (TAXELS,) or wrenches.shape != (len(volts), 6):
         raise UnusableRecording(f"needs at least 500 samples of 25 voltages and 6 components, not {volts.shape}")

@@ -244,7 +244,6 @@ class Jaws:
             self.lose(error)
 
     def _halt(self) -> None:
-        """Command the fingers to stand still, in any reported state."""
         self._waiting, self._wanted = None, 0.0
         if self.session is None:
             return
@@ -341,7 +340,6 @@ class Jaws:
         self._halt()
 
     def _take(self, reply: Reply) -> None:
-        """Handle one reply or update, inside or outside the handshake."""
         good = reply.status is Status.SUCCESS
         if good and reply.command in UPDATES:
             self._updated[reply.command] = self._clock.now()

@@ -154,9 +154,8 @@ def run_campaign(
     Returns:
         the results of the campaign's runs by name.
 
-    Raises:
-        UsageError: the folder holds results of another campaign, another process writes there, the disk is full, or the
-            file of results was removed. Written results stay, and the same command continues.
+    Raises UsageError: the folder holds results of another campaign, another process writes there, the disk is full, or
+    the file of results was removed. Written results stay, and the same command continues.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with _append(folder / RESULTS) as stream:

@@ -139,7 +139,6 @@ class _Planner:
         return Campaign(said.campaign, said.description, vary, tuple(arm.name for arm in arms), runs, score)
 
     def arms(self, whole: _Arm) -> list[_Arm]:
-        """Return the arms."""
         written = self.placed.node.get("arms")
         arms = []
         for name, said in self.placed.values.arms.items():
@@ -176,7 +175,6 @@ class _Planner:
                 self.findings.error(key, "unknown-setting", message, hint)
 
     def known(self, arm: _Arm) -> frozenset[str]:
-        """Return the settings of tree and cell."""
         return frozenset(self.document(arm.tree).main.parameters) | self.options_of(arm.cell)
 
     def check_only(self, only: Mapping[str, tuple[YamlScalar, ...]], keys: Mapping[str, YamlScalar]) -> None:

@@ -99,11 +99,7 @@ def command_names() -> list[str]:
 
 
 def _commands() -> list[EntryPoint]:
-    """Return the installed subcommands, by name.
-
-    Raises:
-        UsageError: both distributions of Pomona are installed here.
-    """
+    """Return the installed subcommands, by name. Raises UsageError: both distributions of Pomona are installed here."""
     entries = sorted(entry_points(group=COMMANDS), key=lambda entry: entry.name)
     owners = {entry.dist.name for entry in entries if entry.dist is not None}
     if {WHOLE, ALONE} <= owners:
@@ -117,8 +113,7 @@ def _commands() -> list[EntryPoint]:
 def make_parser(wanted: Iterable[str]) -> argparse.ArgumentParser:
     """Return the parser. Only the wanted subcommands are loaded; the help of the others comes from their sources.
 
-    Raises:
-        UsageError: both distributions are installed, or the other one has a subcommand that is wanted.
+    Raises UsageError: both distributions are installed, or the other one has a subcommand that is wanted.
     """
     entries, wanted = _commands(), tuple(wanted)
     for name in set(wanted).intersection(ELSEWHERE).difference(entry.name for entry in entries):

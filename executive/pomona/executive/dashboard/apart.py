@@ -84,19 +84,14 @@ class PageProcess:
     def on_event(self, event: Event) -> None:
         """Take one event of a run; returns at once.
 
-        Raises:
-            PageLostError: the page's process has ended by itself, or hangs. The run then ends in the safe state.
+        Raises PageLostError: the page's process has ended by itself, or hangs. The run then ends in the safe state.
         """
         if self._lost:
             raise PageLostError
         self._encoder.on_event(event)
 
     def start(self) -> None:
-        """Start the process and wait until it serves.
-
-        Raises:
-            UsageError: the address cannot be used.
-        """
+        """Start the process and wait until it serves. Raises UsageError: the address cannot be used."""
         here, there = socket.socketpair()
         here.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack("ll", int(HUNG), 0))
         with there:

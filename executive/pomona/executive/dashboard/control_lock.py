@@ -239,8 +239,7 @@ class ControlLock:
         Returns:
             the confirmation: the cell is in its safe state when this returns.
 
-        Raises:
-            RefusedError: the cell did not take it.
+        Raises RefusedError: the cell did not take it.
         """
         because = f"safe stop by {who}"
         starting, runner = self._starting, self._runner
@@ -277,9 +276,8 @@ class ControlLock:
             action, detail: as `OperatorActed` has them.
             number: of the question that `answer` answers, or of the pause that `resume` and `step` end.
 
-        Raises:
-            RefusedError: the viewer does not hold control, nothing runs, there is no such action or node, or the
-                question or pause of this number is not open.
+        Raises RefusedError: the viewer does not hold control, nothing runs, there is no such action or node, or the
+        question or pause of this number is not open.
         """
         who = self.require(viewer)
         if action not in (*ACTIONS, *BREAK_ACTIONS, "answer", "fail", "change", "speed"):

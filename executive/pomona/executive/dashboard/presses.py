@@ -47,8 +47,7 @@ class Presses:
         Returns:
             the holder of control, and the confirmation.
 
-        Raises:
-            RefusedError: it is not carried out.
+        Raises RefusedError: it is not carried out.
         """
         return await self.once(body, self._carry_out)
 
@@ -57,8 +56,7 @@ class Presses:
     ) -> dict[str, Any]:
         """Carry a press out in time and once: a press that comes again gets the first answer.
 
-        Raises:
-            RefusedError: it is not carried out.
+        Raises RefusedError: it is not carried out.
         """
         press = text(body, "press")
         if not press:
@@ -100,11 +98,7 @@ def now() -> float:
 
 
 def refuse_late(body: dict[str, Any], patience: float = PATIENCE) -> None:
-    """Refuse a press that comes more than `patience` after it was made [s].
-
-    Raises:
-        TooLateError: it is too late.
-    """
+    """Refuse a press that comes more than `patience` after it was made [s]. Raises TooLateError: it is too late."""
     pressed = body.get("pressed")
     if not isinstance(pressed, (int, float)) or isinstance(pressed, bool):
         return

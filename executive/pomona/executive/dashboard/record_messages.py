@@ -76,8 +76,7 @@ def record_messages(folder: Path, images: str = "") -> Iterator[bytes]:
         folder: folder of the record.
         images: address below which `image` answers; without one, images travel within their messages.
 
-    Raises:
-        UsageError: the file is not a record.
+    Raises UsageError: the file is not a record.
     """
     return between(folder, images, 0.0, math.inf)
 
@@ -163,9 +162,7 @@ def cloud(folder: Path, at: str) -> dict[str, str]:
 def _look(path: Path, at: str) -> list[Found]:
     """Return the message of an image, and the later messages of the same time.
 
-    Raises:
-        UsageError: the record is not valid.
-        ValueError, IndexError: there is no image at this address.
+    Raises UsageError: the record is not valid. ValueError, IndexError: there is no image at this address.
     """
     stamp, _, number = at.partition("-")
     if len(at) > 40 or not 0 <= int(stamp) < _LONGEST * 1e9 or int(number) < 0:
@@ -178,8 +175,7 @@ def _look(path: Path, at: str) -> list[Found]:
 def _valid(path: Path) -> _Valid:
     """Return the verdict on a valid file; a file that has not changed is checked once.
 
-    Raises:
-        UsageError: it is damaged, or no record.
+    Raises UsageError: it is damaged, or no record.
     """
     try:
         about = path.stat()

@@ -166,11 +166,7 @@ class Dashboard:
     # ------------------------------------------------------------------------------------- its own thread
 
     def start(self) -> None:
-        """Serve in a thread of its own.
-
-        Raises:
-            UsageError: it cannot listen there.
-        """
+        """Serve in a thread of its own. Raises UsageError: it cannot listen there."""
         config = uvicorn.Config(
             self.app, http=PatientHttp, log_level="critical", ws=LiveWire,
             ws_max_size=MOST_BODY, ws_per_message_deflate=False, lifespan="on",
@@ -466,11 +462,7 @@ async def _feed(stream: WebSocket, viewer: Viewer, gone: asyncio.Future[None]) -
 
 
 def _listen_on(host: str, port: int) -> socket.socket:
-    """Return a socket that listens.
-
-    Raises:
-        UsageError: there is no such port or address, or another program has it.
-    """
+    """Return a socket that listens. Raises UsageError: there is no such port or address, or another program has it."""
     where = f"{host}:{port}"
     if not 0 <= port <= 65535:
         raise UsageError(f"--port {port}: a port is a number from 0 to 65535")

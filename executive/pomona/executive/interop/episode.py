@@ -67,8 +67,7 @@ def read_episode(record: Path, rate: float) -> Episode:
         record: a record's folder or file.
         rate: steps a second.
 
-    Raises:
-        UsageError: the record cannot be read, or lacks joints or openings.
+    Raises UsageError: the record cannot be read, or lacks joints or openings.
     """
     try:
         return _Taken(record).episode(rate)

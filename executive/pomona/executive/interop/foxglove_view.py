@@ -28,10 +28,7 @@ class FoxgloveView:
     """A server for viewers; a sink of `Live`."""
 
     def __init__(self, port: int = PORT) -> None:
-        """
-        Raises:
-            UsageError: the extra is not installed, or the port is taken.
-        """
+        """Raises UsageError: the extra is not installed, or the port is taken."""
         self._sdk = need("foxglove", EXTRA, "a live view in Foxglove")
         self._context = self._sdk.Context()
         self._channels: dict[str, Any] = {}
@@ -78,7 +75,6 @@ class FoxgloveView:
         self._server.stop()
 
     def _again(self, channel_id: int) -> None:
-        """Send the latched message to a new subscriber."""
         with self._lock:
             kept = self._kept.get(channel_id)
         if kept is not None:

@@ -47,10 +47,8 @@ def export_lerobot(records: Sequence[Path], folder: Path, rate: int = RATE, task
     Returns:
         a description of each feature.
 
-    Raises:
-        UsageError: the extra is missing, the rate is invalid, the folder exists or cannot be written, or a record
-        cannot
-            be read or has other features than the first.
+    Raises UsageError: the extra is missing, the rate is invalid, the folder exists or cannot be written, or a record
+    cannot be read or has other features than the first.
     """
     pyarrow = need("pyarrow", EXTRA, "a dataset of LeRobot")
     need("pyarrow.parquet", EXTRA, "a dataset of LeRobot")
@@ -142,7 +140,6 @@ class _Dataset:
         self._write(meta / "episodes" / "chunk-000" / "file-000.parquet", pa.Table.from_pylist(self._episodes))
 
     def told(self) -> Mapping[str, str]:
-        """Return the features as text for the operator."""
         shown = {
             key: f"{about['dtype']} {' × '.join(map(str, about['shape']))}" for key, about in self._features.items()
         }

@@ -17,8 +17,7 @@ def octomap(points: Any, resolution: float) -> Mapping[str, Any]:
         points: centres of occupied cells, shape (n, 3) [m].
         resolution: a cell's edge [m].
 
-    Raises:
-        ValueError: a point lies beyond the 32 768 cells on each side of the origin that the format can hold.
+    Raises ValueError: a point lies beyond the 32 768 cells on each side of the origin that the format can hold.
     """
     cells = np.unique(np.floor(np.asarray(points, float).reshape(-1, 3) / resolution).astype(np.int64), axis=0)
     written, _ = octree(cells, np.full(len(cells), OCCUPIED, np.uint8))

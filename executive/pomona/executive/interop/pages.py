@@ -70,8 +70,7 @@ def write_failures(records: Sequence[Path], file: Path) -> int:
     Returns:
         the number of failures that it shows.
 
-    Raises:
-        UsageError: the file is there already or cannot be written, no run failed, or a record is not trustworthy.
+    Raises UsageError: the file is there already or cannot be written, no run failed, or a record is not trustworthy.
     """
     refuse_taken(file)
     runs = [(record, trusted(record)) for record in records]
@@ -89,8 +88,7 @@ def write_failures(records: Sequence[Path], file: Path) -> int:
 def write_run(record: Path, file: Path) -> None:
     """Write the page of one run: explanation, time, tree, picture, tables, every image with its last overlay.
 
-    Raises:
-        UsageError: the file exists or cannot be written, or the record is damaged.
+    Raises UsageError: the file exists or cannot be written, or the record is damaged.
     """
     refuse_taken(file)
     drawings = (

@@ -28,9 +28,8 @@ def export_rosbag2(record: Path, folder: Path) -> Mapping[str, str]:
     Returns:
         for each topic, its type and how many messages it has.
 
-    Raises:
-        UsageError: the extra is not installed, the folder is there already or cannot be written, or the record cannot
-            be read.
+    Raises UsageError: the extra is not installed, the folder is there already or cannot be written, or the record
+    cannot be read.
     """
     rosbag2 = need("rosbags.rosbag2", EXTRA, "a bag of ROS 2")
     path = events_file(record)

@@ -53,8 +53,7 @@ def build(
         interfaces: the cell's device interfaces; None skips the check of devices.
         mocks: replaces skills, for dry runs.
 
-    Raises:
-        TreeFileError: the document has errors; all of them are in it.
+    Raises TreeFileError: the document has errors; all of them are in it.
     """
     analysis = analyse(document, skills, overrides=overrides, interfaces=interfaces)
     main = document.main.main

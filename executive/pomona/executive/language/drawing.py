@@ -49,7 +49,6 @@ class _Box:
 
     @property
     def above(self) -> float:
-        """Height above the centre line."""
         return self.height / 2 + (PILL + 3.0 if self.branch.modifiers else 0.0)
 
 

@@ -20,7 +20,6 @@ class _Written:
 
     @property
     def parts(self) -> tuple[Expression, ...]:
-        """The direct parts."""
         return ()
 
 

@@ -124,8 +124,7 @@ def _tokenize(text: str) -> list[_Token]:
 def parse_expression(text: str) -> Expression:
     """Return the syntax tree of `text`. Results are cached, since an editor checks the same file many times.
 
-    Raises:
-        ExpressionSyntaxError: it is no expression; the error has the place and the reason.
+    Raises ExpressionSyntaxError: it is no expression; the error has the place and the reason.
     """
     if len(text) > MAX_LENGTH:
         raise ExpressionSyntaxError(f"an expression has at most {MAX_LENGTH} characters", 0)

@@ -88,7 +88,6 @@ class _Layout:
                 self.place(item, indent + STEP)
 
     def below(self, value: Any, line: int, indent: int) -> None:
-        """Place the value of a key."""
         if value.start_mark.index == value.end_mark.index:
             return
         if value.start_mark.line != line and (isinstance(value, yaml.ScalarNode) or value.flow_style):
@@ -96,7 +95,6 @@ class _Layout:
         self.place(value, indent + STEP)
 
     def dash_before(self, line: int, first: int) -> int:
-        """Return the line of an item's dash."""
         while line > first and not self.lines[line].lstrip().startswith("-"):
             line -= 1
         return line
@@ -114,7 +112,6 @@ class _Layout:
                     self.verbatim.add(line)
 
     def written(self) -> str:
-        """Return all lines at their new places."""
         spaced = _spaced(self.lines)
         out: list[str] = []
         for number, line in enumerate(spaced):
@@ -127,7 +124,6 @@ class _Layout:
         return "\n".join(out).strip("\n") + "\n"
 
     def column(self, number: int, bare: str) -> int:
-        """Where a line begins."""
         if number in self.follows:
             first = self.follows[number]
             return max(0, self.old[number] + self.column(first, self.lines[first].strip()) - self.old[first])

@@ -23,8 +23,8 @@ from pomona.executive.values.yaml_text import flow
 def export_groot(document: Document, skills: Registry) -> str:
     """XML text.
 
-    Raises:
-        TreeFileError: a name in the tree means something else to BehaviorTree.CPP, or the document has errors of shape.
+    Raises TreeFileError: a name in the tree means something else to BehaviorTree.CPP, or the document has errors of
+    shape.
     """
     errors = [finding for finding in document.findings if finding.severity == "error"]
     if errors or document.main.main is None:
@@ -69,7 +69,6 @@ class _Exporter:
     # ------------------------------------------------------------------------------------------- nodes
 
     def node(self, node: TreeNode, definition: Definition) -> Element:
-        """Return the element of a node with its modifiers."""
         return self.layer(node, 0, definition)
 
     def layer(self, node: TreeNode, index: int, definition: Definition) -> Element:
@@ -88,7 +87,6 @@ class _Exporter:
         return element
 
     def ports(self, node: TreeNode) -> dict[str, str]:
-        """Return the wiring of a node's ports."""
         found = {}
         for port, (key, value) in node.ports.items():
             if port in ("name", "ID") or port.startswith("_"):

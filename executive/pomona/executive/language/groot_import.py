@@ -130,7 +130,6 @@ class _Importer:
         return self.conditions(element, found)
 
     def label(self, name: str) -> str:
-        """Return a node's name, made unique in its tree."""
         start = found = node_name(name)
         number = 1
         while found in self.labels:

@@ -43,11 +43,7 @@ class LiteralError(ValueError):
 
 
 def literal(node: YamlNode, value_type: ValueType, choices: Iterable[str] = ()) -> Any:
-    """Return the value of a literal, in SI.
-
-    Raises:
-        LiteralError: it is none of the type.
-    """
+    """Return the value of a literal, in SI. Raises LiteralError: it is none of the type."""
     if isinstance(node, YamlScalar):
         return _scalar(node, value_type, tuple(choices))
     if isinstance(node, YamlList):
@@ -60,8 +56,7 @@ def literal(node: YamlNode, value_type: ValueType, choices: Iterable[str] = ()) 
 def scalar_of_any_type(node: YamlScalar) -> bool | int | float | str | None:
     """Read a scalar without a declared type: a boolean, a number, a quantity in SI, or a text.
 
-    Raises:
-        LiteralError: it is a number or a quantity that is too large.
+    Raises LiteralError: it is a number or a quantity that is too large.
     """
     text = node.text
     if not node.plain:

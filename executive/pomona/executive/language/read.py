@@ -202,7 +202,6 @@ class _Reader:
         return found
 
     def names(self, node: YamlNode | None) -> tuple[str, ...]:
-        """Return a list of ports' names."""
         items = node.items if isinstance(node, YamlList) else []
         if node is not None and not (items and all(isinstance(item, YamlScalar) for item in items)):
             self.findings.error(node, "shape", "the ports of a declared skill are a list of names", "write in: [goal]")

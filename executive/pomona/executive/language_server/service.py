@@ -359,8 +359,7 @@ class TreeService:
         Returns:
             the definition whose name it is, or None for a subtree's own name; and the places.
 
-        Raises:
-            RenameRefused: no name of the file stands there.
+        Raises RenameRefused: no name of the file stands there.
         """
         word, start = word_at(self.lines[row] if row < len(self.lines) else "", column)
         place = place_at(self.lines, row, start)

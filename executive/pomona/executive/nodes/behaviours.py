@@ -103,8 +103,7 @@ class Wrapper(Decorator):
 
         INVALID skips the node, RUNNING asks again in the next tick.
 
-        Raises:
-            NoValue: a value that the node needs is not there; the node fails.
+        Raises NoValue: a value that the node needs is not there; the node fails.
         """
         return None
 

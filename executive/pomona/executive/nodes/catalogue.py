@@ -83,11 +83,7 @@ class NodeTypes(Mapping[str, NodeType]):
         return types
 
     def register(self, cls: type[NodeType]) -> None:
-        """Add a type.
-
-        Raises:
-            NodeTypeError: it lacks a required attribute, or a word or element of it is taken.
-        """
+        """Add a type. Raises NodeTypeError: it lacks a required attribute, or a word or element of it is taken."""
         missing = incomplete(cls)
         if missing:
             raise NodeTypeError(f"node type {getattr(cls, '__name__', cls)} {missing}")

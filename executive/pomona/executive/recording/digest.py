@@ -65,8 +65,7 @@ def digest(record: Path) -> Digest:
 
     The state of a run without an end is `cut off`, also while it is in progress (`folder.is_being_written`).
 
-    Raises:
-        OSError: the file does not exist.
+    Raises OSError: the file does not exist.
     """
     path = events_file(record)
     about: dict[str, Any] = {"run": record.name, "state": "cut off", "bytes": path.lstat().st_size}

@@ -124,7 +124,6 @@ class _Taken:
 
 
 def _measurements(record: Path, folder: Path) -> dict[str, str]:
-    """Write one CSV file for each device and each plot."""
     rows: dict[str, list[Mapping[str, Any]]] = defaultdict(list)
     for topic, content, *_ in scan(events_file(record)):
         if topic.startswith(DEVICES):

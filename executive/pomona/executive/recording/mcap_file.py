@@ -197,11 +197,7 @@ def decode(raw: RawRecord) -> McapRecord:
 
 
 def _check_chunk(chunk: Chunk, at: int) -> None:
-    """
-    Raises:
-        DamagedError: its size or its compression is refused.
-        CRCValidationError: it does not match its checksum.
-    """
+    """Raises DamagedError: its size or compression is refused; CRCValidationError: its checksum is wrong."""
     size, packed = chunk.uncompressed_size, len(chunk.data)
     if chunk.message_start_time > chunk.message_end_time:
         raise DamagedError(at, "a chunk ends before it begins")

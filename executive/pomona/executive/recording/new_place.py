@@ -18,8 +18,7 @@ def made_whole(place: Path) -> Iterator[Path]:
 
     An incomplete file would look complete and block the next attempt.
 
-    Raises:
-        UsageError: `place` exists, or cannot be written.
+    Raises UsageError: `place` exists, or cannot be written.
     """
     refuse_taken(place)
     beside = None
@@ -36,9 +35,6 @@ def made_whole(place: Path) -> Iterator[Path]:
 
 
 def refuse_taken(place: Path) -> None:
-    """
-    Raises:
-        UsageError: the path exists, also as a broken link.
-    """
+    """Raises UsageError: the path exists, also as a broken link."""
     if os.path.lexists(place):
         raise UsageError(f"{place} exists, and nothing is overwritten: name another place, or move it away")

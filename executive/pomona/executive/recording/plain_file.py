@@ -21,9 +21,7 @@ class NotPlainError(OSError):
 def open_plain(path: Path) -> BinaryIO:
     """Open a plain file for reading.
 
-    Raises:
-        NotPlainError: the path is a link, a pipe, a device or a folder.
-        OSError: it cannot be opened.
+    Raises NotPlainError: the path is a link, a pipe, a device or a folder; OSError: it cannot be opened.
     """
     if not hasattr(os, "O_NOFOLLOW") and path.is_symlink():
         raise NotPlainError(0, _LINK, str(path))

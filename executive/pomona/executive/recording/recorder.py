@@ -55,10 +55,7 @@ class Recorder:
     """Writes events into a record. Subscribe its `on_event` to the run's stream, and close it after the run."""
 
     def __init__(self, folder: Path) -> None:
-        """
-        Raises:
-            RecordError: the file cannot be opened.
-        """
+        """Raises RecordError: the file cannot be opened."""
         self.folder = folder.absolute()  # the process may change its folder
         self._problem, self._lacks, self._whole = "", "", False
         self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
@@ -143,8 +140,7 @@ class Recorder:
         Args:
             least: smallest valid size of the file [bytes].
 
-        Raises:
-            OSError: the file was removed, replaced or cut.
+        Raises OSError: the file was removed, replaced or cut.
         """
         held = os.fstat(self._file.fileno())
         try:

@@ -73,8 +73,7 @@ def repair(record: Path) -> Repaired | None:
     No byte is lost: an incomplete end is kept in `run.mcap.tail`, and a file with damage in its middle as
     `run.mcap.damaged`.
 
-    Raises:
-        UsageError: the run is in progress, or the file is no record.
+    Raises UsageError: the run is in progress, or the file is no record.
     """
     path = events_file(record)
     if is_being_written(path):
@@ -106,8 +105,7 @@ def copy(source: Path, target: Path, *, compressed: bool) -> Copied:
 
     It is compressed with zstd for other tools, or as a run writes it.
 
-    Raises:
-        UsageError: the source is not an MCAP file, or one of the files cannot be used.
+    Raises UsageError: the source is not an MCAP file, or one of the files cannot be used.
     """
     try:
         with open_plain(source) as stream, target.open("wb") as output:

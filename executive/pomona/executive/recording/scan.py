@@ -60,19 +60,12 @@ class DamagedRecordError(UsageError):
 
 
 class Found(NamedTuple):
-    """One message.
+    """One message."""
 
-    Attributes:
-        topic: topic of its channel.
-        content: its bytes.
-        stamp: time on the run's clock [ns].
-        sequence: number of the event on `/events`, from 1; 0 on other topics and in records of earlier versions.
-    """  # a plain tuple, since half an hour has 450 000 messages
-
-    topic: str
-    content: bytes
-    stamp: int
-    sequence: int
+    topic: str  # topic of its channel
+    content: bytes  # its bytes
+    stamp: int  # time on the run's clock [ns]
+    sequence: int  # number of the event on `/events`, from 1; 0 on other topics and in records of earlier versions
 
 
 class ChunkPlace(NamedTuple):
@@ -121,9 +114,7 @@ def is_whole(path: Path) -> bool:
 def require_valid(path: Path) -> Verdict:
     """Return the verdict on a file that can be trusted, at least up to the point where it was cut off.
 
-    Raises:
-        DamagedRecordError: it is damaged.
-        UsageError: it is not an MCAP file, or cannot be read.
+    Raises DamagedRecordError: it is damaged; UsageError: it is not an MCAP file, or cannot be read.
     """
     verdict = examine(path)
     if verdict.state == "damaged":

@@ -57,10 +57,7 @@ class Breakpoints:
         self._walk: Iterator[Any] | None = None
 
     def check(self, path: str) -> None:
-        """
-        Raises:
-            UnknownNodeError: there is no such node.
-        """
+        """Raises UnknownNodeError: there is no such node."""
         if path not in self._behaviours:
             raise UnknownNodeError(path)
 

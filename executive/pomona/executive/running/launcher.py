@@ -112,7 +112,6 @@ class _Follower:
         os.set_blocking(reading, False)
 
     def status(self) -> int:
-        """Wait for the child's end, and pass signals on."""
         if signal.getsignal(signal.SIGCHLD) is signal.SIG_IGN:  # then there would be no status to wait for
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
         ended = 0

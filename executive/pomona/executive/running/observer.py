@@ -30,11 +30,7 @@ class TreeObserver:
         tree.on_attempt(self._attempt)
 
     def after_tick(self) -> None:
-        """Emit the changes.
-
-        Raises:
-            SkillError: the feedback of a node is no text; it counts as empty from then on.
-        """
+        """Emit the changes. Raises SkillError: the feedback of a node is no text; it counts as empty from then on."""
         wrong: SkillError | None = None
         for path, behaviour, counted in self._nodes:
             given: object = behaviour.feedback_message  # any behaviour may set it, as py_trees' own do

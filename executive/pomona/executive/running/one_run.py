@@ -29,8 +29,7 @@ def alone_on(cell: Path, kind: str, wires: Iterable[str] = ()) -> Iterator[None]
     The locks are the system's, on the file of a real cell and on a name for each wire: they end with their process. A
     second name of the same device is not recognised. The file of a cell of another kind may serve several runs.
 
-    Raises:
-        CellInUseError: another run has one of them.
+    Raises CellInUseError: another run has one of them.
     """
     with contextlib.ExitStack() as stack:
         if kind == "real":

@@ -145,8 +145,7 @@ class RunSupervision:
 
         The loss of the supervisor ends the run in the safe state.
 
-        Raises:
-            NoSupervisorError: as `Supervisor`.
+        Raises NoSupervisorError: as `Supervisor`.
         """
         stops = self._cell.outside_stops()
         if stops and not self._cell.clock.simulated:

@@ -194,7 +194,6 @@ class _Story:
         return f"The reason, at {t:.1f} s{doing}: {failed}: {_sentence(leaf.message + at_place(leaf))}"
 
     def _figures(self, reason: Reason) -> str:
-        """Return the figures of a failure and of its consequences."""
         leaf = latest_leaf(reason)
         chain = list(dict.fromkeys(self._name(step.node_path) for step in _last_chain(reason)))
         with_it = f"With it failed {', then '.join(reversed(chain[:-1]))}." if len(chain) > 2 else ""

@@ -56,7 +56,6 @@ def print_sheet(console: Screen, record: Path, run: Digest, summary: Summary) ->
 
 
 def _acts(record: Path) -> list[str]:
-    """Return the actions of operators."""
     contents = (found.content for found in scan(events_file(record), topics=EVENTS.__eq__))
     acts = [parse_object(content) for content in contents if content.startswith(b'{"event":"OperatorActed"')]
     return [f"{act['t']:.2f} s {act['who']}: {act['action']} {act['detail']}".strip() for act in acts]

@@ -13,9 +13,7 @@ except ImportError:  # Windows
 def lock(stream: IO[Any], *, shared: bool = False) -> None:
     """Lock an open file, for this process alone or shared with others that read.
 
-    Raises:
-        BlockingIOError: another process holds it.
-        OSError: the file system has no locks.
+    Raises BlockingIOError: another process holds it; OSError: the file system has no locks.
     """
     if fcntl is not None:
         fcntl.flock(stream, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)

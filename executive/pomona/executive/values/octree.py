@@ -23,8 +23,7 @@ def octree(cells: Int64, codes: UInt8) -> tuple[bytes, int]:
         cells: which cells of the grid are known, counted from the origin, each once, shape (n, 3).
         codes: FREE or OCCUPIED, shape (n,).
 
-    Raises:
-        ValueError: a cell lies beyond the 32 768 on each side of the origin that the format can hold.
+    Raises ValueError: a cell lies beyond the 32 768 on each side of the origin that the format can hold.
     """
     keys = cells + 2 ** (LEVELS - 1)
     if len(keys) and (keys.min() < 0 or keys.max() >= 2**LEVELS):

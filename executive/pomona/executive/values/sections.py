@@ -185,7 +185,6 @@ def _is_null(node: YamlNode) -> bool:
 
 
 def _plain(default: Any) -> Any:
-    """Return a default as JSON has it."""
     if dataclasses.is_dataclass(default):
         return {f.name: _plain(v) for f in dataclasses.fields(default) if (v := getattr(default, f.name)) is not None}
     if isinstance(default, tuple):

@@ -67,7 +67,6 @@ _Found = tuple[Spot, str, list[Edit]]
 
 
 def _unclosed_quote(source: Source, first: int, last: int) -> _Found | None:
-    """Return a quote that is open at the end of one of these lines."""
     for line in range(first, last + 1):
         text = source.excerpt(line)
         for match in _FLOW.finditer(text):

@@ -181,14 +181,12 @@ class Composer:
         return scalar
 
     def _items(self, depth: int) -> tuple[list[YamlNode], Any]:
-        """Return the items of a list, and the mark behind its end."""
         get, items = self.loader.get_event, []
         while type(event := get()) is not yaml.SequenceEndEvent:
             items.append(self.node(event, depth))
         return items, event.end_mark
 
     def _entries(self, depth: int) -> tuple[dict[str, tuple[YamlScalar, YamlNode]], Any]:
-        """Return the entries of a mapping, and the mark behind its end."""
         get, node = self.loader.get_event, self.node
         entries: dict[str, tuple[YamlScalar, YamlNode]] = {}
         while type(event := get()) is not _MAPPING_END:

@@ -100,9 +100,8 @@ def read_measured(tables: Sequence[Path], by_shape: bool) -> SizeTable:
         tables: as `pomona measure` writes them, with `TRUE` added where a fruit was measured by hand.
         by_shape: take the sizes that were fitted to the depth instead.
 
-    Raises:
-        UnusableTable: no table, a column is missing or there twice, something is no number or in other units, or the
-            calipers' sizes of one fruit contradict each other.
+    Raises UnusableTable: no table, a column is missing or there twice, something is no number or in other units, or the
+    calipers' sizes of one fruit contradict each other.
     """
     fruit: dict[tuple[str, str, str], list[list[float]]] = {}
     for table in tables:

@@ -53,8 +53,7 @@ def check_bias(samples: Float64, rate: float, settings: BiasSettings) -> None:
         rate: of the samples [Hz].
         settings: the bounds.
 
-    Raises:
-        UnfitSensor: a channel's step is too coarse, a force shows no noise at all, or samples are copies.
+    Raises UnfitSensor: a channel's step is too coarse, a force shows no noise at all, or samples are copies.
     """
     changes: NDArray[np.bool_] = np.abs(np.diff(samples, axis=0)) > SAME
     noisy: NDArray[np.bool_] = np.any(changes, axis=0)

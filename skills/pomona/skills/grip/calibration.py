@@ -139,8 +139,7 @@ def calibrate_grip(
         squeeze: slow closing on the fruit.
         start: start of the fit, with k, and with gamma where the pushes do not determine it.
 
-    Raises:
-        TooFewPushes: fewer than three usable slides.
+    Raises TooFewPushes: fewer than three usable slides.
     """
     start = start or SoftContact()
     f_n, f_t, tau_n = _slides(pushes)

@@ -265,7 +265,6 @@ class GripController:
         self.problem = GripProblem(code, message, self._guard.stamp, data)
 
     def _observe(self, sample: GripSample) -> None:
-        """Estimate, watch, and set the reference."""
         s, is_carried, in_hand = self.settings, self.is_carried, self.phase in IN_HAND
         expected = 0.0
         if in_hand or self.phase is GripPhase.RAMP:

@@ -20,25 +20,15 @@ from pomona.skills.grip.settings import FilterSettings
 
 
 class NoiseModel(NamedTuple):
-    """Bias and noise of both fingers, learned while nothing touches them.
+    """Bias and noise of both fingers, learned while nothing touches them."""
 
-    Attributes:
-        bias: mean of the samples, shape (2, 6) [N, N·m].
-        band: noise of the fast filter in the common (row 0) and the differential mode (row 1), shape (2, 6).
-        variance: noise of each slowly filtered channel of a finger, shape (6,).
-        difference_variance: noise of the difference between the fingers' normal forces [N²].
-        f_n_band: twice the standard deviation of the measured grip force [N].
-        bias_std: standard deviation of the minimum grip force's error caused by the error of the bias [N].
-        push: a tangential force that grows by less may be noise [N].
-    """
-
-    bias: Float64
-    band: Float64
-    variance: Float64
-    difference_variance: float
-    f_n_band: float
-    bias_std: float
-    push: float
+    bias: Float64  # mean of the samples, shape (2, 6) [N, N·m]
+    band: Float64  # noise of the fast filter in the common (row 0) and the differential mode (row 1), shape (2, 6)
+    variance: Float64  # noise of each slowly filtered channel of a finger, shape (6,)
+    difference_variance: float  # noise of the difference between the fingers' normal forces [N²]
+    f_n_band: float  # twice the standard deviation of the measured grip force [N]
+    bias_std: float  # standard deviation of the minimum grip force's error caused by the error of the bias [N]
+    push: float  # a tangential force that grows by less may be noise [N]
 
 
 class Rates(NamedTuple):
@@ -62,15 +52,10 @@ class Rates(NamedTuple):
 
 
 class Allowance(NamedTuple):
-    """Loads beyond the measured ones that the grip allows for.
+    """Loads beyond the measured ones that the grip allows for."""
 
-    Attributes:
-        lever: of the fruit's centre about the fingers' axis, until the fruit is carried [m].
-        reserve: tangential force on top of the load [N].
-    """
-
-    lever: float
-    reserve: float
+    lever: float  # of the fruit's centre about the fingers' axis, until the fruit is carried [m]
+    reserve: float  # tangential force on top of the load [N]
 
 
 class GripModel(NamedTuple):

@@ -56,8 +56,7 @@ class GuidedPushes:
         Returns:
             The pushes, and the squeeze up to the first force.
 
-        Raises:
-            GuidanceEnded: the stream is stale, or nothing is between the fingers.
+        Raises GuidanceEnded: the stream is stale, or nothing is between the fingers.
         """
         self._ask("Take everything off the fingers and leave them alone.", HandTask.LEAVE)
         recorder = PushRecorder(lambda: self._gripper.state().width)

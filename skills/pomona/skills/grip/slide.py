@@ -57,8 +57,7 @@ def friction_of_slides(
         bias_std: standard deviation of a force's error by the bias [N].
         rate: of the samples [Hz].
 
-    Raises:
-        NoSlideError: too few samples, too little normal force, or friction that still changed.
+    Raises NoSlideError: too few samples, too little normal force, or friction that still changed.
     """
     halves = [half for way in (up, down) for half in np.array_split(way, 2)]
     if min(len(half) for half in halves) < max(SHORTEST * rate, FEW):

@@ -16,21 +16,13 @@ RESTART_AFTER = 0.05  # a sequence that falls back with a timestamp this much la
 
 
 class GripSample(NamedTuple):
-    """A valid sample.
+    """A valid sample."""
 
-    Attributes:
-        stamp: time of the sample [s].
-        periods: sample periods since the last valid one; 1 in a flawless stream.
-        elapsed: the same [s].
-        wrenches: of both fingers, shape (2, 6) [N, N·m], as in `WrenchSample`.
-        saturated: True for a finger with a channel at the end of its range.
-    """
-
-    stamp: float
-    periods: int
-    elapsed: float
-    wrenches: Float64
-    saturated: tuple[bool, bool] = (False, False)
+    stamp: float  # time of the sample [s]
+    periods: int  # sample periods since the last valid one; 1 in a flawless stream
+    elapsed: float  # the same [s]
+    wrenches: Float64  # of both fingers, shape (2, 6) [N, N·m], as in `WrenchSample`
+    saturated: tuple[bool, bool] = (False, False)  # True for a finger with a channel at the end of its range
 
 
 class StreamGuard:

@@ -148,17 +148,11 @@ class HeldFruit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DetachCommand:
-    """Velocities of one step.
+    """Velocities of one step."""
 
-    Attributes:
-        velocity: of the TCP in the base frame, shape (3,) [m/s].
-        roll_rate: of the hand about its approach axis, counterclockwise about z [rad/s].
-        opening: rate of the gripper's opening, negative closes [m/s].
-    """
-
-    velocity: Float64
-    roll_rate: float
-    opening: float
+    velocity: Float64  # of the TCP in the base frame, shape (3,) [m/s]
+    roll_rate: float  # of the hand about its approach axis, counterclockwise about z [rad/s]
+    opening: float  # rate of the gripper's opening, negative closes [m/s]
 
 
 @dataclass(frozen=True, slots=True)

@@ -155,8 +155,7 @@ def _rolling(
 ) -> tuple[Grasp, float]:
     """Return the grasp with those joint solutions that can roll furthest one way, and that angle [rad].
 
-    Raises:
-        CandidateRejected: none can.
+    Raises CandidateRejected: none can.
     """
     kept, furthest = [], 0.0
     narrow = space.at_width(float(grasp.fruit.dimensions.max()))

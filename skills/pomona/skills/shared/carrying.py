@@ -132,8 +132,7 @@ def lower_until_contact(
     `speed` [m/s] and `acceleration` [m/s²] hold above `NEAR`; `watch` is called in each tick and raises to end the
     motion.
 
-    Raises:
-        TouchedDown: the fruit has touched down.
+    Raises TouchedDown: the fruit has touched down.
     """
     limits = skill.device(Arm).limits
     steps = len(line.q) - 1
@@ -172,8 +171,7 @@ def put_back(
         T_base_start: pose of the TCP at the first place.
         pad_load: load that was too much.
 
-    Raises:
-        SkillFailure: LOST.
+    Raises SkillFailure: LOST.
     """
     arm = skill.device(Arm)
     robot, q = RobotModel.load(arm.description), arm.state().q

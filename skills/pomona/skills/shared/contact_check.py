@@ -68,9 +68,7 @@ def contact_doubt(skill: MovingSkill, touch: Touch, contact: float, code: str) -
     The caller has let the fingers rest (`rest_on_contact`), and declares LOST and `code`: the tool cannot move
     vertically. `touch` has the load since the fruit hung freely, `contact` [N] is the change that shows contact.
 
-    Raises:
-        Jolted: the change of load has gone again, and the arm is where it was.
-        SkillFailure: LOST, or the code.
+    Raises Jolted: the change of load has gone again, and the arm is where it was; SkillFailure: LOST, or the code.
     """
     yield from skill.wait(RESTING)
     _require_fruit(skill)

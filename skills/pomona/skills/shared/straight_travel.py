@@ -39,8 +39,7 @@ def free_line(
         words: begins the message of a blocked line, such as "on the way up".
         data: added to the failure.
 
-    Raises:
-        SkillFailure: one of the codes; nothing has moved.
+    Raises SkillFailure: one of the codes; nothing has moved.
     """
     arm = skill.device(Arm)
     line = straight_line(RobotModel.load(arm.description), arm.state().q, T_base_goal)
@@ -60,8 +59,7 @@ def vertical_way(skill: MovingSkill, rise: float, code: str, space: ArmSpace | N
 
     They end before obstacles of a space; None on a way that the arm has just come.
 
-    Raises:
-        SkillFailure: the code; nothing has moved.
+    Raises SkillFailure: the code; nothing has moved.
     """
     arm = skill.device(Arm)
     T_base_goal = tool_pose(skill)

@@ -51,7 +51,6 @@ def place_spheres(
 def _map_distance(
     field: Float32, origin: Float64, resolution: float, spheres: Float64, begin: int, end: int, placed: Float64
 ) -> float:
-    """Return the distance of a placed geom from blocked cells of the map."""
     distance: float = 1e9
     for s in range(begin, end):
         away = lookup(field, origin, resolution, placed[s, 0], placed[s, 1], placed[s, 2]) - spheres[s, 3]
@@ -63,7 +62,6 @@ def _map_distance(
 def _convex_distance(
     planes: Float64, first: int, last: int, bound: Float64, spheres: Float64, begin: int, end: int, placed: Float64
 ) -> float:
-    """Return the distance of a placed geom from one convex obstacle."""
     distance: float = 1e9
     for s in range(begin, end):
         x, y, z, radius = placed[s, 0], placed[s, 1], placed[s, 2], spheres[s, 3]

@@ -189,7 +189,6 @@ def _improve(request: PlanRequest, goals: Float64, progress: _Progress) -> Float
 
 
 def _solve(request: PlanRequest, planner: str, goals: Float64, share: float, progress: _Progress) -> Float64 | None:
-    """Run one planner on a share of the budget."""
     iterations = int(share * request.budget * PLANNERS[planner].iterations_per_second)
     if iterations < 1:
         return None

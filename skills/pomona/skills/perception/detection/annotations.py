@@ -20,25 +20,15 @@ FARTHEST_OBJECT = 10.0  # the same for one that is farther than this [m], where 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AnnotatedObject:
-    """One object of a picture.
+    """One object of a picture."""
 
-    Attributes:
-        name: its class.
-        visibility: part of its silhouette that is seen, 0..1.
-        T_camera_object: its pose [m].
-        keypoints: corners 0..7 and centroid, (9, 2) [px].
-        scale: size against the CAD model; 1 without it in the file.
-        dimensions: true cuboid [m], None without it in the file.
-        box: x, y, w, h of the visible pixels [px], None without it in the file.
-    """
-
-    name: str
-    visibility: float
-    T_camera_object: Float64
-    keypoints: Float64
-    scale: float = 1.0
-    dimensions: Float64 | None = None
-    box: tuple[int, int, int, int] | None = None
+    name: str  # its class
+    visibility: float  # part of its silhouette that is seen, 0..1
+    T_camera_object: Float64  # its pose [m]
+    keypoints: Float64  # corners 0..7 and centroid, (9, 2) [px]
+    scale: float = 1.0  # size against the CAD model; 1 without it in the file
+    dimensions: Float64 | None = None  # true cuboid [m], None without it in the file
+    box: tuple[int, int, int, int] | None = None  # x, y, w, h of the visible pixels [px], None without it in the file
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,8 +81,7 @@ def read_annotation(path: Path) -> Annotation:
     Both forms of keypoints are accepted: 9 points, or 8 and `projected_cuboid_centroid`. NDDS writes centimetres, and
     its camera into `_camera_settings.json` beside the frames; both are noticed.
 
-    Raises:
-        BadAnnotation: no such file, no JSON, or keys of another shape.
+    Raises BadAnnotation: no such file, no JSON, or keys of another shape.
     """
     try:
         content = json.loads(read_plain_text(path))

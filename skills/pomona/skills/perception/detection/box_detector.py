@@ -65,9 +65,7 @@ class BoxDetector:
             K: camera matrix (3, 3) [px].
             depth: (h, w) [m], registered to the colour; None without a depth camera.
 
-        Raises:
-            BadFrame: the picture has another shape or type.
-            BadWeights: the model's outputs have another form.
+        Raises BadFrame: the picture has another shape or type; BadWeights: the model's outputs have another form.
         """
         boxes = self._model.find(colour)
         if self._close_look is None:

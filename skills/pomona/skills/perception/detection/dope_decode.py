@@ -48,8 +48,7 @@ def decode_maps(
     Returns:
         One entry per centroid, in the order of the map's rows. Cells that are not finite count as zero.
 
-    Raises:
-        BadMaps: another number of maps, or sizes that differ.
+    Raises BadMaps: another number of maps, or sizes that differ.
     """
     thresholds = thresholds or DecodeThresholds()
     beliefs, affinities = _checked(belief, affinity)

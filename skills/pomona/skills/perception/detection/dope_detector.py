@@ -53,8 +53,7 @@ class DopeDetector:
             colour: (h, w, 3) uint8 RGB.
             K: camera matrix (3, 3) [px].
 
-        Raises:
-            BadFrame: the picture has another shape or type.
+        Raises BadFrame: the picture has another shape or type.
         """
         tensor, factor = dope_input(colour, self._config.downscale_height)
         with torch.inference_mode():

@@ -53,8 +53,7 @@ def dope_input(colour: NDArray[np.uint8], downscale_height: int = 400) -> tuple[
         colour: (h, w, 3) uint8 RGB.
         downscale_height: higher pictures are shrunk to this height; scale the camera matrix by the same factor.
 
-    Raises:
-        BadFrame: another shape or type.
+    Raises BadFrame: another shape or type.
     """
     check_picture(colour)
     height, width = colour.shape[:2]

@@ -58,8 +58,7 @@ def read_places(maps: Float32, width: float, height: float, threshold: float = 0
         width, height: of the picture in the finder's input [px]; boxes are cut there.
         threshold: least score.
 
-    Raises:
-        BadMaps: another number of maps.
+    Raises BadMaps: another number of maps.
     """
     if maps.ndim != 3 or maps.shape[0] != QUALITY + 1:
         raise BadMaps("finder maps (6, h, w)", f"{maps.shape}")

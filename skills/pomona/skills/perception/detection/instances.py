@@ -44,8 +44,7 @@ def find_instances(detector: Finder, colour: NDArray[np.uint8], K: Float64, frui
         K: camera matrix (3, 3) [px].
         fruit: the model whose cuboid is drawn as keypoints.
 
-    Raises:
-        BadFrame: the picture has another shape or type.
+    Raises BadFrame: the picture has another shape or type.
     """
     return [instance_of(found, K, fruit.dimensions) for found in detector.find(colour, K)]
 

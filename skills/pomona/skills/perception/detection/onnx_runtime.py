@@ -31,8 +31,7 @@ def onnx_network(content: bytes, path: Path | str, name: str) -> Network:
         content: the network as ONNX.
         path, name: weights file and its member, for the error.
 
-    Raises:
-        BadWeights: ONNX Runtime cannot read the content, or it takes anything but a picture.
+    Raises BadWeights: ONNX Runtime cannot read the content, or it takes anything but a picture.
     """
     try:
         session: Any = onnxruntime.InferenceSession(content, single_thread(), providers=["CPUExecutionProvider"])

@@ -42,8 +42,7 @@ def solve_pose(
         convention: vertex order of the keypoints.
         spreads: deviation of each keypoint [px], one per keypoint; None: equal, estimated from the residuals.
 
-    Raises:
-        PoseUnsolved: fewer than four keypoints, degenerate geometry, or a pose that is not finite.
+    Raises PoseUnsolved: fewer than four keypoints, degenerate geometry, or a pose that is not finite.
     """
     points = np.asarray(keypoints, np.float64)
     K = np.asarray(camera_matrix, np.float64)

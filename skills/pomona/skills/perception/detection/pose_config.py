@@ -50,8 +50,7 @@ def load_pose_config(path: Path | str) -> PoseConfig:
     Keys without a use in Detect (topics, frames, camera settings) are ignored, as in DOPE. The objects are those with
     weights; in a file without weights, as DOPE's tools under `train/` read it, those with dimensions.
 
-    Raises:
-        BadPoseConfig: unreadable, without objects, or an object without dimensions.
+    Raises BadPoseConfig: unreadable, without objects, or an object without dimensions.
     """
     content = _read(Path(path))
     weights, dimensions = _table(path, content, "weights"), _table(path, content, "dimensions")
@@ -92,8 +91,7 @@ def find_entry(path: Path, fruit: str, dimensions: NDArray[np.float64]) -> tuple
         fruit: name.
         dimensions: of its mesh, (3,) [m].
 
-    Raises:
-        BadPoseConfig: unreadable, without this fruit, or with a cuboid of another size.
+    Raises BadPoseConfig: unreadable, without this fruit, or with a cuboid of another size.
     """
     config = load_pose_config(path)
     entry = config.objects.get(fruit)

@@ -44,8 +44,7 @@ def sphere_in_box(depth: Float32, K: Float64, box: Float64, radii: tuple[float, 
         box: x, y, w, h (4,) [px].
         radii: least and greatest radius of the fruit [m].
 
-    Raises:
-        NoSphere: too few pixels with depth, or a surface of another shape or size.
+    Raises NoSphere: too few pixels with depth, or a surface of another shape or size.
     """
     points, pixel, each = _points(depth, K, box)
     if len(points) < LEAST_POINTS:

@@ -69,9 +69,7 @@ def save_compact(
         about: text that travels along: how the weights were made.
         scores: from the answers of both networks to the ratio of such detections that are fruit.
 
-    Raises:
-        BadWeights: a parameter is not finite, or exceeds half precision.
-        MissingPackage: without the package onnx.
+    Raises BadWeights: a parameter is not finite, or exceeds half precision; MissingPackage: without the package onnx.
     """
     write_weights(path, _store(path, finder, close_look, about or {}, scores or PowerScore()))
 

@@ -75,8 +75,7 @@ def learn_sizes(
         own: standard deviations of ln width and of ln height over width as measured, (n, 2), subtracted from the spread
             between fruit; 0 for hand measurements.
 
-    Raises:
-        TooFewFruit: fewer than `LEAST_FRUIT`, or a size that is none.
+    Raises TooFewFruit: fewer than `LEAST_FRUIT`, or a size that is none.
     """
     if len(sizes) < LEAST_FRUIT:
         raise TooFewFruit(f"{len(sizes)} measured fruit do not give the spread of sizes: measure {LEAST_FRUIT} or more")
@@ -115,8 +114,7 @@ def held_out(
 
     The first are with the others' mean size, the second with that and the fruit's own image; see `learn_sizes`.
 
-    Raises:
-        TooFewFruit: without one of them there are fewer than `LEAST_FRUIT`.
+    Raises TooFewFruit: without one of them there are fewer than `LEAST_FRUIT`.
     """
     told = np.broadcast_to(own, sizes.shape)
     by_mean, by_look = np.empty(sizes.shape), np.empty(sizes.shape)

@@ -14,10 +14,7 @@ from pomona.skills.perception.refinement.errors import BadDepth, BadMesh, BadPos
 
 
 def check_depth(depth: object, intrinsics: Intrinsics) -> None:
-    """
-    Raises:
-        BadDepth: not an array of real numbers with the shape of the camera's image.
-    """
+    """Raises BadDepth: not an array of real numbers with the shape of the camera's image."""
     expected = (intrinsics.height, intrinsics.width)
     if not isinstance(depth, np.ndarray) or depth.dtype.kind not in "fiu":
         raise BadDepth("the depth must be an array of real numbers [m]; this camera may be colour only")
@@ -26,10 +23,7 @@ def check_depth(depth: object, intrinsics: Intrinsics) -> None:
 
 
 def check_pose(T_camera_object: Float64) -> None:
-    """
-    Raises:
-        BadPose: not a finite rigid transform.
-    """
+    """Raises BadPose: not a finite rigid transform."""
     if not is_pose(np.asarray(T_camera_object)):
         raise BadPose(f"not a rigid transform: {np.asarray(T_camera_object).tolist()}")
 

@@ -29,8 +29,7 @@ def gather(look: DepthLook, scaled: RefineResult, known: Plane | None) -> tuple[
 
     The plane is the support as the camera sees it, else the expected one `known` in the camera frame, None if unknown.
 
-    Raises:
-        TooFewInliers: the points that agree with the model lie on the known support.
+    Raises TooFewInliers: the points that agree with the model lie on the known support.
     """
     points = _connected(look, scaled.box, scaled.virtual_depth, scaled.inliers)
     if known is None:

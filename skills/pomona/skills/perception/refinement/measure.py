@@ -37,8 +37,7 @@ def measure(
         table_z: height of the table in the base frame [m], if the fruit may stand on one.
         earlier: the same fruit, measured from another place: its looks are fused in.
 
-    Raises:
-        RefineError: see `refinement.refine`; `NoDepth` also when the frame has no depth image.
+    Raises RefineError: see `refinement.refine`; `NoDepth` also when the frame has no depth image.
     """
     frame = detection.frame
     if method == "none":

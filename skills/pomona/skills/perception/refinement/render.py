@@ -87,8 +87,7 @@ def render_depth(
         T_camera_mesh: maps mesh coordinates into the camera frame, shape (4, 4); its linear part may scale.
         box: part of the image to render; the mesh's own box by default.
 
-    Raises:
-        RenderFailed: the mesh is behind the camera or outside the image, or the renderer does not work here.
+    Raises RenderFailed: the mesh is behind the camera or outside the image, or the renderer does not work here.
     """
     covered = image_box(mesh, T_camera_mesh, intrinsics) if box is None else box
     return renderer(using)(mesh, T_camera_mesh, intrinsics, covered), covered

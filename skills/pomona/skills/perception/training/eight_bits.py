@@ -88,7 +88,6 @@ class _Rounding:
         return [outputs[self._names[0]]]
 
     def rounded(self) -> bytes:
-        """Return the network with rounded layers."""
         graph = self._model.graph
         scales = {name: np.float32((high - low) / 255.0 or 1.0) for name, (low, high) in self._ranges.items()}
         nodes: list[Any] = []

@@ -125,9 +125,7 @@ def learn(
 def check_start(start: Path) -> None:
     """Refuse weights whose finder cannot be learnt on.
 
-    Raises:
-        BadTraining: the finder is of an earlier kind.
-        BadWeights: the file cannot be read.
+    Raises BadTraining: the finder is of an earlier kind; BadWeights: the file cannot be read.
     """
     if not isinstance(load_compact(start)[0], FinderNetwork):
         raise BadTraining(

@@ -94,8 +94,7 @@ def train_network(
         rank: of this process among them; only the first, 0, validates, reports and saves.
         slow: part of the network that was trained before, as in `Optimiser`.
 
-    Raises:
-        BadTraining: the checkpoint belongs to another network or schedule, or the loss is no longer finite.
+    Raises BadTraining: the checkpoint belongs to another network or schedule, or the loss is no longer finite.
     """
     place = torch.device(device)
     network.to(place, memory_format=torch.channels_last).train()  # type: ignore[call-overload]

@@ -36,8 +36,7 @@ def read_photographs(
     pixels) and the pictures in `images/`; YOLO's `images/` with `labels/` of the same names and `data.yaml`; COCO's
     `.json`; and the folders of MinneApple and KFuji RGB-DS as they are unpacked.
 
-    Raises:
-        BadPhotographs: naming the file, and the line where there is one.
+    Raises BadPhotographs: naming the file, and the line where there is one.
     """
     if not folder.is_dir():
         raise BadPhotographs(folder, "no such folder")

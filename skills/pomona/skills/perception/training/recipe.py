@@ -273,12 +273,10 @@ class _Making:
         self._rendered, self._photographs = rendered, photographs
 
     def detector(self) -> CompactDetector:
-        """Return a detector of the networks as they are now."""
         self.networks = {name: network.cpu().eval() for name, network in self.networks.items()}
         return torch_detector(self.networks["finder"], self.networks["close_look"])
 
     def teach(self, number: int, stage: TrainingStage, say: Callable[[Progress], None] | None) -> None:
-        """One stage of the recipe."""
         # Frames that were made before take the place of all sets.
         counts = (sum(stage.batch),) if len(self._folders) == 1 else stage.batch
         learnt_from = tuple(zip(self._folders, counts, strict=False))

