@@ -49,6 +49,12 @@ def extents(mesh: Triangles) -> Float64:
 
 
 @lru_cache(maxsize=32)
+def farthest(mesh: Triangles) -> float:
+    """Return the greatest distance of a vertex from the mesh's origin [m]; remembered per mesh object."""
+    return float(np.linalg.norm(mesh.vertices, axis=1).max())
+
+
+@lru_cache(maxsize=32)
 def winding(mesh: Triangles) -> int:
     """1: the mesh encloses a volume and its faces look outwards; -1: they look inwards; 0: it is not watertight."""
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)

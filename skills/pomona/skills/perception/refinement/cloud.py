@@ -23,6 +23,7 @@ class Cloud:
     deviation: Float64
     beside: Float64  # standard deviation across the ray, of the pixel's ray, shape (n,) [m], enlarged as well
     alike: float  # number of neighbours with a common error, by which both are enlarged
+    looks: int = 1  # number of looks that the points are from
 
     def chosen(self, mask: NDArray[np.bool_]) -> Cloud:
         """Return the part of the points that a mask picks."""
@@ -42,8 +43,9 @@ class Cloud:
         """Return every k-th point; the common error of neighbours is then smaller."""
         step = -(-len(self.points) // at_most) if len(self.points) else 1
         gain = np.sqrt(max(1.0, self.alike / step) / self.alike)
-        few = self.chosen(np.arange(len(self.points)) % step == 0)
-        return replace(few, deviation=few.deviation * gain, beside=few.beside * gain)
+        few = slice(None, None, step)
+        deviation, beside = self.deviation[few] * gain, self.beside[few] * gain
+        return replace(self, points=self.points[few], rays=self.rays[few], deviation=deviation, beside=beside)
 
 
 def cloud(look: DepthLook, box: ImageBox, mask: NDArray[np.bool_] | None = None) -> Cloud:
@@ -76,4 +78,5 @@ def together(clouds: list[Cloud]) -> Cloud:
         np.concatenate([c.deviation for c in clouds]),
         np.concatenate([c.beside for c in clouds]),
         max(c.alike for c in clouds),
+        sum(c.looks for c in clouds),
     )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pomona.executive.values.arrays import Float64
+from pomona.skills.perception.refinement.checks import extents
 from pomona.skills.perception.refinement.depth_image import Triangles
 
 _NEARLY_ROUND = 0.05
@@ -23,7 +24,7 @@ class Form:
     @classmethod
     def scaled(cls, mesh: Triangles, mu: float) -> Form:
         """Return the model's own form at another size."""
-        return cls(np.full(3, mu), np.zeros(2), 0.5 * np.ptp(mesh.vertices, axis=0)[[0, 2]])
+        return cls(np.full(3, mu), np.zeros(2), 0.5 * extents(mesh)[[0, 2]])
 
     @property
     def nearly_round(self) -> bool:
@@ -43,6 +44,9 @@ class Form:
 
     def cuboid(self, mesh: Triangles) -> tuple[Float64, Float64]:
         """Centre and dimensions of the fruit's cuboid in the model's axes, shape (3,) each [m]."""
-        vertices = self.points(mesh.vertices)
-        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        x, y, z = np.ascontiguousarray(mesh.vertices.T)
+        a, b = self.lean / self.radius
+        leaned = (x, y * (1.0 + a * x + b * z), z)
+        low = self.stretch * [float(axis.min()) for axis in leaned]
+        high = self.stretch * [float(axis.max()) for axis in leaned]
         return 0.5 * (low + high), high - low

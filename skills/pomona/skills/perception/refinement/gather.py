@@ -24,21 +24,23 @@ _LEAST_ABOVE = 0.5
 _BEYOND_MODEL = 0.02
 
 
-def gather(look: DepthLook, scaled: RefineResult, known: Plane | None) -> tuple[Cloud, Plane | None]:
-    """Return the points of a look around a scaled fruit, without its support, and the plane that it stands on.
+def plane_below(look: DepthLook, scaled: RefineResult, known: Plane) -> Plane:
+    """Return the plane that a scaled fruit stands on as the camera sees it, else the expected one, camera frame."""
+    return seen_near(known, points_around(look, scaled.box, scaled.virtual_depth)) or known
 
-    The plane is the support as the camera sees it, else the expected one `known` in the camera frame, None if unknown.
 
-    Raises TooFewInliers: the points that agree with the model lie on the known support.
+def gather(look: DepthLook, scaled: RefineResult, plane: Plane | None) -> Cloud:
+    """Return the points of a look around a scaled fruit, without the plane that it stands on.
+
+    Raises TooFewInliers: the points that agree with the model lie on the plane.
     """
     points = _connected(look, scaled.box, scaled.virtual_depth, scaled.inliers)
-    if known is None:
-        return points, None
-    plane = seen_near(known, points_around(look, scaled.box, scaled.virtual_depth)) or known
+    if plane is None:
+        return points
     above = float(np.mean(plane.height(cloud(look, scaled.box, scaled.inliers).points) > _ABOVE_PLANE))
     if above < _LEAST_ABOVE:
         raise TooFewInliers(above, _LEAST_ABOVE)  # the detected fruit is the table itself
-    return points.chosen(plane.height(points.points) > _ABOVE_PLANE), plane
+    return points.chosen(plane.height(points.points) > _ABOVE_PLANE)
 
 
 def points_around(look: DepthLook, box: ImageBox, virtual_depth: DepthImage) -> Float64:
@@ -87,9 +89,8 @@ def _connected(look: DepthLook, box: ImageBox, virtual_depth: DepthImage, inlier
     return cloud(look, wide, connected)
 
 
-def near_model(clouds: list[Cloud], mesh: Triangles, T_camera_mesh: Float64) -> Cloud:
-    """Return all points that are not farther from the scaled model's centre than it could reach."""
-    radius = float(np.linalg.norm(mesh.vertices @ T_camera_mesh[:3, :3].T, axis=1).max())
-    points = together(clouds)
-    distance = np.linalg.norm(points.points - T_camera_mesh[:3, 3], axis=1)
-    return points.chosen(distance < 1.2 * radius + _BEYOND_MODEL)
+def near_model(clouds: list[Cloud], centre: Float64, radius: float) -> Cloud:
+    """Return all points that are not farther from the scaled model's centre, shape (3,), than it could reach [m]."""
+    points = clouds[0] if len(clouds) == 1 else together(clouds)
+    away = points.points - centre
+    return points.chosen(np.einsum("ij,ij->i", away, away) < (1.2 * radius + _BEYOND_MODEL) ** 2)

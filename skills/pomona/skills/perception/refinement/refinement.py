@@ -10,7 +10,8 @@ import numpy as np
 from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.values.arrays import Float64
 from pomona.skills.perception.fruit.sizes import KindSizes
-from pomona.skills.perception.refinement.checks import check_pose, extents
+from pomona.skills.perception.refinement.checks import check_pose, extents, farthest
+from pomona.skills.perception.refinement.cloud import Cloud
 from pomona.skills.perception.refinement.curvature import least_curvature
 from pomona.skills.perception.refinement.depth_image import DepthImage, ImageBox, Triangles
 from pomona.skills.perception.refinement.depth_look import DepthLook
@@ -21,15 +22,18 @@ from pomona.skills.perception.refinement.errors import (
     SizeOutOfRange,
     TooFewInliers,
 )
-from pomona.skills.perception.refinement.gather import gather, gather_others, near_model
+from pomona.skills.perception.refinement.gather import gather, gather_others, near_model, plane_below
 from pomona.skills.perception.refinement.paper import fit_scale_by_rendering, sigma_bound
 from pomona.skills.perception.refinement.result import Limits, Method, RefineResult
 from pomona.skills.perception.refinement.scale_fit import ScaleFit, fit_scale
-from pomona.skills.perception.refinement.shape_fit import RIGID, Priors, ShapeFit, fit_shape
+from pomona.skills.perception.refinement.shape_fit import MAX_POINTS, RIGID, Priors, ShapeFit, fit_shape
 from pomona.skills.perception.refinement.starts import Judge, other_starts
 from pomona.skills.perception.refinement.support_plane import Plane
 
 _LEAST_POINTS = 150
+_POINTS_OF_TRIAL = 250
+_FINALISTS = 3
+"""Points of a fit from another axis of the stem, and how many of these fits, the best ones, are repeated with all."""
 _LEAST_AGREEMENT = 0.8  # least ratio of a stretched model's agreeing pixels to the scaled model's
 
 _NOISE_IN_BAND = 2.0
@@ -148,7 +152,7 @@ def refine(
     else:
         result = _scaled_from(task, T_camera_object)
         if method == "uniform" and known.looks:
-            result = _fitted(task, result)
+            result = _fitted(task, result, *_gathered(task, result))
     _check_curvature(task, result)
     return result
 
@@ -161,21 +165,32 @@ def _best_of_starts(task: _Task, T_camera_object: Float64) -> RefineResult:
     """
     judge = Judge(task.look.depth, task.limits.inlier_band, extents(task.mesh), task.known.priors.aspect)
     best: RefineResult | None = None
+    plane: Plane | None = None  # the support, measured once
     problem: TooFewInliers | None = None
     score = 0.0
     try:
-        best = _fitted(task, _scaled_from(task, T_camera_object))
+        scaled = _scaled_from(task, T_camera_object)
+        cloud, plane = _gathered(task, scaled)
+        best = _fitted(task, scaled, cloud, plane)
         score, _, settled = judge.score(best)
         if settled:
             return best
     except TooFewInliers as error:
         problem = error
     # Every start is tried: if half of the fruit is hidden, the first one that fits well may be wrong.
-    for T_start in other_starts(T_camera_object, task.known.support):
+    trials: list[tuple[float, RefineResult, Cloud]] = []
+    starts = other_starts(T_camera_object, task.known.support)
+    for T_start in starts:
         try:
-            other = _fitted(task, _scaled_from(task, T_start))
+            scaled = _scaled_from(task, T_start)
+            cloud, plane = _gathered(task, scaled, plane)
         except RefineError:
             continue
+        few = len(starts) > _FINALISTS
+        found = judge.score(_fitted(task, scaled, cloud, plane, _POINTS_OF_TRIAL))[0] if few else 0.0
+        trials.append((found, scaled, cloud))
+    for _, scaled, cloud in sorted(trials, key=lambda trial: -trial[0])[:_FINALISTS]:
+        other = _fitted(task, scaled, cloud, plane)
         found, clearly, _ = judge.score(other)
         if other.method.startswith("shape") and found > score + clearly:
             best, score = other, found
@@ -303,14 +318,26 @@ def _of_kind(task: _Task, scaled: RefineResult, fit: ScaleFit, sizes: KindSizes)
     return replace(scaled, T_camera_object=T_camera_object, dimensions=dimensions, covariance=full)
 
 
-def _fitted(task: _Task, scaled: RefineResult) -> RefineResult:
-    """Stretch the model onto the points of all looks; return the scaled one where the points do not support that."""
-    look, mesh, known, limits = task.look, task.mesh, task.known, task.limits
-    points, plane = gather(look, scaled, known.support)
+def _gathered(task: _Task, scaled: RefineResult, plane: Plane | None = None) -> tuple[Cloud, Plane | None]:
+    """Return the points of all looks about a scaled fruit, and the support as the camera sees it, unless it is known.
+
+    Raises TooFewInliers: the points that agree with the model lie on the support.
+    """
+    look, mesh, known = task.look, task.mesh, task.known
+    if known.support is not None and plane is None:
+        plane = plane_below(look, scaled, known.support)
+    points = gather(look, scaled, plane)
     T_scaled = scaled.T_camera_object.copy()
     T_scaled[:3, :3] *= scaled.mu
-    others = gather_others(known.looks, mesh, T_scaled, plane, limits.inlier_band)
-    cloud = near_model([points, *others], mesh, T_scaled)
+    others = gather_others(known.looks, mesh, T_scaled, plane, task.limits.inlier_band)
+    return near_model([points, *others], T_scaled[:3, 3], scaled.mu * farthest(mesh)), plane
+
+
+def _fitted(
+    task: _Task, scaled: RefineResult, cloud: Cloud, plane: Plane | None, at_most: int = MAX_POINTS
+) -> RefineResult:
+    """Stretch the model onto points; return the scaled one where the points do not support that."""
+    look, mesh, known, limits = task.look, task.mesh, task.known, task.limits
     if len(cloud.points) < _LEAST_POINTS:
         return scaled
     fit = fit_shape(
@@ -318,9 +345,10 @@ def _fitted(task: _Task, scaled: RefineResult) -> RefineResult:
         mesh,
         scaled.T_camera_object,
         scaled.mu,
-        support=plane if known.support is not None else None,
+        support=plane,
         band=limits.inlier_band,
         priors=RIGID if task.method == "uniform" else known.priors,
+        at_most=at_most,
     )
     T_fitted = fit.T_camera_object.copy()
     T_fitted[:3, :3] *= fit.stretch
@@ -338,7 +366,7 @@ def _fitted(task: _Task, scaled: RefineResult) -> RefineResult:
     ):
         return scaled
     dimensions = fit.stretch * extents(mesh)
-    seen = agreeing / np.count_nonzero(virtual_depth > 0.0) * _share_inside(mesh, T_fitted, look.intrinsics)
+    seen = agreeing / np.count_nonzero(virtual_depth > 0.0) * _share_inside(mesh, T_fitted, box, look.intrinsics)
     doubt = _UNSEEN_DOUBT * (1.0 - seen) / seen * float(dimensions.mean() - scaled.dimensions.mean())
     whole = look.depth_model.of_the_whole(float(fit.T_camera_object[2, 3]))
     return replace(
@@ -351,12 +379,14 @@ def _fitted(task: _Task, scaled: RefineResult) -> RefineResult:
         box=box,
         inliers=inliers,
         virtual_depth=virtual_depth,
-        method=task.method + ("+plane" if fit.on_support else "") + ("+views" if others else ""),
+        method=task.method + ("+plane" if fit.on_support else "") + ("+views" if cloud.looks > 1 else ""),
     )
 
 
-def _share_inside(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics) -> float:
-    """Return the ratio of a mesh's vertices inside the picture; those outside are hidden, too."""
+def _share_inside(mesh: Triangles, T_camera_mesh: Float64, box: ImageBox, intrinsics: Intrinsics) -> float:
+    """Return the ratio of a mesh's vertices inside the picture; those outside are hidden, too. `box` is the mesh's."""
+    if box.left > 0 and box.top > 0 and box.right < intrinsics.width and box.bottom < intrinsics.height:
+        return 1.0
     x, y, z = intrinsics.K @ (T_camera_mesh[:3, :3] @ mesh.vertices.T + T_camera_mesh[:3, 3:])
     inside = (x >= 0.0) & (x < intrinsics.width * z) & (y >= 0.0) & (y < intrinsics.height * z)
     return float(inside.mean())

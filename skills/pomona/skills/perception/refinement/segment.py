@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy import ndimage
 
@@ -26,18 +27,54 @@ def connected_to(
         depth: z-depth [m]; 0 or not finite where there is none.
         stride: distance of these pixels in the image; steps in depth are higher by this factor.
     """
-    valid = np.isfinite(depth) & (depth > 0.0)
-    z = np.where(valid, depth, np.inf)
-    nearest = ndimage.minimum_filter(z, size=3, mode="nearest")
-    # Of two pixels at a step the far one is dropped: the front object keeps its outline.
-    with np.errstate(invalid="ignore"):
-        smooth = valid & (z - nearest <= stride * _STEP * np.maximum(1.0, (nearest / _STEP_DEPTH) ** 2))
-    labels, count = ndimage.label(smooth)
-    inside = np.bincount(labels[covered], minlength=count + 1)
-    supporting = np.bincount(labels[agreeing & covered], minlength=count + 1)
-    kept = (supporting >= _LEAST_PIXELS / stride**2) & (supporting >= _LEAST_SHARE * inside)
-    kept[0] = False
-    chosen: NDArray[np.bool_] = kept[labels]
+    z, supporting = np.ascontiguousarray(depth, dtype=np.float32), np.ascontiguousarray(agreeing & covered)
+    connected: NDArray[np.bool_] = _flood(
+        z, supporting, np.ascontiguousarray(covered), stride * _STEP, _LEAST_PIXELS / stride**2
+    )
+    return connected
+
+
+@njit(cache=True, nogil=True)
+def _flood(
+    depth: DepthImage, supporting: NDArray[np.bool_], covered: NDArray[np.bool_], step: float, least: float
+) -> NDArray[np.bool_]:
+    """Spread from each supporting pixel over its surface; keep surfaces that are supported enough."""
+    rows, columns = depth.shape
+    smooth, chosen = np.zeros((rows, columns), np.bool_), np.zeros((rows, columns), np.bool_)
+    for i in range(rows):
+        for j in range(columns):
+            z = depth[i, j]
+            if not 0.0 < z < np.inf:
+                continue
+            nearest = z
+            for k in range(max(i - 1, 0), min(i + 2, rows)):
+                for m in range(max(j - 1, 0), min(j + 2, columns)):
+                    if 0.0 < depth[k, m] < nearest:
+                        nearest = depth[k, m]
+            # Of two pixels at a step the far one is dropped: the front object keeps its outline.
+            smooth[i, j] = z - nearest <= step * max(1.0, (nearest / _STEP_DEPTH) ** 2)
+    reached = np.empty((rows * columns, 2), np.int32)
+    for i in range(rows):
+        for j in range(columns):
+            if not (supporting[i, j] and smooth[i, j]):
+                continue
+            smooth[i, j] = False
+            reached[0, 0], reached[0, 1] = i, j
+            first, count, inside, support = 0, 1, 0, 0
+            while first < count:
+                row, column = reached[first, 0], reached[first, 1]
+                first += 1
+                inside += covered[row, column]
+                support += supporting[row, column]
+                for down, right in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+                    k, m = row + down, column + right
+                    if 0 <= k < rows and 0 <= m < columns and smooth[k, m]:
+                        smooth[k, m] = False
+                        reached[count, 0], reached[count, 1] = k, m
+                        count += 1
+            if support >= least and support >= _LEAST_SHARE * inside:
+                for n in range(count):
+                    chosen[reached[n, 0], reached[n, 1]] = True
     return chosen
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import transform
+from pomona.skills.perception.refinement.checks import extents
 from pomona.skills.perception.refinement.cloud import Cloud
 from pomona.skills.perception.refinement.depth_image import Triangles
 from pomona.skills.perception.refinement.form import Form
@@ -27,7 +28,7 @@ from pomona.skills.perception.refinement.surface import surface_of
 _NARROWING = (3.0, 3.0, 2.0, 2.0, 1.5, 1.5)  # the band of the first steps, in final bands
 
 _MAX_STEPS = 25
-_MAX_POINTS = 1000
+MAX_POINTS = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +72,7 @@ def fit_shape(
     support: Plane | None = None,
     band: float = 4e-3,
     priors: Priors | None = None,
+    at_most: int = MAX_POINTS,
 ) -> ShapeFit:
     """Fit the stretched model to measured points, mostly the fruit's; outliers are left out during the fit.
 
@@ -78,9 +80,10 @@ def fit_shape(
         T_camera_object: where to start, with the model scaled by `mu`; the tilt refers to its axis.
         support: the plane that the fruit stands on; used if the fruit turns out to reach it.
         band: half-width of the band about the surface in which points count, at the end [m].
+        at_most: number of points that are used.
     """
     priors = priors or Priors()
-    few, samples = cloud.thinned(_MAX_POINTS), surface_of(mesh)
+    few, samples = cloud.thinned(at_most), surface_of(mesh)
     points = Points(*map(np.ascontiguousarray, (few.points, few.rays, few.deviation, few.beside)))
     form = Form.scaled(mesh, mu)
     R, t = T_camera_object[:3, :3].copy(), T_camera_object[:3, 3].copy()
@@ -96,7 +99,7 @@ def fit_shape(
         plane = Support(np.ascontiguousarray(support.normal), support.offset, priors.contact)
         gap, row = contact(samples.vertices, placed, plane)
         # Standard deviation of the gap to its support that a fruit which stands on it may seem to have, of its height
-        doubt = row @ np.linalg.solve(H, row) + (0.05 * np.ptp(mesh.vertices[:, 1]) * mu) ** 2
+        doubt = row @ np.linalg.solve(H, row) + (0.05 * extents(mesh)[1] * mu) ** 2
         on_support = bool(gap**2 <= 9.0 * doubt)
         if on_support:
             H, share = step_until_still(points, samples, placed, nearest, expected, plane, steps)
@@ -108,7 +111,7 @@ def fit_shape(
         # The offset of the cuboid's centre from the axis depends on the fruit's turn, which is unobservable.
         centre[[0, 2]] = form.stretch[[0, 2]] * samples.points[:, [0, 2]].mean(axis=0)
     T_cuboid = transform(placed.R, placed.t + placed.R @ centre)
-    return ShapeFit(T_cuboid, dimensions / np.ptp(mesh.vertices, axis=0), covariance, share, on_support)
+    return ShapeFit(T_cuboid, dimensions / extents(mesh), covariance, share, on_support)
 
 
 _LIKENESS = np.zeros((PARAMETERS, PARAMETERS))
@@ -124,5 +127,6 @@ def _expected(start: PlacedForm, form: Form, priors: Priors) -> Expected:
     turn = RIGID.turn if form.nearly_round else priors.turn
     round_ratio = -math.log(form.radius[0] / form.radius[1]) if form.nearly_round and priors is not RIGID else 0.0
     deviations = [*[priors.place] * 3, *[priors.tilt] * 2, priors.size, priors.aspect, priors.roundness]
-    variances = np.array([*deviations, priors.lean, priors.lean, turn]) ** 2
-    return Expected(start, _LIKENESS, variances, priors.proportion, round_ratio, priors.texture)
+    weighted = _LIKENESS / np.array([*deviations, priors.lean, priors.lean, turn])[:, None] ** 2
+    likeness = _LIKENESS.T @ weighted
+    return Expected(start, weighted, likeness, priors.proportion, round_ratio, priors.texture)

@@ -29,8 +29,8 @@ class Expected(NamedTuple):
     """Priors of the kind, of the detection and of the uniform scale."""
 
     start: PlacedForm
-    rows: Float64  # prior directions over the parameters, shape (11, 11)
-    variances: Float64  # shape (11,)
+    weighted: Float64  # prior directions over the parameters, over their variances, shape (11, 11)
+    likeness: Float64  # their part of the normal equations, shape (11, 11)
     proportion: float  # expected ln(height / mean width), relative to the model's
     roundness: float  # expected ln(d_x / d_z), relative to the model's
     texture: float  # standard deviation of the surface against the model [m]
@@ -151,17 +151,19 @@ def step_until_still(
         bands: half-width of the band about the surface in which points count, for each step at most [m]; the last
             value is the final one.
     """
-    weighted = expected.rows / expected.variances.reshape(-1, 1)
-    likeness = expected.rows.T @ weighted
-    H, share = likeness, 0.0
+    H, share = expected.likeness, 0.0
     for band in bands:
         H, b, share = points_to_surface(measured, samples, placed, nearest, band, expected.texture, _PATCHES)
-        H += likeness
-        b += _unlikeness(expected, placed) @ weighted
+        H += expected.likeness
+        values = _unlikeness(expected, placed)
+        for k in range(PARAMETERS):
+            b += values[k] * expected.weighted[k]
         if support.deviation < np.inf:
             gap, row = contact(samples.vertices, placed, support)
-            H += np.outer(row, row) / support.deviation**2
-            b -= gap * row / support.deviation**2
+            weighted = row / support.deviation**2
+            b -= gap * weighted
+            for k in range(PARAMETERS):
+                H[k] += row[k] * weighted
         step = _solve(H, b)
         move(placed, step)
         still = np.abs(step[:3]).max() < _STILL_PLACE and np.abs(step[3:]).max() < _STILL_FORM
