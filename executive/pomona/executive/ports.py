@@ -196,6 +196,8 @@ class Outputs:
 
     class Weighed(Outputs):
         mass: Mass
+
+    A value may have a `sentence` (text), which the record and the page show, and `facts` (a mapping), for reports.
     """
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
