@@ -134,6 +134,23 @@ def test_the_same_fruit_is_known_again_from_another_place(scripted: list[Instanc
     assert look(skill, moved).outputs["detection"].index == 1
 
 
+@pytest.mark.parametrize(("behind", "index"), [(0.08, 1), (0.02, None)])
+def test_a_fruit_close_behind_one_that_was_chosen_is_another_fruit(
+    scripted: list[Instance], behind: float, index: int | None
+) -> None:
+    def seen(shift: float, *depths: float) -> Frame:
+        scripted[:] = [instance(shift * k, 0.5) for k in range(len(depths))]
+        depth = np.full((480, 640), np.nan, np.float32)
+        for each, d in zip(scripted, depths, strict=True):
+            depth[:, round(each.keypoints[8, 0]) - 3 : round(each.keypoints[8, 0]) + 4] = d
+        return replace(frame(), depth=depth)
+
+    skill = Detect()
+    assert look(skill, seen(0.03, 0.5), reselect="never").status is Status.SUCCESS
+    outcome = look(skill, seen(0.03, 0.5, 0.5 + behind), reselect="never")
+    assert (outcome.outputs["detection"].index if outcome.status is Status.SUCCESS else None) == index
+
+
 def test_progress_counts_the_fruit_of_this_look_and_those_that_are_gone(scripted: list[Instance]) -> None:
     skill = Detect()
     scripted[:] = [instance(0.1, 0.5), instance(-0.1, 0.6), instance(0.0, 0.7)]

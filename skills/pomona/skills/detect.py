@@ -17,7 +17,8 @@ from pomona.skills.perception.detection.instances import POLICIES, Instance, ran
 from pomona.skills.perception.detection.options import BoxModelFile, DetectorOptions, DopeFiles, PoseSource, Search
 from pomona.skills.shared.looking import LOOKING_FAILURES, LookingSkill, picture
 
-SAME_FRUIT = 0.04  # two detections whose lines of sight pass this close at the fruit are the same fruit [m]
+SAME_FRUIT = 0.04  # two detections whose lines of sight pass this close at the fruit are the same fruit [m] …
+BEHIND = 0.045  # … unless their measured depths differ by more than this: one hangs behind the other [m]
 
 
 class Detected(Outputs):
@@ -205,20 +206,24 @@ class Detect(LookingSkill):
     def _count_near(place: Float64, others: list[Float64], T_base_camera: Float64) -> int:
         """How many of these places belong to the fruit at a place."""
         eye = T_base_camera[:3, 3]
-        ray = (place - eye) / np.linalg.norm(place - eye)
-        # The pose's distance is that of a CAD-sized fruit: compare across the line of sight.
-        return sum(bool(np.linalg.norm(np.cross(ray, other - eye)) < SAME_FRUIT) for other in others)
+        ray = (place[:3] - eye) / np.linalg.norm(place[:3] - eye)
+        # The pose's distance is that of a CAD-sized fruit: without measured depth compare across the line of sight.
+        count = 0
+        for other in others:
+            behind = abs(ray @ (other[:3] - place[:3])) > BEHIND and place[3] > 0.0 and other[3] > 0.0
+            count += not behind and bool(np.linalg.norm(np.cross(ray, other[:3] - eye)) < SAME_FRUIT)
+        return count
 
 
 def _place(instance: Instance, frame: Frame, T_base_camera: Float64) -> Float64:
-    """Where the fruit is in the base frame, with the measured depth at its centroid where there is one, (3,) [m]."""
+    """Return where the fruit is in the base frame [m], with the measured depth at its centroid where there is one,
+    and 1 with such a depth, else 0; shape (4,)."""
     assert instance.T_camera_object is not None
-    p_camera = instance.T_camera_object[:3, 3]
+    p_camera, is_measured = instance.T_camera_object[:3, 3], 0.0
     if frame.depth is not None:
         u, v = np.round(instance.keypoints[8]).astype(int)
         patch = frame.depth[max(0, v - 2) : v + 3, max(0, u - 2) : u + 3] if u >= 0 and v >= 0 else frame.depth[:0]
         measured = patch[np.isfinite(patch) & (patch > 0.0)]
         if measured.size:
-            p_camera = p_camera * (float(np.median(measured)) / p_camera[2])
-    place: Float64 = T_base_camera[:3, :3] @ p_camera + T_base_camera[:3, 3]
-    return place
+            p_camera, is_measured = p_camera * (float(np.median(measured)) / p_camera[2]), 1.0
+    return np.append(T_base_camera[:3, :3] @ p_camera + T_base_camera[:3, 3], is_measured)
