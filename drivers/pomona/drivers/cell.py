@@ -318,7 +318,6 @@ def load_cell(
     """Read a cell file and connect its devices; nothing is connected when anything in the file is wrong.
 
     Args:
-        path: of the cell file.
         seed: of everything random in a simulated or mock cell.
         overrides: values of the file's `options`.
         missing: called with the name of every device that cannot be connected, and the reason, instead of an error: for

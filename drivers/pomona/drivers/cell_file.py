@@ -118,7 +118,6 @@ def read_cell_file(
     """Read and check a cell file; nothing is connected.
 
     Args:
-        path: of the file.
         overrides: values of its options; a scalar has its place in a file.
         texts: contents of files, by path, that are not to be read from the disk.
         missing: called with the name of every device whose section is wrong, and the reason; the cell is then read

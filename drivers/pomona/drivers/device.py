@@ -120,7 +120,6 @@ class ConnectContext:
 
     Attributes:
         cell: the cell file; relative paths in it start at its folder.
-        clock: of the whole cell.
         seed: of everything random.
         workspace: the surroundings in the cell file, or None.
         devices: connected so far, by name; a cell file lists devices before those that build on them.

@@ -24,7 +24,6 @@ def examine(path: Path, overrides: Mapping[str, str] | None = None) -> Iterator[
     """Look over a cell: its file, every device, rates, intrinsics. Nothing moves; servos and streams are switched on.
 
     Args:
-        path: of the cell file.
         overrides: values of the file's options.
     """
     missing: dict[str, DriverError] = {}

@@ -421,7 +421,6 @@ class Hull:
     """A fixed obstacle: the convex hull of points.
 
     Attributes:
-        name: for messages.
         points: shape (n, 3) [m].
         normals: directions of its faces, shape (k, 3), unit length; they define the hull.
     """

@@ -55,7 +55,6 @@ def run_behaviour(
         root: the tree; each of its behaviours gets an attribute `path`.
         dashboard: serve the operator's page on this machine and print its link. Started in a terminal, the page stays
             after the run until Ctrl-C.
-        port: of the page.
         record: folder of records; None: no record.
         period: tick period [s of the wall clock].
         listeners: receive each event of the run.

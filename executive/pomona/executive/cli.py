@@ -27,11 +27,7 @@ INTERRUPTED = 128  # a signal ends the process with a status above this
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one subcommand.
-
-    Returns:
-        the exit status.
-    """
+    """Run one subcommand."""
     if arguments is not None:
         return _main(list(arguments))
     _complete_streams()

@@ -26,7 +26,6 @@ def need(module: str, extra: str, what: str) -> Any:
     """Import a module that an extra brings.
 
     Args:
-        module: to import.
         extra: that installs it.
         what: the feature that needs it, for the message.
 

@@ -29,7 +29,6 @@ def to_png(pixels: NDArray[Any], level: int = 6) -> bytes:
     """Code a picture of bytes, shape (h, w, 3) or (h, w), or of 16-bit numbers, shape (h, w), as PNG.
 
     Args:
-        pixels: to code.
         level: of compression, 0 to 9.
 
     Raises UsageError: Pillow is not installed.

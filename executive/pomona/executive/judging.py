@@ -44,8 +44,6 @@ def judge(
     """Check a tree, and the cell on which it shall run.
 
     Args:
-        document: the tree.
-        registry: skills.
         settings: parameters of the tree; names that it does not declare are options of the cell.
         cell: its file, or None to check a tree alone.
         texts: contents of files, by path, that are not to be read from the disk.

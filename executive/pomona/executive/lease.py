@@ -129,7 +129,6 @@ def leased(device: T, interface: type, lease: Lease) -> T:
     """Return a handle of a device, or the device itself if it has no commands.
 
     Args:
-        device: of the cell.
         interface: whose members the handle has.
         lease: its commands need it.
     """

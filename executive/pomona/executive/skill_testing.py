@@ -128,13 +128,11 @@ def drive(
     Args:
         skill: a fresh or an already driven instance (state across starts is kept, as in a tree).
         inputs: by port name, in SI; ports that are left out get their declared default.
-        devices: by interface.
         clock: advanced by `period` after every tick; a `ManualClock` by default.
         limit: seconds on the clock after which the skill is interrupted.
         interrupt_after: interrupt it after this number of ticks and drive it until it has halted; the status is then
             INVALID.
         each_tick: called with the number of the tick before it, to script the devices.
-        seed: of the run.
         computing: ticks that every computation takes, to interrupt one.
 
     Raises:

@@ -91,11 +91,7 @@ def examine() -> ReportLine:
 
 
 def begin_first(description: Path) -> None:
-    """At the first start of a version: announce the compilation, and compile one half in a process of its own.
-
-    Args:
-        description: of the robot.
-    """
+    """At the first start of a version: announce the compilation, and compile one half in a process of its own."""
     global _beside
     if not _announced() or _beside is not None or _cores() < 2:
         return

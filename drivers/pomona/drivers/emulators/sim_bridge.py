@@ -53,7 +53,6 @@ class EmulatedDevices:
     """The controllers of a simulated cell's arm, gripper and fingers, which live as the world makes its steps.
 
     Attributes:
-        controller: of the arm.
         hand: the gripper's.
         pads: the left and the right finger.
     """

@@ -92,7 +92,6 @@ def build_wall_model(
     """Compile a wall.
 
     Args:
-        wall: as drawn.
         shapes: of its fruit.
         spec: of the robot that stands before it, which is added to; without one the wall is alone.
         fixed: boxes around the robot: its pedestal, the bin.

@@ -152,8 +152,6 @@ def draw_layout(said: WorldOptions, seed: int, fixed: tuple[Box, ...] = ()) -> L
     """Draw the random parts of the `world:` section of a cell file.
 
     Args:
-        said: the section.
-        seed: of the draws.
         fixed: obstacles of the cell's workspace; the world has them too.
     """
     # One generator per subject, so that a changed option keeps the draws of the others.

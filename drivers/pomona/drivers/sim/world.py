@@ -49,7 +49,6 @@ class PhysicsWorld(Device, ABC):
 
     Attributes:
         description: the robot's file.
-        mujoco: the engine.
         before_step, after_step: hooks of the devices, called in order around every physics step.
     """
 

@@ -63,7 +63,6 @@ def read_results(folder: Path, on_problem: Callable[[str], None] = lambda _probl
     """Return finished runs by name, without a last line that a kill cut off.
 
     Args:
-        folder: of the campaign.
         on_problem: receives a sentence for each invalid or changed line; such runs are repeated.
     """
     path = folder / RESULTS

@@ -48,11 +48,7 @@ def add(subparsers: Any) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Run the campaign; runs with a result are not repeated.
-
-    Returns:
-        the exit status.
-    """
+    """Run the campaign; runs with a result are not repeated."""
     for package in ("matplotlib", "scipy"):
         need(package, EXTRA, "pomona campaign")
     from pomona.executive.campaign.report import report

@@ -22,11 +22,7 @@ def add(subparsers: Any) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Print it.
-
-    Returns:
-        the exit status.
-    """
+    """Print the completion or the manual page."""
     text = WRITERS[options.what](make_parser(command_names()))
     out = sys.stdout.unfiltered if isinstance(sys.stdout, Filtered) else sys.stdout
     out.write(text)  # a script: not a byte of it may be changed

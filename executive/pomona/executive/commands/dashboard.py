@@ -235,11 +235,7 @@ class Launcher:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Serve until Ctrl-C.
-
-    Returns:
-        the exit status.
-    """
+    """Serve until Ctrl-C."""
     console = Screen()
     dashboard = PageProcess(make_access(options), options.record)
     choices = Choices.installed(options.tree, options.cell)

@@ -26,11 +26,7 @@ def add(subparsers: Any) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Explain it.
-
-    Returns:
-        the exit status.
-    """
+    """Explain the run."""
     record = find_record(options.run, options.record)
     console = Screen()
     run = trusted(record)

@@ -46,11 +46,7 @@ def add_import(subparsers: Any) -> None:
 
 
 def export(options: argparse.Namespace) -> int:
-    """Write the XML.
-
-    Returns:
-        the exit status.
-    """
+    """Write the XML."""
     write_text(with_declarations(lambda registry: _xml(options, registry)), options.out)
     return 0
 

@@ -17,11 +17,7 @@ def add(subparsers: Any) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Serve until the editor ends the session.
-
-    Returns:
-        0.
-    """
+    """Serve until the editor ends the session."""
     need("pygls", "lsp", "pomona lsp")
     from pomona.executive.language_server.server import serve
 

@@ -46,11 +46,7 @@ def _kind(word: str) -> str:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Write it.
-
-    Returns:
-        0.
-    """
+    """Write the new files."""
     words = _words(options.name)
     if options.kind == "package":
         written = begin(options.into / words["name"], words["name"])

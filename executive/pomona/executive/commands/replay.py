@@ -34,11 +34,7 @@ def add(subparsers: Any) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Replay it.
-
-    Returns:
-        the exit status.
-    """
+    """Replay the run."""
     folder = find_record(options.run, options.record)
     run = trusted(folder)
     console = Screen()

@@ -44,11 +44,7 @@ def add(subparsers: Any) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Repeat it.
-
-    Returns:
-        the exit status.
-    """
+    """Repeat the run."""
     record = find_record(options.run, options.record)
     trusted(record)
     console = Screen()

@@ -123,11 +123,7 @@ def _add_views(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Run it.
-
-    Returns:
-        the exit status.
-    """
+    """Run the tree."""
     logging.basicConfig(level=logging.WARNING, format="%(name)s: %(message)s")
     console = Screen(stderr=options.json, quiet=options.quiet)
     order = RunOrder(

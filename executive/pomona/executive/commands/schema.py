@@ -27,11 +27,7 @@ def add(subparsers: Any) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Print it.
-
-    Returns:
-        the exit status.
-    """
+    """Print the schema."""
     if options.kind == TREE:
         found = with_declarations(schema)
     else:

@@ -24,11 +24,7 @@ def add(subparsers: Any) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Draw it.
-
-    Returns:
-        the exit status.
-    """
+    """Draw the tree."""
     document = read_document(find_tree(options.tree))
     errors = [finding for finding in document.findings if finding.severity == "error"]
     if document.main.main is None or errors:

@@ -30,11 +30,7 @@ def add(subparsers: Any) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """List them.
-
-    Returns:
-        the exit status.
-    """
+    """List the skills."""
     registry = declared_skills()
     if not registry and not registry.problems and not options.json:
         if options.name:

@@ -133,7 +133,6 @@ def scan(
     """Yield the messages in the order of the file; of a record that was cut off, those up to there.
 
     Args:
-        path: the MCAP file.
         verdict: result of `require_valid`, if it is known already.
         topics: returns True for a topic that is wanted; None: all are.
         begin: oldest stamp that is wanted [ns].

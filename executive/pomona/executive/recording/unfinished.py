@@ -43,7 +43,6 @@ def unfinished(root: Path, cell: Path) -> Unfinished | None:
 
     Args:
         root: folder of records.
-        cell: the cell's file.
     """
     runs = [path for path in root.glob(f"*/{EVENTS_FILE}") if not is_being_written(path)]
     doubtful: Unfinished | None = None

@@ -72,11 +72,7 @@ def _is_stopped(process: int) -> bool:
 
 
 def in_child(work: Callable[[], int]) -> int:
-    """Carry a command out in a child process, where this returns; in the parent it returns when the child has ended.
-
-    Returns:
-        the exit status.
-    """
+    """Carry a command out in a child process, where this returns; in the parent it returns when the child has ended."""
     if sys.platform != "linux":
         return work()
     reading, writing = os.pipe()

@@ -18,7 +18,6 @@ class UnencodableError(PomonaError):
     Attributes:
         node: path of the node that it came from; empty for the run itself.
         what: the published topic, the written name, or the kind of the event.
-        why: the reason.
     """
 
     def __init__(self, node: str, what: str, why: str) -> None:

@@ -42,8 +42,6 @@ def print_list(console: Screen, runs: Sequence[Digest], of: int, total: int) -> 
     """Print the list, newest first, with a summary line.
 
     Args:
-        console: the output.
-        runs: the runs to show.
         of: the number of all runs, shown or not.
         total: bytes of all.
     """
@@ -130,8 +128,6 @@ def print_comparison(console: Screen, runs: Sequence[Digest], skills: Sequence[M
     """Print runs beside each other: one column each, one row for every value that at least one of them has.
 
     Args:
-        console: the output.
-        runs: the runs to compare.
         skills: of each run, seconds by skill.
     """
     table = Table(box=None, padding=(0, 3, 0, 0), header_style="bold")

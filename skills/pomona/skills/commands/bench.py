@@ -51,11 +51,7 @@ def add(subparsers: Any) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Run and print.
-
-    Returns:
-        the exit status.
-    """
+    """Run and print."""
     try:
         _run_and_print(options)
     except (BadProblem, RobotError) as unusable:

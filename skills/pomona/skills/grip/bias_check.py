@@ -51,7 +51,6 @@ def check_bias(samples: Float64, rate: float, settings: BiasSettings) -> None:
     Args:
         samples: with nothing touching, shape (n, 2, 6) [N, N·m].
         rate: of the samples [Hz].
-        settings: the bounds.
 
     Raises UnfitSensor: a channel's step is too coarse, a force shows no noise at all, or samples are copies.
     """

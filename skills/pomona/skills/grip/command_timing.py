@@ -17,7 +17,6 @@ class CommandTiming:
     Args:
         rate: of the samples [Hz].
         command_period: shortest time between two rates [s].
-        settings: of the repetitions.
 
     Attributes:
         every: smallest number of samples between two rates.

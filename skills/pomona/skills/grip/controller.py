@@ -49,7 +49,6 @@ class GripController:
 
     Attributes:
         settings: of the grip; its friction is lowered when the fruit slips.
-        phase: of the grip.
         problem: the most serious one now, or None.
         width, motor_force: opening [m] and, where the gripper reports it, force of the motor [N]; the caller updates
             both whenever `wants_width`.

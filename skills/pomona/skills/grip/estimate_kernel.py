@@ -200,7 +200,6 @@ def estimate_sample(  # type: ignore[no-untyped-def]
     """Return the estimate after one raw sample.
 
     Args:
-        memory: of the last estimate.
         raw: wrenches, shape (2, 6), as in `WrenchSample`.
         periods: sample periods since the last estimate.
         expected: change of the grip force in each of them by the fingers' own motion [N].

@@ -77,7 +77,6 @@ def observe_slip(y: ArrayLike, g: ArrayLike, J: ArrayLike, settings: ObserverSet
         y: generalised torque, shape (n,) [N·m].
         g: largest friction torque, shape (n,) or a number [N·m].
         J: inertia about the centre of rotation, shape (n,) or a number [kg·m²].
-        settings: constants.
         rate: samples per second [Hz].
 
     Returns:

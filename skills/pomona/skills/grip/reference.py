@@ -33,7 +33,6 @@ class ForceReference:
 
     Attributes:
         f_ref: the reference [N].
-        mode: see `ReferenceMode`.
         frozen: reason why the reference may not fall any more; empty while it may.
     """
 

@@ -32,7 +32,6 @@ class Levels:
     """Parts of the reference that pass from mode to mode.
 
     Attributes:
-        settings: of the grip.
         margin: factor on the minimum grip force, from the settings and the uncertainty of friction.
         bias_stds: standard deviations of the bias that are covered too.
         held: lasting part of the reference [N]: rises with the need, falls slowly.

@@ -54,7 +54,6 @@ class SensorWatch:
         """Check one sample.
 
         Args:
-            sample: the newest one.
             estimate: after it.
             is_carried: the fruit hangs in the fingers.
             force_rate: change of the grip force by the fingers' own motion [N/s].

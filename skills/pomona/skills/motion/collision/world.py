@@ -36,7 +36,6 @@ class CollisionWorld:
         field: distance to blocked cells of the map.
         obstacles: convex obstacles by number; their names need not differ.
         margins: distances to keep.
-        arrays: for the kernels.
         table_z: height of the table [m], or None.
         ignored: names of obstacles that a group of the robot may touch.
     """

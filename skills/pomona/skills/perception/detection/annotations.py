@@ -38,7 +38,6 @@ class Annotation:
     Attributes:
         width, height: picture size [px]; 0 without it in the file.
         camera: fx, fy, cx, cy [px]; 0 without it in the file.
-        objects: the fruit.
         decoys: u, v, radius of things that are no fruit [px]; training takes hard negatives from them.
         scene: kind of scene, for the tables of a report.
     """

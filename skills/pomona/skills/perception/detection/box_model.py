@@ -56,7 +56,6 @@ class BoxModel:
     """An ONNX file of boxes, loaded and tried on an empty picture.
 
     Args:
-        path: of the file.
         fruit: name of the class to find.
         working_width: width of the picture in an input without a fixed size [px].
 

@@ -54,7 +54,6 @@ class CompactDetector:
     Args:
         finder: network for the whole picture, as `onnx_network` gives it.
         close_look: network for one fruit, as `onnx_network` gives it.
-        options: of the search.
         scores: from the answers of both networks to the ratio of such detections that are fruit.
     """
 

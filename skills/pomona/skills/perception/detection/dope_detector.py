@@ -35,8 +35,6 @@ class DopeDetector:
         """Load a user's files for a fruit.
 
         Args:
-            files: of the user.
-            fruit: its name.
             dimensions: of its mesh [m].
 
         Raises:

@@ -45,7 +45,6 @@ class Match:
     Attributes:
         visibility, distance [m], size: of the fruit; size is its keypoint size [px].
         scene: kind of scene.
-        score: of the detection.
         corner: mean error of the eight corners [px].
         centroid: error of the centroid [px].
         direction: angle between the solved and the true direction to the centre [deg]; NaN without a pose.

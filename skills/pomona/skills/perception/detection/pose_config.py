@@ -87,7 +87,6 @@ def find_entry(path: Path, fruit: str, dimensions: NDArray[np.float64]) -> tuple
     """Read a config_pose.yaml and the fruit's entry in it: that of its name, or the only one.
 
     Args:
-        path: of the file.
         fruit: name.
         dimensions: of its mesh, (3,) [m].
 
