@@ -93,13 +93,19 @@ def test_a_tray_beside_the_table_is_no_table_and_one_that_hides_it_is() -> None:
     assert hidden.height == pytest.approx(0.03, abs=1e-3)
 
 
+@pytest.mark.parametrize("layer", [0.0, 0.06])
 @pytest.mark.parametrize("known_as", ["box", "hull"])
-def test_objects_of_the_cell_file_are_not_compared_with_the_table(known_as: str) -> None:
-    tray = plane_depth(T_BASE_CAMERA, TABLE_Z + 0.03)
+def test_objects_of_the_cell_file_and_fruit_in_them_are_not_compared_with_the_table(
+    known_as: str, layer: float
+) -> None:
+    tray = plane_depth(T_BASE_CAMERA, TABLE_Z + 0.03 + layer)
     corners = np.array([[x, y, z] for x in (-0.7, 0.7) for y in (-0.8, 0.4) for z in (TABLE_Z, TABLE_Z + 0.03)])
     box = Box("tray", transform(None, corners.mean(axis=0)), tuple((np.ptp(corners, axis=0) / 2.0).tolist()))
     known = {"obstacles": (box,)} if known_as == "box" else {"hulls": (Hull("tray", corners, np.eye(3)),)}
-    assert frame_view(a_frame(noisy(tray)), T_BASE_CAMERA, replace(WORKSPACE, **known)) is None  # type: ignore[arg-type]
+    workspace = replace(WORKSPACE, **known)  # type: ignore[arg-type]
+    assert should_show_table(a_frame(tray), T_BASE_CAMERA, WORKSPACE)
+    assert not should_show_table(a_frame(tray), T_BASE_CAMERA, workspace)
+    assert frame_view(a_frame(noisy(tray)), T_BASE_CAMERA, workspace) is None
 
 
 def test_a_pile_and_a_view_elsewhere_make_no_statement() -> None:

@@ -24,7 +24,9 @@ FARTHEST = 2.0  # depth beyond this is not used [m]: noise grows with its square
 LEAST_POINTS, LEAST_SHARE, LEAST_SPREAD = 300, 0.35, 0.04
 """A plane counts as the table with this number of points, this ratio of all points within reach, and this standard
 deviation of its points along its shorter side [m]."""
-AROUND = 0.02  # points this near to a fixed obstacle belong to it [m]: a crate's floor is about parallel to the table
+AROUND = 0.02
+"""Points this near to a fixed box, or above it, are not on the table [m]: a crate's floor is about parallel to it,
+and so is the layer of fruit in it."""
 DRAWS = 96  # triples of points that are tried; with a third of the points on the table one in 27 hits it
 
 
@@ -153,18 +155,23 @@ def _is_table(points: Float64, band: Float64, plane: Plane) -> bool:
 
 
 def frame_points(frame: Frame, T_base_camera: Float64, workspace: Workspace) -> Float64:
-    """Return the `depth_points` outside the cell's fixed obstacles, in the camera frame, shape (n, 3) [m]."""
+    """Return the `depth_points` beside the cell's fixed obstacles, in the camera frame, shape (n, 3) [m]."""
     assert frame.depth is not None
     points = depth_points(frame.depth, frame.intrinsics)
-    in_base = points @ T_base_camera[:3, :3].T + T_base_camera[:3, 3]
-    free = np.ones(len(points), np.bool_)
+    return points[_beside(points @ T_base_camera[:3, :3].T + T_base_camera[:3, 3], workspace)]
+
+
+def _beside(points: Float64, workspace: Workspace) -> NDArray[np.bool_]:
+    """Return which points of the base frame, shape (n, 3), are neither near a fixed obstacle nor above it, (n,)."""
+    beside = np.ones(len(points), np.bool_)
     for box in workspace.obstacles:
-        in_box = (in_base - box.T_base_box[:3, 3]) @ box.T_base_box[:3, :3]
-        free &= (np.abs(in_box) > np.array(box.half_extents) + AROUND).any(axis=1)
+        in_box = (points - box.T_base_box[:3, 3]) @ box.T_base_box[:3, :3]
+        in_box[:, 2] = np.minimum(in_box[:, 2], 0.0)  # boxes are turned about z only
+        beside &= (np.abs(in_box) > np.array(box.half_extents) + AROUND).any(axis=1)
     for hull in workspace.hulls:
         lower, upper = hull.points.min(axis=0) - AROUND, hull.points.max(axis=0) + AROUND
-        free &= ((in_base < lower) | (in_base > upper)).any(axis=1)
-    return points[free]
+        beside &= (points < lower).any(axis=1) | (points > upper)[:, :2].any(axis=1)
+    return beside
 
 
 def frame_view(frame: Frame, T_base_camera: Float64, workspace: Workspace) -> SeenTable | None:
@@ -185,6 +192,6 @@ def should_show_table(frame: Frame, T_base_camera: Float64, workspace: Workspace
     above, falling = float(T_base_camera[2, 3] - workspace.table_z), -(rays @ normal)
     hits = rays[falling > 1e-6] * (above / falling[falling > 1e-6])[:, None]
     hits = hits[(hits[:, 2] > 0.0) & (hits[:, 2] < FARTHEST)] @ T_base_camera[:3, :3].T + T_base_camera[:3, 3]
-    inside = ((hits >= workspace.lower) & (hits <= workspace.upper))[:, :2].all(axis=1)
+    inside = ((hits >= workspace.lower) & (hits <= workspace.upper))[:, :2].all(axis=1) & _beside(hits, workspace)
     # share of the image's rays that meet the table inside the workspace, where it should be seen
     return bool(inside.sum() >= 0.6 * len(rays))
