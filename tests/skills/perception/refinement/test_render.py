@@ -72,15 +72,20 @@ def test_the_picture_is_pyrenders_own(apple, camera):
         assert np.quantile(np.abs(depth - expected)[both], 0.99) < 1e-6
 
 
-def test_winding_does_not_matter(apple, camera):
+@pytest.mark.parametrize("using", RENDERERS)
+def test_winding_does_not_matter(apple, camera, using):
     """Neither of a closed mesh turned inside out, nor of an open one seen from behind."""
     T = transform(rot_x(0.4), (0.0, 0.0, 0.5))
-    outwards, _ = render_depth(apple, T, camera)
-    inwards, _ = render_depth(trimesh.Trimesh(apple.vertices, apple.faces[:, ::-1], process=False), T, camera)
+    outwards, _ = render_depth(apple, T, camera, using=using)
+    inwards, _ = render_depth(
+        trimesh.Trimesh(apple.vertices, apple.faces[:, ::-1], process=False), T, camera, using=using
+    )
     np.testing.assert_allclose(inwards, outwards, atol=1e-6)
     corners = np.array([[-0.1, -0.1, 0.0], [0.1, -0.1, 0.0], [0.1, 0.1, 0.0], [-0.1, 0.1, 0.0]])
     sheet = trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False)
-    seen = [render_depth(sheet, transform(rot_x(turn), (0.0, 0.0, 0.5)), camera)[0] for turn in (0.0, np.pi)]
+    seen = [
+        render_depth(sheet, transform(rot_x(turn), (0.0, 0.0, 0.5)), camera, using=using)[0] for turn in (0.0, np.pi)
+    ]
     assert np.count_nonzero(seen[0]) > 10_000
     np.testing.assert_allclose(seen[0], seen[1], atol=1e-6)
 
