@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pomona.executive.errors import UsageError
 from pomona.executive.values.findings import did_you_mean
-from pomona.executive.values.plain_text import exists, is_file, read_plain_text
+from pomona.executive.values.plain_text import exists, is_file, not_utf8, read_plain_text
 from pomona.executive.values.shipped import installed_trees
 
 
@@ -35,7 +35,7 @@ def read_text(path: Path) -> str:
     except UnicodeDecodeError as error:
         before = error.object[: error.start]
         place = f"{path}:{before.count(10) + 1}:{len(before) - before.rfind(10)}"
-        raise UsageError(f"{place}: not a text file (byte {error.start} is not UTF-8)") from error
+        raise UsageError(f"{place}: not a text file ({not_utf8(error)})") from error
     except OSError as error:
         raise UsageError(f"{path}: {error.strerror}") from error
 

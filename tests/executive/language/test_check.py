@@ -287,7 +287,7 @@ class TestEverythingIsWrittenBeforeItIsRead:
             'root: {look: {detection: "{d}"}}\nsubtrees:\n  look:\n    out: {detection: detection}\n'
             f"    root:\n      fallback:\n        - {DETECT}\n        - MoveTo: {{pose: home}}\n"
         )
-        assert "may succeed without having written" in findings_of(body)[1].message
+        assert "may succeed without having written" in findings_of(body)[0].message
 
     def test_outputs_of_subtrees_have_their_declared_type(self, findings_of):
         body = (

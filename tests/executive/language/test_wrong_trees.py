@@ -721,6 +721,69 @@ root:
 """,
         "5:10: error[expression-type]: '>' compares numbers, this is a text; write \"{n}\" to read a port",
     ),
+    "subtrees_alone": WrongTree(
+        """\
+pomona: 1
+tree: t
+subtrees:
+  look: {root: {wait: 1 s}}
+""",
+        "1:1: error[missing-key]: the file has no 'root'; write 'root:' and the first node under it",
+    ),
+    "empty": WrongTree("", "1:1: error[empty]: the file is empty, a tree file is a mapping; begin it with 'pomona: 1'"),
+    "curved_quotes": WrongTree(
+        """\
+pomona: 1
+tree: t
+root:
+  - Detect: {fruit: apple, detection: \u201c{d}\u201d}
+""",
+        '4:40: error[yaml]: curved quotes do not quote in YAML; write straight ones: "{name}"',
+    ),
+    "decimal_comma": WrongTree(
+        """\
+pomona: 1
+tree: t
+root:
+  wait: 1,5 s
+""",
+        "4:9: error[value]: wait: '1,5 s' is not a time: write '1.5 s', with a point",
+    ),
+    "speed_in_percent": WrongTree(
+        """\
+pomona: 1
+tree: t
+root:
+  MoveTo: {pose: observe}
+  speed: 50
+""",
+        "5:10: error[range]: speed is at most 1, 50 is above; write '50 %'",
+    ),
+    "field_without_braces": WrongTree(
+        """\
+pomona: 1
+tree: t
+root:
+  sequence:
+    - Detect: {fruit: apple, detection: "{d}"}
+    - wait: 1 s
+      when: "d.score > 0.5"
+""",
+        "7:14: error[unknown-field]: a text has no field 'score'; write \"{d.score}\" to read a port",
+    ),
+    "error_before_warning": WrongTree(
+        """\
+pomona: 1
+tree: t
+root:
+  fallback:
+    - Detect: {fruit: apple, detection: "{d}"}
+    - wait: 1 s
+      when: failure.code == NOTHING_FOUDN
+""",
+        "7:29: error[unknown-code]: Detect cannot fail with NOTHING_FOUDN; did you mean 'NOTHING_FOUND'?",
+        is_mended=True,
+    ),
 }
 
 
@@ -776,3 +839,10 @@ def test_a_tree_for_another_cell_is_checked_but_for_poses_and_fruit(capsys: pyte
     told = capsys.readouterr().out
     assert "warning[no-device]: poses and fruit are not checked on the cell 'sim'" in told
     assert "--cell" in told
+
+
+def test_a_file_in_utf_16_is_named_as_such(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "t.yaml"
+    path.write_bytes("pomona: 1\n".encode("utf-16"))
+    assert main(["check", str(path)]) == 2
+    assert "it is UTF-16; save it as UTF-8" in capsys.readouterr().err

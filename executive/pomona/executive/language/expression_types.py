@@ -100,7 +100,10 @@ def _field(expression: Member, scope: TypeScope) -> ValueType:
         return ANY
     if expression.name not in fields:
         known = _told(fields)
-        hint = did_you_mean(expression.name, fields) or (f"it has {known}" if known else "")
+        hint = did_you_mean(expression.name, fields)
+        if isinstance(expression.of, Constant) and expression.of.symbol:
+            hint = f'write "{{{expression.of.value}.{expression.name}}}" to read a port'
+        hint = hint or (f"it has {known}" if known else "")
         scope.report(expression, "unknown-field", f"{describe(of)} has no field '{expression.name}'", hint)
         return ANY
     return fields[expression.name]

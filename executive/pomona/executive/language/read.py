@@ -12,7 +12,7 @@ from pomona.executive.language.model import Declared, Definition, Document, Tree
 from pomona.executive.language.read_node import NodeReader, is_word
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.values.findings import Edit, Finding, Findings, Source, Spot, few_hints
-from pomona.executive.values.plain_text import read_plain_text
+from pomona.executive.values.plain_text import not_utf8, read_plain_text
 from pomona.executive.values.shape import ShapeCheck
 from pomona.executive.values.yaml_errors import moved
 from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar, read_yaml
@@ -56,7 +56,7 @@ def _load(path: Path, shown: str, findings: Findings, where: YamlNode | None = N
     try:
         return read_plain_text(path)
     except UnicodeDecodeError as error:
-        problem = f"it is not UTF-8 text (byte {error.start})"
+        problem = f"no text file ({not_utf8(error)})"
     except (OSError, ValueError) as error:
         problem = (getattr(error, "strerror", None) or str(error)).lower()
     message = f"{shown} cannot be read: {problem}"
@@ -134,7 +134,9 @@ class _Reader:
         self.read_subtrees(shape, top, file, resolved.parent)
         root_node = top.get("root")
         if root_node is None and not nodes_as_name and not rootless:
-            self.findings.error(_start(top), "missing-key", "the file has no 'root': nothing would run")
+            self.findings.error(
+                _start(top), "missing-key", "the file has no 'root'", "write 'root:' and the first node under it"
+            )
         elif root_node is not None:
             main.root = self.nodes(file).node(root_node)
         for subtree in file.subtrees.values():

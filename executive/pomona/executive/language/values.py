@@ -187,7 +187,9 @@ class ValueReader:
         """Return whether a value is in a port's range; report one that is not."""
         problem = out_of_range(value, port)
         if problem:
-            self.findings.error(where, "range", f"{who} {problem}")
+            is_percent = isinstance(port.type, Quantity) and port.type.bare and isinstance(value, (int, float))
+            hint = f"write '{value:g} %'" if is_percent and not out_of_range(value / 100, port) else ""
+            self.findings.error(where, "range", f"{who} {problem}", hint)
         return not problem
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from pomona.executive.values.findings import Finding, Findings, Source, did_you_mean
 from pomona.executive.values.kinds import Schema
-from pomona.executive.values.plain_text import is_file, read_plain_text
+from pomona.executive.values.plain_text import is_file, not_utf8, read_plain_text
 from pomona.executive.values.reading import Reader, Refused
 from pomona.executive.values.shape import shape_of
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar, read_yaml
@@ -131,7 +131,7 @@ class _Opener:
         try:
             text = self.texts[str(path)] if str(path) in self.texts else read_plain_text(path)
         except UnicodeDecodeError as error:
-            problem = f"is no text file (byte {error.start} is not UTF-8)"
+            problem = f"is no text file ({not_utf8(error)})"
         except (OSError, ValueError) as error:
             problem = f"cannot be read: {getattr(error, 'strerror', None) or error}"
         else:

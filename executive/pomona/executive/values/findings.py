@@ -173,8 +173,8 @@ class Findings:
         self.add(Finding(source.path, line, column, severity, code, message, str(hint), excerpt, length, tuple(edits)))
 
     def sorted(self) -> list[Finding]:
-        """In reading order; findings without a line (a file that cannot be opened, `--set`) come first."""
-        return sorted(self._found.values(), key=lambda f: (f.path, f.line, f.column, f.severity, f.code))
+        """Errors before warnings, in reading order; without a line (a file that cannot be opened, `--set`) first."""
+        return sorted(self._found.values(), key=lambda f: (f.path, f.severity, f.line, f.column, f.code))
 
     @property
     def errors(self) -> bool:

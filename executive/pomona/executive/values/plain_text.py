@@ -25,6 +25,13 @@ def read_plain_text(path: Path, most: int = MOST_BYTES) -> str:
         return stream.read(most)
 
 
+def not_utf8(error: UnicodeDecodeError) -> str:
+    """Return the reason why a file is no text, and the remedy."""
+    if error.object.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "it is UTF-16; save it as UTF-8"
+    return f"byte {error.start} is not UTF-8"
+
+
 def is_file(path: Path) -> bool:
     """Return True if there is such a file, or a link to one; False for an impossible name."""
     try:

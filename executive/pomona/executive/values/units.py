@@ -62,6 +62,8 @@ class Quantity:
         written = split_unit(text)
         if written is None:
             how = "a number or a percentage" if self.bare else f"a number and a unit, such as '1 {self.si_unit}'"
+            if split_unit(text.replace(",", ".", 1)) is not None:
+                how = f"'{text.strip().replace(',', '.', 1)}', with a point"
             raise ValueError(f"'{text}' is not {with_article(self.name)}: write {how}")
         unit = written[1] or ("1" if self.bare else "")
         if not unit:

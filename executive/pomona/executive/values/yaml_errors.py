@@ -60,9 +60,12 @@ def report_unreadable(source: Source, error: Any, findings: Findings, modifiers:
     context = f"{error.context}, " if error.context else ""
     hint = 'values with braces, colons or # stand in quotes: "{name}"' if "{" in source.excerpt(line) else ""
     problem = f"not YAML: {context}{error.problem or 'cannot be read'}"
+    if _CURVED & set(source.excerpt(line)):
+        problem, hint = "curved quotes do not quote in YAML", 'write straight ones: "{name}"'
     findings.error(Spot(source, line, column), "yaml", problem, hint)
 
 
+_CURVED = frozenset("\u201c\u201d\u201e\u2018\u2019")
 _Found = tuple[Spot, str, list[Edit]]
 
 

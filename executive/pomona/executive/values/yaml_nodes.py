@@ -128,7 +128,8 @@ class Composer:
         get()  # stream start
         event = get()
         if isinstance(event, yaml.StreamEndEvent):
-            self.findings.error(self._scalar_at(event), "empty", f"the file is empty, {self.what} is a mapping")
+            hint = "begin it with 'pomona: 1'"
+            self.findings.error(self._scalar_at(event), "empty", f"the file is empty, {self.what} is a mapping", hint)
             return None
         root = self.node(get(), 0)
         get()  # document end
