@@ -11,7 +11,6 @@ from pomona.drivers.interfaces import Arm, Cameras, Gripper, Motion, MotionState
 from pomona.executive.skill import Skill
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.planning.arm_space import arm_space
-from pomona.skills.motion.planning.timing import stretched
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.shared.live_watch import KnownAround, LiveWatch
 
@@ -89,9 +88,9 @@ class MovingSkill(Skill):
         eyes = None if around is None else LiveWatch.of(self, arm, trajectory, around)
         if eyes is not None:
             eyes.check_cameras()
-            if (pace := eyes.pace()) < 1.0:
-                trajectory = stretched(trajectory, 1.0 / pace)
-                yield f"at {pace:.0%} of the speed: an unmapped object stands near the path"
+            if (slower := eyes.slowed()) is not None:
+                trajectory = slower
+                yield "slower, beside an unmapped object; if it always stands there, add it to the cell file"
 
         def start() -> Motion:
             motion = arm.follow(trajectory)

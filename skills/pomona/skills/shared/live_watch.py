@@ -106,24 +106,23 @@ class LiveWatch:
             if frame is not None and abs(self._skill.clock.now() - frame.stamp) < TOO_OLD:
                 require_sound_pose(self._skill, frame, pose_of_camera(frame, self._robot), self._workspace)
 
-    def pace(self) -> float:
-        """Return the share of the path's pace at which the motion is safe beside unmapped objects; watch at that pace.
+    def slowed(self) -> Trajectory | None:
+        """Return the path, slower where unmapped objects that stand now could meet the moving arm; None if as before.
 
-        Objects that stand in the cameras' newest frames may set off when the arm does: see `PathWatch.slowed`.
+        The objects of the cameras' newest frames may set off when the arm does: see `PathWatch.slowed`.
         """
         seen = [np.empty((0, 3))]
-        q = self._arm.state().q
         for number, camera in enumerate(self._cameras):
             frame = _newest(camera)
             if frame is None or frame.depth is None or not frame.placed:
                 continue
             if abs(self._skill.clock.now() - frame.stamp) < TOO_OLD:
-                T_base_camera = pose_of_camera(frame, self._robot)
-                posture = q if frame.q is None else frame.q
-                seen.append(self._watch.standing(frame, T_base_camera, posture, number))
-        share, self._watch = self._watch.slowed(np.concatenate(seen))
-        self._duration /= share
-        return share
+                q = self._arm.state().q if frame.q is None else frame.q
+                seen.append(self._watch.standing(frame, pose_of_camera(frame, self._robot), q, number))
+        slower = self._watch.slowed(np.concatenate(seen))
+        if slower is not None:
+            self._watch, self._duration = self._watch.on(slower), slower.duration
+        return slower
 
     def begin(self, motion: Motion) -> None:
         """The motion has been started."""

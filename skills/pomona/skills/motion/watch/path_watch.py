@@ -11,13 +11,17 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
+from pomona.drivers.errors import BadTrajectory
 from pomona.drivers.interfaces import ArmLimits, Frame, PathWatchSettings, Trajectory, Workspace
 from pomona.drivers.path_follower import PathFollower
+from pomona.drivers.trajectory import check_trajectory
 from pomona.executive.values.arrays import Float64, UInt8
 from pomona.skills.motion.collision import Convex, RobotShape
 from pomona.skills.motion.collision.world import standing
@@ -36,6 +40,7 @@ MOST = 4096  # new cells of one frame that are looked at: 1.6 m² of surface
 UNNOTICED = 2.0 * np.sqrt(3.0) * CELL
 FRAME_INTERVAL = 0.04  # longest time between two frames for which the pace is safe [s]
 PACES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.125)  # tried in this order; the last one is taken in any case
+STEP = 0.05  # of the path's time, at which paces are chosen [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,11 +82,9 @@ class PathWatch:
         map: OccupancyMap | None = None,
         known: Sequence[Convex] = (),
     ) -> None:
-        self._how = workspace.watch or PathWatchSettings()
-        self._shape, self.width, self._braking = shape, width, Braking(trajectory, limits)
-        # Postures of the rest of a path are looked at so far apart [s]; the fastest joint moves by 0.12 rad meanwhile
-        self._times = np.append(np.arange(0.0, trajectory.duration, 0.02), trajectory.duration)
-        self._Q = np.column_stack([np.interp(self._times, trajectory.t, q) for q in trajectory.q.T])
+        self._how, self._limits = workspace.watch or PathWatchSettings(), limits
+        self._shape, self.width = shape, width
+        self._follow(trajectory)
         floor = -np.inf if workspace.table_z is None else workspace.table_z
         # height above the table below which everything is the table's [m]
         self._lowest = float(max(floor + 0.02, workspace.lower[2]))
@@ -93,6 +96,12 @@ class PathWatch:
         self._area = np.zeros((nx, ny, nz), np.float32)
         self._touched = np.empty(nx * ny * nz, np.int64)
         self._found, self._moved = np.empty((MOST, 3)), np.empty(MOST, np.bool_)
+
+    def _follow(self, trajectory: Trajectory) -> None:
+        self._trajectory, self._braking = trajectory, Braking(trajectory, self._limits)
+        # Postures of the rest of a path are looked at so far apart [s]; the fastest joint moves by 0.12 rad meanwhile
+        self._times = np.append(np.arange(0.0, trajectory.duration, 0.02), trajectory.duration)
+        self._Q = np.column_stack([np.interp(self._times, trajectory.t, q) for q in trajectory.q.T])
 
     def look(
         self, frame: Frame, T_base_camera: Float64, q: Float64, age: float, path_time: float, camera: int = 0
@@ -136,39 +145,47 @@ class PathWatch:
         """Note a frame from before the motion; return the cells that are occupied and not known, shape (n, 3) [m]."""
         return self._found[: self._new_cells(frame, T_base_camera, q, camera)].copy()
 
-    def slowed(self, points: Float64) -> tuple[float, PathWatch]:
-        """Return the largest pace at which no standing object can meet the moving arm, and the watch at that pace.
+    def slowed(self, points: Float64) -> Trajectory | None:
+        """Return the path, slower where a standing object could meet the moving arm; None if it can stay as it is.
 
-        At any time of the path the arm rests before an object could come from one of the points to a posture that is
-        passed until then: distance > near + UNNOTICED + speed · (FRAME_INTERVAL + delay + braking time).
+        At any time the arm rests before an object could come from one of the points to a posture that is passed until
+        then: distance > near + UNNOTICED + speed · (FRAME_INTERVAL + delay + braking time). Where no pace fulfils this,
+        the last of `PACES` is taken.
 
         Args:
             points: of objects that may set off when the arm does, shape (n, 3) [m].
         """
-        paced = self
-        for pace in PACES:
-            paced = self if pace == 1.0 else self._at(pace)
-            if not len(points) or paced._rests_in_time(points):
-                break
-        return pace, paced
+        if not len(points):
+            return None
+        times = np.arange(0.0, self._times[-1], STEP)
+        paces = np.array([self._pace(points, float(t)) for t in times])
+        if np.all(paces == 1.0):
+            return None
+        window = 0.2  # of the path's time in which the pace changes [s]
+        while window < 4.0 * self._times[-1]:
+            slower = _at_paces(self._trajectory, times, paces, window)
+            with suppress(BadTrajectory):  # the change of pace adds to the path's own accelerations and jerks
+                check_trajectory(slower, self._limits)
+                return slower
+            window *= 1.5
+        return _at_paces(self._trajectory, times, np.full(len(times), paces.min()), window)
 
-    def _at(self, pace: float) -> PathWatch:
-        """Return the same watch of the same path, followed at a share of its pace."""
+    def on(self, trajectory: Trajectory) -> PathWatch:
+        """Return the same watch, with what the cameras have shown, of the same path with other times."""
         other = copy.copy(self)
-        other._braking = self._braking.at(pace)
-        other._times = self._times / pace
+        other._follow(trajectory)
         return other
 
-    def _rests_in_time(self, points: Float64) -> bool:
+    def _pace(self, points: Float64, path_time: float) -> float:
+        """Return the largest of `PACES` at which the arm rests in time from here, else the last."""
         how = self._how
-        for path_time in np.arange(0.0, self._times[-1], 0.1):
-            stopping = FRAME_INTERVAL + how.delay + self._braking.time(float(path_time))
+        for pace in PACES:
+            stopping = FRAME_INTERVAL + how.delay + self._braking.time(path_time, pace)
             first = max(int(np.searchsorted(self._times, path_time, side="right")) - 1, 0)
-            last = max(int(np.searchsorted(self._times, path_time + stopping)) + 1, first + 1)
-            allowed = how.near + UNNOTICED + how.speed * stopping
-            if self._nearest(points, first, last, allowed, float(path_time)) is not None:
-                return False
-        return True
+            last = max(int(np.searchsorted(self._times, path_time + pace * stopping)) + 1, first + 1)
+            if self._nearest(points, first, last, how.near + UNNOTICED + how.speed * stopping, path_time) is None:
+                break
+        return pace
 
     def _new_cells(self, frame: Frame, T_base_camera: Float64, q: Float64, camera: int) -> int:
         if frame.depth is None:
@@ -236,23 +253,34 @@ class PathWatch:
         return marked
 
 
+def _at_paces(path: Trajectory, times: Float64, paces: Float64, window: float) -> Trajectory:
+    """Return the path, nowhere faster than the paces at its times; these change within a window [s]."""
+    grid = np.arange(-window, path.duration + window, PERIOD)
+    wanted = paces[np.clip(np.searchsorted(times, grid, side="right") - 1, 0, len(paces) - 1)]
+    half = max(int(window / PERIOD) // 2, 1)
+    lowest = minimum_filter1d(wanted, 2 * half + 1, mode="nearest")  # so the means are slow enough everywhere
+    smooth = uniform_filter1d(uniform_filter1d(lowest, half + 1, mode="nearest"), half + 1, mode="nearest")
+    rate = np.interp(path.t, grid, smooth)
+    change = np.interp(path.t, grid, np.gradient(smooth, PERIOD))
+    t = np.append(0.0, np.cumsum(np.diff(path.t) * 0.5 * (1.0 / rate[1:] + 1.0 / rate[:-1])))
+    rates = rate[:, None]
+    return Trajectory(t, path.q, path.qd * rates, path.qdd * rates**2 + path.qd * (rate * change)[:, None])
+
+
 class Braking:
-    """How long the arm brakes, at any time of a trajectory that it follows at its pace or at a share of it."""
+    """How long the arm brakes, at any time of a trajectory."""
 
     def __init__(self, trajectory: Trajectory, limits: ArmLimits) -> None:
-        self._follower, self._pace = PathFollower(trajectory, limits, PERIOD), 1.0
+        self._follower = PathFollower(trajectory, limits, PERIOD)
 
-    def at(self, pace: float) -> Braking:
-        """Return the braking of the same path, followed at a share of its pace."""
-        other = copy.copy(self)
-        other._follower, other._pace = copy.copy(self._follower), pace
-        other._follower.rate = pace
-        return other
+    def time(self, t: float, pace: float = 1.0) -> float:
+        """Return seconds from the order to stop at time `t` [s] of the trajectory until the arm rests on its path.
 
-    def time(self, t: float) -> float:
-        """Return seconds from the order to stop at time `t` [s] of the trajectory until the arm rests on its path."""
+        Args:
+            pace: share of the trajectory's pace at which the arm follows it there.
+        """
         follower = copy.copy(self._follower)  # the path itself is only read
-        follower.path_time = t * self._pace
+        follower.path_time, follower.rate = t, pace
         follower.slow_down()
         steps = 0
         while not follower.at_rest:
