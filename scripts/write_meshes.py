@@ -6,7 +6,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from pomona.skills.perception.fruit.apple_mesh import apple_mesh, revolved_body, stem_mesh
+from pomona.skills.perception.fruit.apple_mesh import apple_mesh, fit_to_cuboid, revolution_faces, stem_mesh
 from pomona.skills.perception.fruit.catalogue import CATALOGUE
 
 AROUND, RINGS = 64, 40  # corners of a ring, and rings between the poles
@@ -28,7 +28,12 @@ def lemon_mesh() -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     neck = 0.07 * np.exp(-((polar / 0.22) ** 2))
     height = np.cos(polar) * 0.86 + neck - nipple
     body[[0, -1]] = 0.0
-    return revolved_body(body, height, LEMON_DIMENSIONS, AROUND)
+    angle = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
+    x, z = body[1:-1, None] * np.cos(angle), body[1:-1, None] * np.sin(angle)
+    y = -np.broadcast_to(height[1:-1, None], x.shape)
+    poles = np.array([[0.0, -height[0], 0.0], [0.0, -height[-1], 0.0]])
+    vertices = np.vstack([poles[:1], np.stack([x, y, z], axis=-1).reshape(-1, 3), poles[1:]])
+    return fit_to_cuboid(vertices, LEMON_DIMENSIONS), revolution_faces(AROUND, RINGS)
 
 
 if __name__ == "__main__":

@@ -65,7 +65,6 @@ __all__ = [
     "Stiffness",
     "Time",
     "Torque",
-    "optional",
     "type_name",
 ]
 
@@ -203,8 +202,3 @@ class Outputs:
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         dataclass(frozen=True)(cls)
-
-
-def optional(port_type: PortType, help: str = "") -> Port:
-    """Return a port that may stay unwired; the skill then gets None."""
-    return Port(port_type, default=None, help=help)

@@ -150,6 +150,3 @@ class ProgressView:
     what: str
     number: int
     of: int
-
-
-View = ImageView | SceneView | BodiesView | PosesView | SeriesView | TableView | ProgressView

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pomona.executive.language import BuiltTree, Finding, build, check, read
-from pomona.executive.ports import LENGTH, TIME, Port, Ports, optional
+from pomona.executive.ports import LENGTH, TIME, Port, Ports
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill, Work
 from pomona.executive.skill_testing import BenchContext
@@ -124,7 +124,7 @@ class SampleGrasp(Scripted):
     inputs = Ports(
         around=FruitPose,
         radius=Port(LENGTH, default="120 mm", min="20 mm", max="1 m"),
-        tried=optional(Grasp),
+        tried=Port(Grasp, default=None),
     )
     outputs = Ports(candidates=Candidates)
     failures = ("NO_CANDIDATE",)
@@ -205,9 +205,9 @@ class Aim(Skill):
 
     inputs = Ports(
         pose=Port(np.ndarray, default=None),
-        grasp=optional(Grasp),
+        grasp=Port(Grasp, default=None),
         share=Port(Port(float).type, default=0.5),
-        hold=optional(Hold),
+        hold=Port(Hold, default=None),
     )
     failures = ("OUT_OF_REACH",)
 

@@ -21,7 +21,7 @@ SOURCE = '''
 from dataclasses import dataclass
 from enum import Enum
 import numpy as np
-from pomona.executive.ports import LENGTH, Port, Ports, optional
+from pomona.executive.ports import LENGTH, Port, Ports
 from pomona.executive.skill import Skill
 
 class Arm: pass
@@ -51,7 +51,7 @@ class Narrow(Outer):
 class Give(Skill):
     """Gives."""
     inputs = Ports(
-        far=Port(LENGTH, default="1 cm", max="1 m"), mood=Port(Mood, default=Mood.CALM), inner=optional(Inner)
+        far=Port(LENGTH, default="1 cm", max="1 m"), mood=Port(Mood, default=Mood.CALM), inner=Port(Inner, default=None)
     )
     outputs = Ports(narrow=Narrow)
     devices = (Arm,)

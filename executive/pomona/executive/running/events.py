@@ -102,7 +102,7 @@ class PortWritten(Event):
 
 @dataclass(frozen=True, slots=True)
 class Published(Event):
-    """A skill shows something: usually a `pomona.executive.views.View`."""
+    """A skill shows something: usually one of `pomona.executive.views`."""
 
     node: str
     topic: str

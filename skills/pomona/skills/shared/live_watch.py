@@ -6,7 +6,6 @@ from collections import deque
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
@@ -44,8 +43,6 @@ BLOCKED = "PATH_BLOCKED"  # failure code of a motion that was stopped by an obst
 
 WATCH_FAILURES = (BLOCKED, *MISMATCHES)  # of watched motions: an obstacle, or a camera with implausible frames
 TOO_OLD = 0.3  # age from which a frame is stale [s]; a camera that sends no others is lost, which its driver reports
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)

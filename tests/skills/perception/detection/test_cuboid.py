@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from pomona.skills.perception.detection.cuboid import MIRRORED, CuboidConvention, cuboid_keypoints
+from pomona.skills.perception.detection.cuboid import CuboidConvention, cuboid_keypoints
+
+MIRRORED = (1, 0, 3, 2, 5, 4, 7, 6, 8)  # keypoint of each in the mirrored picture (CAMERA convention)
 
 
 def test_camera_convention_has_dopes_vertex_order() -> None:

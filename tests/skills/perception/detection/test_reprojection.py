@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from pomona.skills.perception.detection.cuboid import cuboid_keypoints
-from pomona.skills.perception.detection.reprojection import linearise, refine_pose, warm_up
+from pomona.skills.perception.detection.reprojection import linearise, refine_pose
 
 K = np.array([[610.0, 0.0, 317.0], [0.0, 605.0, 238.0], [0.0, 0.0, 1.0]])
 MODEL = cuboid_keypoints(np.array([0.08, 0.07, 0.08]))
@@ -33,7 +33,7 @@ def moved(R: np.ndarray, t: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, n
 @pytest.fixture(scope="module", autouse=True)
 def _compiled() -> None:
     """Else the first example of the first property would be slower than hypothesis allows."""
-    warm_up()
+    refine_pose(np.eye(3), np.array([0.0, 0.0, 1.0]), np.eye(4, 3), np.zeros((4, 2)), np.eye(3), np.ones(8))
 
 
 @given(st.integers(0, 10_000))

@@ -11,7 +11,6 @@ import pytest
 import torch
 
 from pomona.skills.perception.detection.compact_network import CloseLookNetwork
-from pomona.skills.perception.detection.cuboid import MIRRORED
 from pomona.skills.perception.detection.errors import BadAnnotation, BadTraining
 from pomona.skills.perception.detection.finder_network import FinderNetwork
 from pomona.skills.perception.detection.outputs import HEAT, QUALITY, REACHES
@@ -28,6 +27,8 @@ from pomona.skills.perception.training.places import find_places, load_places, s
 from pomona.skills.perception.training.samples import CloseLookBatches, FrameFolder
 from pomona.skills.perception.training.targets import finder_targets
 from pomona.skills.perception.training.train import Part, TrainingRun, train_part
+
+MIRRORED = (1, 0, 3, 2, 5, 4, 7, 6, 8)  # keypoint of each in the mirrored picture (CAMERA convention)
 
 pytestmark = pytest.mark.slow
 

@@ -40,8 +40,6 @@ R_MESH_DOPE = {
 }
 """Rotation from DOPE's axes to the mesh's axes, per convention."""
 
-MIRRORED = (1, 0, 3, 2, 5, 4, 7, 6, 8)  # keypoint of each in the mirrored picture (CAMERA convention)
-
 
 def cuboid_keypoints(
     dimensions: ArrayLike, convention: CuboidConvention = CuboidConvention.CAMERA

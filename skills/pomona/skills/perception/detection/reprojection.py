@@ -110,8 +110,3 @@ def _exp(w: Float64) -> Float64:
     W = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
     rotation: Float64 = np.eye(3) + s * W + c * (W @ W)
     return rotation
-
-
-def warm_up() -> None:
-    """Compile before a run's clock starts; the compiled code is kept on disk."""
-    refine_pose(np.eye(3), np.array([0.0, 0.0, 1.0]), np.eye(4, 3), np.zeros((4, 2)), np.eye(3), np.ones(8))

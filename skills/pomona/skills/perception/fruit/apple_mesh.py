@@ -75,7 +75,7 @@ def apple_mesh(
         [[shape.lean[0] * h, -h, shape.lean[1] * h] for h in (height[0], height[-1])],
     )
     vertices = np.vstack([poles[:1], np.stack([x, y, z], axis=-1).reshape(-1, 3), poles[1:]])
-    return _fit(vertices, dimensions), _revolution_faces(around, rings)
+    return fit_to_cuboid(vertices, dimensions), revolution_faces(around, rings)
 
 
 def stem_mesh(
@@ -97,23 +97,7 @@ def stem_mesh(
     body = np.stack([x, y, z], axis=-1)[::-1]
     top, bottom = body[0].mean(axis=0), body[-1].mean(axis=0)
     vertices = np.vstack([top[None], body.reshape(-1, 3), bottom[None]])
-    return vertices, _revolution_faces(around, rings)
-
-
-def revolved_body(
-    radius: NDArray[np.float64], height: NDArray[np.float64], dimensions: tuple[float, float, float], around: int
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Turn an outline (radius, height) about the stem axis and stretch it to a cuboid (d_x, d_y, d_z) [m].
-
-    The outline goes from the stem's pole to the opposite one, where the radius is 0; `around` vertices lie on a ring.
-    Returns vertices (n, 3) [m] and faces (m, 3).
-    """
-    angle = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)
-    x, z = radius[1:-1, None] * np.cos(angle), radius[1:-1, None] * np.sin(angle)
-    y = -np.broadcast_to(height[1:-1, None], x.shape)
-    poles = np.array([[0.0, -height[0], 0.0], [0.0, -height[-1], 0.0]])
-    vertices = np.vstack([poles[:1], np.stack([x, y, z], axis=-1).reshape(-1, 3), poles[1:]])
-    return _fit(vertices, dimensions), _revolution_faces(around, len(radius) - 2)
+    return vertices, revolution_faces(around, rings)
 
 
 def _outline(shape: AppleShape, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -136,13 +120,14 @@ def _outline(shape: AppleShape, count: int) -> tuple[NDArray[np.float64], NDArra
     return sampled_radius, sampled_height
 
 
-def _fit(vertices: NDArray[np.float64], dimensions: tuple[float, float, float]) -> NDArray[np.float64]:
+def fit_to_cuboid(vertices: NDArray[np.float64], dimensions: tuple[float, float, float]) -> NDArray[np.float64]:
+    """Move and stretch vertices, (n, 3), so that they fill a cuboid (d_x, d_y, d_z) [m] about the origin."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     fitted: NDArray[np.float64] = (vertices - 0.5 * (low + high)) * (np.asarray(dimensions) / (high - low))
     return fitted
 
 
-def _revolution_faces(around: int, rings: int) -> NDArray[np.int32]:
+def revolution_faces(around: int, rings: int) -> NDArray[np.int32]:
     """Faces of pole, rings, pole in this order; outwards when ring angle runs from x to z and rings run along +y."""
     ring = 1 + np.arange(rings)[:, None] * around
     here, following = np.arange(around), (np.arange(around) + 1) % around
