@@ -21,7 +21,7 @@ from pomona.skills.perception.refinement.cloud import Cloud
 from pomona.skills.perception.refinement.depth_image import Triangles
 from pomona.skills.perception.refinement.form import Form
 from pomona.skills.perception.refinement.points_to_surface import PARAMETERS, PlacedForm, Points
-from pomona.skills.perception.refinement.shape_steps import Expected, Support, contact, step_until_still
+from pomona.skills.perception.refinement.shape_steps import ShapePriors, Support, contact, step_until_still
 from pomona.skills.perception.refinement.support_plane import Plane
 from pomona.skills.perception.refinement.surface import surface_of
 
@@ -123,10 +123,10 @@ _LIKENESS[6, 5:8] = -0.5, 1.0, -0.5
 _LIKENESS[7, 5:8] = 1.0, 0.0, -1.0
 
 
-def _expected(start: PlacedForm, form: Form, priors: Priors) -> Expected:
+def _expected(start: PlacedForm, form: Form, priors: Priors) -> ShapePriors:
     turn = RIGID.turn if form.nearly_round else priors.turn
     round_ratio = -math.log(form.radius[0] / form.radius[1]) if form.nearly_round and priors is not RIGID else 0.0
     deviations = [*[priors.place] * 3, *[priors.tilt] * 2, priors.size, priors.aspect, priors.roundness]
     weighted = _LIKENESS / np.array([*deviations, priors.lean, priors.lean, turn])[:, None] ** 2
     likeness = _LIKENESS.T @ weighted
-    return Expected(start, weighted, likeness, priors.proportion, round_ratio, priors.texture)
+    return ShapePriors(start, weighted, likeness, priors.proportion, round_ratio, priors.texture)

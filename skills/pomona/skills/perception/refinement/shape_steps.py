@@ -25,7 +25,7 @@ _PATCHES = 80.0  # number of independently deviating parts of the visible surfac
 _STILL_PLACE, _STILL_FORM = 5e-5, 5e-4  # steps [m], and [rad] or relative, below which the fit has ended
 
 
-class Expected(NamedTuple):
+class ShapePriors(NamedTuple):
     """Priors of the kind, of the detection and of the uniform scale."""
 
     start: PlacedForm
@@ -94,7 +94,7 @@ def contact(vertices: Float64, placed: PlacedForm, support: Support) -> tuple[fl
 
 
 @njit(cache=True, nogil=True)
-def _unlikeness(expected: Expected, placed: PlacedForm) -> Float64:
+def _unlikeness(expected: ShapePriors, placed: PlacedForm) -> Float64:
     """Expected changes along the prior directions, shape (11,)."""
     start, values = expected.start, np.empty(PARAMETERS)
     axis, facing = np.zeros(3), np.zeros(3)  # the detected axes as the present object sees them
@@ -140,12 +140,12 @@ def step_until_still(
     samples: Samples,
     placed: PlacedForm,
     nearest: NDArray[np.int64],
-    expected: Expected,
+    expected: ShapePriors,
     support: Support,
     bands: Float64,
 ) -> tuple[Float64, float]:
-    """Step until nothing moves; changes `placed` and `nearest`. Return the last equations, H, and the ratio of points
-    that count.
+    """Step until nothing moves; changes `placed` and `nearest`. Return the last matrix H, shape (11, 11), and the ratio
+    of points that count.
 
     Args:
         bands: half-width of the band about the surface in which points count, for each step at most [m]; the last
