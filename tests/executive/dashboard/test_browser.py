@@ -17,6 +17,7 @@ from pomona.executive.dashboard import record_messages
 from pomona.executive.dashboard.choices import Choices
 from pomona.executive.reasons import Reason
 from pomona.executive.recording import overview as thinning, recorder as recording
+from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.recording.read import read_events
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.running.events import (
@@ -206,6 +207,31 @@ def test_a_failed_record_opens_at_its_failure_in_every_panel(show: Show, open_pa
     expect(page.locator("#timeline")).to_have_attribute("aria-valuenow", "0.6")
     expect(page.locator("#shown")).to_have_text(re.compile(r"^0\.6 s of 0\.9 s$"))
     expect(page.locator("#node .status")).to_contain_text("✗ failure")
+
+
+def test_records_without_an_end_or_damaged_are_called_so(show: Show, open_page: Open) -> None:
+    show.record(HOLD.replace("    - Hold: {}\n", ""), "whole")
+    for name in ("no_end", "damaged", "empty"):
+        (show.records / name).mkdir()
+    recorder = Recorder(show.records / "no_end")
+    for event in read_events(show.records / "whole"):
+        if not isinstance(event, RunEnded):
+            recorder.on_event(event)
+    recorder.close()
+    data = bytearray((show.records / "whole" / EVENTS_FILE).read_bytes())
+    data[len(data) // 2] ^= 0x55
+    (show.records / "damaged" / EVENTS_FILE).write_bytes(data)
+    (show.records / "empty" / EVENTS_FILE).write_bytes(b"")
+    page = open_page("run=no_end&t=NaN")
+    expect(page.locator("#state")).to_have_text("■ no end")
+    expect(page.locator("#why")).to_contain_text("The run was cut off, or still goes on.")
+    expect(page.locator("#clock")).to_have_text(re.compile(r"^0\.\d s$"))  # a moment that is no number is left out
+    page.evaluate("location.hash = 'run=damaged'")
+    expect(page.locator("#why")).to_contain_text("✗ This record cannot be shown: ")
+    expect(page.locator("#why")).to_contain_text("`pomona runs repair` saves the undamaged parts")
+    expect(page.locator("#connection")).to_have_text("record not readable")
+    page.evaluate("location.hash = 'run=empty'")
+    expect(page.locator("#why")).to_contain_text("it holds no run")
 
 
 def test_after_a_reset_the_next_steps_are_buttons(show: Show, open_page: Open) -> None:
@@ -575,6 +601,11 @@ def test_a_setting_that_cannot_be_used_is_marked_while_it_is_typed(show: Show, o
     take_control(page, "ada")
     page.get_by_role("button", name="Runs").click()
     expect(page.locator("#start-form .field:visible")).to_have_count(4)
+    page.get_by_label("seed").fill("-1")
+    expect(page.locator("#start-seed:invalid")).to_be_visible()
+    page.get_by_label("seed").fill("")
+    expect(page.locator("#start-seed:invalid")).to_be_visible()
+    page.get_by_label("seed").fill("0")
     page.get_by_text("Parameters of the tree").click()
     field = page.locator("[data-setting=looks]")
     field.fill("0")

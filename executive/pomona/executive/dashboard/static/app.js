@@ -182,15 +182,15 @@ function shorten(feed) {
 }
 
 async function openRecord(name, t) {
-  Object.assign(page, { recorded: name, record: newFeed(), at: null, playing: false });
+  Object.assign(page, { recorded: name, record: newFeed(), at: null, playing: false, opened: false, problem: "" });
   showRuns(false);
   say(`reading ${name} …`);
   $("download").href = withToken(recordAddress(name, "record"));
   const problem = await openOverview(name);
   if (page.recorded !== name) return;
   page.at = Math.min(t ?? tellingMoment(page.whole), page.whole.t);
-  page.opened = true;
-  if (problem) say(problem, "bad"); else say("recorded run");
+  Object.assign(page, { opened: true, problem });
+  if (problem) say("record not readable", "bad"); else say("recorded run");
   page.dirty = true;
 }
 
@@ -201,7 +201,7 @@ function openAddress() {
     if (over && run) openOver(over).then((read) => { page.over = read; page.dirty = true; });
   }
   if (run && run !== page.recorded) openRecord(run, t);
-  else if (run && t !== null) goTo(t);
+  else if (run && t !== null) goTo(Math.min(t, page.whole.t));
   else if (!run && page.recorded) { Object.assign(page, { recorded: null, record: null, at: null, playing: false, dirty: true }); say(isStale() ? "connection lost" : "connected", isStale() ? "bad" : "ok"); }
   return run;
 }

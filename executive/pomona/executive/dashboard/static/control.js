@@ -1,10 +1,10 @@
 // The control bar, the banner of the safe state, and the header: acknowledged states, never mere clicks.
 import { $, h, put, seconds } from "./dom.js";
-import { holdsControl, page, say } from "./page.js";
+import { hasNoEnd, holdsControl, page, say } from "./page.js";
 import { isStale, link, press } from "./link.js";
 import { drawQuestions } from "./questions.js";
 
-export const STATUS_WORD = { success: "✓", failure: "✗", stopped: "■", error: "■", running: "▶", paused: "❚❚", pausing: "❚❚", preparing: "◌" };
+export const STATUS_WORD = { success: "✓", failure: "✗", stopped: "■", error: "■", running: "▶", paused: "❚❚", pausing: "❚❚", preparing: "◌", "no end": "■" };
 const KIND = { simulated: "SIMULATED", emulated: "EMULATED", real: "REAL", frames: "RECORDED FRAMES", mock: "MOCK" };
 const BEHIND = 2; // seconds by which a simulated run must lag the wall clock for both to be shown
 const NARROW = 1500; // px of the window below which devices that answer share one entry
@@ -92,13 +92,13 @@ export function drawHeader(s) {
   const kind = s.run?.cell_kind ?? "";
   put($("kind"), `${page.recorded ? "RECORD · " : ""}${KIND[kind] ?? "NO CELL"}`);
   $("kind").dataset.kind = kind;
-  put($("run"), s.run ? `${s.run.tree} · seed ${s.run.seed}` : "no run yet");
+  put($("run"), s.run ? `${s.run.tree} · seed ${s.run.seed}` : page.recorded ?? "no run yet");
   put($("run-facts"), s.run ? `${s.speed < 1 ? `speed ${Math.round(100 * s.speed)} % · ` : ""}cell ${s.run.cell} · ${s.run.run}` : "");
   $("run").parentElement.title = s.run ? `${s.run.run}\ntree ${s.run.tree_path} (${s.run.tree_hash})\ncell ${s.run.cell_path}` : "";
   const start = page.recorded ? null : page.control.start;
   const preparing = Boolean(start && !start.problem);
   const ended = page.whole.ended; // an outcome is the whole run's, whatever moment is looked at
-  const state = preparing ? "preparing" : ended ? ended.outcome : s.state;
+  const state = preparing ? "preparing" : ended ? ended.outcome : hasNoEnd() ? "no end" : s.state;
   const old = !page.recorded && isStale() && (s.run || preparing);
   if (preparing) {
     put($("kind"), KIND[start.cell_kind] ?? "CELL");

@@ -11,7 +11,7 @@ export const newFeed = () => ({ messages: [], size: 0, whole: emptyState(), base
 export const page = {
   live: newFeed(), record: null, over: null, at: null, playing: false,
   recorded: null, stream: "", token: "", reading: "", viewer: "", grant: Number(sessionStorage.getItem("pomona-grant") ?? -1),
-  control: { held_by: "", grant: 0, viewers: 0, starts: false, start: null }, heardControl: 0, beat: null, silent: null, pictures: new Map(), selected: null, dirty: true, drawing: false, opened: false,
+  control: { held_by: "", grant: 0, viewers: 0, starts: false, start: null }, heardControl: 0, beat: null, silent: null, pictures: new Map(), selected: null, dirty: true, drawing: false, opened: false, problem: "",
   get feed() { return this.record ?? this.live; }, // the record, or the live run
 };
 for (const name of Object.keys(newFeed())) Object.defineProperty(page, name, { get() { return this.feed[name]; }, set(value) { this.feed[name] = value; } });
@@ -20,6 +20,9 @@ page.viewer = sessionStorage.getItem("pomona-viewer") || randomId();
 sessionStorage.setItem("pomona-viewer", page.viewer);
 
 export function randomId() { return [...crypto.getRandomValues(new Uint8Array(16))].map((b) => b.toString(16).padStart(2, "0")).join(""); }
+
+// A record that was read and has no end of its run: cut off, or the run goes on in another process.
+export const hasNoEnd = () => Boolean(page.recorded && page.opened && page.whole.run && !page.whole.ended) && !(page.live.whole.run?.run === page.whole.run.run && !page.live.whole.ended);
 
 export const holdsControl = () => page.control.grant === page.grant && Boolean(page.control.held_by);
 
@@ -35,7 +38,7 @@ export function readAddress() {
     fields.delete("read");
     history.replaceState(null, "", fields.size ? `#${fields}` : location.pathname);
   }
-  return { run: fields.get("run"), over: fields.get("over"), t: fields.has("t") ? Number(fields.get("t")) : null };
+  return { run: fields.get("run"), over: fields.get("over"), t: fields.has("t") && Number.isFinite(Number(fields.get("t"))) ? Math.max(0, Number(fields.get("t"))) : null };
 }
 
 export function say(text, rank = "ok") { $("connection").textContent = text; $("connection").dataset.rank = rank; }

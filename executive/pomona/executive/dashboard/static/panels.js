@@ -2,7 +2,7 @@
 import { $, h, percent, quantity, seconds, show } from "./dom.js";
 import { wordsOf } from "./control.js";
 import { press } from "./link.js";
-import { holdsControl, page, read } from "./page.js";
+import { hasNoEnd, holdsControl, page, read } from "./page.js";
 import { drawSteps } from "./steps.js";
 import { lastResult, leavesOf, resolved, standing, STATUS } from "./store.js";
 
@@ -57,18 +57,20 @@ export function drawWhy(s) {
   const latest = s.failures.at(-1);
   const doing = s.ended ? "" : s.nodes.filter((node) => s.byPath.get(node.path).leaf && s.node.get(node.path)?.status === "RUNNING").map((node) => `${node.name} ${percent(s.node.get(node.path).feedback)}`.trim()).join(", ");
   const { progress } = s;
-  const key = `${progress?.number}|${progress?.of}|${s.run?.run}|${s.failures.length}|${latest?.t}|${latest?.next}|${s.ended?.outcome}|${s.state}|${s.because}|${s.hand}|${doing}`;
+  const key = `${progress?.number}|${progress?.of}|${s.run?.run}|${s.failures.length}|${latest?.t}|${latest?.next}|${s.ended?.outcome}|${s.state}|${s.because}|${s.hand}|${doing}|${page.recorded}|${page.opened}|${page.problem}`;
   if (key === whyKey) return;
   whyKey = key;
   document.body.classList.toggle("failed", Boolean(s.ended && s.ended.outcome !== "success"));
-  $("why-bar").dataset.rank = s.ended ? ENDED[s.ended.outcome]?.[0] ?? "bad" : s.state === "running" ? "busy" : s.state === "idle" ? "" : "warn";
+  $("why-bar").dataset.rank = s.ended ? ENDED[s.ended.outcome]?.[0] ?? "bad" : page.problem || hasNoEnd() || (page.opened && page.recorded && !s.run) ? "bad" : s.state === "running" ? "busy" : s.state === "idle" ? "" : "warn";
   $("why").replaceChildren(...(s.ended ? endedWords(s, latest) : goingWords(s, doing, latest)).filter(Boolean));
 }
 
 const progressOf = ({ progress }) => (progress ? `${progress.what} ${progress.number} of ${progress.of}` : "");
 
 function goingWords(s, doing, latest) {
-  if (!s.run) return [h("p", {}, "No run yet.")];
+  if (!page.recorded && !s.run) return [h("p", {}, "No run yet.")];
+  if (!s.run) return page.opened ? [h("div", { class: "verdict" }, h("b", { class: "bad" }, "✗ This record cannot be shown"), `: ${page.problem || "it holds no run; it was cut off, or has just begun"}.`)] : [];
+  if (hasNoEnd()) return [h("div", { class: "verdict" }, h("b", { class: "bad" }, "■ No end"), `: the record ends at ${seconds(s.t)}${doing ? ` in ${doing}` : ""}. The run was cut off, or still goes on.`)];
   const runs = s.state === "running", state = runs ? "▶ " : s.state === "paused" ? "❚❚ Paused, at rest" : `❚❚ ${s.state}`;
   const because = s.because === "at rest" ? s.pausedBy : s.because;
   const about = [runs || !because ? "" : wordsOf(s, because), progressOf(s), runs ? doing || "between two nodes" : ""].filter(Boolean).join(" · ");

@@ -28,7 +28,7 @@ function drawLink(live) {
   $("not-live").hidden = !stale || never;
   if (stale && !never) {
     const then = new Date(Date.now() - 1000 * age()).toLocaleTimeString();
-    set("not-live-words", `${runIsSilent() ? "No message from the run's process" : "No message"} for ${age() < 90 ? `${age().toFixed(1)} s` : seconds(age())}. ${live.run ? `The data of the live run are of ${then}; the cell may have moved since.` : `Last message at ${then}.`}`);
+    set("not-live-words", `${runIsSilent() ? "No message from the run's process" : "No message"} for ${age() < 90 ? `${age().toFixed(1)} s` : seconds(age())}. ${live.run ? `The data of the live run are of ${then}; the cell may have moved since.` : `Last message at ${then}.`}${link.socket ? "" : " Connecting again."}`);
   }
   if (stale && !never && $("connection").textContent === "connected") set("connection", "no answer");
   const button = $("safe-stop"), disarmed = !page.token || link.armed === false; // else it is tried, whatever the link does
