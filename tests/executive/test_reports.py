@@ -24,7 +24,7 @@ from pomona.executive.running.events import (
 from pomona.executive.terminal.explain import explain
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.summary import Summary
-from pomona.executive.terminal.words import figure
+from pomona.executive.terminal.words import figure, row_of
 from pomona.executive.values.failure_codes import failure_codes
 
 NODES = (
@@ -86,6 +86,15 @@ def test_a_single_attempt_is_not_counted(capsys: pytest.CaptureFixture[str]) -> 
         summary.on_event(event)
     summary.print(Screen(width=200), None)
     assert "succeeded   " in capsys.readouterr().out
+
+
+def test_a_comparison_has_words_units_and_no_figure_finer_than_measured() -> None:
+    assert row_of("height_gained_m", -7.7e-08) == ("height gained [m]", "0")
+    assert row_of("slip_mm", 0.77551) == ("slip [mm]", "0.7755")
+    assert row_of("lifted", False) == ("lifted", "no")
+    assert row_of("fruit", "apple_1") == ("fruit", "apple_1")
+    assert row_of("dimensions_m", [0.1, 0.2]) == ("dimensions [m]", None)
+    assert row_of("drops", None) == ("drops", None)
 
 
 def test_a_key_of_records_is_shown_as_the_term_of_the_glossary() -> None:

@@ -253,7 +253,7 @@ def test_after_a_reset_the_next_steps_are_buttons(show: Show, open_page: Open) -
         page.dirty = true;
     }""")
     steps = page.locator("#steps button")
-    expect(steps).to_have_text(["Put down what is held", "Home, slowly", "↻ Run again"])
+    expect(steps).to_have_text(["Put down the held fruit", "Home, slowly", "↻ Run again"])
     steps.first.click()
     expect(page.locator("#connection")).to_have_text("connected")
     assert (forms[-1]["tree"], forms[-1]["settings"]) == ("recover", {"release": "true"})
@@ -623,7 +623,7 @@ def test_a_setting_that_cannot_be_used_is_marked_while_it_is_typed(show: Show, o
     assert (forms[-1]["tree"], forms[-1]["cell"]) == ("pick_apple", "sim")
     expect(page.locator("#by-hand-about")).to_contain_text("A simulated cell begins anew")
     page.locator("#start-cell").select_option("emulated")
-    expect(page.locator("#by-hand-motions button")).to_have_text(["Put down what is held", "Home, slowly"])
+    expect(page.locator("#by-hand-motions button")).to_have_text(["Put down the held fruit", "Home, slowly"])
     expect(page.locator("#by-hand-motions button").first).to_be_enabled()
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -14,7 +13,7 @@ from rich.text import Text
 
 from pomona.executive.recording.digest import Digest
 from pomona.executive.terminal.screen import Screen
-from pomona.executive.terminal.words import seconds
+from pomona.executive.terminal.words import row_of, seconds
 
 MARKS = {
     "success": ("✓", "green"),
@@ -164,21 +163,13 @@ def _comparison(runs: Sequence[Digest], skills: Sequence[Mapping[str, float]]) -
             add(key, values)
     add("time", [None if run.time is None else seconds(run.time) for run in runs])
     add("wall time", [None if run.wall is None else seconds(run.wall) for run in runs])
-    add("attempts", [run.attempts for run in runs])
+    add("attempts of all retries", [run.attempts for run in runs])
     for code in sorted({code for run in runs for code in run.codes}):
         add(f"× {code}", [run.codes.get(code, 0) for run in runs])
     for name in dict.fromkeys(name for run in skills for name in run):
         if max(run.get(name, 0.0) for run in skills) >= 0.01:
             add(f"{name} takes", [seconds(run[name]) if name in run else None for run in skills])
     for name in dict.fromkeys(name for run in runs for name in run.truth or {}):
-        add(name, [_figure((run.truth or {}).get(name)) for run in runs])
+        shown = [row_of(name, (run.truth or {}).get(name)) for run in runs]
+        add(shown[0][0], [value for _, value in shown])
     return rows
-
-
-def _figure(value: Any) -> str | None:
-    """Return a number of the world's score as text, or None for a value that is no single number."""
-    if isinstance(value, bool) or value is None:
-        return None if value is None else ("yes" if value else "no")
-    if isinstance(value, (int, float)):
-        return f"{value:.4g}" if math.isfinite(value) else None
-    return value if isinstance(value, str) else None

@@ -58,7 +58,7 @@ def print_sheet(console: Screen, record: Path, run: Digest, summary: Summary) ->
 def _acts(record: Path) -> list[str]:
     contents = (found.content for found in scan(events_file(record), topics=EVENTS.__eq__))
     acts = [parse_object(content) for content in contents if content.startswith(b'{"event":"OperatorActed"')]
-    return [f"{act['t']:.2f} s {act['who']}: {act['action']} {act['detail']}".strip() for act in acts]
+    return [f"{act['t']:.2f} s {act['who']}: {act['action']}: {act['detail']}".removesuffix(": ") for act in acts]
 
 
 def _topics(record: Path) -> Table:

@@ -58,10 +58,24 @@ def figure(name: str, value: Any) -> str:
     value = plain(value)
     if isinstance(value, bool):
         return f"{name.replace('_', ' ')}: {'yes' if value else 'no'}"
-    found = re.fullmatch(r"(.+)_([a-z]+)", name)
-    unit = found[2] if found and found[2] in UNITS else ""
-    said = f"{term(found[1] if found and unit else name)} {_number(value, RESOLUTION.get(unit, 0.0))}"
+    words, unit = _with_unit(name)
+    said = f"{term(words)} {_number(value, RESOLUTION.get(unit, 0.0))}"
     return f"{said} {UNITS[unit]}" if unit else said
+
+
+def row_of(name: str, value: Any) -> tuple[str, str | None]:
+    """slip_mm, 0.1392 -> 'slip [mm]', '0.1392'; no text for a value that is no verdict, number or word."""
+    words, unit = _with_unit(name)
+    title = f"{term(words)} [{UNITS[unit]}]" if unit else term(words)
+    if isinstance(value, bool):
+        return title, "yes" if value else "no"
+    is_shown = isinstance(value, str) or _is_number(value)
+    return title, _number(value, RESOLUTION.get(unit, 0.0)) if is_shown else None
+
+
+def _with_unit(name: str) -> tuple[str, str]:
+    found = re.fullmatch(r"(.+)_([a-z]+)", name)
+    return (found[1], found[2]) if found and found[2] in UNITS else (name, "")
 
 
 MOST_FIGURES = 5  # figures of a world's score that a summary shows

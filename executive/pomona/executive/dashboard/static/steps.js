@@ -1,4 +1,4 @@
-// The next step as a button: go on after a pause; after the end run again, put down what is held, bring the arm home.
+// The next step as a button: go on after a pause; after the end run again, put down the held fruit, bring the arm home.
 import { $, h } from "./dom.js";
 import { take } from "./control.js";
 import { press } from "./link.js";
@@ -7,7 +7,7 @@ import { showRuns, startRun } from "./runs.js";
 
 const LASTS = new Set(["real", "emulated"]); // cells that keep their state after a run; a simulated one begins anew
 const MOTIONS = { // slow motions of the tree `recover`, after a run or by hand
-  down: { label: "Put down what is held", release: "true", about: "The hand lowers until the fruit stands, at most 150 mm, and opens. Then the arm moves to its home pose at 10 % of its speed." },
+  down: { label: "Put down the held fruit", release: "true", about: "The hand lowers until the fruit stands, at most 150 mm, and opens. Then the arm moves to its home pose at 10 % of its speed." },
   home: { label: "Home, slowly", release: "false", about: "The arm moves to its home pose at 10 % of its speed. The fingers stay as they are." },
 };
 const recover = (form, release) => startRun({ ...form, tree: "recover", settings: { release }, speed: "100 %" });
