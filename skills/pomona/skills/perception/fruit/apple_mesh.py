@@ -128,7 +128,7 @@ def fit_to_cuboid(vertices: NDArray[np.float64], dimensions: tuple[float, float,
 
 
 def revolution_faces(around: int, rings: int) -> NDArray[np.int32]:
-    """Faces of pole, rings, pole in this order; outwards when ring angle runs from x to z and rings run along +y."""
+    """Faces (n, 3) of pole, rings, pole; outwards when the ring angle runs from x to z and rings run along +y."""
     ring = 1 + np.arange(rings)[:, None] * around
     here, following = np.arange(around), (np.arange(around) + 1) % around
     a, b = ring[:-1] + here, ring[:-1] + following
