@@ -123,7 +123,7 @@ def test_pause_and_resume_show_the_acknowledged_state(show: Show, open_page: Ope
     expect(pause).to_be_disabled()
     take_control(page, "ada")
     pause.click()
-    expect(page.locator("#why")).to_contain_text("Paused, at rest")
+    expect(page.locator("#why")).to_contain_text("Paused, at rest: by ada")
     expect(page.locator("#ack")).to_have_text("last: pause by ada")
     assert show.cell.paused
     expect(pause).to_be_disabled()

@@ -57,7 +57,7 @@ export function drawWhy(s) {
   const latest = s.failures.at(-1);
   const doing = s.ended ? "" : s.nodes.filter((node) => s.byPath.get(node.path).leaf && s.node.get(node.path)?.status === "RUNNING").map((node) => `${node.name} ${percent(s.node.get(node.path).feedback)}`.trim()).join(", ");
   const { progress } = s;
-  const key = `${progress?.number}|${progress?.of}|${s.run?.run}|${s.failures.length}|${latest?.t}|${latest?.next}|${s.ended?.outcome}|${s.state}|${s.because}|${s.hand}|${doing}|${page.recorded}|${page.opened}|${page.problem}`;
+  const key = `${progress?.number}|${progress?.of}|${s.run?.run}|${s.failures.length}|${latest?.t}|${latest?.next}|${s.ended?.outcome}|${s.state}|${s.because}|${s.acts.length}|${s.hand}|${doing}|${page.recorded}|${page.opened}|${page.problem}`;
   if (key === whyKey) return;
   whyKey = key;
   document.body.classList.toggle("failed", Boolean(s.ended && s.ended.outcome !== "success"));
@@ -72,7 +72,7 @@ function goingWords(s, doing, latest) {
   if (!s.run) return page.opened ? [h("div", { class: "verdict" }, h("b", { class: "bad" }, "✗ This record cannot be shown"), `: ${page.problem || "it holds no run; it was cut off, or has just begun"}.`)] : [];
   if (hasNoEnd()) return [h("div", { class: "verdict" }, h("b", { class: "bad" }, "■ No end"), `: the record ends at ${seconds(s.t)}${doing ? ` in ${doing}` : ""}. The run was cut off, or still goes on.`)];
   const runs = s.state === "running", state = runs ? "▶ " : s.state === "paused" ? "❚❚ Paused, at rest" : `❚❚ ${s.state}`;
-  const because = s.because === "at rest" ? s.pausedBy : s.because;
+  const reason = s.because === "at rest" ? s.pausedBy : s.because, because = reason && s.acts.some((act) => act.action === "pause" && act.who === reason) ? `by ${reason}` : reason;
   const about = [runs || !because ? "" : wordsOf(s, because), progressOf(s), runs ? doing || "between two nodes" : ""].filter(Boolean).join(" · ");
   return [h("div", { class: "verdict" }, h("b", {}, state), runs ? h("b", { class: "doing" }, about) : about ? `: ${about}` : ""),
     latest ? h("p", { class: "muted" }, "Failed on the way: ", moment(latest.t), " ", leavesOf(latest.reason).map((leaf) => `${s.byPath.get(leaf.node_path)?.name ?? ""} ${leaf.code}`).at(-1), latest.next ? [", then ", s.byPath.get(latest.next)?.name ?? latest.next] : "") : null];
