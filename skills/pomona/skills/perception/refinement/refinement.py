@@ -26,14 +26,12 @@ from pomona.skills.perception.refinement.gather import gather, gather_others, ne
 from pomona.skills.perception.refinement.paper import fit_scale_by_rendering, sigma_bound
 from pomona.skills.perception.refinement.result import Limits, Method, RefineResult
 from pomona.skills.perception.refinement.scale_fit import ScaleFit, fit_scale
-from pomona.skills.perception.refinement.shape_fit import MAX_POINTS, RIGID, Priors, ShapeFit, fit_shape
+from pomona.skills.perception.refinement.shape_fit import FEW_POINTS, MAX_POINTS, RIGID, Priors, ShapeFit, fit_shape
 from pomona.skills.perception.refinement.starts import Judge, other_starts
 from pomona.skills.perception.refinement.support_plane import Plane
 
 _LEAST_POINTS = 150
-_POINTS_OF_TRIAL = 250
-_FINALISTS = 3
-"""Points of a fit from another axis of the stem, and how many of these fits, the best ones, are repeated with all."""
+_FINALISTS = 3  # number of other axes of the stem, the best with few points, that are fitted with all points
 _LEAST_AGREEMENT = 0.8  # least ratio of a stretched model's agreeing pixels to the scaled model's
 
 _NOISE_IN_BAND = 2.0
@@ -187,7 +185,7 @@ def _best_of_starts(task: _Task, T_camera_object: Float64) -> RefineResult:
         except RefineError:
             continue
         few = len(starts) > _FINALISTS
-        found = judge.score(_fitted(task, scaled, cloud, plane, _POINTS_OF_TRIAL))[0] if few else 0.0
+        found = judge.score(_fitted(task, scaled, cloud, plane, FEW_POINTS))[0] if few else 0.0
         trials.append((found, scaled, cloud))
     for _, scaled, cloud in sorted(trials, key=lambda trial: -trial[0])[:_FINALISTS]:
         other = _fitted(task, scaled, cloud, plane)

@@ -27,8 +27,11 @@ from pomona.skills.perception.refinement.surface import surface_of
 
 _NARROWING = (3.0, 3.0, 2.0, 2.0, 1.5, 1.5)  # the band of the first steps, in final bands
 
-_MAX_STEPS = 25
+_MAX_STEPS_OF_FEW = 25
+_MAX_STEPS = 12
+FEW_POINTS = 250
 MAX_POINTS = 1000
+"""A fit steps with few points first, then with all: most steps only find the way, and noise matters at the end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,17 +86,22 @@ def fit_shape(
         at_most: number of points that are used.
     """
     priors = priors or Priors()
-    few, samples = cloud.thinned(at_most), surface_of(mesh)
-    points = Points(*map(np.ascontiguousarray, (few.points, few.rays, few.deviation, few.beside)))
+    samples = surface_of(mesh)
     form = Form.scaled(mesh, mu)
     R, t = T_camera_object[:3, :3].copy(), T_camera_object[:3, 3].copy()
     start = PlacedForm(R, t, form.stretch, form.lean, form.radius)
-    placed, nearest = PlacedForm(*(part.copy() for part in start)), np.full(len(points.points), -1)
+    placed = PlacedForm(*(part.copy() for part in start))
     expected = _expected(start, form, priors)
     plane = Support(np.zeros(3), 0.0, np.inf)
     steps = np.full(_MAX_STEPS, band)
-    narrowing = np.concatenate([band * np.array(_NARROWING), steps[len(_NARROWING) :]])
-    H, share = step_until_still(points, samples, placed, nearest, expected, plane, narrowing)
+    bands = np.concatenate([band * np.array(_NARROWING), np.full(_MAX_STEPS_OF_FEW - len(_NARROWING), band)])
+    points = _points(cloud.thinned(min(at_most, FEW_POINTS)))
+    nearest = np.full(len(points.points), -1)
+    H, share = step_until_still(points, samples, placed, nearest, expected, plane, bands)
+    if at_most > FEW_POINTS:
+        points = _points(cloud.thinned(at_most))
+        nearest = np.full(len(points.points), -1)
+        H, share = step_until_still(points, samples, placed, nearest, expected, plane, steps)
     on_support = False
     if support is not None:
         plane = Support(np.ascontiguousarray(support.normal), support.offset, priors.contact)
@@ -130,3 +138,7 @@ def _expected(start: PlacedForm, form: Form, priors: Priors) -> ShapePriors:
     weighted = _LIKENESS / np.array([*deviations, priors.lean, priors.lean, turn])[:, None] ** 2
     likeness = _LIKENESS.T @ weighted
     return ShapePriors(start, weighted, likeness, priors.proportion, round_ratio, priors.texture)
+
+
+def _points(cloud: Cloud) -> Points:
+    return Points(*map(np.ascontiguousarray, (cloud.points, cloud.rays, cloud.deviation, cloud.beside)))
