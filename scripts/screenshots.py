@@ -101,17 +101,17 @@ def photograph_live(photographer: Photographer, dashboard: Dashboard) -> None:
     run.start()
     page = next(iter(photographer.pages.values()))
     page.get_by_label("your name").fill("Ada")
-    page.get_by_role("button", name="Take control").click()
+    page.locator("#control [data-action=take]").click()
     paused = "❚❚ paused"
     expect(page.locator("#state")).to_have_text(paused, timeout=120_000)
     for other in photographer.pages.values():
         other.locator(".row", has=other.get_by_text("SlipAvoidGrasp", exact=True)).first.click()
-    page.get_by_role("button", name="Resume").click()
+    page.locator("#control [data-action=resume]").click()
     expect(page.locator("#state")).to_have_text("▶ running")
     photographer.take("running")
     expect(page.locator("#state")).to_have_text(paused, timeout=60_000)
     photographer.take("paused")
-    page.get_by_role("button", name="Resume").click()
+    page.locator("#control [data-action=resume]").click()
     expect(page.locator("#state")).to_have_text("▶ running")
     for _ in range(2):
         page.keyboard.press("Escape")

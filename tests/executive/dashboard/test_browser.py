@@ -523,6 +523,21 @@ def test_runs_are_filtered_and_two_are_compared(show: Show, open_page: Open) -> 
     expect(page.locator("#run")).to_have_text("broken · seed 2")
 
 
+def test_a_comparison_gives_values_as_they_are_written(show: Show, open_page: Open) -> None:
+    tree = "pomona: 1\ntree: high\nparameters: {height: {type: length, default: 150 mm}}\nroot:\n  Rest: {}\n"
+    show.record(tree, "old_1")
+    show.record(tree.replace("150 mm", "0.2 m"), "old_2")
+    page = open_page()
+    page.get_by_role("button", name="Runs").click()
+    for run in ("old_1", "old_2"):
+        page.get_by_label(f"compare {run}").check()
+    page.get_by_role("button", name="Compare two").click()
+    expect(page.locator("#comparison tr.differs", has_text="height").locator("td")).to_have_text(
+        ["150 mm", "0.2 m", "≠"]
+    )
+    assert page.locator("#comparison .only").bounding_box()["width"] < 30
+
+
 def test_a_thousand_nodes_are_searched_and_folded(show: Show, open_page: Open) -> None:
     leaves = "".join(f"    - Rest: {{}}\n      name: Rest {n}\n" for n in range(1000))
     show.record(f"pomona: 1\ntree: wide\nroot:\n  parallel:\n{leaves}", "wide_1")

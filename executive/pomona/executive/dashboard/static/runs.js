@@ -94,7 +94,7 @@ async function compare() {
   try { [a, b] = await Promise.all([...chosen].sort().map(summary)); } catch (error) { $("comparison").replaceChildren(h("p", { class: "bad" }, String(error.message))); return; }
   const row = (what, x, y) => h("tr", { class: x === y ? "" : "differs" }, h("th", {}, what), h("td", {}, x), h("td", {}, y), h("td", {}, x === y ? "" : "≠"));
   const both = (what, of) => row(what, of(a), of(b));
-  const settings = ({ s }) => ({ ...s.run?.settings, ...s.run?.parameters });
+  const settings = ({ s }) => ({ ...s.run?.parameters, ...s.run?.parameter_texts, ...s.run?.settings }); // as written, with units
   const why = (reason) => { const leaves = reason ? leavesOf(reason) : []; const last = leaves.at(-1); return last ? `${last.code} ${last.message}${leaves.length > 1 ? ` (and ${leaves.length - 1} before it)` : ""}` : "–"; };
   const given = [...new Set([a, b].flatMap((x) => Object.keys(settings(x))))];
   const skill = (name) => (x) => { const k = x.skills.get(name); return k ? `${k.starts}×, ${seconds(k.time)}${k.failures ? `, ${k.failures} failed` : ""}` : "–"; };
