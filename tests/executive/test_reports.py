@@ -211,6 +211,11 @@ def test_of_a_stopped_run_the_moments_are_listed_in_the_order_of_time() -> None:
     assert "Ada: safe stop" in moments
 
 
+@pytest.mark.parametrize("cell", ["none", "dry"])
+def test_a_run_without_a_cell_names_none(cell: str) -> None:
+    assert explain([started(cell=cell, cell_kind="mock")])[0].startswith("pick ran without a cell, with seed 3")
+
+
 def test_a_skill_that_a_stop_interrupted_has_not_failed() -> None:
     why = explain(
         (

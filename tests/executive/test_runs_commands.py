@@ -112,7 +112,7 @@ def test_compare_puts_runs_side_by_side_and_finds_where_two_of_a_kind_part(capsy
 def test_explain_gives_events_and_causes(capsys: pytest.CaptureFixture[str]) -> None:
     run("always.yaml", "--set", "pauses=2", status=1)
     said = say(capsys, "explain")
-    assert "try_thrice ran on the mocked cell dry with seed 0 and pauses = 2" in said
+    assert "try_thrice ran without a cell, with seed 0 and pauses = 2" in said
     assert "It failed after" in said
     assert "The reason, at 2.5 s: MoveTo (line 12 of the tree) failed with NO_PATH" in said
     assert "Remedy: raise `budget`" in said

@@ -164,7 +164,8 @@ class _Story:
             with_what += f", at {words_of(started.speed)} of the speed"
         kind = {"real": "real", "mock": "mocked"}.get(started.cell_kind, started.cell_kind)
         day = f"{datetime.fromtimestamp(started.wall_time):%d %B %Y at %H:%M}".lstrip("0")
-        return f"{started.tree} ran on the {kind} cell {started.cell} with {with_what}, on {day}."
+        where = "without a cell," if started.cell in ("none", "dry") else f"on the {kind} cell {started.cell}"
+        return f"{started.tree} ran {where} with {with_what}, on {day}."
 
     def _outcome(self, ended: RunEnded | None, going_on: bool, why_cut: str) -> str:
         if ended is None:
