@@ -49,7 +49,7 @@ devices:
 REAL = "kind: real\ndevices:\n  gripper: {driver: wsg, "
 MOMENTS = {
     "MoveTo": 0.6, "Follow": 0.8, "Approach": 1.2, "SlipAvoidGrasp": 0.9, "FeelFriction": 0.6, "Lift": 1.7,
-    "Release": 3.5,
+    "Release": 3.0,
 }  # fmt: skip
 """Nodes of the pick at which a drawn fault begins, with their durations [s]."""
 PROGRAM = (sys.executable, "-c", "import sys; from pomona.executive.cli import main; sys.exit(main())")

@@ -12,7 +12,7 @@ from pomona.skills.grip.hold import Hold, current_hold
 from pomona.skills.release import Release
 from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
 from tests.skills.overhead import comes_near, watched
-from tests.skills.picking_scene import HOME, WORKSPACE, PickingScene, a_grasp, scene_with_pose, seen_map
+from tests.skills.picking_scene import HOME, ROBOT_MODEL, WORKSPACE, PickingScene, a_grasp, scene_with_pose, seen_map
 
 
 def over_ground(ground: float | None, **changes: Any) -> PickingScene:
@@ -406,6 +406,39 @@ def test_it_is_quick_until_the_fruit_is_near_a_known_object():
     assert [outcome.status for outcome in outcomes] == [Status.SUCCESS] * 2
     assert outcomes[1].duration < 0.6 * outcomes[0].duration
     assert quick.arm.followed[1].duration > 0.5  # the last two centimetres
+
+
+def test_the_inertia_of_a_heavy_fruit_that_is_lowered_quickly_is_no_contact():
+    scene = over_ground(-0.085)
+    calm, began, accelerations = scene.fingers.feel, [0.0], [np.zeros((2, 2))]
+
+    def feel(now: float) -> np.ndarray:
+        for followed in scene.arm.followed[len(began) - 1 :]:
+            heights = np.array([ROBOT_MODEL.tcp(q)[2, 3] for q in followed.q])
+            rising = np.gradient(np.gradient(heights, followed.t), followed.t)
+            began.append(now)
+            accelerations.append(np.array([followed.t, rising]))
+        wrenches = calm(now)
+        wrenches[:, 0] *= 4.0 + 4.0 * np.interp(now - began[-1], *accelerations[-1], right=0.0) / 9.81
+        return wrenches
+
+    scene.fingers.feel = feel
+    scene.clock.advance(0.01)
+    outcome = drive(Release(), {"grasp": a_grasp()}, scene.devices, clock=scene.clock)
+    assert outcome.status is Status.SUCCESS, outcome.reason
+    assert scene.arm.followed[1].duration < 3.0  # a jolt would end the quick part early: 7.5 s
+
+
+def test_an_unknown_support_is_met_no_faster_than_the_arm_can_stop():
+    ground = PickingScene(q=a_grasp().q_pre_grasp[0].copy()).tcp[2, 3] - 0.05
+    scene, heights = over_ground(ground), []
+
+    def watch(_tick: int) -> None:
+        heights.append(scene.tcp[2, 3])
+
+    drive(Release(), {"grasp": a_grasp()}, scene.devices, clock=scene.clock, each_tick=watch)
+    assert 0.0 < ground - min(heights) < 0.025
+    assert scene.gripper.moves == []
 
 
 def test_an_approaching_object_in_view_stops_the_arm():

@@ -18,13 +18,15 @@ from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import ArmSpace, arm_space
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.shared.carrying import is_held
-from pomona.skills.shared.contact_check import Jolted, lower_to_support
+from pomona.skills.shared.contact_check import Jolted, Leg, lower_to_support
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.moving import CARRIED_ACCELERATION, POSE_FAILURES, PoseSkill, move_to_pose
-from pomona.skills.shared.straight_travel import follow_way, tool_pose, vertical_way
+from pomona.skills.shared.straight_travel import Manner, follow_way, tool_pose, vertical_way
 from pomona.skills.shared.usable_map import usable_field
 
-RISING = (3.0, 30.0)  # acceleration [m/s²] and jerk [m/s³] of the empty gripper's way up
+LOWERING = (1.0, 10.0)  # acceleration [m/s²] and jerk [m/s³] of the fruit while nothing is near
+TOUCHING = (0.5, 5.0)  # the same near its support: with twice as much, inertia resembles a contact
+RISING = Manner(0.5, 3.0, 30.0)  # of the empty gripper's way up
 OPENING_SPEED = 0.05  # of the fingers while they release the fruit [m/s]
 BESIDE = 0.005  # distance to the path below which an obstacle is the first contact [m]; farther walls are passed
 JOLTS = 3  # jolts after which lowering goes on; with more the load is too restless to show a contact
@@ -67,7 +69,7 @@ class Release(PoseSkill):
         contact: Annotated[Force, Port(min="0.1 N", help="change of load that shows contact")] = FORCE("0.35 N"),
         speed: Annotated[Speed, Port(min="1 mm/s", max="0.1 m/s", help="speed of lowering")] = SPEED("0.02 m/s"),
         fast: Annotated[Speed, Port(min="1 mm/s", max="0.5 m/s", help="speed while no known object is near")] = SPEED(
-            "0.25 m/s"
+            "0.2 m/s"
         ),
         slow_within: Annotated[
             Length, Port(min="5 mm", max="200 mm", help="height over the known support at which lowering slows down")
@@ -98,13 +100,13 @@ class Release(PoseSkill):
         space = self._space(map, clearance)
         way = vertical_way(self, -depth, "LOWERING_BLOCKED", space)
         slow_from = self._near(way, grasp, map, clearance, slow_within)
-        legs = ((way[: slow_from + 1], fast), (way[slow_from:], speed))
+        legs = Leg(way[: slow_from + 1], Manner(fast, *LOWERING)), Leg(way[slow_from:], Manner(speed, *TOUCHING))
         yield from self._lower(legs, depth, space, hold, grasp, contact)
         width = self._opening(map, clearance)
         take_over(gripper)
         yield from self._open(width)
         way_up = vertical_way(self, before - tool_pose(self)[2, 3], "LOWERING_BLOCKED")
-        yield from follow_way(self, way_up, fast, RISING)
+        yield from follow_way(self, way_up, RISING)
         return None
 
     def _not_held(self) -> Exception:
@@ -117,14 +119,14 @@ class Release(PoseSkill):
 
     def _lower(
         self,
-        legs: Sequence[tuple[Float64, float]],
+        legs: Sequence[Leg],
         depth: float,
         space: ArmSpace,
         hold: Hold | None,
         grasp: Grasp | None,
         contact: float,
     ) -> Watching:
-        """Go down along ways with their speeds until a support carries the fruit; after a jolt it goes on."""
+        """Go down along legs until a support carries the fruit; after a jolt it goes on."""
         before = float(tool_pose(self)[2, 3])
         for jolts in range(1, JOLTS + 2):
             try:
@@ -134,7 +136,7 @@ class Release(PoseSkill):
                 left = depth - before + float(tool_pose(self)[2, 3])
                 if left < RESUMED:
                     break
-                legs = [(vertical_way(self, -left, "LOWERING_BLOCKED", space), legs[-1][1])]
+                legs = [Leg(vertical_way(self, -left, "LOWERING_BLOCKED", space), legs[-1].manner)]
             else:
                 if not words:
                     return

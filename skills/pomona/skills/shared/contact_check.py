@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from pomona.drivers.interfaces import ForceSensor
 from pomona.executive.skill import Work
@@ -12,16 +13,26 @@ from pomona.skills.motion.grasp import Grasp
 from pomona.skills.shared.carrying import RESTING, TouchedDown, is_held, rest_on_contact
 from pomona.skills.shared.following import MovingSkill
 from pomona.skills.shared.grip_view import show_grip
-from pomona.skills.shared.straight_travel import follow_way, vertical_way
+from pomona.skills.shared.straight_travel import Manner, follow_way, vertical_way
 from pomona.skills.shared.touch import HELD_FORCE, Touch, load, pressing_forces
 
-RAISED, RAISING_SPEED = 0.002, 0.02
-"""Height [m] and speed [m/s] of raising the fruit from its support: a fruit that hangs again loads the pads as before,
-while a drift continues."""
+RAISED = 0.002
+"""Height of raising the fruit from its support [m]: a fruit that hangs again loads the pads as before, while a drift
+continues."""
 
-DYNAMICS = (0.5, 5.0)  # acceleration [m/s²] and jerk [m/s³]: with twice as much, inertia resembles a contact
+RAISING = Manner(0.05, 2.0, 40.0)
+"""Of raising it and of setting it down again: the load is read at rest."""
+
+GENTLE, GRAVITY = 0.5, 9.81  # acceleration up to which inertia stays below a contact, and of gravity [m/s²]
 
 LOST = "the fruit was lost on the way down: it presses on neither finger"
+
+
+class Leg(NamedTuple):
+    """A straight part of the way down: postures (n, dof) [rad], and the tool's motion on them."""
+
+    way: Float64
+    manner: Manner
 
 
 class Jolted(Exception):
@@ -30,33 +41,37 @@ class Jolted(Exception):
 
 def lower_to_support(
     skill: MovingSkill,
-    legs: Sequence[tuple[Float64, float]],
+    legs: Sequence[Leg],
     hold: Hold | None,
     grasp: Grasp | None,
     contact: float,
     code: str,
 ) -> Work[str]:
-    """Go down along legs, postures (n, dof) [rad] with a speed [m/s], until a support carries the fruit.
+    """Go down along legs until a support carries the fruit.
 
-    Returns an empty text then, or why none does. `contact` [N] is the change of load that shows contact.
+    Returns an empty text then, or why none does. `contact` [N] is the change of load that shows contact; a leg with
+    a higher acceleration than `GENTLE` adds the inertia of the fruit.
 
     Raises:
         Jolted, SkillFailure: as `contact_doubt`.
     """
-    rest_on_contact(skill, contact)
+    limit = contact
     with Touch(skill.device(ForceSensor), load) as touch:
 
         def watch() -> None:
             if hold is not None:
                 show_grip(skill, hold)
-            if touch.change > contact:  # first: the support's push may unload a finger
+            if touch.change > limit:  # first: the support's push may unload a finger
                 raise TouchedDown
             if not is_held(skill):
                 raise skill.failure("LOST", LOST)
 
         try:
-            for way, speed in legs:
-                yield from follow_way(skill, way, speed, DYNAMICS, watch, grasp)
+            for leg in legs:
+                limit = contact + touch.at_first() * (leg.manner.acceleration - GENTLE) / GRAVITY
+                touch.forget_change()
+                rest_on_contact(skill, limit)
+                yield from follow_way(skill, leg.way, leg.manner, watch, grasp)
         except TouchedDown:
             return (yield from contact_doubt(skill, touch, contact, code))
     return "the fruit met nothing"
@@ -91,8 +106,8 @@ def _hangs_when_raised(skill: MovingSkill, touch: Touch, contact: float, code: s
     The load of sensors that drift or get another bias does not go back with a motion.
     """
     below = touch.average()
-    yield from follow_way(skill, vertical_way(skill, RAISED, code), RAISING_SPEED, DYNAMICS)
+    yield from follow_way(skill, vertical_way(skill, RAISED, code), RAISING)
     yield from skill.wait(RESTING)
     raised = touch.average()
-    yield from follow_way(skill, vertical_way(skill, -RAISED, code), RAISING_SPEED, DYNAMICS)
+    yield from follow_way(skill, vertical_way(skill, -RAISED, code), RAISING)
     return touch.gone_back(below, raised) > 0.5 * contact

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,14 @@ from pomona.skills.motion.straight_line import StraightLine, straight_line
 from pomona.skills.shared.following import MovingSkill, Watching
 
 LEAST_POSTURES = 4  # fewer postures give no path that can be timed
+
+
+class Manner(NamedTuple):
+    """Limits of a motion of the tool."""
+
+    speed: float  # [m/s]
+    acceleration: float  # [m/s²]
+    jerk: float  # [m/s³]
 
 
 def tool_pose(skill: MovingSkill) -> Float64:
@@ -77,19 +86,17 @@ def vertical_way(skill: MovingSkill, rise: float, code: str, space: ArmSpace | N
 def follow_way(
     skill: MovingSkill,
     way: Float64,
-    speed: float,
-    dynamics: tuple[float, float],
+    manner: Manner,
     watch: Callable[[], None] | None = None,
     held: Grasp | None = None,
 ) -> Watching:
-    """Follow postures on a straight line of the tool, shape (n, dof) [rad], at a speed [m/s].
+    """Follow postures on a straight line of the tool, shape (n, dof) [rad].
 
-    `dynamics` are acceleration [m/s²] and jerk [m/s³] of the tool; `watch`: see `following.follow_motion`; `held` is
-    the grasp by which a fruit is held.
+    `watch`: see `following.follow_motion`; `held` is the grasp by which a fruit is held.
     """
     arm = skill.device(Arm)
     robot = RobotModel.load(arm.description)
     length = float(np.linalg.norm(robot.tcp(way[-1])[:3, 3] - robot.tcp(way[0])[:3, 3]))
     if length > 0.0:
-        curve = time_curve(way, length, arm.limits, speed, *dynamics)
+        curve = time_curve(way, length, arm.limits, *manner)
         yield from skill.travel(curve, watch, carrying=held)

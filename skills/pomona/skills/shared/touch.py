@@ -66,6 +66,10 @@ class Touch:
         """
         self._limit, self._act = limit, act
 
+    def forget_change(self) -> None:
+        """Start the largest change again; the reference stays."""
+        self.change, self.finger = 0.0, ""
+
     @property
     def present(self) -> float:
         """How much the force differs from the beginning now, lastingly [N]."""
