@@ -132,6 +132,17 @@ GRIP = """async () => { // four forces, a speed and a width
 }"""
 
 
+def test_the_header_of_a_tablet_is_one_row_and_answers_are_shown(show: Show, open_page: Callable[..., Any]) -> None:
+    page = open_page(viewport={"width": 1180, "height": 820})
+    show.run(HOLD)
+    expect(page.locator("#state")).to_have_text("▶ running")
+    expect(page.locator("#links .link")).to_be_visible()
+    assert box(page, "header")["height"] < 70
+    expect(page.locator("#connection")).to_be_hidden()
+    page.locator("#control [data-action=take]").click()
+    expect(page.locator("#connection")).to_be_visible()  # type your name first
+
+
 @pytest.mark.parametrize(("width", "height"), SIZES.values())
 def test_all_curves_are_in_sight(show: Show, open_page: Callable[..., Any], width: int, height: int) -> None:
     page = open_page(viewport={"width": width, "height": height})

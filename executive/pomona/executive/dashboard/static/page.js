@@ -41,7 +41,8 @@ export function readAddress() {
   return { run: fields.get("run"), over: fields.get("over"), t: fields.has("t") && Number.isFinite(Number(fields.get("t"))) ? Math.max(0, Number(fields.get("t"))) : null };
 }
 
-export function say(text, rank = "ok") { $("connection").textContent = text; $("connection").dataset.rank = rank; }
+// The state of the connection, or the answer to a press; the usual states are "quiet": narrow pages leave them out.
+export function say(text, rank = "ok") { $("connection").textContent = text; $("connection").dataset.rank = /^(connected|recorded run)$/.test(text) ? "quiet" : rank; }
 
 // Where the page's own server is: behind a proxy that may be below a path.
 const here = (path) => new URL(path.replace(/^\//, ""), location.href.split("#")[0]);
