@@ -34,9 +34,9 @@ CALM, MOVE, HIT = range(3)
 class ProbabilitySettings(NamedTuple):
     """Constants of the reference; each line has the quantity with its unit, and where it comes from."""
 
-    horizon: float = 0.045  # time from a load to the fingers' answer [s]: command period, lag and filter; gripper
+    horizon: float = 0.05  # time from a load to the fingers' answer [s]: command period, lag and filter; gripper
     eps: float = 0.01  # accepted probability of slip within the horizon; choice
-    s_model: float = 0.046  # relative error of the minimum force with known friction; draws of seed 7
+    s_model: float = 0.05  # relative error of the minimum force with known friction; draws of seed 7
     mu_stds: float = 1.8  # standard deviations that `mu_uncertainty` stands for (uniform: 1.73); calibration
     move_rate: float = 0.005  # calm loads that begin to move [1/s]; task
     hit_rate: float = 0.0005  # calm loads that jump [1/s]; task
@@ -44,12 +44,13 @@ class ProbabilitySettings(NamedTuple):
     q_calm: float = 0.02  # walk of a calm load [N/√s]; sensor's drift
     push_rate: float = 30.0  # rate of a push at a carried fruit, standard deviation [N/s]; task
     lift_rate: float = 10.0  # rate of a load that comes from the table, standard deviation [N/s]; lifts
-    lift_share: float = 20.0  # and its part relative to the load [1/s]; lifts
+    lift_share: float = 22.0  # and its part relative to the load [1/s]; lifts
     rate_time: float = 0.03  # correlation time of that rate [s]: stiffness of contact; lifts
     hit_std: float = 3.0  # jump of the load, standard deviation [N]; task
     lever: float = 0.012  # distance at which loads move and jump, standard deviation [m]; fruit
     slide_scale: float = 5.0  # mean of a push that a sliding fruit hides [N]; task
     fall_time: float = 0.25  # time constant with which an excess is let go [s]; bristles' creep
+    answer_time: float = 0.15  # and that of the force for a load that moves [s]; draws of seed 7
 
 
 class LoadState(NamedTuple):
@@ -287,7 +288,7 @@ class ProbabilityReference(ForceReference):
             levels.held += falls * (target - levels.held)
         if levels.held < lowest:
             levels.held = min(levels.held + levels.settings.ramp_rate * elapsed, lowest)
-        self._momentary = max(force - levels.held, (1.0 - falls) * self._momentary)
+        self._momentary = max(force - levels.held, math.exp(-elapsed / s.answer_time) * self._momentary)
         return levels.held + self._momentary
 
     def _reserved(self, estimate: GripEstimate) -> float:
