@@ -27,6 +27,7 @@ from pomona.skills.grip.pads import LEVER_LOAD, PAD_HALF, PRESSING
 from pomona.skills.grip.reference import ForceReference
 from pomona.skills.grip.reference_modes import CarriedMode, Levels, LiftingMode, ReferenceMode
 from pomona.skills.grip.settings import GripSettings
+from pomona.skills.grip.timing import LowPass
 
 CALM, MOVE, HIT = range(3)
 
@@ -49,7 +50,9 @@ class ProbabilitySettings(NamedTuple):
     hit_std: float = 3.0  # jump of the load, standard deviation [N]; task
     lever: float = 0.012  # distance at which loads move and jump, standard deviation [m]; fruit
     slide_scale: float = 5.0  # mean of a push that a sliding fruit hides [N]; task
-    fall_time: float = 0.25  # time constant with which an excess is let go [s]; bristles' creep
+    fall_time: float = 0.6  # time constant with which an excess is let go [s]: slip must be found meanwhile; slip watch
+    tested_fall_time: float = 0.15  # the same as far as a grip of this ratio has borne the load before [s]; gripper
+    tested_lag: float = 0.1  # time for which it must have borne it [s]; slip watch
     answer_time: float = 0.15  # and that of the force for a load that moves [s]; draws of seed 7
 
 
@@ -239,6 +242,7 @@ class ProbabilityReference(ForceReference):
         self.load = unknown_load()
         self._constants, self._period = constants, settings.period
         self._noise, self._momentary = np.ones(6), 0.0
+        self._ratio, self._tested = LowPass(constants.tested_lag), 0.0
         self.take_contact(settings.contact)
         self._modes[ReferenceMode.LIFTING] = ProbableLifting(self._levels, self)
         self._modes[ReferenceMode.CARRIED] = ProbableCarrying(self._levels, self)
@@ -248,7 +252,8 @@ class ProbabilityReference(ForceReference):
         self._noise = variance
 
     def take_contact(self, contact: SoftContact) -> None:
-        """Use another friction."""
+        """Use another friction; nothing has been borne with it."""
+        self._tested = 0.0
         self._table = surface_table(contact)
 
     def set_friction(self, settings: GripSettings) -> None:
@@ -280,7 +285,10 @@ class ProbabilityReference(ForceReference):
         reserve = self._reserved(estimate)
         levels.wanted, force = smallest_force(self.load, self._table, known, reserve, s, highest)
         levels.for_weight = levels.margin * estimate.f_coulomb
-        falls = 1.0 - math.exp(-elapsed / s.fall_time)
+        ratio = self._ratio.update(estimate.f_least / max(estimate.f_n, 0.1), elapsed)
+        self._tested = max(self._tested, ratio)
+        is_tested = levels.held * self._tested > estimate.f_least
+        falls = 1.0 - math.exp(-elapsed / (s.tested_fall_time if is_tested else s.fall_time))
         target = max(levels.wanted, levels.settings.floor)
         if target >= levels.held:
             levels.held = min(target, max(levels.held, levels.limit))

@@ -17,6 +17,7 @@ from benchmarks.grasp_probability import (
     MOVE,
     LoadState,
     ProbabilityController,
+    ProbabilityReference,
     ProbabilitySettings,
     advance_load,
     least_distribution,
@@ -25,8 +26,9 @@ from benchmarks.grasp_probability import (
 )
 from benchmarks.grasp_trial import Lifting, run_trial
 from pomona.executive.values.arrays import Float64
+from pomona.skills.grip.estimate_kernel import GripEstimate
 from pomona.skills.grip.limit_surface import SoftContact, least_force, surface_table
-from pomona.skills.grip.settings import ForceLaw
+from pomona.skills.grip.settings import ForceLaw, GripSettings
 
 PERIOD = 0.002
 SETTINGS = ProbabilitySettings()
@@ -120,6 +122,51 @@ def test_a_reserve_that_the_load_has_used_up_costs_nothing_more() -> None:
     alone = force_for(standing(5.0))
     assert force_for(standing(5.0), reserve=1.0) == pytest.approx(alone, rel=1e-6)
     assert force_for(standing(1.0), reserve=5.0 / CONTACT.mu) == pytest.approx(alone, rel=1e-4)
+
+
+def carry(reference: ProbabilityReference, load: float, until: float, longest: float = 8.0) -> float:
+    """Carry a load [N] with the reference's force until that is below a bound [N]; return the time [s]."""
+    least = load / CONTACT.mu
+    for count in range(round(longest / PERIOD)):
+        estimate = GripEstimate(
+            f_n=max(reference.f_ref, 0.1), f_t=load, load=(load, 0.0), f_least=least, f_cautious=least, f_coulomb=least,
+            unfiltered=np.array([0.5 * load, 0.0, -0.5 * reference.f_ref, 0.0, 0.0, 0.0]),
+        )  # fmt: skip
+        reference.observe(estimate, 1)
+        reference.follow(estimate, reference.f_ref, PERIOD)
+        if reference.is_carried and reference.f_ref < until:
+            return count * PERIOD
+    return longest
+
+
+def carrying() -> ProbabilityReference:
+    reference = ProbabilityReference(GripSettings(contact=CONTACT, initial_force=8.0))
+    reference.calibrate(0.01 * np.array([1.0, 1.0, 1.0, 2.5e-5, 2.5e-5, 2.5e-5]))
+    reference.begin(8.0)
+    reference.ramp(10.0)
+    reference.stand((0.0, 0.0))
+    return reference
+
+
+def test_the_force_falls_slowly_where_the_friction_has_not_been_tested() -> None:
+    reference, near = carrying(), 1.2 * 2.4 / CONTACT.mu
+    untested = carry(reference, 2.4, near)
+    carry(reference, 2.4, 0.0)
+    carry(reference, 4.8, 0.0, 0.3)
+    tested = carry(reference, 2.4, near)
+    assert tested < 0.6 * untested
+    carry(reference, 4.8, 0.0, 0.3)
+    reference.take_contact(CONTACT)
+    assert carry(reference, 2.4, near) > 1.5 * tested
+
+
+def test_a_frozen_probable_reference_never_falls_below_its_lasting_part() -> None:
+    reference = carrying()
+    carry(reference, 4.8, 0.0, 3.0)
+    before = reference.f_ref
+    reference.freeze("because")
+    carry(reference, 1.0, 0.0, 3.0)
+    assert reference.f_ref >= 0.99 * before
 
 
 def test_a_light_fruit_is_lifted_and_held_near_its_minimum() -> None:
