@@ -143,3 +143,13 @@ def test_a_failure_has_its_reason_above_and_its_moment_in_all_curves_at_one_plac
     marks = [line for axes in figure.axes for line in axes.lines if list(line.get_xdata()) == [3.6, 3.6]]
     assert len(marks) == 2
     assert len({mark.get_window_extent().x0 for mark in marks}) == 1
+
+
+def test_curves_at_rest_show_no_rounding_errors(monkeypatch: pytest.MonkeyPatch) -> None:
+    t = np.linspace(0.0, 0.1, 10)
+    rest = SeriesView(t, {"grasp force [N]": 0.0 * t, "width [m]": 0.103 + 1e-8 * t})
+    for axes in (axes for axes in plotted(monkeypatch, [("grip", rest)]).axes if axes.lines):
+        low, high = axes.get_ylim()
+        assert high - low == pytest.approx(1.0)
+        axes.figure.canvas.draw()
+        assert axes.yaxis.get_major_formatter().get_offset() == ""

@@ -22,6 +22,7 @@ MILLI = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}  # units of small quantities in
 KINDS = {"N": "force", "N·m": "torque", "m": "length", "m/s": "speed", "rad": "angle", "s": "time"}
 """Axis labels for several quantities of one unit."""
 
+SMALLEST_SPAN = {"N": 1.0, "mm": 1.0, "mm/s": 1.0}  # least height of an axis, by its unit
 GAP = 0.5  # longest time between two samples of one curve [s]
 
 
@@ -202,7 +203,10 @@ class Picture:
             t, values = _with_gaps(t, values)
             axes.plot(t, scale * values, lw=1.3, label=name.replace(f" [{unit}]", ""))
         thresholds = {k: v for views in self._series.values() for k, v in views[-1].thresholds.items()}
+        axes.ticklabel_format(axis="y", useOffset=False)
         low, high = axes.get_ylim()
+        if (missing := SMALLEST_SPAN.get(shown, 0.0) - (high - low)) > 0.0:  # at rest: without its rounding errors
+            low, high = axes.set_ylim(low - missing / 2, high + missing / 2)
         for number, (name, value) in enumerate(thresholds.items()):
             if f"[{unit}]" in name:
                 words = f"{name.replace(f' [{unit}]', '')} {scale * value:.3g} {shown}"
