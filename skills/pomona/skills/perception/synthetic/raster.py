@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -65,44 +67,66 @@ def _lit(x: float, y: float, z: float, light: Float32, shadow: Float32, bias: fl
     return float((s00 * (1.0 - du) + s01 * du) * (1.0 - dv) + (s10 * (1.0 - du) + s11 * du) * dv)
 
 
+class Surfaces(NamedTuple):
+    """Appearance of the faces: values per vertex, faces, and values per object."""
+
+    normals: Float32  # of vertices, in the camera frame
+    albedo: Float32  # linear RGB of vertices
+    grain: Float32  # coordinates of vertices in the noise
+    openness: Float32  # ambient light that reaches a vertex, 0 to 1
+    faces: Int32
+    face_object: Int32
+    material: Float32  # of objects: specular strength, shininess, contrast of the grain
+
+
+class Visible(NamedTuple):
+    """The result of `rasterise`, and its camera."""
+
+    camera: Float32
+    depth: Float32
+    face_index: Int32
+    weights: Float32
+
+
+class TablePlane(NamedTuple):
+    """The plane below the objects."""
+
+    plane: Float32  # normal and offset in the camera frame; offset 0: no table
+    axes: Float32  # (2, 4) of the texture
+    look: Float32  # scale of the texture [texels/m], specular strength, shininess, radius of the table
+    spheres: Float32  # (k, 4) that darken it
+    texture: Float32
+
+
+class Lighting(NamedTuple):
+    """Light in the camera frame; the first light casts the shadow."""
+
+    lights: Float32  # (l, 6): direction to the light, and colour
+    up: Float32
+    ambient: Float32
+    light_map: Float32  # (3, 4)
+    shadow: Float32
+    shadow_strength: float
+
+
 @njit(cache=True, nogil=True, fastmath=True)
 def shade(
-    points: Float32,
-    normals: Float32,
-    albedo: Float32,
-    grain: Float32,
-    openness: Float32,
-    faces: Int32,
-    face_object: Int32,
-    material: Float32,
-    camera: Float32,
-    depth: Float32,
-    face_index: Int32,
-    weights: Float32,
-    plane: Float32,
-    plane_axes: Float32,
-    plane_look: Float32,
-    spheres: Float32,
-    lights: Float32,
-    up: Float32,
-    ambient: Float32,
-    light_map: Float32,
-    shadow: Float32,
-    shadow_strength: float,
-    texture: Float32,
+    surfaces: Surfaces,
+    visible: Visible,
+    table: TablePlane,
+    lighting: Lighting,
     noise: Float32,
     picture: Float32,
     owner: Int32,
 ) -> None:
     """Colour every pixel that a face or the table covers; other pixels keep their value in `picture`.
 
-    Per vertex: `points`, `normals` (camera frame), `albedo` (linear RGB), `grain` (coordinates into `noise`),
-    `openness` (ambient light let in, 0..1). Per object: `material` = specular strength, shininess, grain contrast.
-    `plane` is (normal, offset) of the table in the camera frame, offset 0 for none; `plane_axes` (2, 3) its texture
-    axes; `plane_look` = texture scale [texels/m], specular strength, shininess, radius beyond which the table ends.
-    `spheres` (k, 4) darken the table below them. `lights` (l, 6): direction to the light and colour; the first casts
-    shadows through `light_map` (3, 4) and `shadow`. `owner` (h, w) becomes the object's index, -1 where none.
+    `owner` (h, w) becomes the object's index, -1 where none.
     """
+    normals, albedo, grain, openness, faces, face_object, material = surfaces
+    camera, depth, face_index, weights = visible
+    plane, plane_axes, plane_look, spheres, texture = table
+    lights, up, ambient, light_map, shadow, shadow_strength = lighting
     height, width = depth.shape
     fx, fy, cx, cy = camera[0], camera[1], camera[2], camera[3]
     texture_h, texture_w = texture.shape[0], texture.shape[1]

@@ -14,7 +14,7 @@ from pomona.skills.perception.synthetic import textures
 from pomona.skills.perception.synthetic.composition import compose
 from pomona.skills.perception.synthetic.contents import SyntheticScene
 from pomona.skills.perception.synthetic.options import SceneKind, SceneOptions
-from pomona.skills.perception.synthetic.raster import rasterise, shade
+from pomona.skills.perception.synthetic.raster import Lighting, Surfaces, TablePlane, Visible, rasterise, shade
 from pomona.skills.perception.synthetic.surroundings import cast_shadow, draw_backdrop, lay_table, set_lights
 from pomona.skills.perception.synthetic.truth import FruitTruth, decoy_circle, true_fruit
 
@@ -69,30 +69,16 @@ def _render(fruit: FruitModel, options: SceneOptions, scene: SyntheticScene, rng
     shadow, light_map = cast_shadow(P, F, lights[0, :3], rng)
     plane, plane_axes, plane_look = lay_table(scene, T_wc, rng)
     spheres = np.array([[*(R_cw @ (c - eye)), r] for c, r in scene.spheres], np.float32).reshape(-1, 4)
+    looks = [np.ascontiguousarray(np.concatenate(each), np.float32) for each in (normals, albedo, grain, openness)]
+    material = np.array([item.material for item in scene.items], np.float32)
+    surfaces = Surfaces(looks[0], looks[1], looks[2], looks[3], F, owner_of_face, material)
+    darkening = spheres if rng.random() < 0.8 else spheres[:0]
+    strength = float(rng.uniform(0.4, 1.0) if rng.random() < 0.75 else 0.0)
     shade(
-        P,
-        np.ascontiguousarray(np.concatenate(normals), np.float32),
-        np.ascontiguousarray(np.concatenate(albedo), np.float32),
-        np.ascontiguousarray(np.concatenate(grain), np.float32),
-        np.ascontiguousarray(np.concatenate(openness), np.float32),
-        F,
-        owner_of_face,
-        np.array([item.material for item in scene.items], np.float32),
-        camera,
-        depth,
-        face_index,
-        weights,
-        plane,
-        plane_axes,
-        plane_look,
-        spheres if rng.random() < 0.8 else spheres[:0],
-        lights,
-        up,
-        ambient,
-        light_map,
-        shadow,
-        float(rng.uniform(0.4, 1.0) if rng.random() < 0.75 else 0.0),
-        textures.table_top(int(rng.integers(0, 96))),
+        surfaces,
+        Visible(camera, depth, face_index, weights),
+        TablePlane(plane, plane_axes, plane_look, darkening, textures.table_top(int(rng.integers(0, 96)))),
+        Lighting(lights, up, ambient, light_map, shadow, strength),
         textures.grain(),
         picture,
         owner,
