@@ -31,7 +31,8 @@ from pomona.skills.perception.refinement.starts import Judge, other_starts
 from pomona.skills.perception.refinement.support_plane import Plane
 
 _LEAST_POINTS = 150
-_FINALISTS = 3  # number of other axes of the stem, the best with few points, that are fitted with all points
+_FEW_STARTS, _FINALISTS = 3, 2
+"""More other axes of the stem than that are fitted with few points first, and the best ones with all points."""
 _LEAST_AGREEMENT = 0.8  # least ratio of a stretched model's agreeing pixels to the scaled model's
 
 _NOISE_IN_BAND = 2.0
@@ -178,16 +179,16 @@ def _best_of_starts(task: _Task, T_camera_object: Float64) -> RefineResult:
     # Every start is tried: if half of the fruit is hidden, the first one that fits well may be wrong.
     trials: list[tuple[float, RefineResult, Cloud]] = []
     starts = other_starts(T_camera_object, task.known.support)
+    few = len(starts) > _FEW_STARTS
     for T_start in starts:
         try:
             scaled = _scaled_from(task, T_start)
             cloud, plane = _gathered(task, scaled, plane)
         except RefineError:
             continue
-        few = len(starts) > _FINALISTS
         found = judge.score(_fitted(task, scaled, cloud, plane, FEW_POINTS))[0] if few else 0.0
         trials.append((found, scaled, cloud))
-    for _, scaled, cloud in sorted(trials, key=lambda trial: -trial[0])[:_FINALISTS]:
+    for _, scaled, cloud in sorted(trials, key=lambda trial: -trial[0])[: _FINALISTS if few else _FEW_STARTS]:
         other = _fitted(task, scaled, cloud, plane)
         found, clearly, _ = judge.score(other)
         if other.method.startswith("shape") and found > score + clearly:

@@ -28,7 +28,7 @@ from pomona.skills.perception.refinement.surface import surface_of
 _NARROWING = (3.0, 3.0, 2.0, 2.0, 1.5, 1.5)  # the band of the first steps, in final bands
 
 _MAX_STEPS_OF_FEW = 25
-_MAX_STEPS = 12
+_MAX_STEPS = 8
 FEW_POINTS = 250
 MAX_POINTS = 1000
 """A fit steps with few points first, then with all: most steps only find the way, and noise matters at the end."""
