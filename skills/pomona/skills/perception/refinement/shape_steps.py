@@ -47,10 +47,9 @@ class Support(NamedTuple):
 @njit(cache=True, nogil=True)
 def move(placed: PlacedForm, step: Float64) -> None:
     """Turn, move and stretch the object by a step, shape (11,), limited in size."""
-    turn = np.array([step[3], step[10], step[4]])
-    angle = math.sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
+    angle = math.sqrt(step[3] ** 2 + step[10] ** 2 + step[4] ** 2)
     if angle > 0.0:
-        x, y, z = turn / angle
+        x, y, z = step[3] / angle, step[10] / angle, step[4] / angle
         sine, versine = math.sin(min(angle, _MAX_TURN)), 1.0 - math.cos(min(angle, _MAX_TURN))
         for i in range(3):
             a, b, c = placed.R[i, 0], placed.R[i, 1], placed.R[i, 2]
@@ -72,17 +71,17 @@ def contact(vertices: Float64, placed: PlacedForm, support: Support) -> tuple[fl
     for i in range(3):
         for k in range(3):
             up[k] += placed.R[i, k] * support.normal[i]
-    x, y, z = up * placed.stretch
-    a, b = placed.lean / placed.radius
+    stretch = placed.stretch
+    x, y, z = up[0] * stretch[0], up[1] * stretch[1], up[2] * stretch[2]
+    a, b = placed.lean[0] / placed.radius[0], placed.lean[1] / placed.radius[1]
     lowest, index = np.inf, 0
     for i in range(len(vertices)):
-        v = vertices[i]
-        height = x * v[0] + y * v[1] * (1.0 + a * v[0] + b * v[2]) + z * v[2]
+        height = x * vertices[i, 0] + z * vertices[i, 2]
+        height += y * vertices[i, 1] * (1.0 + a * vertices[i, 0] + b * vertices[i, 2])
         if height < lowest:
             lowest, index = height, i
-    v = vertices[index]
-    q = v * placed.stretch
-    q[1] *= 1.0 + a * v[0] + b * v[2]
+    v = (vertices[index, 0], vertices[index, 1], vertices[index, 2])
+    q = (stretch[0] * v[0], stretch[1] * v[1] * (1.0 + a * v[0] + b * v[2]), stretch[2] * v[2])
     row = np.empty(PARAMETERS)
     gap = lowest + support.offset
     for k in range(3):
@@ -103,7 +102,9 @@ def _unlikeness(expected: ShapePriors, placed: PlacedForm) -> Float64:
         for k in range(3):
             axis[k] += placed.R[i, k] * start.R[i, 1]
             facing[k] += placed.R[i, k] * start.R[i, 0]
-    ln_x, ln_y, ln_z = np.log(placed.stretch / start.stretch)
+    ln_x = math.log(placed.stretch[0] / start.stretch[0])
+    ln_y = math.log(placed.stretch[1] / start.stretch[1])
+    ln_z = math.log(placed.stretch[2] / start.stretch[2])
     values[3], values[4] = axis[0], axis[2]
     values[5] = -(ln_x + ln_y + ln_z) / 3.0
     values[6] = expected.proportion - ln_y + 0.5 * (ln_x + ln_z)
@@ -151,22 +152,27 @@ def step_until_still(
         bands: half-width of the band about the surface in which points count, for each step at most [m]; the last
             value is the final one.
     """
-    H, share = expected.likeness, 0.0
+    likeness, weighted = expected.likeness, expected.weighted
+    H, share = likeness, 0.0
     for band in bands:
         H, b, share = points_to_surface(measured, samples, placed, nearest, band, expected.texture, _PATCHES)
-        H += expected.likeness
         values = _unlikeness(expected, placed)
-        for k in range(PARAMETERS):
-            b += values[k] * expected.weighted[k]
+        for i in range(PARAMETERS):
+            for k in range(PARAMETERS):
+                H[i, k] += likeness[i, k]
+                b[k] += values[i] * weighted[i, k]
         if support.deviation < np.inf:
             gap, row = contact(samples.vertices, placed, support)
-            weighted = row / support.deviation**2
-            b -= gap * weighted
-            for k in range(PARAMETERS):
-                H[k] += row[k] * weighted
+            for i in range(PARAMETERS):
+                certain = row[i] / support.deviation**2
+                b[i] -= gap * certain
+                for k in range(PARAMETERS):
+                    H[i, k] += row[k] * certain
         step = _solve(H, b)
         move(placed, step)
-        still = np.abs(step[:3]).max() < _STILL_PLACE and np.abs(step[3:]).max() < _STILL_FORM
+        still = True
+        for k in range(PARAMETERS):
+            still = still and abs(step[k]) < (_STILL_PLACE if k < 3 else _STILL_FORM)
         if still and band == bands[-1]:
             break
     return H, share
