@@ -89,7 +89,7 @@ def test_its_codes_are_known(findings_of):
 
     assert after("{ask: Go?}", "NO_ANSWER") == []
     assert after("{ask: Go?}", "TIMEOUT") == ["unknown-code"]
-    assert after("{ask: Go?, default: yes}", "NO_ANSWER") == ["unreachable", "unknown-code"]
+    assert after("{ask: Go?, default: yes}", "NO_ANSWER") == ["unknown-code", "unreachable"]
 
 
 def test_a_disabled_node_is_skipped(built):

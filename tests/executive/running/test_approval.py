@@ -118,8 +118,8 @@ def test_the_explanation_names_operator_and_change():
         0.0, 0, "r", "careful", "t.yaml", TEXT, "", "fake", "mock", "", "", 0, {}, nodes, {}, 0.0, 0.02
     )
     said = " ".join(explain([started, *events]))
-    assert f"Ada asked for change duration = 60 ms ← {AGAIN}." in said
-    assert f"Ada asked for answer approve ← {PATH}." in said
+    assert f"Ada: change: duration = 60 ms ← {AGAIN}." in said
+    assert f"Ada: answer: approve ← {PATH}." in said
 
 
 @pytest.mark.parametrize(
