@@ -69,7 +69,7 @@ class Release(PoseSkill):
         contact: Annotated[Force, Port(min="0.1 N", help="change of load that shows contact")] = FORCE("0.35 N"),
         speed: Annotated[Speed, Port(min="1 mm/s", max="0.1 m/s", help="speed of lowering")] = SPEED("0.02 m/s"),
         fast: Annotated[Speed, Port(min="1 mm/s", max="0.5 m/s", help="speed while no known object is near")] = SPEED(
-            "0.2 m/s"
+            "0.15 m/s"
         ),
         slow_within: Annotated[
             Length, Port(min="5 mm", max="200 mm", help="height over the known support at which lowering slows down")
