@@ -37,8 +37,7 @@ RELEASED_WIDTH = 0.02  # width by which the fingers open beyond the fruit before
 class Release(PoseSkill):
     """Put a held fruit down: lower it until it touches, open gently, rise again.
 
-    The fingers open only after the fruit has met a support. If it meets none within `depth`, or before the gripper
-    comes too near to an obstacle, the fruit stays held and the skill fails.
+    Without a support within `depth`, or with an obstacle too near, the fruit stays held and the skill fails.
     """
 
     devices = (Arm, Gripper, ForceSensor, Workspace)
@@ -118,13 +117,7 @@ class Release(PoseSkill):
         return self.failure("NOT_HELD", "there is nothing between the fingers to put down")
 
     def _lower(
-        self,
-        legs: Sequence[Leg],
-        depth: float,
-        space: ArmSpace,
-        hold: Hold | None,
-        grasp: Grasp | None,
-        contact: float,
+        self, legs: Sequence[Leg], depth: float, space: ArmSpace, hold: Hold | None, grasp: Grasp | None, contact: float
     ) -> Watching:
         """Go down along legs until a support carries the fruit; after a jolt it goes on."""
         before = float(tool_pose(self)[2, 3])
@@ -133,16 +126,14 @@ class Release(PoseSkill):
                 words = yield from lower_to_support(self, legs, hold, grasp, contact, "LOWERING_BLOCKED")
             except Jolted:
                 words = f"the change of load on the way down has gone again {jolts} times, as after jolts"
-                left = depth - before + float(tool_pose(self)[2, 3])
-                if left < RESUMED:
+                if (left := depth - before + float(tool_pose(self)[2, 3])) < RESUMED:
                     break
                 legs = [Leg(vertical_way(self, -left, "LOWERING_BLOCKED", space), legs[-1].manner)]
             else:
                 if not words:
                     return
                 break
-        held = current_hold(self.device(Gripper))
-        if held is not None:
+        if (held := current_hold(self.device(Gripper))) is not None:
             held.rest_on_contact(None)
         lowered = before - float(tool_pose(self)[2, 3])
         message = f"{words} ({1e3 * lowered:.0f} mm down); the fruit is still held"

@@ -115,7 +115,7 @@ def test_no_run_waits_for_a_webhook_that_does_not_answer(
     hook.go.set()
     teller.join(LONG)
     assert len(hook.posted) == 1
-    assert caplog.text == ""
+    assert hook.address not in caplog.text  # another test's alert may be given up meanwhile
 
 
 def test_a_webhook_that_does_not_answer_is_asked_again_and_then_given_up(
