@@ -184,8 +184,8 @@ bench-devices: $(STAMP) ## streams and round trips of the device drivers on emul
 orchard-law: $(STAMP) ## simulated pulls of apples beside measured ones, in docs/reports/orchard_law; DATA=… the traces (half an hour)
 	$(BIN)/python -m benchmarks.orchard_law $(if $(DATA),--data $(DATA))
 
-orchard: $(STAMP) ## simulated fruit walls picked by trees/experimental/pick_tree.yaml, in docs/reports/orchard_pick; WALLS=201..203
-	$(BIN)/python -m benchmarks.orchard_pick --walls $(or $(WALLS),201..203)
+orchard: $(STAMP) ## simulated fruit walls picked by trees/experimental/pick_tree.yaml, in docs/reports/orchard_pick; WALLS=201..203 STOPS=-350,0,350 CELL=orchard
+	$(BIN)/python -m benchmarks.orchard_pick --walls $(or $(WALLS),201..203) --stops=$(or $(STOPS),0) --cell $(or $(CELL),orchard)
 
 oracle: $(STAMP) ## the collision model beside MuJoCo over 10 000 random states
 	$(BIN)/python -m benchmarks.collision_oracle --states 10000

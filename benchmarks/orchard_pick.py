@@ -1,10 +1,12 @@
 """Simulated walls picked by the tree `pick_tree`, judged by the wall's own truth, in a report.
 
     python -m benchmarks.orchard_pick --walls 201..203 --leaves 0 --out docs/reports/orchard_pick
+    python -m benchmarks.orchard_pick --walls 201..203 --stops=-350,0,350      # places of the base, one after the other
 
-Each wall is one run of the command `pomona run`, with its own seed. The walls must not have been used for tuning:
-walls 1 to 12 and 101 to 128 were looked at. Figures of a wall that was measured before are kept in `walls.json` of the
-folder, so a report can grow. `--only-report` writes the page again.
+Each stop at a wall is one run of the command `pomona run`, with the wall's own seed. It begins with the apples that the
+runs before left hanging; branches keep the shape in which they carried the others, and moving the base takes no time.
+The walls must not have been used for tuning: walls 1 to 12 and 101 to 128 were looked at. Figures of a wall that was
+measured before are kept in `walls.json` of the folder, so a report can grow. `--only-report` writes the page again.
 """
 
 from __future__ import annotations
@@ -28,7 +30,9 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 
 ROOT = Path(__file__).parents[1]
-TREE, CELL = ROOT / "trees" / "experimental" / "pick_tree.yaml", ROOT / "trees" / "cells" / "orchard.yaml"
+TREE, CELLS = ROOT / "trees" / "experimental" / "pick_tree.yaml", ROOT / "trees" / "cells"
+USUAL = ("orchard", (0,))
+"""Cell and stops [mm] of the main figures."""
 TUNED = (*range(1, 13), *range(101, 129))
 """Walls that were looked at while the skills were made, or for which errors were found."""
 LIMIT = 7200.0
@@ -47,28 +51,61 @@ GROUPS = {
 """Groups of the reasons in the tally, by a part of the sentence."""
 
 
-def pick_wall(seed: int, leaves: float, extra: Sequence[str]) -> dict[str, Any]:
-    """Run one wall and return its truth, its time and the reasons of the apples that were left."""
+def pick_wall(cell: str, seed: int, leaves: float, stops: Sequence[int], extra: Sequence[str]) -> dict[str, Any]:
+    """Pick one wall from several stops [mm]: truth, time, and the reasons of the apples that each stop left."""
+    runs: list[dict[str, Any]] = []
+    gone = list[str]()
+    for stop in stops:
+        settings = {"leaves": f"{leaves:g}", "stop": f"{stop} mm", "without": ",".join(gone) or "none"}
+        words = [word for name, text in settings.items() for word in ("--set", f"{name}={text}")]
+        runs.append(found := pick_from(cell, seed, [*words, *extra]))
+        fruits = found["truth"]["fruits"]
+        gone += [fruit["name"].removeprefix("fruit_") for fruit in fruits if fruit["place"] != "hangs"]
+        if len(gone) == runs[0]["truth"]["apples"]:
+            break
+    bad = next((found for found in runs if found["outcome"] != "success"), runs[-1])
+    tallies = [(found.get("values") or {}).get("tally") or {"left": []} for found in runs]
+    return {
+        "cell": cell,
+        "seed": seed,
+        "leaves": leaves,
+        "stops": list(stops),
+        "picked_at": [found["truth"]["picked"] for found in runs],
+        "commit": commit_here(),
+        "outcome": bad["outcome"],
+        "reason": (bad.get("reason") or {}).get("message", ""),
+        "time_s": sum(found["time_s"] for found in runs),
+        "left": [each["why"] for tally in tallies for each in tally["left"]],
+        "truth": together([found["truth"] for found in runs]),
+    }
+
+
+def together(truths: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the truth of all stops at a wall. A fruit that two stops gripped, reached or bruised counts once."""
+    fruits = [fruit for truth in truths for fruit in truth["fruits"]]
+    forces = [fruit["stem_force_n"] for fruit in fruits if fruit["how"] == "gripped"]
+    return {
+        "apples": truths[0]["apples"],
+        **{key: len({fruit["name"] for fruit in fruits if fruit[key]}) for key in ("reachable", "gripped", "bruised")},
+        **{key: sum(t[key] for t in truths) for key in ("detached", "picked", "dropped", "knocked_off", "stems_torn")},
+        "stem_force_median_n": float(np.median(forces)) if forces else None,
+        "stem_force_p95_n": float(np.percentile(forces, 95)) if forces else None,
+        "numbers": truths[0]["numbers"],
+    }
+
+
+def pick_from(cell: str, seed: int, settings: Sequence[str]) -> dict[str, Any]:
+    """Run the tree from one stop and return the result of the command."""
     command = [
-        *(sys.executable, "-m", "pomona.executive.cli", "run", str(TREE), "--cell", str(CELL), "--seed", str(seed)),
-        *("--set", f"leaves={leaves:g}", "--no-record", "--json", *extra),
+        *(sys.executable, "-m", "pomona.executive.cli", "run", str(TREE), "--cell", str(CELLS / f"{cell}.yaml")),
+        *("--seed", str(seed), "--no-record", "--json", *settings),
     ]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT, check=False)
     lines = ended.stdout.strip().splitlines()
     if not lines:
         raise SystemExit(f"wall {seed}: the run printed no result: {ended.stderr[-2000:]}")
     found: dict[str, Any] = json.loads(lines[-1])
-    truth, tally = found["truth"], (found.get("values") or {}).get("tally") or {"left": []}
-    return {
-        "seed": seed,
-        "leaves": leaves,
-        "commit": commit_here(),
-        "outcome": found["outcome"],
-        "reason": (found.get("reason") or {}).get("message", ""),
-        "time_s": found["time_s"],
-        "left": [each["why"] for each in tally["left"]],
-        "truth": {key: truth.get(key) for key in (*COUNTED, "stem_force_median_n", "stem_force_p95_n", "numbers")},
-    }
+    return found
 
 
 def group_of(why: str) -> str:
@@ -79,13 +116,32 @@ def group_of(why: str) -> str:
 
 def share(name: str, part: int, of: int) -> str:
     """Return a row: a share with its 95 % interval."""
-    low, high = wilson(part, of)
+    low, high = wilson(min(part, of), of)  # reachable apples are a lower bound
     value = f"{part / of:.0%}" if of else "–"
     return f"| {name} | {part} of {of} | {value} | {low:.0%} to {high:.0%} |"
 
 
-def report(walls: Sequence[Mapping[str, Any]], out: Path) -> str:
-    """Return the page, and draw its picture."""
+def way_of(wall: Mapping[str, Any]) -> tuple[str, tuple[int, ...]]:
+    """Return the cell and the stops [mm] of a wall; older ones were picked in the usual way."""
+    return wall.get("cell", USUAL[0]), tuple(wall.get("stops", USUAL[1]))
+
+
+def compared(ways: Mapping[tuple[str, tuple[int, ...]], Sequence[Mapping[str, Any]]]) -> list[str]:
+    """Return a table: picked of all, for each cell with its stops."""
+    rows = []
+    for (cell, stops), walls in ways.items():
+        counts = [sum(int(wall["truth"][key]) for wall in walls) for key in ("picked", "apples")]
+        seeds = ", ".join(str(wall["seed"]) for wall in walls)
+        rows.append(share(f"cell {cell}, stops at {', '.join(map(str, stops))} mm: walls {seeds}", *counts))
+    return ["", "| in the bin, of all | apples | share | 95 % interval |", "|---|---|---|---|", *rows]
+
+
+def report(measured: Sequence[Mapping[str, Any]], out: Path) -> str:
+    """Return the page, and draw its picture. Its figures are those of the usual cell and stop, where they were run."""
+    ways: dict[tuple[str, tuple[int, ...]], list[Mapping[str, Any]]] = {}
+    for wall in sorted(measured, key=lambda each: way_of(each) != USUAL):
+        ways.setdefault(way_of(wall), []).append(wall)
+    (cell, stops), walls = next(iter(ways.items()))
     total = Counter[str]()
     for wall in walls:
         total.update({key: int(wall["truth"].get(key) or 0) for key in COUNTED})
@@ -113,6 +169,7 @@ def report(walls: Sequence[Mapping[str, Any]], out: Path) -> str:
     return "\n".join([
         f"# Simulated: {total['apples']} apples of {len(walls)} fruit walls, picked by `pick_tree`",
         "",
+        *([] if (cell, stops) == USUAL else [f"Cell {cell}, stops at {', '.join(map(str, stops))} mm.", ""]),
         f"Simulated, at commit {commits} by `make orchard`. The tree is experimental. None of these walls was used for",
         "tuning. Perception is the shipped detector; ground truth serves the score alone. Stems break by the",
         "wall's law, whose bending strength is assumed and carries this motion",
@@ -126,6 +183,7 @@ def report(walls: Sequence[Mapping[str, Any]], out: Path) -> str:
         f"{force:.1f} N (median of the walls' medians). Stems torn out: {total['stems_torn']}.",
         "The intervals count apples as independent; apples of one wall are not quite.",
         *(["", *stopped] if stopped else []),
+        *(compared(ways) if len(ways) > 1 else []),
         "",
         "| wall | leaves | " + " | ".join(key.replace("_", " ") for key in COUNTED) + " | time [s] | run |",
         "|---" * (len(COUNTED) + 4) + "|",
@@ -164,6 +222,8 @@ def seeds_of(text: str) -> list[int]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--walls", default="201..203", help="seeds, 201..203 or 201,205")
+    parser.add_argument("--cell", default=USUAL[0], help="name of a cell in trees/cells")
+    parser.add_argument("--stops", default="0", help="places of the base along the row [mm]: --stops=-350,0,350")
     parser.add_argument("--leaves", type=float, default=0.0, help="share of the full foliage")
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "reports" / "orchard_pick")
     parser.add_argument("--only-report", action="store_true", help="write the page of the walls that are there")
@@ -171,14 +231,17 @@ def main() -> None:
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     kept = args.out / "walls.json"
-    walls = {(w["seed"], w["leaves"]): w for w in (json.loads(kept.read_text()) if kept.exists() else [])}
+    before = json.loads(kept.read_text()) if kept.exists() else []
+    walls = {(way_of(w), w["seed"], w["leaves"]): w for w in before}
+    stops = tuple(map(int, args.stops.split(",")))
     for seed in () if args.only_report else seeds_of(args.walls):
         if seed in TUNED:
             parser.error(f"wall {seed} was used for tuning")
         extra = [word for each in args.set for word in ("--set", each)]
-        walls[seed, args.leaves] = pick_wall(seed, args.leaves, extra)
+        wall = pick_wall(args.cell, seed, args.leaves, stops, extra)
+        walls[way_of(wall), seed, args.leaves] = wall
         kept.write_text(json.dumps(list(walls.values()), indent=1) + "\n")
-        print(seed, walls[seed, args.leaves]["truth"], flush=True)
+        print(seed, wall["picked_at"], wall["truth"], flush=True)
     (args.out / "report.md").write_text(
         report(sorted(walls.values(), key=lambda w: (w["leaves"], w["seed"])), args.out)
     )

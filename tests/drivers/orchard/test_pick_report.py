@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.orchard_pick import group_of, report, seeds_of, share
+from benchmarks import orchard_pick
+from benchmarks.orchard_pick import group_of, pick_wall, report, seeds_of, share
 
 
 def wall(seed, **truth):
@@ -24,6 +25,56 @@ def test_shares_sum_the_walls_and_the_title_names_the_simulation_and_the_apples(
     assert "Time per apple in the bin: 16.7 s" in page
     assert "| no free grasp | 2 |" in page
     assert (tmp_path / "picked.png").stat().st_size > 1000
+
+
+def apple(number, place, how="", force=0.0, *, bruised=False):
+    return {
+        "name": f"fruit_{number}", "place": place, "reachable": number < 3, "gripped": how == "gripped" or number == 1,
+        "how": how, "stem_force_n": force, "bruised": bruised,
+    }  # fmt: skip
+
+
+def test_each_stop_begins_with_the_apples_that_the_stops_before_left(monkeypatch):
+    stops = [
+        [apple(0, "bin", "gripped", 2.0), apple(1, "hangs"), apple(2, "ground", bruised=True), apple(3, "hangs")],
+        [apple(1, "bin", "gripped", 4.0), apple(3, "hangs", bruised=True)],
+        [apple(3, "hangs", bruised=True)],
+    ]  # fmt: skip
+    asked = []
+
+    def run(cell, seed, settings):
+        fruits = stops[len(asked)]
+        asked.append((cell, seed, settings))
+        picked = sum(fruit["place"] == "bin" for fruit in fruits)
+        truth = {"fruits": fruits, "apples": len(fruits), "picked": picked, "detached": picked, "dropped": 0}
+        truth |= {"knocked_off": len(asked) == 1, "stems_torn": 0, "numbers": "digest"}
+        tally = {"left": [{"why": f"stop {len(asked)}"}]}
+        return {"truth": truth, "outcome": "success", "time_s": 10.0, "values": {"tally": tally}}
+
+    monkeypatch.setattr(orchard_pick, "pick_from", run)
+    found = pick_wall("orchard", 207, 0.5, (-350, 0, 350), ("--set", "wind=1"))
+    assert [settings for _, _, settings in asked] == [
+        ["--set", "leaves=0.5", "--set", f"stop={stop} mm", "--set", f"without={gone}", "--set", "wind=1"]
+        for stop, gone in ((-350, "none"), (0, "0,2"), (350, "0,2,1"))
+    ]
+    truth = found["truth"]
+    assert (truth["apples"], truth["picked"], truth["detached"], truth["knocked_off"]) == (4, 2, 2, 1)
+    assert (truth["reachable"], truth["gripped"], truth["bruised"]) == (3, 2, 2)
+    assert (truth["stem_force_median_n"], found["time_s"], found["picked_at"]) == (3.0, 30.0, [1, 1, 0])
+    assert found["left"] == ["stop 1", "stop 2", "stop 3"]
+
+
+def test_one_stop_is_compared_with_several(tmp_path):
+    several = wall(101, picked=11) | {"cell": "orchard", "stops": [-350, 0, 350]}
+    page = report([several, wall(101)], tmp_path)
+    assert page.startswith("# Simulated: 20 apples of 1 fruit walls")
+    assert "| cell orchard, stops at 0 mm: walls 101 | 8 of 20 | 40% | 22% to 61% |" in page
+    assert "| cell orchard, stops at -350, 0, 350 mm: walls 101 | 11 of 20 | 55% | 34% to 74% |" in page
+    assert "Cell orchard, stops at -350, 0, 350 mm.\n" in report([several], tmp_path)
+
+
+def test_more_apples_than_the_lower_bound_are_counted():
+    assert share("x", 3, 2) == "| x | 3 of 2 | 150% | 34% to 100% |"
 
 
 def test_a_share_of_nothing_has_no_value():

@@ -74,3 +74,12 @@ def test_a_base_that_stands_elsewhere_sees_the_same_wall_shifted(numbers):
     assert seen.trunk[0] - usual.trunk[0] == pytest.approx(-0.35)
     assert seen.wires[0].z - usual.wires[0].z == pytest.approx(-0.2)
     assert (seen.ground - usual.ground, seen.trunk_top - usual.trunk_top) == pytest.approx((-0.2, -0.2))
+
+
+def test_fruit_that_is_taken_away_changes_nothing_of_the_rest(numbers):
+    wall = draw_wall(numbers, 3, leaves=0.3)
+    rest = wall.without({0, 4})
+    assert [each.number for each in wall.fruits] == list(range(len(wall.fruits)))
+    assert rest.fruits == tuple(each for each in wall.fruits if each.number not in (0, 4))
+    assert (rest.spurs, rest.laterals, rest.leaves, rest.wires) == (wall.spurs, wall.laterals, wall.leaves, wall.wires)
+    assert rest.numbers.digest() == wall.numbers.digest()

@@ -101,6 +101,39 @@ def test_bruises_of_fruit_that_still_hang_count(cell):
     assert report["bruised"] == 1
 
 
+def test_apples_that_are_gone_do_not_hang_and_the_others_keep_name_shape_and_place(cell):
+    rest = load_cell(CELL, seed=3, overrides={**BARE, "without": "1"})
+    world, all_of_them = rest.devices["world"], cell.devices["world"]
+    for each in (world, all_of_them):
+        each.clock.advance(0.2)
+    report, usual = world.score.report(), all_of_them.score.report()
+    assert [fruit["name"] for fruit in report["fruits"]] == ["fruit_0", "fruit_2"]
+    assert (report["apples"], report["fell"], report["numbers"]) == (2, 0, usual["numbers"])
+    for i, k in ((0, 0), (1, 2)):
+        here, there = report["fruits"][i], usual["fruits"][k]
+        assert np.allclose(here["T_base_fruit"], there["T_base_fruit"], atol=1e-4)
+        assert here["dimensions_m"] == there["dimensions_m"]
+        assert np.array_equal(world.built.shapes[i].vertices, all_of_them.built.shapes[k].vertices)
+        assert np.array_equal(world.built.shapes[i].texture, all_of_them.built.shapes[k].texture)
+    world.built.strengths[1, 0] = 0.5  # of fruit_2
+    world.clock.advance(1.2)
+    assert [fruit["place"] for fruit in world.score.report()["fruits"]] == ["hangs", "ground"]
+    rest.close()
+
+
+def test_a_wall_without_apples_stands():
+    bare = load_cell(CELL, seed=3, overrides={**BARE, "without": "0,1,2"})
+    bare.devices["world"].clock.advance(0.2)
+    assert bare.devices["world"].truth()["apples"] == 0
+    bare.close()
+
+
+@pytest.mark.parametrize(("without", "message"), [("1,3", "apples 0 to 2, not 3"), ("one", "'one' is not none, or")])
+def test_apples_that_do_not_exist_cannot_be_gone(without, message):
+    with pytest.raises(CellFileError, match=message):
+        load_cell(CELL, seed=3, overrides={**BARE, "without": without})
+
+
 def touching(world, pads=(0.0, 0.0), by_robot=None, lateral=False):
     """Contacts of one step: pads at fruit 2, the robot at a fruit, or the robot at the lateral of fruit 2."""
     count = len(world.built.fruit_bodies)
@@ -157,6 +190,7 @@ def test_a_break_that_unloads_the_pads_is_a_grips_for_fifty_milliseconds(cell, s
     score.look(2)
     assert score.fruits[2].how == how
     assert score.report()["gripped"] == 1
+    assert [fruit["gripped"] for fruit in score.report()["fruits"]] == [False, False, True]
 
 
 def test_wind_moves_fruit_and_a_calm_wall_stands(cell):

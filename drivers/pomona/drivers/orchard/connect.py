@@ -39,6 +39,9 @@ class FruitWallOptions:
     stop: float = value(Measure(LENGTH, "-1 m", "1 m"), "0 mm", "of the base along the row, from its middle")
     height: float = value(Measure(LENGTH, "-0.5 m", "0.5 m"), "0 mm", "of the base over its usual place")
     apples: int | None = value(OrWord(Whole(1, 60), "auto"), "auto", "how many hang; auto draws from the numbers")
+    without: str = value(
+        Text(pattern="none|[0-9]+(,[0-9]+)*", words="none, or numbers such as 3,7"), "none", "numbers of gone fruit"
+    )
     leaves: float = value(Number(0.0, 1.0), "1", "share of the full foliage")
     behind: int = value(Whole(0, 5000), "2400", "leaves of the rows behind, which are only seen")
     wind: float = value(Number(0.0, 3.0), "0", "over the numbers' own strength; 0 is calm")
@@ -79,7 +82,11 @@ def connect_world(settings: Settings[FruitWallOptions], context: ConnectContext)
     said, seed = settings.values, context.seed
     assert context.workspace is not None, "judged when the cell file was read"
     numbers, _ = read_numbers(said.numbers)
-    wall = draw_wall(numbers, seed, said.distance, said.apples, said.leaves).seen_from(said.stop, said.height)
+    drawn = draw_wall(numbers, seed, said.distance, said.apples, said.leaves)
+    gone = set() if said.without == "none" else {int(each) for each in said.without.split(",")}
+    if max(gone, default=0) >= len(drawn.fruits):
+        raise settings.error(f"the wall has the apples 0 to {len(drawn.fruits) - 1}, not {max(gone)}", "without")
+    wall = drawn.without(gone).seen_from(said.stop, said.height)
     spec = read_robot(said.robot)
     friction = float(np.random.default_rng([seed, 18]).uniform(*(said.friction or FRICTION)))
     for pad in PADS:
@@ -92,6 +99,6 @@ def connect_world(settings: Settings[FruitWallOptions], context: ConnectContext)
 def wall_shapes(wall: Wall, model: Path, skin: str) -> tuple[FruitShape, ...]:
     """Skins and meshes of a wall's fruit."""
     return tuple(
-        make_fruit(model, fruit.dimensions, skin, np.random.default_rng([wall.seed, 5, i]))
-        for i, fruit in enumerate(wall.fruits)
+        make_fruit(model, fruit.dimensions, skin, np.random.default_rng([wall.seed, 5, fruit.number]))
+        for fruit in wall.fruits
     )

@@ -110,8 +110,8 @@ def build_wall_model(
         _add_lateral(building, i)
     for i in range(len(wall.spurs)):
         _add_spur(building, i)
-    for i, (fruit, shape) in enumerate(zip(wall.fruits, shapes, strict=True)):
-        _add_fruit(building, i, fruit, shape)
+    for fruit, shape in zip(wall.fruits, shapes, strict=True):
+        _add_fruit(building, fruit, shape)
     _add_leaves(building)
     if scenery is not None:
         scenery.add_to(mujoco, spec)
@@ -207,16 +207,16 @@ def _add_spur(building: _Building, i: int) -> None:
     R_spur = _along(spur.direction)
     body = parent.add_body(name=f"spur_{i}", pos=at, quat=_quat(building, R.T @ R_spur))
     stiffness = spur_stiffness(spur.length, spur.diameter, numbers.wood_modulus)
-    load = sum(each.mass for each in building.wall.fruits if each.spur == i)
+    mass = numbers.wood_density * np.pi / 4.0 * spur.diameter**2 * spur.length
+    load = sum(each.mass for each in building.wall.fruits if each.spur == i) or mass
     damping = 2.0 * numbers.wood_damping * np.sqrt(stiffness * load) * spur.length
     _hinges(body, f"spur_{i}", stiffness, damping, numbers.hinge_armature)
-    mass = numbers.wood_density * np.pi / 4.0 * spur.diameter**2 * spur.length
     _capsule(body, f"spur_{i}", [0, 0, 0], [spur.length, 0, 0], spur.diameter / 2.0, numbers.wood_friction, mass)
     building.spurs.append((body, R_spur))
 
 
-def _add_fruit(building: _Building, i: int, fruit: HangingFruit, shape: FruitShape) -> None:
-    mujoco, spec, numbers, name = building.mujoco, building.spec, building.wall.numbers, f"fruit_{i}"
+def _add_fruit(building: _Building, fruit: HangingFruit, shape: FruitShape) -> None:
+    mujoco, spec, numbers, name = building.mujoco, building.spec, building.wall.numbers, f"fruit_{fruit.number}"
     mesh = spec.add_mesh(name=name)
     mesh.uservert, mesh.userface = shape.vertices.ravel(), shape.faces.ravel()
     mesh.usertexcoord, mesh.userfacetexcoord = shape.uv.ravel(), shape.faces.ravel()
@@ -317,7 +317,7 @@ def _finished(mujoco: Any, model: Any, wall: Wall, shapes: tuple[FruitShape, ...
     state = mujoco.MjData(model)
     mujoco.mj_forward(model, state)
     bias = state.qfrc_bias
-    fruits, names = range(len(wall.fruits)), [model.geom(g).name for g in range(model.ngeom)]
+    fruits, names = [each.number for each in wall.fruits], [model.geom(g).name for g in range(model.ngeom)]
     for j in range(model.njnt):
         joint, dof, address = model.joint(j), int(model.jnt_dofadr[j]), int(model.jnt_qposadr[j])
         if not joint.name.startswith(("lateral_", "spur_", "fruit_", "leaf_")):

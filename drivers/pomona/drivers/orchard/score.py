@@ -164,8 +164,9 @@ class WallScore:
     def _fruit(self, i: int, place: str, reachable: tuple[bool, ...] | None) -> dict[str, object]:
         fruit, story = self.built.wall.fruits[i], self.fruits[i]
         return {
-            "name": f"fruit_{i}",
+            "name": f"fruit_{fruit.number}",
             "place": place,
+            "gripped": bool(np.isfinite(self._gripped[i])),
             "cluster": fruit.cluster,
             "reachable": None if reachable is None else reachable[i],
             "how": story.how,

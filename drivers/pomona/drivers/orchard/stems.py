@@ -95,4 +95,4 @@ class Stems:
         model.dof_damping[a : a + 3] = model.dof_damping[b : b + 3] = 0.0
         if self.state[i] == TORN:  # the stem is left at the spur, not at the fruit
             for label, alpha in (("stem", 0.0), ("torn", 1.0)):
-                model.geom(f"fruit_{i}_{label}").rgba[3] = alpha
+                model.geom(f"fruit_{self.built.wall.fruits[i].number}_{label}").rgba[3] = alpha

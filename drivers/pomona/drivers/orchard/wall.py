@@ -5,6 +5,7 @@ Everything is in the base frame of the arm that stands before it, in the shape i
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -65,6 +66,7 @@ class HangingFruit:
     stem: float  # length of the visible stem [m]
     strength: Strength  # of the stem
     cluster: int  # number of fruit on the spur
+    number: int = 0  # as drawn: it stays when others are taken away
 
     @property
     def lever(self) -> float:
@@ -122,6 +124,10 @@ class Wall:
         """Height of the trunk's end [m]."""
         return TRUNK_TOP - self.height
 
+    def without(self, gone: Collection[int]) -> Wall:
+        """Return the wall when fruit of these numbers are gone. The wood keeps the shape in which it carried them."""
+        return replace(self, fruits=tuple(each for each in self.fruits if each.number not in gone))
+
     def seen_from(self, stop: float, height: float) -> Wall:
         """Return the same wall before a base that stands elsewhere: `stop` along x and `height` along z [m]."""
         by = np.array([-stop, 0.0, -height])
@@ -162,9 +168,8 @@ def draw_wall(
         for z in tiers
     )
     laterals = _draw_laterals(numbers, trunk, tiers, rng)
-    count = (
-        fruit if fruit is not None else int(rng.integers(int(numbers.fruit_count[0]), int(numbers.fruit_count[1]) + 1))
-    )
+    least, most = map(int, numbers.fruit_count)
+    count = int(rng.integers(least, most + 1)) if fruit is None else fruit
     spurs, fruits = _hang_fruit(numbers, trunk, wires, laterals, count, rng)
     drawn = _draw_leaves(numbers, laterals, spurs, fruits, np.random.default_rng([seed, 12]))
     kept = np.random.default_rng([seed, 13]).random(len(drawn)) < leaves
@@ -224,7 +229,7 @@ def _hang_fruit(
             spurs.append(spur)
             fruits += hung
             wood.append(stem)
-    return tuple(spurs), tuple(fruits)
+    return tuple(spurs), tuple(replace(each, number=i) for i, each in enumerate(fruits))
 
 
 def _draw_spur(numbers: WallNumbers, laterals: tuple[Lateral, ...], on: int, rng: np.random.Generator) -> Spur:
