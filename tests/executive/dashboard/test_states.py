@@ -141,3 +141,15 @@ def test_when_nothing_is_heard_and_when_the_page_cannot_act(show: Show, chromium
     page.close()
     GATE.set()
     assert problems == []
+
+
+def test_when_the_program_was_closed_after_its_run(show: Show, chromium: Any) -> None:
+    page = chromium.new_page()
+    page.goto(show.dashboard.link)
+    show.run("pomona: 1\ntree: demo\nroot:\n  Rest: {}\n")
+    expect(page.locator("#state")).to_have_text("✓ success")
+    show.close()
+    expect(page.locator("#why")).to_contain_text("Its program was closed")
+    problems = in_sight(page, "closed")
+    page.close()
+    assert problems == []

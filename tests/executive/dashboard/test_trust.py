@@ -57,6 +57,34 @@ def test_a_page_without_messages_reports_it_within_two_seconds_and_a_stop_is_tri
     page.close()
 
 
+def test_a_program_that_is_closed_after_its_run_raises_no_alarm(show: Show, chromium: Any) -> None:
+    page = chromium.new_page()  # its console may complain: it tries to connect again
+    page.goto(show.dashboard.link)
+    show.run("pomona: 1\ntree: demo\nroot:\n  Rest: {}\n")
+    expect(page.locator("#state")).to_have_text("✓ success")
+    show.close()
+    expect(page.locator("#why")).to_contain_text(re.compile(r"The run has ended\. Its program was closed at [\d:]+"))
+    page.wait_for_function("async () => (await import('/static/link.js')).age() > 2")  # else an alarm may come later
+    expect(page.locator("#not-live")).to_be_hidden()
+    expect(page.locator("body")).not_to_have_class(re.compile("stale"))
+    expect(page.locator("#state")).to_have_text("✓ success")
+    expect(page.locator("#connection")).to_have_text("program closed")
+    expect(page.locator("#safe-stop-words")).to_have_text("the program is closed")
+    expect(page.locator("#control")).to_be_hidden()
+    page.close()
+
+
+def test_a_program_that_ends_during_its_run_is_not_live(show: Show, chromium: Any) -> None:
+    page = chromium.new_page()
+    page.goto(show.dashboard.link)
+    runner = show.run(HOLD)
+    expect(page.locator("#state")).to_have_text("▶ running")
+    show.dashboard.close()
+    expect(page.locator("#not-live-words")).to_contain_text("the cell may have moved since")
+    runner.stop()
+    page.close()
+
+
 def test_a_stop_is_confirmed_at_once_by_the_run(show: Show, open_page: Open) -> None:
     page = open_page()
     show.run(HOLD)

@@ -2,7 +2,7 @@
 import { $, put, seconds } from "./dom.js";
 import { apply, emptyState } from "./store.js";
 import { newCursor, newFeed, page, readAddress, say, withToken } from "./page.js";
-import { connect, isStale, link, press, TWICE } from "./link.js";
+import { connect, isClosed, isStale, link, press, TWICE } from "./link.js";
 import { drawTrust } from "./trust.js";
 import { closeLarge } from "./layout.js";
 import { TreeView } from "./tree.js";
@@ -202,7 +202,7 @@ function openAddress() {
   }
   if (run && run !== page.recorded) openRecord(run, t);
   else if (run && t !== null) goTo(Math.min(t, page.whole.t));
-  else if (!run && page.recorded) { Object.assign(page, { recorded: null, record: null, at: null, playing: false, dirty: true }); say(isStale() ? "connection lost" : "connected", isStale() ? "bad" : "ok"); }
+  else if (!run && page.recorded) { Object.assign(page, { recorded: null, record: null, at: null, playing: false, dirty: true }); say(isClosed() ? "program closed" : isStale() ? "connection lost" : "connected", isStale() ? "bad" : "ok"); }
   return run;
 }
 

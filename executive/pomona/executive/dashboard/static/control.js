@@ -1,7 +1,7 @@
 // The control bar, the banner of the safe state, and the header: acknowledged states, never mere clicks.
 import { $, h, put, seconds } from "./dom.js";
 import { hasNoEnd, holdsControl, page, say } from "./page.js";
-import { isStale, link, press } from "./link.js";
+import { isClosed, isStale, link, press } from "./link.js";
 import { drawQuestions } from "./questions.js";
 
 export const STATUS_WORD = { success: "✓", failure: "✗", stopped: "■", error: "■", running: "▶", paused: "❚❚", pausing: "❚❚", preparing: "◌", "no end": "■" };
@@ -56,7 +56,7 @@ export function drawControl(s) {
     if (action === "take" || action === "release") button.hidden = mine === (action === "take");
   }
   drawSpeed(s, mine && (running || paused));
-  $("control").hidden = !live;
+  $("control").hidden = !live || isClosed();
   const { held_by: holder, viewers, holder_here: here } = page.control;
   put($("holder"), mine ? "You hold control." : holder ? `${holder} holds control${here === false ? ", but that page is not connected" : ""}.` : "No operator holds control.");
   $("holder").dataset.mine = mine;

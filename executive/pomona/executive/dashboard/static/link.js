@@ -8,18 +8,21 @@ const OPENING = 2000; // ms that a connection may take to open
 const CONFIRM = 500; // ms after which a press is shown as not confirmed
 export const TWICE = 1500; // ms within which Esc must be pressed again, or held, to stop
 const RETRY = 400; // ms between two tries
+const CLOSED = 1012; // close code of a server that ends in good order
 const PATIENCE = { safe_stop: 10000 }; // ms for which a press is tried; the server refuses a later one
 const FACED = new Set(["pause", "resume", "step", "stop", "acknowledge", "break", "unbreak", "break_after", "unbreak_after", "answer", "change", "speed"]); // the run itself confirms them
 
-// `known`: time (performance.now) up to which all messages have arrived; `clock`: offset of the server's time [s].
-export const link = { socket: null, known: -Infinity, knownAt: null, armed: null, clock: null, press: null, opened: 0, escaped: -Infinity };
+// `known`: time (performance.now) up to which all messages have arrived; `clock`: offset of the server's time [s]; `closed`: date at which the program closed.
+export const link = { socket: null, known: -Infinity, knownAt: null, armed: null, clock: null, press: null, opened: 0, closed: null, escaped: -Infinity };
 
 // Time that has passed, also while the machine slept: its wall clock went on then.
 const elapsed = () => Math.max(performance.now() - link.known, link.knownAt === null ? Infinity : Date.now() - link.knownAt);
 // `page.silent`: time of the last message of the run's process. It may be silent while it prepares a run: nothing moves then.
 export const runIsSilent = () => page.silent !== null && Boolean(page.live.whole.run) && !page.live.whole.ended && !page.control.start;
 export const age = () => (runIsSilent() ? performance.now() - page.silent : elapsed()) / 1000;
-export const isStale = () => elapsed() > STALE || runIsSilent();
+// The program was closed after its run had ended, with the cell at rest: the last state is final.
+export const isClosed = () => { const { ended, safeStop, unrest } = page.live.whole; return Boolean(link.closed && ended) && !safeStop && !unrest && !page.control.start; };
+export const isStale = () => !isClosed() && (elapsed() > STALE || runIsSilent());
 export const canAct = () => link.armed === true && !isStale();
 
 let receive = () => {};
@@ -42,9 +45,10 @@ export function connect(handler) {
 
 function lost(code) {
   if (code === 4408) page.stream = "";
-  Object.assign(link, { socket: null, armed: null });
+  Object.assign(link, { socket: null, armed: null, closed: code === CLOSED ? new Date() : link.closed });
   const blocked = link.knownAt === null && (code === 1006 || !code) && (refused += 1) > 2; // the page came through, the stream does not
-  say(blocked ? "no live stream: does a proxy in between pass WebSockets?" : code === 4429 ? "too many viewers already" : `connection lost; ${page.live.whole.run ? "the data shown is old" : "no data"}`, "bad");
+  if (isClosed()) say("program closed");
+  else say(blocked ? "no live stream: does a proxy in between pass WebSockets?" : code === 4429 ? "too many viewers already" : `connection lost; ${page.live.whole.run ? "the data shown is old" : "no data"}`, "bad");
   page.dirty = true;
   setTimeout(connect, retry);
   retry = Math.min(1500, retry * 2);
@@ -62,8 +66,8 @@ function take(message, size) {
     for (const key of pings.keys()) if (key <= message.ping) pings.delete(key);
     if (isStale()) page.dirty = true;
     if (message.grant) hold(message.grant);
-    Object.assign(link, { known: asked.at, knownAt: asked.wall, clock: message.now - performance.now() / 1000 });
-    if (document.getElementById("connection").textContent.match(/^conn|^no (answer|live)/)) say(page.recorded ? "recorded run" : "connected");
+    Object.assign(link, { closed: null, known: asked.at, knownAt: asked.wall, clock: message.now - performance.now() / 1000 });
+    if (document.getElementById("connection").textContent.match(/^(conn|program)|^no (answer|live)/)) say(page.recorded ? "recorded run" : "connected");
   } else if (message.event === "Armed") { link.armed = message.armed; page.dirty = true; }
   else if (message.event === "Pressed") answered(message.press, message);
   else {

@@ -1,7 +1,7 @@
 // Texts about the run: reason of a failure, details of a node, values, events.
 import { $, h, percent, quantity, seconds, show } from "./dom.js";
 import { wordsOf } from "./control.js";
-import { press } from "./link.js";
+import { isClosed, link, press } from "./link.js";
 import { hasNoEnd, holdsControl, page, read } from "./page.js";
 import { drawSteps } from "./steps.js";
 import { lastResult, leavesOf, resolved, standing, STATUS } from "./store.js";
@@ -57,12 +57,12 @@ export function drawWhy(s) {
   const latest = s.failures.at(-1);
   const doing = s.ended ? "" : s.nodes.filter((node) => s.byPath.get(node.path).leaf && s.node.get(node.path)?.status === "RUNNING").map((node) => `${node.name} ${percent(s.node.get(node.path).feedback)}`.trim()).join(", ");
   const { progress } = s;
-  const key = `${progress?.number}|${progress?.of}|${s.run?.run}|${s.failures.length}|${latest?.t}|${latest?.next}|${s.ended?.outcome}|${s.state}|${s.because}|${s.acts.length}|${s.hand}|${doing}|${page.recorded}|${page.opened}|${page.problem}`;
+  const key = `${progress?.number}|${progress?.of}|${s.run?.run}|${s.failures.length}|${latest?.t}|${latest?.next}|${s.ended?.outcome}|${s.state}|${s.because}|${s.acts.length}|${s.hand}|${doing}|${page.recorded}|${page.opened}|${page.problem}|${isClosed()}`;
   if (key === whyKey) return;
   whyKey = key;
   document.body.classList.toggle("failed", Boolean(s.ended && s.ended.outcome !== "success"));
   $("why-bar").dataset.rank = s.ended ? ENDED[s.ended.outcome]?.[0] ?? "bad" : page.problem || hasNoEnd() || (page.opened && page.recorded && !s.run) ? "bad" : s.state === "running" ? "busy" : s.state === "idle" ? "" : "warn";
-  $("why").replaceChildren(...(s.ended ? endedWords(s, latest) : goingWords(s, doing, latest)).filter(Boolean));
+  $("why").replaceChildren(...[...(s.ended ? endedWords(s, latest) : goingWords(s, doing, latest)), closedWords()].flat().filter(Boolean));
 }
 
 const progressOf = ({ progress }) => (progress ? `${progress.what} ${progress.number} of ${progress.of}` : "");
@@ -77,6 +77,8 @@ function goingWords(s, doing, latest) {
   return [h("div", { class: "verdict" }, h("b", {}, state), runs ? h("b", { class: "doing" }, about) : about ? `: ${about}` : ""),
     latest ? h("p", { class: "muted" }, "Failed on the way: ", moment(latest.t), " ", leavesOf(latest.reason).map((leaf) => `${s.byPath.get(leaf.node_path)?.name ?? ""} ${leaf.code}`).at(-1), latest.next ? [", then ", s.byPath.get(latest.next)?.name ?? latest.next] : "") : null];
 }
+
+const closedWords = () => (!page.recorded && isClosed() ? h("p", { class: "muted", role: "status" }, `The run has ended. Its program was closed at ${link.closed.toLocaleTimeString()}; this is the last state.`) : null);
 
 function endedWords(s, latest) {
   const [rank, state] = ENDED[s.ended.outcome] ?? ["bad", s.ended.outcome];

@@ -1,7 +1,7 @@
 // The next step as a button: go on after a pause; after the end run again, put down the held fruit, bring the arm home.
 import { $, h } from "./dom.js";
 import { take } from "./control.js";
-import { press } from "./link.js";
+import { isClosed, press } from "./link.js";
 import { holdsControl, page } from "./page.js";
 import { showRuns, startRun } from "./runs.js";
 
@@ -19,7 +19,7 @@ const again = (run) => ({ tree: stem(run.tree_path), cell: stem(run.cell_path), 
 function stepsOf(s) {
   if (!page.recorded && !s.ended && s.state === "paused") return [["▶ Resume", "Go on in place", () => press("resume", "", s.pause)], ["❙▶ Step", "Run one tick", () => press("step", "", s.pause)]];
   if (!s.run) return [["Start or open a run", "The list of runs, and the form that starts one (r)", () => showRuns(true)]];
-  if (!s.ended || s.safeStop || !page.control.starts || !stem(s.run.cell_path)) return [];
+  if (!s.ended || s.safeStop || !page.control.starts || isClosed() || !stem(s.run.cell_path)) return [];
   const lasts = LASTS.has(s.run.cell_kind) && !page.recorded && s.run.tree !== "recover";
   return [
     ...[lasts && s.hand ? MOTIONS.down : null, lasts ? MOTIONS.home : null].filter(Boolean).map(({ label, about, release }) => [label, about, () => recover(again(s.run), release)]),

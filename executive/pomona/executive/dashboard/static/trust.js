@@ -2,7 +2,7 @@
 // act, the run in preparation, and the state of the live cell beside a record.
 import { $, seconds } from "./dom.js";
 import { page } from "./page.js";
-import { age, isStale, isUnconfirmed, link, press, runIsSilent, TWICE } from "./link.js";
+import { age, isClosed, isStale, isUnconfirmed, link, press, runIsSilent, TWICE } from "./link.js";
 
 const SHOWN = 4000; // ms for which a confirmed stop is shown
 const WORD = { running: "▶ running", paused: "❚❚ paused", pausing: "❚❚ pausing", stopping: "■ stopping" };
@@ -38,7 +38,7 @@ function drawLink(live) {
   document.body.classList.toggle("disarmed", disarmed);
   const again = performance.now() - link.escaped < TWICE;
   button.classList.toggle("again", again);
-  set("safe-stop-words", again ? "Esc again stops" : !page.token ? "this page only watches" : link.armed === false ? "this page is of another start" : !link.socket ? "no connection: a press is tried" : stale ? "the link is silent" : link.armed === null ? "connecting" : page.recorded ? "acts on the live cell" : "not the emergency stop");
+  set("safe-stop-words", again ? "Esc again stops" : !page.token ? "this page only watches" : link.armed === false ? "this page is of another start" : isClosed() ? "the program is closed" : !link.socket ? "no connection: a press is tried" : stale ? "the link is silent" : link.armed === null ? "connecting" : page.recorded ? "acts on the live cell" : "not the emergency stop");
 }
 
 function drawPress() {
@@ -87,7 +87,7 @@ function drawStrip(live) {
   if (!page.recorded) return;
   const { start } = page.control;
   const going = live.run && !live.ended;
-  const state = start && !start.problem ? "◌ preparing a run" : live.safeStop ? "■ safe state, latched" : going ? WORD[live.state] ?? live.state : "nothing runs";
+  const state = isClosed() ? "nothing runs, the program is closed" : start && !start.problem ? "◌ preparing a run" : live.safeStop ? "■ safe state, latched" : going ? WORD[live.state] ?? live.state : "nothing runs";
   $("strip").classList.toggle("moving", Boolean(going));
   set("strip-state", `LIVE: ${isStale() ? `? last known: ${state}` : state}`);
   set("strip-words", live.safeStop ? `${live.safeStop}. Go back to live to reset it.` : going ? `${live.run.tree} on ${live.run.cell} (${KIND[live.run.cell_kind] ?? live.run.cell_kind}) · ${live.t.toFixed(1)} s · SAFE STOP acts on it` : "");
