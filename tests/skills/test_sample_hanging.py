@@ -64,6 +64,8 @@ def test_a_candidate_that_was_tried_is_not_given_again_for_the_same_fruit() -> N
     assert second.attempt == 2
     elsewhere = sample(hanging_at(0.2, -0.6, 0.4), skill, tried=first).outputs["candidates"]
     assert elsewhere.attempt == 1
+    again = sample(fruit, skill, tried=elsewhere.grasps[0]).outputs["candidates"]  # in a later round
+    assert first.index not in {grasp.index for grasp in again.grasps}
 
 
 def test_a_large_fruit_measured_within_four_millimetres_has_candidates() -> None:

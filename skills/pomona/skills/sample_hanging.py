@@ -9,10 +9,11 @@ import numpy as np
 from pomona.drivers.interfaces import Arm, Workspace
 from pomona.executive.ports import LENGTH, Length, Outputs, Port
 from pomona.executive.skill import Skill, Work
+from pomona.executive.values.arrays import Float64
 from pomona.executive.views import Points3, SceneView
 from pomona.skills.motion.grasp import Grasp, GraspCandidates
 from pomona.skills.motion.grasps.sample import warm_up
-from pomona.skills.motion.grasps.tried import same_fruit
+from pomona.skills.motion.grasps.tried import SAME_PLACE
 from pomona.skills.motion.hanging import HangingRules, sample_hanging
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import arm_space
@@ -31,7 +32,8 @@ class HangingSampled(Outputs):
 class SampleHanging(Skill):
     """Sample grasps of a hanging fruit that can be approached and rolled, level ones first.
 
-    A candidate that comes back through `tried` is not given again for the same fruit.
+    A candidate that comes back through `tried` is not given again for the same fruit in this run: what failed once from
+    one direction fails again.
     """
 
     devices = (Arm, Workspace)
@@ -40,7 +42,7 @@ class SampleHanging(Skill):
 
     def __init__(self, name: str = "") -> None:
         super().__init__(name)
-        self._tried: list[Grasp] = []
+        self._tried: list[tuple[Float64, int]] = []  # place of the fruit in the base frame [m], and the candidate
 
     def prepare(self) -> None:
         warm_up(RobotModel.load(self.device(Arm).description))
@@ -61,9 +63,9 @@ class SampleHanging(Skill):
         arm = self.device(Arm)
         robot = RobotModel.load(arm.description)
         if tried is not None:
-            self._tried.append(tried)
-        self._tried = [grasp for grasp in self._tried if same_fruit(grasp.fruit, around)]
-        without = frozenset(grasp.index for grasp in self._tried)
+            self._tried.append((tried.fruit.T_base_fruit[:3, 3], tried.index))
+        here = around.T_base_fruit[:3, 3]
+        without = frozenset(index for place, index in self._tried if np.linalg.norm(place - here) < SAME_PLACE)
         field = usable_field(self, map)
         space = arm_space(arm, self.device(Workspace), field, robot.width_max, clearance, target=around)
         rules = HangingRules(before=before, enough=enough)
