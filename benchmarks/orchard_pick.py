@@ -54,13 +54,13 @@ GROUPS = {
 def pick_wall(cell: str, seed: int, leaves: float, stops: Sequence[int], extra: Sequence[str]) -> dict[str, Any]:
     """Pick one wall from several stops [mm]: truth, time, and the reasons of the apples that each stop left."""
     runs: list[dict[str, Any]] = []
-    gone = list[str]()
+    gone = set[int]()
     for stop in stops:
-        settings = {"leaves": f"{leaves:g}", "stop": f"{stop} mm", "without": ",".join(gone) or "none"}
+        without = ",".join(map(str, sorted(gone))) or "none"
+        settings = {"leaves": f"{leaves:g}", "stop": f"{stop} mm", "without": without}
         words = [word for name, text in settings.items() for word in ("--set", f"{name}={text}")]
         runs.append(found := pick_from(cell, seed, [*words, *extra]))
-        fruits = found["truth"]["fruits"]
-        gone += [fruit["name"].removeprefix("fruit_") for fruit in fruits if fruit["place"] != "hangs"]
+        gone |= numbers_in(found["truth"]["which_gone"])
         if len(gone) == runs[0]["truth"]["apples"]:
             break
     bad = next((found for found in runs if found["outcome"] != "success"), runs[-1])
@@ -80,16 +80,29 @@ def pick_wall(cell: str, seed: int, leaves: float, stops: Sequence[int], extra: 
     }
 
 
+def numbers_in(text: str) -> set[int]:
+    """Return the fruit of a text such as `3,7` or `none`."""
+    return {int(each) for each in text.split(",") if each != "none"}
+
+
 def together(truths: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the truth of all stops at a wall. A fruit that two stops gripped, reached or bruised counts once."""
-    fruits = [fruit for truth in truths for fruit in truth["fruits"]]
-    forces = [fruit["stem_force_n"] for fruit in fruits if fruit["how"] == "gripped"]
+    """Return the truth of all stops at a wall. A fruit that two stops gripped, reached or bruised counts once.
+
+    The stem's force is the median of the stops' medians, and the highest of their 95 %.
+    """
+    forces = {
+        key: [truth[key] for truth in truths if truth[key] is not None]
+        for key in ("stem_force_median_n", "stem_force_p95_n")
+    }
+    named = ("reachable", "gripped", "bruised")
     return {
         "apples": truths[0]["apples"],
-        **{key: len({fruit["name"] for fruit in fruits if fruit[key]}) for key in ("reachable", "gripped", "bruised")},
+        **{key: len(set().union(*(numbers_in(truth[f"which_{key}"]) for truth in truths))) for key in named},
         **{key: sum(t[key] for t in truths) for key in ("detached", "picked", "dropped", "knocked_off", "stems_torn")},
-        "stem_force_median_n": float(np.median(forces)) if forces else None,
-        "stem_force_p95_n": float(np.percentile(forces, 95)) if forces else None,
+        **{
+            key: float((np.median if "median" in key else np.max)(each)) if each else None
+            for key, each in forces.items()
+        },
         "numbers": truths[0]["numbers"],
     }
 

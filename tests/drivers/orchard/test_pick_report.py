@@ -27,40 +27,48 @@ def test_shares_sum_the_walls_and_the_title_names_the_simulation_and_the_apples(
     assert (tmp_path / "picked.png").stat().st_size > 1000
 
 
-def apple(number, place, how="", force=0.0, *, bruised=False):
-    return {
-        "name": f"fruit_{number}", "place": place, "reachable": number < 3, "gripped": how == "gripped" or number == 1,
-        "how": how, "stem_force_n": force, "bruised": bruised,
-    }  # fmt: skip
-
-
 def test_each_stop_begins_with_the_apples_that_the_stops_before_left(monkeypatch):
     stops = [
-        [apple(0, "bin", "gripped", 2.0), apple(1, "hangs"), apple(2, "ground", bruised=True), apple(3, "hangs")],
-        [apple(1, "bin", "gripped", 4.0), apple(3, "hangs", bruised=True)],
-        [apple(3, "hangs", bruised=True)],
-    ]  # fmt: skip
+        {
+            "apples": 12,
+            "picked": 1,
+            "which_gone": "0,10",
+            "which_gripped": "0,1",
+            "which_bruised": "10",
+            "knocked_off": 1,
+        },
+        {"apples": 10, "picked": 1, "which_gone": "1", "which_gripped": "1,3", "which_bruised": "3", "knocked_off": 0},
+        {
+            "apples": 9,
+            "picked": 0,
+            "which_gone": "none",
+            "which_gripped": "none",
+            "which_bruised": "3",
+            "knocked_off": 0,
+        },
+    ]
+    forces = [(2.0, 5.0), (4.0, 4.5), (None, None)]
     asked = []
 
     def run(cell, seed, settings):
-        fruits = stops[len(asked)]
+        truth = stops[len(asked)] | {"dropped": 0, "stems_torn": 0, "numbers": "digest", "which_reachable": "0,1,3"}
+        truth["stem_force_median_n"], truth["stem_force_p95_n"] = forces[len(asked)]
         asked.append((cell, seed, settings))
-        picked = sum(fruit["place"] == "bin" for fruit in fruits)
-        truth = {"fruits": fruits, "apples": len(fruits), "picked": picked, "detached": picked, "dropped": 0}
-        truth |= {"knocked_off": len(asked) == 1, "stems_torn": 0, "numbers": "digest"}
         tally = {"left": [{"why": f"stop {len(asked)}"}]}
+        truth["detached"] = truth["picked"]
         return {"truth": truth, "outcome": "success", "time_s": 10.0, "values": {"tally": tally}}
 
     monkeypatch.setattr(orchard_pick, "pick_from", run)
     found = pick_wall("orchard", 207, 0.5, (-350, 0, 350), ("--set", "wind=1"))
     assert [settings for _, _, settings in asked] == [
         ["--set", "leaves=0.5", "--set", f"stop={stop} mm", "--set", f"without={gone}", "--set", "wind=1"]
-        for stop, gone in ((-350, "none"), (0, "0,2"), (350, "0,2,1"))
+        for stop, gone in ((-350, "none"), (0, "0,10"), (350, "0,1,10"))
     ]
     truth = found["truth"]
-    assert (truth["apples"], truth["picked"], truth["detached"], truth["knocked_off"]) == (4, 2, 2, 1)
-    assert (truth["reachable"], truth["gripped"], truth["bruised"]) == (3, 2, 2)
-    assert (truth["stem_force_median_n"], found["time_s"], found["picked_at"]) == (3.0, 30.0, [1, 1, 0])
+    assert (truth["apples"], truth["picked"], truth["detached"], truth["knocked_off"]) == (12, 2, 2, 1)
+    assert (truth["reachable"], truth["gripped"], truth["bruised"]) == (3, 3, 2)
+    assert (truth["stem_force_median_n"], truth["stem_force_p95_n"]) == (3.0, 5.0)
+    assert (found["time_s"], found["picked_at"]) == (30.0, [1, 1, 0])
     assert found["left"] == ["stop 1", "stop 2", "stop 3"]
 
 

@@ -83,7 +83,7 @@ def connect_world(settings: Settings[FruitWallOptions], context: ConnectContext)
     assert context.workspace is not None, "judged when the cell file was read"
     numbers, _ = read_numbers(said.numbers)
     drawn = draw_wall(numbers, seed, said.distance, said.apples, said.leaves)
-    gone = set() if said.without == "none" else {int(each) for each in said.without.split(",")}
+    gone = {int(each) for each in said.without.split(",") if each != "none"}
     if max(gone, default=0) >= len(drawn.fruits):
         raise settings.error(f"the wall has the apples 0 to {len(drawn.fruits) - 1}, not {max(gone)}", "without")
     wall = drawn.without(gone).seen_from(said.stop, said.height)

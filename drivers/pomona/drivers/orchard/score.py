@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -139,17 +140,18 @@ class WallScore:
         picked = [p not in ("hangs", "hand", "ground", "lies") for p in places]
         taken = [i for i, story in enumerate(stories) if story.how == "gripped"]
         forces = [stories[i].stem_force for i in taken]
+        bruised, gripped = [self.bruised(i) for i in range(len(stories))], np.isfinite(self._gripped)
         return {
             "apples": len(stories),
             "reachable": sum(reachable) if reachable is not None else None,
-            "gripped": int(np.isfinite(self._gripped).sum()),
+            "gripped": int(gripped.sum()),
             "detached": len(taken),
             "picked": sum(picked),
             "all_picked": all(picked),
             "dropped": sum(places[i] in ("ground", "lies") for i in taken),
             "knocked_off": sum(story.how == "knocked" for story in stories),
             "fell": sum(story.how == "fell" for story in stories),
-            "bruised": sum(self.bruised(i) for i in range(len(stories))),
+            "bruised": sum(bruised),
             "stems_torn": int((states == TORN).sum()),
             "stem_force_median_n": float(np.median(forces)) if forces else None,
             "stem_force_p95_n": float(np.percentile(forces, 95)) if forces else None,
@@ -158,15 +160,22 @@ class WallScore:
             "collisions": sum(self.strikes.values()),
             "collided_with": sorted(self.strikes),
             "numbers": self.built.wall.numbers.digest(),
+            "which_gone": self._which(place != "hangs" for place in places),
+            "which_reachable": self._which(reachable or ()),
+            "which_gripped": self._which(gripped),
+            "which_bruised": self._which(bruised),
             "fruits": [self._fruit(i, places[i], reachable) for i in range(len(stories))],
         }
+
+    def _which(self, marks: Iterable[object]) -> str:
+        """Return the numbers of the marked fruit in the form of the option `without`."""
+        return ",".join(str(f.number) for f, mark in zip(self.built.wall.fruits, marks, strict=False) if mark) or "none"
 
     def _fruit(self, i: int, place: str, reachable: tuple[bool, ...] | None) -> dict[str, object]:
         fruit, story = self.built.wall.fruits[i], self.fruits[i]
         return {
             "name": f"fruit_{fruit.number}",
             "place": place,
-            "gripped": bool(np.isfinite(self._gripped[i])),
             "cluster": fruit.cluster,
             "reachable": None if reachable is None else reachable[i],
             "how": story.how,
