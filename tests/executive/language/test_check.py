@@ -44,6 +44,15 @@ class TestNamesAreKnown:
         body = "root: {percieve: {}}\nsubtrees:\n  perceive: {root: {Beep: {}}}"
         assert "did you mean 'perceive'?" in only(findings_of(body), "unknown-type-of-node").hint
 
+    @pytest.mark.parametrize("node", ["Detekt: apple", "wiat: 1 s", "foobar: [1]"])
+    def test_the_value_of_an_unknown_node_gives_no_second_error(self, findings_of, node):
+        (found,) = findings_of(sequence(node))
+        assert found.code in ("unknown-skill", "unknown-type-of-node")
+
+    @pytest.mark.parametrize(("node", "column"), [("MoveTo: home", 15), ("set: 5", 12), ("set:", 7), ("set: {}", 7)])
+    def test_ports_that_are_no_mapping_are_one_error(self, findings_of, node, column):
+        assert only(findings_of(sequence(node)), "shape").column == column
+
     def test_unknown_port(self, findings_of):
         found = only(findings_of(sequence("Beep: {time: 3}")), "unknown-port")
         assert found.message == "Beep has no port 'time'"

@@ -23,6 +23,7 @@ from pomona.executive.ports import Port, Ports
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill
 from pomona.executive.values.findings import Edit, Findings, Instead, did_you_mean
+from pomona.executive.values.shape import shape_of
 from pomona.executive.values.yaml_errors import moved
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar, written
 
@@ -248,7 +249,9 @@ class LayerCheck:
             elif name not in outputs:
                 meant.add(self.unknown_port(key, value, inputs, outputs))
         if not (isinstance(node.value, YamlMapping) or (isinstance(node.value, YamlScalar) and node.value.is_null)):
-            return  # its ports could not be read, which has been reported
+            message = f"{who} takes its ports as a mapping, this is {shape_of(node.value)}"
+            self.findings.error(node.value, "shape", message, f"write '{who}: {{port: value}}'")
+            return
         needed = inputs.needed if isinstance(inputs, Ports) else [n for n, port in inputs.items() if port.required]
         for name in needed:
             if name in node.ports or name in meant:

@@ -256,7 +256,7 @@ class Wires(Field):
         self.inputs = inputs
 
     def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:
-        node.ports = read_ports(reading, node, written)
+        node.ports = ports_in(written)
 
     def check_value(self, at: CheckContext, slot: str, written: YamlNode) -> None:
         at.check_ports(self.inputs, {})
@@ -272,7 +272,7 @@ class Ports(Field):
     wires = True
 
     def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:
-        node.ports = read_ports(reading, node, written)
+        node.ports = ports_in(written)
 
     def schema(self, literal: Callable[[Port], Schema]) -> Schema:
         return {"$ref": "#/$defs/wires"}
@@ -284,7 +284,7 @@ class Assignments(Field):
     wires = True
 
     def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:
-        node.ports = read_ports(reading, node, written)
+        node.ports = ports_in(written)
 
     def declare(self, at: CheckContext, slot: str, stage: Stage) -> None:
         if stage is Stage.COMPUTED:
@@ -292,7 +292,8 @@ class Assignments(Field):
                 at.declare_output(key.text, key, value, False)
 
     def check_value(self, at: CheckContext, slot: str, written: YamlNode) -> None:
-        if not at.node.ports:
+        is_null = isinstance(written, YamlScalar) and written.is_null
+        if not at.node.ports and (is_null or isinstance(written, YamlMapping)):
             at.findings.error(at.node.key, "shape", f"'{slot}' sets nothing", f"write '{slot}: {{name: value}}'")
         at.check_ports({name: Port(object) for name in at.node.ports}, {})
 
@@ -339,12 +340,6 @@ class ChildNames(Field):
         return {"anyOf": [{"enum": ["all", "one"]}, number, names]}
 
 
-def read_ports(reading: Reading, node: TreeNode, written: YamlNode) -> dict[str, Entry]:
-    """Return the mapping behind a node that has ports."""
-    if isinstance(written, YamlScalar) and written.is_null:
-        return {}
-    if not isinstance(written, YamlMapping):
-        message = f"{node.key.text} takes its ports as a mapping, this is {shape_of(written)}"
-        reading.findings.error(written, "shape", message, f"write '{node.key.text}: {{port: value}}'")
-        return {}
-    return dict(written.entries)
+def ports_in(written: YamlNode) -> dict[str, Entry]:
+    """Return the mapping behind a node that has ports; the check reports anything else, if the node is known."""
+    return dict(written.entries) if isinstance(written, YamlMapping) else {}
