@@ -1,5 +1,8 @@
 """ONNX Runtime finds the same as PyTorch, with the same weights."""
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -90,6 +93,16 @@ def test_a_network_runs_in_the_callers_thread() -> None:
     network = onnx_network(read_weights(apple.weights).finder, apple.weights, FINDER)
     network(np.zeros((1, 3, 96, 96), np.float32))
     assert len(list(TASKS.iterdir())) == before
+
+
+def test_the_runtime_leaves_no_telemetry_in_the_users_cache(tmp_path: Path) -> None:
+    """By default it writes a database there."""
+    environment = {name: value for name, value in os.environ.items() if name != "ORT_DISABLE_TELEMETRY"}
+    environment |= {"HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path)}
+    subprocess.run(
+        [sys.executable, "-c", "import pomona.skills.perception.detection.onnx_runtime"], env=environment, check=True
+    )
+    assert list(tmp_path.rglob("*onnxruntime*")) == []
 
 
 def test_graphs_that_are_none_are_refused_in_words(tmp_path: Path) -> None:

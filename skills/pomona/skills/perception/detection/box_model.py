@@ -19,7 +19,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-import onnxruntime
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64, UInt8
@@ -27,7 +26,7 @@ from pomona.skills.perception.detection.class_names import ClassUnknown, class_o
 from pomona.skills.perception.detection.errors import BadWeights
 from pomona.skills.perception.detection.finder_places import distinct
 from pomona.skills.perception.detection.frame_check import check_picture
-from pomona.skills.perception.detection.onnx_runtime import single_thread
+from pomona.skills.perception.detection.onnx_runtime import open_session
 from pomona.skills.perception.detection.options import WORKING_WIDTH
 
 MULTIPLE = 32  # sides of an input without a fixed size are multiples of this stride [px]
@@ -68,9 +67,7 @@ class BoxModel:
         if not path.is_file():
             raise BadWeights(path, "no such file")
         try:
-            self._session: Any = onnxruntime.InferenceSession(
-                str(path), single_thread(), providers=["CPUExecutionProvider"]
-            )
+            self._session = open_session(str(path))
         except Exception as error:  # ONNX Runtime's errors have no common root
             raise BadWeights(path, f"cannot be read as ONNX: {type(error).__name__}") from error
         self._read_input(working_width)

@@ -14,13 +14,12 @@ from typing import Any
 
 import numpy as np
 import onnx
-import onnxruntime
 from onnx.helper import make_empty_tensor_value_info, make_node
 from onnx.numpy_helper import from_array
 
 from pomona.executive.values.arrays import Float32, Float64, UInt8
 from pomona.skills.perception.detection.compact_detector import CompactDetector
-from pomona.skills.perception.detection.onnx_runtime import INPUT, single_thread
+from pomona.skills.perception.detection.onnx_runtime import INPUT, open_session
 from pomona.skills.perception.detection.weights_file import read_weights, write_weights
 
 FIRST, LAST = 1, 2  # layers at both ends of a network that keep float32
@@ -76,7 +75,7 @@ class _Rounding:
         probe.CopyFrom(self._model)
         wanted = [*values, *(node.input[1] for node in self._layers.values())]
         probe.graph.output.extend(make_empty_tensor_value_info(name) for name in wanted)
-        self._probe = onnxruntime.InferenceSession(probe.SerializeToString(), single_thread())
+        self._probe = open_session(probe.SerializeToString())
         self._names = [self._model.graph.output[0].name, *wanted]
         self._weights: dict[str, Float32] = {}
 
