@@ -99,6 +99,22 @@ def test_fingers_that_something_pushes_from_outside_stop_the_arm():
     assert np.linalg.norm(scene.tcp[:3, 3] - GRASP.T_base_grasp[:3, 3]) > 0.02
 
 
+def test_pushed_fingers_give_way_until_the_arm_stands():
+    scene = at_pre_grasp()
+    scene.gripper.motor_force = -10.0
+
+    def push() -> None:
+        if scene.clock.now() > 0.8:
+            reached = GRASP.width - min(0.02 * (scene.clock.now() - 0.8), 0.006)
+            scene.gripper.width = min(scene.gripper.width, reached)
+        scene.gripper.check()  # raises without a command that explains the motion
+
+    scene.clock.each_step.append(push)
+    outcome = drive(Approach(), {"grasp": GRASP}, scene.devices, clock=scene.clock)
+    assert outcome.reason.code == "CONTACT"
+    assert scene.arm.settled()
+
+
 def test_near_the_fruit_it_is_slow_where_a_displaced_fruit_may_be_touched():
     scene = at_pre_grasp()
     assert drive(Approach(), {"grasp": GRASP}, scene.devices, clock=scene.clock).status is Status.SUCCESS

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from pomona.drivers.errors import MotionRefused
+from pomona.drivers.errors import DeviceFault, MotionRefused
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Motion, StreamedArm, Trajectory, Workspace
 from pomona.drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
 from pomona.drivers.mock.arm import ROBOT
@@ -22,7 +22,7 @@ from pomona.skills.motion.detaching import roll_clearance
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.hanging import free_roll
 from pomona.skills.motion.occupancy import OccupancyMap
-from pomona.skills.motion.robot import RobotModel, inverse_kinematics
+from pomona.skills.motion.robot import RobotModel, inverse_kinematics, nearest_solution
 from pomona.skills.perception.detection.detection import AllDetections, Detection
 from tests.skills.hanging_stem import DIAMETER, STRONG, WEAK, Stem
 from tests.skills.picking_scene import apple_at
@@ -190,6 +190,44 @@ def test_a_pad_that_meets_wood_is_a_jam() -> None:
     assert code(drive_until(rig, "rolling", jam)) == "JAMMED"
 
 
+def wood_pushes(rig: Rig, side: float) -> Callable[[], None]:
+    """Return an action after which wood moves the fingers by 8 mm, at 20 mm/s, unless they go faster."""
+
+    def push() -> None:
+        start, began = rig.gripper.width, rig.clock.now()
+
+        def wood() -> None:
+            reached = start + side * min(0.02 * (rig.clock.now() - began), 0.008)
+            rig.gripper.width = max(rig.gripper.width, reached) if side > 0.0 else min(rig.gripper.width, reached)
+
+        rig.clock.each_step.append(wood)
+
+    rig.clock.each_step.append(lambda: rig.gripper.check())
+    return push
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_fingers_that_wood_pushes_give_way_until_the_jam_is_noticed(side: float) -> None:
+    rig = Rig(STRONG, bending=0.01)
+    rig.gripper.motor_force = side * 10.0
+    assert code(drive_until(rig, "rolling", wood_pushes(rig, side))) == "JAMMED"
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_fingers_that_move_by_themselves_are_left_to_the_supervisor(side: float) -> None:
+    rig = Rig(STRONG, bending=0.01)
+    rig.gripper.motor_force = -side * 10.0
+    with pytest.raises(DeviceFault, match="without a command"):
+        drive_until(rig, "rolling", wood_pushes(rig, side))
+
+
+def test_a_detached_fruit_is_not_given_up_to_a_push() -> None:
+    rig = Rig()
+    rig.gripper.motor_force = -10.0
+    with pytest.raises(DeviceFault, match="closes without a command"):
+        drive_until(rig, "moving back", wood_pushes(rig, -1.0))
+
+
 def test_fingers_that_fall_silent_end_it_with_the_grip_kept() -> None:
     rig = Rig()
     end = drive_until(rig, "rolling", lambda: rig.fingers.lose(5.0))
@@ -229,6 +267,20 @@ def test_a_posture_from_which_the_hand_cannot_roll_is_refused_before_anything_mo
     end = rig.drive()
     assert code(end) == "OUT_OF_REACH"
     assert not rig.gripper.speeds
+
+
+def test_at_the_edge_of_the_reach_the_hand_waits_and_the_other_roll_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig, rolls = Rig(STRONG, bending=0.01), []
+
+    def solve(robot: RobotModel, T: np.ndarray, q: np.ndarray) -> np.ndarray | None:
+        turned = rig.stem.R0.T @ T[:3, :3]
+        rolls.append(float(np.arctan2(turned[1, 0], turned[0, 0])))
+        return None if abs(rolls[-1]) > 0.9 else nearest_solution(robot, T, q)
+
+    monkeypatch.setattr("pomona.skills.detach.nearest_solution", solve)
+    assert code(rig.drive()) == "NOTHING_BROKE"
+    assert min(rolls) < -0.8
+    assert max(rolls) > 0.8
 
 
 def test_a_map_that_is_too_old_is_not_used() -> None:

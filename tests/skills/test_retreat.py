@@ -60,6 +60,20 @@ def test_empty_fingers_that_something_blocks_from_outside_still_go_back():
     np.testing.assert_allclose(scene.tcp, GRASP.T_base_pre_grasp, atol=1e-6)
 
 
+def test_fingers_that_are_pushed_on_the_way_back_give_way():
+    scene = PickingScene(q=LINE[len(LINE) // 2].copy(), width=GRASP.width)
+    scene.gripper.motor_force = -10.0
+
+    def push() -> None:
+        reached = GRASP.width - min(0.02 * max(scene.clock.now() - 0.1, 0.0), 0.006)
+        scene.gripper.width = min(scene.gripper.width, reached)
+        scene.gripper.check()  # raises without a command that explains the motion
+
+    scene.clock.each_step.append(push)
+    assert retreat(scene).status is Status.SUCCESS
+    np.testing.assert_allclose(scene.tcp, GRASP.T_base_pre_grasp, atol=1e-6)
+
+
 def test_a_lifted_fruit_is_put_down_before_the_fingers_open():
     scene = PickingScene(q=lifted(0.10), width=0.084)
     scene.hold_fruit()

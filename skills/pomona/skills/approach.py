@@ -25,6 +25,7 @@ from pomona.skills.shared.straight_travel import free_line
 from pomona.skills.shared.touch import Touch
 from pomona.skills.shared.usable_map import usable_field
 from pomona.skills.shared.warm_motion import prepare_moving
+from pomona.skills.shared.yielding import YieldingFingers
 
 START_DISTANCE, START_ANGLE = 0.01, 0.1  # how far the TCP may stand from the pre-grasp [m, rad]
 
@@ -93,7 +94,7 @@ class Approach(MovingSkill):
         slow_end = gripper_shape(robot).first_touch(fruit, width, UNSEEN), SLOW
         jerk = acceleration / JERK_TIME
         trajectory = time_curve(line.q, line.length, arm.limits, speed, acceleration, jerk, slow_end=slow_end)
-        opened = gripper.state().width
+        opened, fingers = gripper.state().width, YieldingFingers(gripper)
         with Touch(self.device(ForceSensor)) as touch:
 
             def feel() -> None:
@@ -103,7 +104,9 @@ class Approach(MovingSkill):
                 touch.at_change(contact, motion.stop)
 
             try:
-                yield from self.travel(trajectory, feel, KnownAround(map, (grasp.fruit,)), started=stop_at_touch)
+                yield from self.travel(
+                    trajectory, feel, KnownAround(map, (grasp.fruit,)), None, stop_at_touch, fingers.rest
+                )
             except SkillFailure as failed:
                 if failed.failure.code == "STOPPED":
                     feel()  # the touch has stopped it

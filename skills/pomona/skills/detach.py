@@ -21,7 +21,7 @@ from pomona.drivers.interfaces import (
 from pomona.executive.ports import ANGLE, FORCE, LENGTH, TIME, Angle, Force, Length, Outputs, Port, Ratio, Time
 from pomona.executive.skill import SkillFailure, Work
 from pomona.executive.values.arrays import Float64
-from pomona.skills.geometry import angle_between, rot_z
+from pomona.skills.geometry import angle_between, rot_z, transform
 from pomona.skills.grip.hold import take_over
 from pomona.skills.motion.detaching import DetachController, DetachPhase, DetachSettings, HeldFruit, roll_clearance
 from pomona.skills.motion.grasp import Grasp
@@ -37,12 +37,16 @@ from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
 from pomona.skills.shared.straight_travel import LEAST_POSTURES, tool_pose
 from pomona.skills.shared.usable_map import usable_field
+from pomona.skills.shared.yielding import YieldingFingers
 
 DENSITY = 850.0
 """Of an apple [kg/m³], where its kind has no weighed fruit: docs/decisions/orchard-wall.md."""
 
 LEAD, LEAD_ANGLE = 0.025, 0.5
 """Distance and angle by which the commanded pose may lead the arm [m, rad]: a slow or paused arm is waited for."""
+JUMP, BEYOND = 0.3, 0.4
+"""Largest step of a joint [rad], and time without a step that the arm can follow after which the motion is given up
+[s]: at the edge of the arm's reach the hand turns without moving, moves without turning, or waits for the way back."""
 TARE = 0.06
 """Time over which the sensors' offset is averaged before the pads touch anything [s]."""
 STALE = 0.06
@@ -127,14 +131,15 @@ class Detach(MovingSkill):
             if not recent:
                 raise self.failure("SENSOR_STALE", f"the fingers sent no force within {1e3 * TARE:.0f} ms")
             offset = np.mean([sample.wrenches for sample in recent], axis=0)
-            yield from self._detach(controller, recent, offset, watchdog)
+            fingers = YieldingFingers(gripper)
+            yield from self._detach(controller, fingers, recent, offset, watchdog)
         finally:
             subscription.close()
         problem = controller.problem
         if problem is not None:
             if problem.code != "LOST":
-                yield from self._let_go()
-                yield from self._back_off()
+                yield from self._let_go(fingers)
+                yield from self._back_off(fingers)
             raise self.failure(
                 problem.code,
                 problem.message,
@@ -143,41 +148,47 @@ class Detach(MovingSkill):
             )
         return Detached(stem_force=controller.stem_peak, rolled=abs(controller.roll_at_break))
 
-    def _let_go(self) -> Work[None]:
+    def _let_go(self, fingers: YieldingFingers) -> Work[None]:
         """Open the fingers by `OPENED`, or until they meet something outside: twigs are not pressed aside."""
         gripper = self.device(Gripper)
         start, began = gripper.state().width, self.clock.now()
         try:
             while (width := gripper.state().width) < min(start + OPENED, gripper.limits.width_max - 1e-3):
                 if OPENING_SPEED * (self.clock.now() - began) - (width - start) > STUCK:
-                    gripper.set_speed(-OPENING_SPEED)
+                    fingers.set_speed(-OPENING_SPEED)
                     yield from self.wait(STUCK / OPENING_SPEED)
                     break
-                gripper.set_speed(OPENING_SPEED)
+                fingers.set_speed(OPENING_SPEED)
                 yield "releasing the fruit"
         finally:
-            gripper.set_speed(0.0)
+            fingers.set_speed(0.0)
 
-    def _back_off(self) -> Work[None]:
+    def _back_off(self, fingers: YieldingFingers) -> Work[None]:
         """Draw the open hand straight back from the fruit, as far as the arm can go."""
         for left in reversed(range(TRIES)):
             try:
-                return (yield from self._go_back())
+                return (yield from self._go_back(fingers))
             except SkillFailure as failed:
                 if failed.failure.code != "REFUSED" or not left:
                     raise
             yield from self.wait(SPRUNG)
 
-    def _go_back(self) -> Work[None]:
+    def _go_back(self, fingers: YieldingFingers) -> Work[None]:
         arm, T_base_goal = self.device(Arm), tool_pose(self)
         T_base_goal[:3, 3] -= BACK_OFF * T_base_goal[:3, 2]
         line = straight_line(RobotModel.load(arm.description), arm.state().q, T_base_goal)
         if len(line.q) >= LEAST_POSTURES:
             length = line.reached * line.length
-            yield from self.travel(time_curve(line.q, length, arm.limits, BACK_SPEED, BACK_ACCELERATION, BACK_JERK))
+            back = time_curve(line.q, length, arm.limits, BACK_SPEED, BACK_ACCELERATION, BACK_JERK)
+            yield from self.travel(back, each_tick=fingers.rest)
 
     def _detach(
-        self, controller: DetachController, recent: deque[WrenchSample], offset: Float64, watchdog: float
+        self,
+        controller: DetachController,
+        fingers: YieldingFingers,
+        recent: deque[WrenchSample],
+        offset: Float64,
+        watchdog: float,
     ) -> Work[None]:
         """Stream the controller's velocities until it is done, then come to rest with the fingers standing."""
         gripper = self.device(Gripper)
@@ -186,7 +197,7 @@ class Detach(MovingSkill):
         except MotionRefused as refused:
             raise self.failure("REFUSED", f"{refused}; nothing has moved", device=refused.device) from refused
         try:
-            yield from self._follow(controller, motion, recent, offset)
+            yield from self._follow(controller, motion, fingers, recent, offset)
         except GeneratorExit:
             motion.stop()
             gripper.set_speed(0.0)
@@ -197,18 +208,24 @@ class Detach(MovingSkill):
             while not motion.settled:
                 yield "stopping"
             raise
-        gripper.set_speed(0.0)
         motion.stop()
         while not motion.settled:
+            fingers.set_speed(0.0)
             yield "coming to rest"
+        gripper.set_speed(0.0)
 
     def _follow(
-        self, controller: DetachController, motion: SetPoints, recent: deque[WrenchSample], offset: Float64
+        self,
+        controller: DetachController,
+        motion: SetPoints,
+        fingers: YieldingFingers,
+        recent: deque[WrenchSample],
+        offset: Float64,
     ) -> Work[None]:
         arm, gripper = self.device(Arm), self.device(Gripper)
         robot = inner_robot(arm)
         q_aimed = arm.state().q
-        T_aimed, before = robot.tcp(q_aimed), self.clock.now()
+        T_aimed, before, beyond = robot.tcp(q_aimed), self.clock.now(), 0.0
         recent.clear()
         while controller.phase is not DetachPhase.DONE:
             yield f"{controller.phase.value}: {np.degrees(controller.roll):.0f}°, stem {controller.stem_force:.1f} N"
@@ -222,24 +239,28 @@ class Detach(MovingSkill):
             if age > STALE:
                 raise self.failure("SENSOR_STALE", f"the fingers sent no force for {1e3 * age:.0f} ms", age_s=age)
             if motion.state is MotionState.PAUSED or not recent:
-                gripper.set_speed(0.0)
+                fingers.set_speed(0.0)
                 continue
             felt = np.mean([sample.wrenches for sample in recent], axis=0) - offset
             saturated = any(any(sample.saturated) for sample in recent)
             recent.clear()
             T = robot.tcp(arm.state().q)
             command = controller.step(dt, felt, saturated, T, gripper.state().width)
-            gripper.set_speed(command.opening)
-            T_next = T_aimed.copy()
+            fingers.holds = controller.broke_at is not None  # a detached fruit is not given up to a push
+            fingers.set_speed(command.opening)
+            T_moved, T_turned = T_aimed.copy(), T_aimed.copy()
             if np.linalg.norm(T_aimed[:3, 3] + dt * command.velocity - T[:3, 3]) < LEAD:
-                T_next[:3, 3] += dt * command.velocity
+                T_moved[:3, 3] += dt * command.velocity
             if angle_between(T[:3, :3], T_aimed[:3, :3]) < LEAD_ANGLE:
-                T_next[:3, :3] = T_aimed[:3, :3] @ rot_z(dt * command.roll_rate)
-            q_next = nearest_solution(robot, T_next, q_aimed)
-            if q_next is None or np.abs(q_next - q_aimed).max() > 0.3:
+                T_turned[:3, :3] = T_aimed[:3, :3] @ rot_z(dt * command.roll_rate)
+            beyond += dt
+            for T_next in (transform(T_turned[:3, :3], T_moved[:3, 3]), T_turned, T_moved):
+                q_next = nearest_solution(robot, T_next, q_aimed)
+                if q_next is not None and np.abs(q_next - q_aimed).max() < JUMP:
+                    q_aimed, T_aimed, beyond = q_next, T_next, 0.0
+                    break
+            if beyond > BEYOND:
                 controller.give_up("OUT_OF_REACH", "the arm reaches no further in this posture")
-                q_next, T_next = q_aimed, T_aimed
-            q_aimed, T_aimed = q_next, T_next
             try:
                 motion.aim(q_aimed)
             except BadTrajectory as bad:

@@ -23,6 +23,7 @@ from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watchin
 from pomona.skills.shared.straight_travel import free_line, tool_pose
 from pomona.skills.shared.touch import Touch, load, something_between
 from pomona.skills.shared.warm_motion import prepare_moving
+from pomona.skills.shared.yielding import YieldingFingers
 
 LATERAL_TOLERANCE = 0.015
 """How far from the approach line, or from the vertical above the grasp, the TCP still counts as on it [m]."""
@@ -79,7 +80,8 @@ class Retreat(MovingSkill):
         back = self._line(grasp.T_base_pre_grasp)
         if back.length > AT_GOAL:
             jerk = acceleration / JERK_TIME
-            yield from self.travel(time_curve(back.q, back.length, arm.limits, speed, acceleration, jerk))
+            curve = time_curve(back.q, back.length, arm.limits, speed, acceleration, jerk)
+            yield from self.travel(curve, each_tick=YieldingFingers(gripper).rest)
         return None
 
     def _open(self, width: float, held: bool) -> Watching:

@@ -26,6 +26,7 @@ class MockGripper(Device):
 
     Attributes:
         width: present opening; write it to move the fingers by hand, which `check` notices.
+        motor_force: reported with the state [N], or None.
         speeds: every value given to `set_speed`, with its time.
         moves: every move that was started.
     """
@@ -38,6 +39,7 @@ class MockGripper(Device):
         super().__init__("gripper")
         self._clock = clock
         self.limits, self.width, self.blocked_at = limits, width, blocked_at
+        self.motor_force: float | None = None
         self.speeds: list[tuple[float, float]] = []
         self.moves: list[DirectMotion] = []
         self._rate = 0.0
@@ -62,7 +64,7 @@ class MockGripper(Device):
     # ----------------------------------------------------------------------------------------------- device
 
     def state(self) -> GripperState:
-        return GripperState(self._clock.now(), self.width, self._rate, not self.settled())
+        return GripperState(self._clock.now(), self.width, self._rate, not self.settled(), self.motor_force)
 
     def move(self, width: float, speed: float) -> Motion:
         refusal, self._refusal = self._refusal, None

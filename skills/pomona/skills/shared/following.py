@@ -27,16 +27,20 @@ class MotionEnded(Exception):
         super().__init__(problem or f"the motion was {state.value} before its end")
 
 
-def follow_motion(motion: Motion, watch: Callable[[], str | None] | None = None) -> Watching:
+def follow_motion(
+    motion: Motion, watch: Callable[[], str | None] | None = None, each_tick: Callable[[], None] | None = None
+) -> Watching:
     """Watch a motion that was just started until it is done and nothing moves any more.
 
     `watch` is called in each tick; it raises to end the motion, or returns feedback. When it raises or the caller is
-    interrupted, the motion is stopped, and the exception passes once all is at rest.
+    interrupted, the motion is stopped, and the exception passes once all is at rest. `each_tick` is called until then.
 
     Raises MotionEnded: it was stopped from outside, or failed.
     """
+    each_tick = each_tick or _nothing
     try:
         while motion.state in (MotionState.RUNNING, MotionState.PAUSED):
+            each_tick()
             said = watch() if watch is not None else None
             words = f"{motion.progress:.0%}" if motion.state is MotionState.RUNNING else "paused"
             yield f"{words}, {said}" if said else words
@@ -46,12 +50,18 @@ def follow_motion(motion: Motion, watch: Callable[[], str | None] | None = None)
     except BaseException:
         motion.stop()
         while not motion.settled:
+            each_tick()
             yield "stopping"
         raise
     while not motion.settled:
+        each_tick()
         yield "coming to rest"
     if motion.state is not MotionState.DONE:
         raise MotionEnded(motion.state, motion.problem)
+
+
+def _nothing() -> None:
+    """For a motion beside which nothing else is done."""
 
 
 class MovingSkill(Skill):
@@ -68,6 +78,7 @@ class MovingSkill(Skill):
         around: KnownAround | None = None,
         carrying: Grasp | None = None,
         started: Callable[[Motion], None] | None = None,
+        each_tick: Callable[[], None] | None = None,
     ) -> Watching:
         """Let the arm follow a trajectory to its end.
 
@@ -78,6 +89,7 @@ class MovingSkill(Skill):
                 declare these.
             carrying: the grasp by which a fruit is held.
             started: called with the motion, once it has been started.
+            each_tick: called in each tick until the arm is at rest, also while it stops.
 
         Raises SkillFailure: REFUSED, if the path leads through a zone of the cell, or begins in one.
         """
@@ -105,20 +117,25 @@ class MovingSkill(Skill):
             ahead = None if eyes is None else eyes.look()
             return ", ".join(filter(None, (progress, ahead))) or None
 
-        yield from self._carry_out(start, look)
+        yield from self._carry_out(start, look, each_tick)
 
     def move_fingers(self, width: float, speed: float) -> Watching:
         """Move the fingers to an opening [m] at a speed [m/s]."""
         gripper = self.device(Gripper)
         yield from self._carry_out(lambda: gripper.move(width, speed), None)
 
-    def _carry_out(self, start: Callable[[], Motion], watch: Callable[[], str | None] | None) -> Watching:
+    def _carry_out(
+        self,
+        start: Callable[[], Motion],
+        watch: Callable[[], str | None] | None,
+        each_tick: Callable[[], None] | None = None,
+    ) -> Watching:
         try:
             motion = start()
         except MotionRefused as refused:
             raise self.failure("REFUSED", f"{refused}; nothing has moved", device=refused.device) from refused
         try:
-            yield from follow_motion(motion, watch)
+            yield from follow_motion(motion, watch, each_tick)
         except MotionEnded as ended:
             code = "STOPPED" if ended.state is MotionState.STOPPED else "MOTION_FAILED"
             raise self.failure(code, str(ended), progress=round(motion.progress, 3)) from ended

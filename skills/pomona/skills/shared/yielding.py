@@ -1,0 +1,54 @@
+"""Fingers that give way to a push from outside, before the gripper's supervisor takes it for a fault."""
+
+from __future__ import annotations
+
+from pomona.drivers.interfaces import Gripper
+
+GIVES = 1.5e-3
+"""Deviation from the commands from which fingers give way [m]: half of what a gripper's supervisor allows."""
+GAIN = 25.0
+"""Speed of giving way per deviation beyond that [1/s]."""
+MOST = 0.015
+"""Distance by which fingers give way in one motion [m]: beyond it the supervisor's limit holds."""
+RESISTS = 2.0
+"""Force of the motor against a motion that shows a push [N]: a gripper that moves by itself is not followed."""
+
+
+class YieldingFingers:
+    """Streams speeds to a gripper, and lets its fingers go along with a push.
+
+    The deviation is measured as by `GripperSupervisor`: motion that no command explains. Fingers that lag their
+    commands do not give way, nor those whose motor does not resist the motion.
+
+    Attributes:
+        holds: the fingers do not give way now.
+    """
+
+    def __init__(self, gripper: Gripper) -> None:
+        self.holds = False
+        self._gripper, self._given, self._speed = gripper, 0.0, 0.0
+        state = gripper.state()
+        self._stamp, self._lower, self._upper = state.stamp, state.width, state.width  # widths that commands explain
+
+    def set_speed(self, speed: float) -> None:
+        """Command a speed [m/s], or that of the push."""
+        self._speed = self._yielded(speed)
+        self._gripper.set_speed(self._speed)
+
+    def rest(self) -> None:
+        """Let resting fingers give way while the arm moves, once a tick."""
+        before, self._speed = self._speed, self._yielded(0.0)
+        if before or self._speed:
+            self._gripper.set_speed(self._speed)
+
+    def _yielded(self, speed: float) -> float:
+        state = self._gripper.state()
+        dt, self._stamp = state.stamp - self._stamp, state.stamp
+        self._lower = min(state.width, self._lower + max(self._speed, 0.0) * dt)
+        self._upper = max(state.width, self._upper + min(self._speed, 0.0) * dt)
+        push = max(state.width - self._lower - GIVES, 0.0) - max(self._upper - state.width - GIVES, 0.0)
+        resisted = (state.motor_force or 0.0) * (1.0 if push > 0.0 else -1.0) > RESISTS
+        if not push or not resisted or self.holds or self._given > MOST:
+            return speed
+        self._given += GAIN * abs(push) * dt
+        return max(speed, GAIN * push) if push > 0.0 else min(speed, GAIN * push)
