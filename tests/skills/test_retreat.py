@@ -61,11 +61,11 @@ def test_empty_fingers_that_something_blocks_from_outside_still_go_back():
 
 
 def test_fingers_that_are_pushed_on_the_way_back_give_way():
-    scene = PickingScene(q=LINE[len(LINE) // 2].copy(), width=GRASP.width)
+    scene = PickingScene(q=LINE[-1].copy(), width=GRASP.width)
     scene.gripper.motor_force = -10.0
 
     def push() -> None:
-        reached = GRASP.width - min(0.02 * max(scene.clock.now() - 0.1, 0.0), 0.006)
+        reached = GRASP.width - min(0.02 * max(scene.clock.now() - 0.35, 0.0), 0.006)
         scene.gripper.width = min(scene.gripper.width, reached)
         scene.gripper.check()  # raises without a command that explains the motion
 
