@@ -71,6 +71,15 @@ def test_over_nothing_the_fruit_stays_held():
     assert scene.gripper.moves == []
 
 
+def test_a_fruit_that_nothing_carries_is_raised_again_where_that_is_asked():
+    scene = over_ground(None)
+    before = scene.tcp
+    outcome = drive(Release(), {"depth": 0.05, "raise_again": True}, scene.devices, clock=scene.clock)
+    assert outcome.reason.code == "NO_CONTACT"
+    np.testing.assert_allclose(scene.tcp, before, atol=1e-4)
+    assert scene.gripper.moves == []
+
+
 def test_empty_fingers_have_nothing_to_release():
     scene = PickingScene(q=a_grasp().q_pre_grasp[0].copy(), width=0.08)
     scene.clock.advance(0.01)
