@@ -80,6 +80,21 @@ def test_a_fruit_that_nothing_carries_is_raised_again_where_that_is_asked():
     assert scene.gripper.moves == []
 
 
+def test_fingers_that_are_pushed_beside_the_fruit_end_the_way_down_and_it_is_raised_again():
+    scene = over_ground(None)
+    before = scene.tcp
+
+    def push(tick: int) -> None:
+        if 20 < tick < 26:  # by 20 mm/s
+            scene.gripper.width -= 0.4e-3
+        scene.gripper.check()
+
+    outcome = drive(Release(), {"raise_again": True}, scene.devices, clock=scene.clock, each_tick=push)
+    assert outcome.reason.code == "LOWERING_BLOCKED"
+    assert "pushes the fingers" in outcome.reason.message
+    np.testing.assert_allclose(scene.tcp, before, atol=1e-4)
+
+
 def test_empty_fingers_have_nothing_to_release():
     scene = PickingScene(q=a_grasp().q_pre_grasp[0].copy(), width=0.08)
     scene.clock.advance(0.01)

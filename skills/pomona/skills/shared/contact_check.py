@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from pomona.drivers.interfaces import ForceSensor
+from pomona.drivers.interfaces import ForceSensor, Gripper
 from pomona.executive.skill import Work
 from pomona.executive.values.arrays import Float64
-from pomona.skills.grip.hold import Hold
+from pomona.skills.grip.hold import Hold, current_hold
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.shared.carrying import RESTING, TouchedDown, is_held, rest_on_contact
 from pomona.skills.shared.following import MovingSkill
@@ -24,6 +24,10 @@ RAISING = Manner(0.05, 2.0, 40.0)
 """Of raising it and of setting it down again: the load is read at rest."""
 
 GENTLE, GRAVITY = 0.5, 9.81  # acceleration up to which inertia stays below a contact, and of gravity [m/s²]
+
+PUSHED = 1.2e-3
+"""Motion of fingers that no grip controls which shows something beside them [m]: a supervisor allows 3 mm, and the
+arm stops within a millimetre of it."""
 
 LOST = "the fruit was lost on the way down: it presses on neither finger"
 
@@ -50,12 +54,14 @@ def lower_to_support(
     """Go down along legs until a support carries the fruit.
 
     Returns an empty text then, or why none does. `contact` [N] is the change of load that shows contact; a leg with
-    a higher acceleration than `GENTLE` adds the inertia of the fruit.
+    a higher acceleration than `GENTLE` adds the inertia of the fruit. Fingers that something beside the fruit pushes
+    end the way down with `code`.
 
     Raises:
         Jolted, SkillFailure: as `contact_doubt`.
     """
-    limit = contact
+    limit, gripper = contact, skill.device(Gripper)
+    opened = gripper.state().width
     with Touch(skill.device(ForceSensor), load) as touch:
 
         def watch() -> None:
@@ -65,6 +71,10 @@ def lower_to_support(
                 raise TouchedDown
             if not is_held(skill):
                 raise skill.failure("LOST", LOST)
+            width = gripper.state().width
+            if current_hold(gripper) is None and abs(width - opened) > PUSHED:
+                words = f"something pushes the fingers from {1e3 * opened:.1f} to {1e3 * width:.1f} mm"
+                raise skill.failure(code, f"{words}; the fruit is still held")
 
         try:
             for leg in legs:
