@@ -34,7 +34,8 @@ def test_every_wrench_and_every_ticks_joints_are_read_once(cell: Cell) -> None:
     assert np.all(np.diff(readings["fingers"]["stamp_s"]) > 0.0)
     assert list(readings["fingers"])[1:4] == ["finger_1_force_x_N", "finger_1_force_y_N", "finger_1_force_z_N"]
     assert len(readings["fingers"]) == 13
-    assert list(readings["arm"]) == ["stamp_s", *(f"q_{k}_rad" for k in range(1, 8))]
+    joints, rates = [f"q_{k}_rad" for k in range(1, 8)], [f"qd_{k}_rad_per_s" for k in range(1, 8)]
+    assert list(readings["arm"]) == ["stamp_s", *joints, *rates]
     assert readings["arm"]["q_1_rad"].shape == (3,)
     assert readings["gripper"]["width_m"].shape == (3,)
     assert cell.readings() == {}

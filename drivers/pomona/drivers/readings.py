@@ -44,8 +44,8 @@ class Readings:
     def take(self) -> dict[str, dict[str, Any]]:
         """Return the measurements since the last call, by device and quantity.
 
-        Every device gives `stamp_s` on the cell's clock, arms their joints, grippers their width, fingers force and
-        torque of each in its pad's frame; shape (n,) each, the name carries the unit.
+        Every device gives `stamp_s` on the cell's clock, arms joints and velocities, grippers their width, fingers
+        force and torque of each in its pad's frame; shape (n,) each, the name carries the unit.
         """
         taken = {name: [noted.popleft() for _ in range(len(noted))] for name, noted in self._noted.items()}
         return {name: self._columns(name, samples) for name, samples in taken.items() if samples}
@@ -58,8 +58,9 @@ class Readings:
     def _columns(self, name: str, samples: list[Any]) -> dict[str, Any]:
         columns = {"stamp_s": np.array([sample.stamp for sample in samples])}
         if name in self._arms:
-            joints = np.array([sample.q for sample in samples])
-            return columns | {f"q_{k + 1}_rad": q for k, q in enumerate(joints.T)}
+            q, qd = (np.array(rows).T for rows in zip(*((sample.q, sample.qd) for sample in samples), strict=True))
+            columns |= {f"q_{k + 1}_rad": joint for k, joint in enumerate(q)}
+            return columns | {f"qd_{k + 1}_rad_per_s": joint for k, joint in enumerate(qd)}
         if name in self._grippers:
             return columns | {"width_m": np.array([sample.width for sample in samples])}
         wrenches = np.array([sample.wrenches for sample in samples])

@@ -94,6 +94,7 @@ def test_joints_have_their_own_times_and_values(messages: dict[str, list[Any]]) 
     first, second = messages["/joint_states"]
     assert (first.name, second.name) == (["arm_joint_1"], ["arm_joint_1"])
     assert (first.position.tolist(), second.position.tolist()) == ([0.0], [0.5])
+    assert first.velocity.tolist() == second.velocity.tolist() == []  # this record is of a version without
     assert second.header.stamp.sec * 10**9 + second.header.stamp.nanosec == BEGAN + 800_000_000
     assert second.header.stamp.nanosec - first.header.stamp.nanosec == 100_000_000
 
@@ -142,6 +143,14 @@ def test_transforms_poses_clouds_and_scenes_are_the_recorded_values(
         (0, 0, 1),
     ]
     assert [point.point.x for point in messages["/pomona/tcp"]] == [0.0]
+
+
+def test_joints_have_the_recorded_velocities() -> None:
+    values = {"q_1_rad": [0.0, 0.5], "q_2_rad": [1.0, 1.0], "qd_1_rad_per_s": [4.0, 5.0], "qd_2_rad_per_s": [0.0, 0.1]}
+    told = ToRos2().messages(f"{DEVICES}arm", {"t": 1.0, "tick": 5, "stamp_s": [0.1, 0.2], **values}, 10**9)
+    fields = [message.fields for message in told]
+    assert [(list(f["position"]), list(f["velocity"])) for f in fields] == [([0, 1], [4, 0]), ([0.5, 1], [5, 0.1])]
+    assert fields[0]["name"] == ["arm_joint_1", "arm_joint_2"]
 
 
 def test_the_tree_diagnostics_log_and_events_are_published(

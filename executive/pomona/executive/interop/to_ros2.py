@@ -393,8 +393,10 @@ def _reading(name: str, content: Mapping[str, Any], at: int) -> Translated:
     }
     if joints:
         names, rows = list(joints.values()), np.stack([columns[key] for key in joints], axis=1)
-        for at_sample, row in zip(times, rows, strict=True):
-            fields = {"header": header(at_sample, ""), "name": names, "position": row}
+        rates = [columns[key] for key in columns if key.startswith("qd_")]  # records of earlier versions have none
+        velocities = np.stack(rates, axis=1) if rates else np.empty((len(times), 0))
+        for at_sample, row, velocity in zip(times, rows, velocities, strict=True):
+            fields = {"header": header(at_sample, ""), "name": names, "position": row, "velocity": velocity}
             yield "/joint_states", "sensor_msgs/msg/JointState", at_sample, fields
     yield from _wrenches(name, columns, times)
 
