@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from shown_runs import APPROVED, DRAWN, GATE, HOLD, SIZES, Show, Wire, press_stop
 
+from pomona.executive.dashboard.choices import Choices
 from pomona.executive.running.events import ErrorRaised, LinkChanged, SafeStopped
 
 pytestmark = pytest.mark.browser
@@ -82,6 +83,17 @@ def test_while_a_run_is_prepared_runs_is_paused_and_is_stopped(show: Show, open_
     expect(page.locator("#latched-rest")).to_contain_text("No feedback from arm")
     problems += in_sight(page, "lost_device")
     assert problems == []
+
+
+def test_before_the_first_run_the_page_states_what_it_shows_and_how_a_run_begins(show: Show, open_page: Open) -> None:
+    page = open_page()
+    expect(page.locator("#why")).to_contain_text("A run is shown here live: its tree, the camera")
+    expect(page.locator("#why")).to_contain_text("It appears when the program begins it.")
+    expect(page.locator("#steps")).to_have_text("Open a run")
+    show.dashboard.allow_starts(lambda _form: "", Choices.installed())
+    expect(page.locator("#why")).to_contain_text("The button opens the form that starts one")
+    expect(page.locator("#steps")).to_have_text("Start or open a run")
+    assert in_sight(page, "before_the_first_run") == []
 
 
 def test_while_a_person_is_asked(show: Show, open_page: Open) -> None:

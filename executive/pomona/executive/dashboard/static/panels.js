@@ -57,7 +57,7 @@ export function drawWhy(s) {
   const latest = s.failures.at(-1);
   const doing = s.ended ? "" : s.nodes.filter((node) => s.byPath.get(node.path).leaf && s.node.get(node.path)?.status === "RUNNING").map((node) => `${node.name} ${percent(s.node.get(node.path).feedback)}`.trim()).join(", ");
   const { progress } = s;
-  const key = `${progress?.number}|${progress?.of}|${s.run?.run}|${s.failures.length}|${latest?.t}|${latest?.next}|${s.ended?.outcome}|${s.state}|${s.because}|${s.acts.length}|${s.hand}|${doing}|${page.recorded}|${page.opened}|${page.problem}|${isClosed()}`;
+  const key = `${progress?.number}|${progress?.of}|${s.run?.run}|${s.failures.length}|${latest?.t}|${latest?.next}|${s.ended?.outcome}|${s.state}|${s.because}|${s.acts.length}|${s.hand}|${doing}|${page.recorded}|${page.opened}|${page.problem}|${isClosed()}|${page.control.starts}`;
   if (key === whyKey) return;
   whyKey = key;
   document.body.classList.toggle("failed", Boolean(s.ended && s.ended.outcome !== "success"));
@@ -68,7 +68,10 @@ export function drawWhy(s) {
 const progressOf = ({ progress }) => (progress ? `${progress.what} ${progress.number} of ${progress.of}` : "");
 
 function goingWords(s, doing, latest) {
-  if (!page.recorded && !s.run) return [h("p", {}, "No run yet.")];
+  if (!page.recorded && !s.run) {
+    const how = page.control.starts ? "The button opens the form that starts one, and the list of recorded runs." : "It appears when the program begins it. The button opens the list of recorded runs.";
+    return [h("p", {}, "No run yet."), h("p", { class: "muted" }, `A run is shown here live: its tree, the camera, the robot in space, and curves of forces and width. ${how}`)];
+  }
   if (!s.run) return page.opened ? [h("div", { class: "verdict" }, h("b", { class: "bad" }, "✗ This record cannot be shown"), `: ${page.problem || "it holds no run; it was cut off, or has just begun"}.`)] : [];
   if (hasNoEnd()) return [h("div", { class: "verdict" }, h("b", { class: "bad" }, "■ No end"), `: the record ends at ${seconds(s.t)}${doing ? ` in ${doing}` : ""}. The run was cut off, or still goes on.`)];
   const runs = s.state === "running", state = runs ? "▶ " : s.state === "paused" ? "❚❚ Paused, at rest" : `❚❚ ${s.state}`;

@@ -18,7 +18,7 @@ const again = (run) => ({ tree: stem(run.tree_path), cell: stem(run.cell_path), 
 
 function stepsOf(s) {
   if (!page.recorded && !s.ended && s.state === "paused") return [["▶ Resume", "Go on in place", () => press("resume", "", s.pause)], ["❙▶ Step", "Run one tick", () => press("step", "", s.pause)]];
-  if (!s.run) return [["Start or open a run", "The list of runs, and the form that starts one (r)", () => showRuns(true)]];
+  if (!s.run) return [[page.control.starts ? "Start or open a run" : "Open a run", page.control.starts ? "The list of runs, and the form that starts one (r)" : "The list of runs (r)", () => showRuns(true)]];
   if (!s.ended || s.safeStop || !page.control.starts || isClosed() || !stem(s.run.cell_path)) return [];
   const lasts = LASTS.has(s.run.cell_kind) && !page.recorded && s.run.tree !== "recover";
   return [
