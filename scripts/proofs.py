@@ -64,6 +64,11 @@ def on_post_page(output: str, **_others: Any) -> str:
     return output.replace(search, f'{search} aria-label="Search"')
 
 
+def on_post_template(output_content: str, **_others: Any) -> str:
+    """A hook of mkdocs: the same on the page 404, which is a template."""
+    return on_post_page(output_content)
+
+
 def _drawn(found: re.Match[str]) -> str:
     document = read(found[1], "example.yaml")
     if document.main.main is None or document.main.main.root is None:

@@ -13,7 +13,7 @@ from pomona.executive.language.outline import show_text
 from pomona.executive.nodes import NodeTypes
 from scripts.mathml import on_page_content
 from scripts.node_examples import EXAMPLES, beside, document_of
-from scripts.proofs import on_page_content as clean_page, on_page_markdown
+from scripts.proofs import on_page_content as clean_page, on_page_markdown, on_post_template
 from tests.executive.dashboard.test_contrast import contrast
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -45,6 +45,13 @@ def test_no_column_has_an_empty_header() -> None:
     html = markdown(text, extensions=["tables"])
     assert re.search(r"<th[^>]*></th>", html)
     assert not re.search(r"<th[^>]*></th>", clean_page(html, page))
+
+
+def test_the_search_dialogue_of_the_page_404_has_a_name() -> None:
+    config = load_config(str(ROOT / "mkdocs.yml"))
+    source = (Path(config.theme.dirs[0]) / "partials" / "search.html").read_text("utf-8")
+    (dialogue,) = re.findall(r'<div class="md-search"[^>]*>', on_post_template(source, template_name="404.html"))
+    assert 'aria-label="Search"' in dialogue
 
 
 def test_proofs_become_footnotes_and_whole_trees_are_drawn() -> None:
