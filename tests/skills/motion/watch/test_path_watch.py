@@ -155,9 +155,14 @@ def posture(path: Trajectory, t: float) -> Float64:
     return np.array([np.interp(t, path.t, joint) for joint in path.q.T])
 
 
+def moving_parts(q: Float64) -> Float64:
+    """The spheres of the robot's parts that can move, shape (n, 4) [m]."""
+    return np.concatenate([SHAPE.spheres_of(g, q, 0.1) for g in np.flatnonzero(SHAPE.arrays.links)])
+
+
 def gap(q: Float64, point: Float64) -> float:
-    """Distance of the robot from a point [m]."""
-    spheres = np.asarray(SHAPE.spheres(q, 0.1))
+    """Distance of the robot's parts that can move from a point [m]."""
+    spheres = moving_parts(q)
     return float(np.min(np.linalg.norm(spheres[:, :3] - point, axis=1) - spheres[:, 3]))
 
 
@@ -190,6 +195,34 @@ def test_the_slower_path_is_the_same_within_its_limits_and_rests_before_an_objec
         until = min(seen + braking.time(min(seen, path.duration)), path.duration)
         for t in np.linspace(begun, until, 8):
             assert gap(posture(path, t), point) > how.speed * (t - begun), (begun, t)
+
+
+class IdealWatch(PathWatch):
+    """A watch whose camera shows one moving point in three cells, `shown`, shape (3, 3) [m]."""
+
+    shown = np.zeros((3, 3))
+
+    def _new_cells(self, *_: object) -> int:
+        self._found[:3], self._moved[:3] = self.shown, True
+        return 3
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(0.0, 1.0), st.integers(0, 10**6))
+def test_while_the_arm_goes_on_a_stop_after_the_next_frame_is_early_enough(share: float, seed: int) -> None:
+    how, looking = PathWatchSettings(), IdealWatch(SHAPE, PATH, SIA5F_LIMITS, 0.1, WORKSPACE)
+    begun, rng = share * PATH.duration, np.random.default_rng(seed)
+    braked = min(begun + FRAME_INTERVAL + how.delay, PATH.duration)
+    times = np.linspace(begun, min(braked + Braking(PATH, SIA5F_LIMITS).time(braked), PATH.duration), 8)
+    x, y, z, _ = rng.choice(moving_parts(posture(PATH, begun)))
+    way = rng.normal(size=3)
+    for away in np.arange(0.1, 1.5, 0.01):
+        looking.shown = np.tile((x, y, z) + away * way / np.linalg.norm(way), (3, 1))
+        told = looking.look(frame(begun), T_BASE_CAMERA, OBSERVE, 0.0, begun)
+        if told is None or not told.stop:
+            for t in times:
+                assert gap(posture(PATH, t), looking.shown[0]) > how.speed * (t - begun), (away, t)
+            break
 
 
 def outside(share: float, away: float) -> Float64:

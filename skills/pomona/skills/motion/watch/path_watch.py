@@ -126,7 +126,9 @@ class PathWatch:
         # fewer cells that were free and are taken now are noise, and count as standing there: a hand has dozens
         if np.count_nonzero(moved) < 3:
             moved = np.zeros(new, np.bool_)
-        stopping = age + how.delay + self._braking.time(path_time)
+        # Without a stop now the arm begins to brake after the next frame at the earliest.
+        waiting = FRAME_INTERVAL + how.delay
+        stopping = age + waiting + self._braking.time(min(path_time + waiting, float(self._times[-1])))
         first = max(int(np.searchsorted(self._times, path_time, side="right")) - 1, 0)
         within = max(int(np.searchsorted(self._times, path_time + stopping)) + 1, first + 1)
         judged = (
