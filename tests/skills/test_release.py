@@ -85,7 +85,7 @@ def test_fingers_that_are_pushed_beside_the_fruit_end_the_way_down_and_it_is_rai
     before = scene.tcp
 
     def push(tick: int) -> None:
-        if 20 < tick < 26:  # by 20 mm/s
+        if 20 < tick < 25:  # by 20 mm/s
             scene.gripper.width -= 0.4e-3
         scene.gripper.check()
 
@@ -93,6 +93,21 @@ def test_fingers_that_are_pushed_beside_the_fruit_end_the_way_down_and_it_is_rai
     assert outcome.reason.code == "LOWERING_BLOCKED"
     assert "pushes the fingers" in outcome.reason.message
     np.testing.assert_allclose(scene.tcp, before, atol=1e-4)
+
+
+def test_a_push_counts_from_the_start_of_the_way_down_also_after_a_jolt():
+    scene = over_ground(None)
+    calm = scene.fingers.feel
+
+    def push(tick: int) -> None:
+        weight = np.zeros((2, 6))
+        weight[0, 0] = 2.0 if tick in (20, 21) else 0.0
+        scene.fingers.feel = lambda now: calm(now) + weight
+        scene.gripper.width -= 0.5e-3 if tick in (15, 60) else 0.0
+
+    outcome = drive(Release(), {}, scene.devices, clock=scene.clock, each_tick=push)
+    assert outcome.reason.code == "LOWERING_BLOCKED"
+    assert len(scene.arm.followed) > 1  # it went on after the jolt
 
 
 def test_empty_fingers_have_nothing_to_release():

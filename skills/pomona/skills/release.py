@@ -130,10 +130,10 @@ class Release(PoseSkill):
         self, legs: Sequence[Leg], depth: float, space: ArmSpace, hold: Hold | None, grasp: Grasp | None, contact: float
     ) -> Watching:
         """Go down along legs until a support carries the fruit; after a jolt it goes on."""
-        before = float(tool_pose(self)[2, 3])
+        before, opened = float(tool_pose(self)[2, 3]), self.device(Gripper).state().width
         for jolts in range(1, JOLTS + 2):
             try:
-                words = yield from lower_to_support(self, legs, hold, grasp, contact, "LOWERING_BLOCKED")
+                words = yield from lower_to_support(self, legs, hold, grasp, contact, "LOWERING_BLOCKED", opened)
             except Jolted:
                 words = f"the change of load on the way down has gone again {jolts} times, as after jolts"
                 if (left := depth - before + float(tool_pose(self)[2, 3])) < RESUMED:

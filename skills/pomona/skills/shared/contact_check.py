@@ -25,7 +25,7 @@ RAISING = Manner(0.05, 2.0, 40.0)
 
 GENTLE, GRAVITY = 0.5, 9.81  # acceleration up to which inertia stays below a contact, and of gravity [m/s²]
 
-PUSHED = 1.2e-3
+PUSHED = 0.8e-3
 """Motion of fingers that no grip controls which shows something beside them [m]: a supervisor allows 3 mm, and the
 arm stops within a millimetre of it."""
 
@@ -50,18 +50,18 @@ def lower_to_support(
     grasp: Grasp | None,
     contact: float,
     code: str,
+    opened: float,
 ) -> Work[str]:
     """Go down along legs until a support carries the fruit.
 
     Returns an empty text then, or why none does. `contact` [N] is the change of load that shows contact; a leg with
     a higher acceleration than `GENTLE` adds the inertia of the fruit. Fingers that something beside the fruit pushes
-    end the way down with `code`.
+    end the way down with `code`; `opened` is their width before it [m].
 
     Raises:
         Jolted, SkillFailure: as `contact_doubt`.
     """
     limit, gripper = contact, skill.device(Gripper)
-    opened = gripper.state().width
     with Touch(skill.device(ForceSensor), load) as touch:
 
         def watch() -> None:
