@@ -19,7 +19,7 @@ from pomona.drivers.interfaces import (
     WrenchSample,
 )
 from pomona.executive.ports import ANGLE, FORCE, LENGTH, TIME, Angle, Force, Length, Outputs, Port, Ratio, Time
-from pomona.executive.skill import SkillFailure, Work
+from pomona.executive.skill import Work
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import angle_between, rot_z, transform
 from pomona.skills.grip.hold import take_over
@@ -28,14 +28,11 @@ from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.hanging import free_roll, knuckle_of
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import arm_space
-from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel, nearest_solution
-from pomona.skills.motion.straight_line import straight_line
 from pomona.skills.perception.detection.detection import AllDetections
 from pomona.skills.perception.fruit.catalogue import mass_of
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
-from pomona.skills.shared.straight_travel import LEAST_POSTURES, tool_pose
 from pomona.skills.shared.usable_map import usable_field
 from pomona.skills.shared.yielding import YieldingFingers
 
@@ -59,14 +56,6 @@ ROLL_WANTED = np.radians(100.0)
 """A roll that is free so far is as good as a longer one."""
 CLEAR = -0.01
 """Least distance to a neighbour during the roll [m]; a hanging neighbour gives way by 10 mm."""
-OPENED, OPENING_SPEED, STUCK = 0.02, 0.06, 4e-3
-"""Opening beyond the present one after a failure that leaves the fruit on the tree [m], its speed [m/s], and the
-distance by which fingers that meet wood may lag it [m]: less than a gripper's supervisor allows. They close by as much
-again: fingers that spread against wood push the arm off its place, and no path begins there."""
-SPRUNG, TRIES = 0.1, 3
-"""Time in which an arm that branches push comes to rest [s], and starts of the way back."""
-BACK_OFF, BACK_SPEED, BACK_ACCELERATION, BACK_JERK = 0.10, 0.15, 1.0, 10.0
-"""Way of the empty hand back from the fruit after a failure [m, m/s, m/s², m/s³]."""
 
 
 class Detached(Outputs):
@@ -137,9 +126,6 @@ class Detach(MovingSkill):
             subscription.close()
         problem = controller.problem
         if problem is not None:
-            if problem.code != "LOST":
-                yield from self._let_go(fingers)
-                yield from self._back_off(fingers)
             raise self.failure(
                 problem.code,
                 problem.message,
@@ -147,40 +133,6 @@ class Detach(MovingSkill):
                 stem_force_n=round(controller.stem_peak, 2),
             )
         return Detached(stem_force=controller.stem_peak, rolled=abs(controller.roll_at_break))
-
-    def _let_go(self, fingers: YieldingFingers) -> Work[None]:
-        """Open the fingers by `OPENED`, or until they meet something outside: twigs are not pressed aside."""
-        gripper = self.device(Gripper)
-        start, began = gripper.state().width, self.clock.now()
-        try:
-            while (width := gripper.state().width) < min(start + OPENED, gripper.limits.width_max - 1e-3):
-                if OPENING_SPEED * (self.clock.now() - began) - (width - start) > STUCK:
-                    fingers.set_speed(-OPENING_SPEED)
-                    yield from self.wait(STUCK / OPENING_SPEED)
-                    break
-                fingers.set_speed(OPENING_SPEED)
-                yield "releasing the fruit"
-        finally:
-            fingers.set_speed(0.0)
-
-    def _back_off(self, fingers: YieldingFingers) -> Work[None]:
-        """Draw the open hand straight back from the fruit, as far as the arm can go."""
-        for left in reversed(range(TRIES)):
-            try:
-                return (yield from self._go_back(fingers))
-            except SkillFailure as failed:
-                if failed.failure.code != "REFUSED" or not left:
-                    raise
-            yield from self.wait(SPRUNG)
-
-    def _go_back(self, fingers: YieldingFingers) -> Work[None]:
-        arm, T_base_goal = self.device(Arm), tool_pose(self)
-        T_base_goal[:3, 3] -= BACK_OFF * T_base_goal[:3, 2]
-        line = straight_line(RobotModel.load(arm.description), arm.state().q, T_base_goal)
-        if len(line.q) >= LEAST_POSTURES:
-            length = line.reached * line.length
-            back = time_curve(line.q, length, arm.limits, BACK_SPEED, BACK_ACCELERATION, BACK_JERK)
-            yield from self.travel(back, each_tick=fingers.rest)
 
     def _detach(
         self,

@@ -29,6 +29,8 @@ class DetachPhase(Enum):
     LAST_PULL = "pulling harder"
     BACK = "moving back"
     LET_BACK = "letting the branch back"
+    OPEN = "opening"
+    LEAVE = "leaving the fruit"
     DONE = "done"
 
 
@@ -57,16 +59,20 @@ class DetachSettings:
         carry_share: share of the bruising force with which a detached fruit is carried: the fingers stand meanwhile,
             and a fruit that turns in the pads by 10° changes its width by up to 1 mm, which is 1 N.
         loaded: stem force that must have been measured before a fall of it counts as a break [N].
-        broken_share, broken_force: a stem has broken when its force falls below this share of its recent maximum and
-            below this force [N].
+        broken_share, broken_force, broken_weight: a stem has broken when its force falls below this share of its recent
+            maximum, below this force [N] and below this share of the fruit's weight, which empty pads do not bear.
+        first_break: roll before which no stem counts as broken [rad]: in 76 picks none broke below 57°, and a slack
+            stem looks the same.
         recent: time over which that maximum is remembered [s].
         loaded_time: time above `broken_force` while the hand moves back that shows a stem which still holds [s].
         quiet_time: time below `broken_force`, after the stem was loaded, that shows a break which was not noticed [s].
         blocked: deviation of the opening from its commands that shows wood at the fingers [m]: half of what a gripper's
             supervisor allows. blocked_fading: time constant with which it is forgiven [s].
         jam_force: net force of the pads that no stem needs [N]; jam_force_saturated: difference of the pads' pressing
-            forces that shows wood at one finger while its sensor is at the end of its range [N]; jam_time: time that
-            either may last [s].
+            forces that shows wood at one finger while its sensor is at the end of its range [N]; jam_press: pad force
+            over the bruising force that only wood causes; jam_time: time that any of these may last [s].
+        relief, relief_acceleration: time after a jam in which the hand turns back and no further jam counts [s], and
+            its acceleration [rad/s²].
         slip_width: loss of opening since the grip at which a fruit is slipping out [m]; twice as much has lost it.
         narrowest: share of the diameter below which closed pads have missed the fruit.
         lost_force: mean pad force below which the fruit is lost [N]; lost_time: duration of that [s].
@@ -74,7 +80,12 @@ class DetachSettings:
             weight that a stem which holds bears at least when the hand has stopped drawing.
         firm: share of the carrying force at which a detached fruit is moved; firm_time: longest wait for it [s].
         back_distance, back_speed, back_acceleration: of the way to the robot after the break [m, m/s, m/s²].
-        closing_patience, patience: longest time of closing, and of all phases together [s].
+        opened, opening: opening around a fruit that stays on the tree [m], and its speed [m/s]; stuck: distance by
+            which fingers that meet wood may lag meanwhile, and by which they close again [m]: less than a supervisor
+            allows.
+        leaving, leaving_speed, leaving_acceleration: of the way of the open hand back from the fruit [m, m/s, m/s²].
+        closing_patience, leaving_patience, patience: longest time of closing, of opening, and of all phases
+            together [s].
     """
 
     touch: float = 0.2
@@ -125,6 +136,18 @@ class DetachSettings:
     back_acceleration: float = 1.0
     closing_patience: float = 2.0
     patience: float = 10.0
+    jam_press: float = 1.15
+    relief: float = 0.6
+    relief_acceleration: float = 20.0
+    broken_weight: float = 0.5
+    first_break: float = 0.35
+    opened: float = 0.02
+    opening: float = 0.06
+    stuck: float = 4e-3
+    leaving: float = 0.10
+    leaving_speed: float = 0.15
+    leaving_acceleration: float = 1.0
+    leaving_patience: float = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -198,6 +221,9 @@ class DetachController:
         self._ending: DetachProblem | None = None
         self._opening = self._behind = 0.0  # commanded rate; commanded motion that the opening did not follow
         self._width = np.nan
+        self._relieved_until = self._furthest = 0.0
+        self._opened_from = 0.0
+        self._stuck_since: float | None = None
 
     @property
     def grip_target(self) -> float:
@@ -231,10 +257,12 @@ class DetachController:
         self._note_opening(dt, width)
         if self.phase is DetachPhase.CLOSE:
             command = self._close(press, T_base_tcp, width)
+        elif self.phase in (DetachPhase.OPEN, DetachPhase.LEAVE):
+            command = self._leave(dt, T_base_tcp, width)
         else:
             self._judge(dt, press, force, saturated, width)
             command = DetachCommand(np.zeros(3), 0.0, 0.0)
-            if self.phase is not DetachPhase.DONE:
+            if self.phase not in (DetachPhase.DONE, DetachPhase.OPEN):
                 command = DetachCommand(self._move(dt, press, force, T_base_tcp), self._rate, self._grip(dt, wrenches))
         self._opening = command.opening
         return command
@@ -247,6 +275,8 @@ class DetachController:
             self._end(None)
         elif self.phase is DetachPhase.LET_BACK:
             self._end(self._ending)
+        elif self.phase is DetachPhase.LEAVE:
+            self._enter(DetachPhase.DONE)
 
     # ------------------------------------------------------------------------------------------- what is felt
 
@@ -266,14 +296,18 @@ class DetachController:
     def _judge(self, dt: float, press: Float64, force: Float64, saturated: bool, width: float) -> None:
         s = self.settings
         beside = saturated and abs(press[0] - press[1]) > s.jam_force_saturated
-        jams = self.broke_at is None and (beside or np.linalg.norm(force) > s.jam_force)
-        self._jammed = self._jammed + dt if jams else 0.0
+        over = press.max() > s.jam_press * self._fruit.bruise_force
+        jams = self.broke_at is None and (beside or over or np.linalg.norm(force) > s.jam_force)
+        self._jammed = self._jammed + dt if jams and self._time > self._relieved_until else 0.0
         self._empty = self._empty + dt if press.mean() < s.lost_force else 0.0
+        weight = GRAVITY * self._fruit.mass
+        broken_force = min(s.broken_force, s.broken_weight * weight)
+        held = press.min() > s.touch
         if self._jammed > s.jam_time:
             words = f"the pads feel {press[0]:.1f} and {press[1]:.1f} N, {np.linalg.norm(force):.1f} N in all"
-            self._end(DetachProblem("JAMMED", words))
-        elif self._is_blocked():
-            self._end(self._blocked(width))
+            self._jam(DetachProblem("JAMMED", words))
+        elif self._is_blocked() and self._time > self._relieved_until:
+            self._jam(self._blocked(width))
         elif self._empty > s.lost_time or width < self._width_gripped - 2.0 * s.slip_width:
             freed = self.broke_at is not None
             code, words = ("LOST", "after the stem broke") if freed else ("SLIPPED", "before the stem broke")
@@ -281,20 +315,32 @@ class DetachController:
         elif self.phase in DRAWING:
             self.stem_peak = max(self.stem_peak, self.stem_force)
             most = max(each for _, each in self._recent)
-            self._quiet = self._quiet + dt if self.stem_force < s.broken_force else 0.0
-            falls = most > s.loaded and self.stem_force < min(s.broken_share * most, s.broken_force)
-            if falls or (self.phase is not DetachPhase.DRAW and self._quiet > s.quiet_time):
+            unloaded = held and self.stem_force < broken_force and self._furthest > s.first_break
+            self._quiet = self._quiet + dt if unloaded else 0.0
+            falls = unloaded and most > s.loaded and self.stem_force < s.broken_share * most
+            if falls or self._quiet > s.quiet_time:
                 self._break()
             elif width < self._width_gripped - s.slip_width:
                 self._let_back(DetachProblem("SLIPPED", f"the opening fell by {1e3 * s.slip_width:.0f} mm"))
             elif self._time > s.patience:
                 self._let_back(DetachProblem("NOTHING_BROKE", f"the stem held for {s.patience:.0f} s"))
         elif self.phase is DetachPhase.BACK:
-            self._loaded = self._loaded + dt if self.stem_force > s.broken_force else 0.0
+            self._loaded = self._loaded + dt if self.stem_force > broken_force else 0.0
             if self._loaded > s.loaded_time:
                 self.broke_at = None
                 self._moved_back = self._speed_back = self._loaded = 0.0
                 self._enter(DetachPhase.ROLL)
+
+    def _jam(self, problem: DetachProblem) -> None:
+        """Turn the hand back from wood: roll the other way if that was not tried; end if turning back did not help."""
+        self._relieved_until, self._jammed, self._behind = self._time + self.settings.relief, 0.0, 0.0
+        if self.phase in (DetachPhase.ROLL, DetachPhase.LAST_PULL) and self._attempt + 1 < len(self._rolls):
+            self._attempt += 1
+            self._enter(DetachPhase.ROLL)
+        elif self.phase in DRAWING:
+            self._let_back(problem)
+        else:
+            self._end(problem)
 
     def _is_blocked(self) -> bool:
         """Return True if wood pushes or blocks the fingers: until the stem has broken they follow their commands."""
@@ -381,6 +427,31 @@ class DetachController:
         together: Float64 = _shortened(velocity, s.speed_max) + _shortened(carried, s.speed_max)
         return together
 
+    def _leave(self, dt: float, T_base_tcp: Float64, width: float) -> DetachCommand:
+        """Open around a fruit that stays on the tree, then draw the hand straight back.
+
+        Fingers that meet wood close again a little: spread against it they would push the arm off its place.
+        """
+        s, since = self.settings, self._time - self._since
+        self._turn(dt, 0.0)
+        if self.phase is DetachPhase.OPEN:
+            if self._stuck_since is None and self._behind > s.stuck:
+                self._stuck_since = self._time
+            if self._stuck_since is not None:
+                if self._time - self._stuck_since < s.stuck / s.opening:
+                    return DetachCommand(np.zeros(3), self._rate, -s.opening)
+            elif width < self._opened_from + s.opened - 1e-3 and since < s.leaving_patience:
+                return DetachCommand(np.zeros(3), self._rate, s.opening)
+            self._moved_back = self._speed_back = 0.0
+            self._enter(DetachPhase.LEAVE)
+        left = s.leaving - self._moved_back
+        most = min(s.leaving_speed, float(np.sqrt(max(2.0 * s.leaving_acceleration * left, 0.0))))
+        self._speed_back = min(self._speed_back + s.leaving_acceleration * dt, most)
+        self._moved_back += self._speed_back * dt
+        if left < 2e-3:
+            self._enter(DetachPhase.DONE)
+        return DetachCommand(-self._speed_back * T_base_tcp[:3, 2], self._rate, 0.0)
+
     def _turn_to(self, dt: float, goal: float) -> None:
         left = goal - self.roll
         s = self.settings
@@ -388,9 +459,11 @@ class DetachController:
         self._turn(dt, float(wanted))
 
     def _turn(self, dt: float, wanted: float) -> None:
-        most = self.settings.roll_acceleration * dt
+        relieving = self._time < self._relieved_until
+        most = (self.settings.relief_acceleration if relieving else self.settings.roll_acceleration) * dt
         self._rate += float(np.clip(wanted - self._rate, -most, most))
         self.roll += self._rate * dt
+        self._furthest = max(self._furthest, abs(self.roll))
 
     def _grip(self, dt: float, wrenches: Float64) -> float:
         """Rate of the opening that brings the mean of the pads to the force that holds the larger load."""
@@ -416,7 +489,9 @@ class DetachController:
 
     def _end(self, problem: DetachProblem | None) -> None:
         self.problem = problem
-        self._enter(DetachPhase.DONE)
+        self._opened_from, self._behind = self._width, 0.0
+        leaves = problem is not None and problem.code != "LOST"
+        self._enter(DetachPhase.OPEN if leaves else DetachPhase.DONE)
 
 
 def _on_fruit(wrenches: Float64, R_base_tcp: Float64) -> Float64:
