@@ -181,6 +181,9 @@ mutate: $(STAMP) ## small mistakes in the pure mathematics, and how many of them
 bench-devices: $(STAMP) ## streams and round trips of the device drivers on emulated devices
 	$(BIN)/python -m benchmarks.bench_devices
 
+orchard-detach: $(STAMP) ## Detach alone at true grasps of simulated walls, ablations and ± 50 % of numbers, in docs/reports/orchard_detach; WALLS=301..303
+	$(BIN)/python -m benchmarks.orchard_detach --walls $(or $(WALLS),301..303)
+
 orchard-law: $(STAMP) ## simulated pulls of apples beside measured ones, in docs/reports/orchard_law; DATA=… the traces (half an hour)
 	$(BIN)/python -m benchmarks.orchard_law $(if $(DATA),--data $(DATA))
 
