@@ -118,3 +118,17 @@ def test_frames_that_are_old_or_repeated_are_not_looked_at():
     old = frame(-1.0, (*scene.tcp[:3, 3], 0.2))
     camera.latest_depth = lambda: old
     assert drive(Follow(), {"path": path(scene)}, devices, clock=scene.clock).status is Status.SUCCESS
+
+
+def test_beside_an_unmapped_object_the_arm_starts_slower_the_older_the_frame_is():
+    durations = []
+    for age in (0.0, 0.25):
+        scene = PickingScene()
+        devices, camera = watched(scene)
+        x, y, z = scene.tcp[:3, 3]
+        camera.latest_depth = lambda scene=scene, age=age, ball=(x + 0.6, y, z, 0.04): frame(
+            scene.clock.now() - age, ball
+        )
+        drive(Follow(), {"path": path(scene)}, devices, clock=scene.clock)
+        durations.append(scene.arm.followed[0].duration)
+    assert durations[1] > 1.1 * durations[0] > 1.1 * path(PickingScene()).duration

@@ -106,18 +106,20 @@ class LiveWatch:
     def slowed(self) -> Trajectory | None:
         """Return the path, slower where unmapped objects that stand now could meet the moving arm; None if as before.
 
-        The objects of the fixed cameras' newest frames may set off when the arm does: see `PathWatch.slowed`. A camera
+        The objects of the fixed cameras' newest frames may set off at once: see `PathWatch.slowed`. A camera
         on the hand shows too little of the cell for that, and much that the skills have put down themselves.
         """
-        seen = [np.empty((0, 3))]
+        seen, oldest = [np.empty((0, 3))], 0.0
         for number, camera in enumerate(self._cameras):
             frame = _newest(camera)
             if frame is None or frame.depth is None or not frame.placed or frame.q is not None:
                 continue
-            if abs(self._skill.clock.now() - frame.stamp) < TOO_OLD:
+            age = self._skill.clock.now() - frame.stamp
+            if abs(age) < TOO_OLD:
+                oldest = max(oldest, age)
                 T_base_camera, q = pose_of_camera(frame, self._robot), self._arm.state().q
                 seen.append(self._watch.standing(frame, T_base_camera, q, number))
-        slower = self._watch.slowed(np.concatenate(seen))
+        slower = self._watch.slowed(np.concatenate(seen), oldest)
         if slower is not None:
             self._watch, self._duration = self._watch.on(slower), slower.duration
         return slower

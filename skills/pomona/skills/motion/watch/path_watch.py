@@ -147,20 +147,21 @@ class PathWatch:
         """Note a frame from before the motion; return the cells that are occupied and not known, shape (n, 3) [m]."""
         return self._found[: self._new_cells(frame, T_base_camera, q, camera)].copy()
 
-    def slowed(self, points: Float64) -> Trajectory | None:
+    def slowed(self, points: Float64, age: float) -> Trajectory | None:
         """Return the path, slower where a standing object could meet the moving arm; None if it can stay as it is.
 
         At any time the arm rests before an object could come from one of the points to a posture that is passed until
-        then: distance > near + UNNOTICED + speed · (FRAME_INTERVAL + delay + braking time). Where no pace fulfils this,
-        the last of `PACES` is taken.
+        then: distance > near + way + speed · (FRAME_INTERVAL + delay + braking time). The way is UNNOTICED, and until
+        the motion's first frame counts at least speed · age. Where no pace fulfils this, the last of `PACES` is taken.
 
         Args:
-            points: of objects that may set off when the arm does, shape (n, 3) [m].
+            points: of objects that may have set off since they were seen, shape (n, 3) [m].
+            age: of the frames that show them, when the motion starts [s].
         """
         if not len(points):
             return None
         times = np.arange(0.0, self._times[-1], STEP)
-        paces = np.array([self._pace(points, float(t)) for t in times])
+        paces = np.array([self._pace(points, float(t), age) for t in times])
         if np.all(paces == 1.0):
             return None
         window = 0.2  # of the path's time in which the pace changes [s]
@@ -178,14 +179,16 @@ class PathWatch:
         other._follow(trajectory)
         return other
 
-    def _pace(self, points: Float64, path_time: float) -> float:
+    def _pace(self, points: Float64, path_time: float, age: float) -> float:
         """Return the largest of `PACES` at which the arm rests in time from here, else the last."""
         how = self._how
+        has_begun = path_time >= FRAME_INTERVAL + how.delay + STEP  # the motion's first frame counts by then
+        way = UNNOTICED if has_begun else max(UNNOTICED, how.speed * age)
         for pace in PACES:
             stopping = FRAME_INTERVAL + how.delay + self._braking.time(path_time, pace)
             first = max(int(np.searchsorted(self._times, path_time, side="right")) - 1, 0)
             last = max(int(np.searchsorted(self._times, path_time + pace * stopping)) + 1, first + 1)
-            if self._nearest(points, first, last, how.near + UNNOTICED + how.speed * stopping, path_time) is None:
+            if self._nearest(points, first, last, how.near + way + how.speed * stopping, path_time) is None:
                 break
         return pace
 
