@@ -81,8 +81,8 @@ class DetachSettings:
         firm: share of the carrying force at which a detached fruit is moved; firm_time: longest wait for it [s].
         back_distance, back_speed, back_acceleration: of the way to the robot after the break [m, m/s, m/s²].
         opened, opening: opening around a fruit that stays on the tree [m], and its speed [m/s]; stuck: distance by
-            which fingers that meet wood may lag meanwhile, and by which they close again [m]: less than a supervisor
-            allows.
+            which fingers that meet wood may lag meanwhile [m]: less than a supervisor allows; giving_way: rate at which
+            they give up a deviation while the hand leaves [1/s].
         leaving, leaving_speed, leaving_acceleration: of the way of the open hand back from the fruit [m, m/s, m/s²].
         closing_patience, leaving_patience, patience: longest time of closing, of opening, and of all phases
             together [s].
@@ -144,6 +144,7 @@ class DetachSettings:
     opened: float = 0.02
     opening: float = 0.06
     stuck: float = 4e-3
+    giving_way: float = 10.0
     leaving: float = 0.10
     leaving_speed: float = 0.15
     leaving_acceleration: float = 1.0
@@ -223,7 +224,6 @@ class DetachController:
         self._width = np.nan
         self._relieved_until = self._furthest = 0.0
         self._opened_from = 0.0
-        self._stuck_since: float | None = None
 
     @property
     def grip_target(self) -> float:
@@ -430,17 +430,14 @@ class DetachController:
     def _leave(self, dt: float, T_base_tcp: Float64, width: float) -> DetachCommand:
         """Open around a fruit that stays on the tree, then draw the hand straight back.
 
-        Fingers that meet wood close again a little: spread against it they would push the arm off its place.
+        Fingers that wood holds give way to it: pressed against it they would push the arm off its place, and spring
+        back when it sets them free.
         """
         s, since = self.settings, self._time - self._since
         self._turn(dt, 0.0)
         if self.phase is DetachPhase.OPEN:
-            if self._stuck_since is None and self._behind > s.stuck:
-                self._stuck_since = self._time
-            if self._stuck_since is not None:
-                if self._time - self._stuck_since < s.stuck / s.opening:
-                    return DetachCommand(np.zeros(3), self._rate, -s.opening)
-            elif width < self._opened_from + s.opened - 1e-3 and since < s.leaving_patience:
+            wide = width > self._opened_from + s.opened - 1e-3 or since > s.leaving_patience
+            if not wide and self._behind < s.stuck:
                 return DetachCommand(np.zeros(3), self._rate, s.opening)
             self._moved_back = self._speed_back = 0.0
             self._enter(DetachPhase.LEAVE)
@@ -450,7 +447,9 @@ class DetachController:
         self._moved_back += self._speed_back * dt
         if left < 2e-3:
             self._enter(DetachPhase.DONE)
-        return DetachCommand(-self._speed_back * T_base_tcp[:3, 2], self._rate, 0.0)
+        gives = s.giving_way * self._behind
+        self._behind -= gives * dt  # a gripper whose set-point stops with its fingers has nothing left to give
+        return DetachCommand(-self._speed_back * T_base_tcp[:3, 2], self._rate, -gives)
 
     def _turn_to(self, dt: float, goal: float) -> None:
         left = goal - self.roll
