@@ -10,6 +10,9 @@ GAIN = 25.0
 """Speed of giving way per deviation beyond that [1/s]."""
 MOST = 0.015
 """Distance by which fingers give way in one motion [m]: beyond it the supervisor's limit holds."""
+PRESSES, RELIEVES = 10.0, 0.03
+"""Force of the motor outwards at which fingers press on something beside them [N], and speed at which they close then
+[m/s]: fingers that were pressed by 4 mm spring open when the hand leaves, which the supervisor takes for a fault."""
 RESISTS = 2.0
 """Force of the motor against a motion that shows a push [N]: a gripper that moves by itself is not followed."""
 
@@ -18,7 +21,7 @@ class YieldingFingers:
     """Streams speeds to a gripper, and lets its fingers go along with a push.
 
     The deviation is measured as by `GripperSupervisor`: motion that no command explains. Fingers that lag their
-    commands do not give way, nor those whose motor does not resist the motion.
+    commands do not give way, nor those whose motor does not resist the motion. Fingers that press outwards close.
 
     Attributes:
         holds: the fingers do not give way now.
@@ -47,8 +50,12 @@ class YieldingFingers:
         self._lower = min(state.width, self._lower + max(self._speed, 0.0) * dt)
         self._upper = max(state.width, self._upper + min(self._speed, 0.0) * dt)
         push = max(state.width - self._lower - GIVES, 0.0) - max(self._upper - state.width - GIVES, 0.0)
-        resisted = (state.motor_force or 0.0) * (1.0 if push > 0.0 else -1.0) > RESISTS
-        if not push or not resisted or self.holds or self._given > MOST:
+        force = state.motor_force or 0.0
+        resisted = force * (1.0 if push > 0.0 else -1.0) > RESISTS
+        given = GAIN * push if resisted else 0.0
+        if force < -PRESSES:
+            given = min(given, -RELIEVES)
+        if not given or self.holds or self._given > MOST:
             return speed
-        self._given += GAIN * abs(push) * dt
-        return max(speed, GAIN * push) if push > 0.0 else min(speed, GAIN * push)
+        self._given += abs(given) * dt
+        return max(speed, given) if given > 0.0 else min(speed, given)

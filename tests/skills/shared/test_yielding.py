@@ -1,0 +1,42 @@
+"""Fingers that give way: to a push that the motor resists, and to something that they press on."""
+
+from __future__ import annotations
+
+import pytest
+
+from pomona.drivers.mock import MockClock, MockGripper
+from pomona.skills.shared.yielding import MOST, RELIEVES, YieldingFingers
+
+
+@pytest.mark.parametrize(("force", "expected"), [(None, 0.06), (-5.0, 0.06), (-20.0, -RELIEVES), (20.0, 0.06)])
+def test_fingers_that_press_outwards_on_something_close(force: float | None, expected: float) -> None:
+    gripper = MockGripper(MockClock(), width=0.08)
+    gripper.motor_force = force
+    YieldingFingers(gripper).set_speed(0.06)
+    assert gripper.speeds[-1][1] == expected
+
+
+def test_fingers_that_hold_a_fruit_follow_their_commands() -> None:
+    gripper = MockGripper(MockClock(), width=0.08)
+    gripper.motor_force = -20.0
+    fingers = YieldingFingers(gripper)
+    fingers.holds = True
+    fingers.set_speed(0.01)
+    assert gripper.speeds[-1][1] == 0.01
+
+
+def test_they_give_way_by_a_limited_distance() -> None:
+    clock = MockClock()
+    gripper = MockGripper(clock, width=0.09)
+    gripper.motor_force = -20.0
+    fingers = YieldingFingers(gripper)
+    for _ in range(200):
+        fingers.rest()
+        clock.advance(0.02)
+    assert gripper.width == pytest.approx(0.09 - MOST, abs=2e-3)
+
+
+def test_resting_fingers_that_nothing_pushes_are_not_commanded() -> None:
+    gripper = MockGripper(MockClock(), width=0.08)
+    YieldingFingers(gripper).rest()
+    assert gripper.speeds == []
