@@ -119,6 +119,22 @@ def test_a_jam_during_the_first_roll_turns_the_hand_the_other_way_at_once():
     assert control.roll_at_break < -0.8
 
 
+def test_a_stem_that_breaks_in_a_jam_leaves_the_fruit_in_the_hand():
+    stem, broken = Stem(STRONG, bending=0.01), []
+
+    def push(control):
+        if control.phase is DetachPhase.ROLL and control.roll > 0.6 and not broken:
+            stem.width -= 0.007
+            broken.append(stem.time)
+        if control.phase is DetachPhase.LET_BACK and stem.broken is None:
+            stem.broken = stem.time
+
+    control = detach(stem, rolls=(2.4,), each=push)
+    assert broken
+    assert control.problem is None
+    assert stem.width < DIAMETER
+
+
 def test_wood_that_presses_fruit_harder_than_it_can_bear_is_a_jam():
     stem, pressed, rolls = Stem(STRONG, bending=0.01), np.zeros((2, 6)), []
     control = controller(stem, (2.4, -2.4))

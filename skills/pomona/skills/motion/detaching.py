@@ -76,8 +76,7 @@ class DetachSettings:
         slip_width: loss of opening since the grip at which a fruit is slipping out [m]; twice as much has lost it.
         narrowest: share of the diameter below which closed pads have missed the fruit.
         lost_force: mean pad force below which the fruit is lost [N]; lost_time: duration of that [s].
-        let_back_force: pads' force at which a branch that was drawn has come back [N]; borne_share: share of the
-            weight that a stem which holds bears at least when the hand has stopped drawing.
+        let_back_force: pads' force at which a branch that was drawn has come back [N].
         firm: share of the carrying force at which a detached fruit is moved; firm_time: longest wait for it [s].
         back_distance, back_speed, back_acceleration: of the way to the robot after the break [m, m/s, m/s²].
         opened, opening: opening around a fruit that stays on the tree [m], and its speed [m/s]; stuck: distance by
@@ -128,7 +127,6 @@ class DetachSettings:
     lost_force: float = 0.15
     lost_time: float = 0.06
     let_back_force: float = 0.5
-    borne_share: float = 0.4
     firm: float = 0.7
     firm_time: float = 0.3
     back_distance: float = 0.12
@@ -298,11 +296,10 @@ class DetachController:
         beside = saturated and abs(press[0] - press[1]) > s.jam_force_saturated
         over = press.max() > s.jam_press * self._fruit.bruise_force
         jams = self.broke_at is None and (beside or over or np.linalg.norm(force) > s.jam_force)
+        if self.phase in DRAWING:
+            self.stem_peak = max(self.stem_peak, self.stem_force)
         self._jammed = self._jammed + dt if jams and self._time > self._relieved_until else 0.0
         self._empty = self._empty + dt if press.mean() < s.lost_force else 0.0
-        weight = GRAVITY * self._fruit.mass
-        broken_force = min(s.broken_force, s.broken_weight * weight)
-        held = press.min() > s.touch
         if self._jammed > s.jam_time:
             words = f"the pads feel {press[0]:.1f} and {press[1]:.1f} N, {np.linalg.norm(force):.1f} N in all"
             self._jam(DetachProblem("JAMMED", words))
@@ -312,24 +309,34 @@ class DetachController:
             freed = self.broke_at is not None
             code, words = ("LOST", "after the stem broke") if freed else ("SLIPPED", "before the stem broke")
             self._end(DetachProblem(code, f"the fruit left the pads {words}"))
+        elif self.phase in (*DRAWING, DetachPhase.LET_BACK) and self._is_free(dt, press):
+            self._break()
         elif self.phase in DRAWING:
-            self.stem_peak = max(self.stem_peak, self.stem_force)
-            most = max(each for _, each in self._recent)
-            unloaded = held and self.stem_force < broken_force and self._furthest > s.first_break
-            self._quiet = self._quiet + dt if unloaded else 0.0
-            falls = unloaded and most > s.loaded and self.stem_force < s.broken_share * most
-            if falls or self._quiet > s.quiet_time:
-                self._break()
-            elif width < self._width_gripped - s.slip_width:
+            if width < self._width_gripped - s.slip_width:
                 self._let_back(DetachProblem("SLIPPED", f"the opening fell by {1e3 * s.slip_width:.0f} mm"))
             elif self._time > s.patience:
                 self._let_back(DetachProblem("NOTHING_BROKE", f"the stem held for {s.patience:.0f} s"))
         elif self.phase is DetachPhase.BACK:
-            self._loaded = self._loaded + dt if self.stem_force > broken_force else 0.0
+            self._loaded = self._loaded + dt if self.stem_force > self._broken_force else 0.0
             if self._loaded > s.loaded_time:
                 self.broke_at = None
                 self._moved_back = self._speed_back = self._loaded = 0.0
                 self._enter(DetachPhase.ROLL)
+
+    @property
+    def _broken_force(self) -> float:
+        """Force below which a stem bears nothing [N]."""
+        s = self.settings
+        return min(s.broken_force, s.broken_weight * GRAVITY * self._fruit.mass)
+
+    def _is_free(self, dt: float, press: Float64) -> bool:
+        """Return True if the pads bear the whole fruit: a stem that holds would bear the weight or the pull."""
+        s = self.settings
+        unloaded = press.min() > s.touch and self.stem_force < self._broken_force and self._furthest > s.first_break
+        self._quiet = self._quiet + dt if unloaded else 0.0
+        most = max(each for _, each in self._recent)
+        falls = self.phase in DRAWING and most > s.loaded and self.stem_force < s.broken_share * most
+        return unloaded and (falls or self._quiet > s.quiet_time)
 
     def _jam(self, problem: DetachProblem) -> None:
         """Turn the hand back from wood: roll the other way if that was not tried; end if turning back did not help."""
@@ -398,12 +405,7 @@ class DetachController:
             if np.linalg.norm(force) < s.let_back_force and abs(self.roll) < 0.1:
                 self._end(self._ending)
             elif since > s.closing_patience:
-                # A stem that holds carries the weight by now; pads that still carry all of it hold a free fruit.
-                weight = GRAVITY * self._fruit.mass
-                if max(each for _, each in self._recent) < s.borne_share * weight:
-                    self._break()
-                else:
-                    self._end(self._ending)
+                self._end(self._ending)
         elif self.phase is DetachPhase.DRAW and since > s.roll_after:
             self._enter(DetachPhase.ROLL)
         elif self.phase is DetachPhase.ROLL:
