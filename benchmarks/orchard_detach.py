@@ -77,7 +77,7 @@ NUMBERS = ("bend_angle", "twist_angle", "twist_median", "pull_median", "wood_mod
 
 
 @dataclass(frozen=True)
-class Placed:
+class TrueGrasp:
     """A grasp that is free by the truth."""
 
     fruit: int
@@ -102,7 +102,7 @@ def measured_fruit(cell: Cell, i: int) -> MeasuredFruit:
     )  # fmt: skip
 
 
-def placed_grasps(cell: Cell) -> Iterator[Placed]:
+def placed_grasps(cell: Cell) -> Iterator[TrueGrasp]:
     """Yield one free grasp of each fruit that has one, the first whose hand can roll by `GOOD`, else the best."""
     world: Any = cell.devices["world"]
     search = GraspSearch(world.built, world.description)
@@ -112,7 +112,7 @@ def placed_grasps(cell: Cell) -> Iterator[Placed]:
             yield found[1]
 
 
-def _grasps(cell: Cell, search: GraspSearch, i: int) -> Iterator[tuple[float, Placed]]:
+def _grasps(cell: Cell, search: GraspSearch, i: int) -> Iterator[tuple[float, TrueGrasp]]:
     measured, arm, workspace = measured_fruit(cell, i), cell.device(Arm), cell.workspace
     assert workspace is not None
     robot = RobotModel.load(arm.description)
@@ -135,7 +135,7 @@ def _grasps(cell: Cell, search: GraspSearch, i: int) -> Iterator[tuple[float, Pl
                     continue
                 rolls = {way: _free_roll(search, robot, measured, i, line.q[-1], way) for way in (1.0, -1.0)}
                 ways = tuple(way for way in sorted(rolls, key=lambda way: -rolls[way]) if rolls[way] >= LEAST)
-                yield max(rolls.values()), Placed(i, measured, T, T_before, line.q[-1], q_before, ways)
+                yield max(rolls.values()), TrueGrasp(i, measured, T, T_before, line.q[-1], q_before, ways)
                 if max(rolls.values()) >= GOOD:
                     return
 
@@ -160,7 +160,7 @@ def _opening(robot: RobotModel, measured: MeasuredFruit) -> float:
     return float(min(measured.dimensions.max() + SPARE, robot.width_max - 2e-3))
 
 
-def run(cell: Cell, placed: Placed, variant: Variant) -> dict[str, Any]:
+def run(cell: Cell, placed: TrueGrasp, variant: Variant) -> dict[str, Any]:
     """Run `Detach` at a grasp and return the fate of its fruit."""
     world: Any = cell.devices["world"]
     arm, gripper = cell.device(Arm), cell.device(Gripper)
@@ -220,7 +220,7 @@ def _wait(cell: Cell, motion: Motion) -> None:
         cell.clock.advance(0.02)
 
 
-def _child(pipe: Connection, cell: Cell, placed: Placed, variant: Variant) -> None:
+def _child(pipe: Connection, cell: Cell, placed: TrueGrasp, variant: Variant) -> None:
     try:
         pipe.send(run(cell, placed, variant))
     except Exception as error:  # a run that fails in any way counts as a fruit that stays
@@ -229,7 +229,7 @@ def _child(pipe: Connection, cell: Cell, placed: Placed, variant: Variant) -> No
         )
 
 
-def in_a_process(cell: Cell, placed: Placed, variant: Variant) -> dict[str, Any]:
+def in_a_process(cell: Cell, placed: TrueGrasp, variant: Variant) -> dict[str, Any]:
     """Run a variant in a fork, which leaves the cell as it is."""
     ours, theirs = multiprocessing.get_context("fork").Pipe(duplex=False)
     process = multiprocessing.get_context("fork").Process(target=_child, args=(theirs, cell, placed, variant))

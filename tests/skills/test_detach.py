@@ -139,32 +139,21 @@ def test_pads_that_meet_nothing_open_again() -> None:
     assert code(end) == "NOT_GRIPPED"
 
 
-def test_fingers_that_spread_against_wood_give_way_to_it() -> None:
+def test_fingers_that_wood_holds_open_no_further_and_are_relaxed() -> None:
     rig = Rig()
     rig.stem.gone = True
-    commands: list[float] = []
-    started: list[float] = []
-    command = rig.gripper.set_speed
-
-    def set_speed(speed: float) -> None:
-        commands.append(speed)
-        command(speed)
+    stored: list[float] = []
 
     def wood() -> None:
+        beyond = rig.gripper.width - 0.062 + (stored[-1] if stored else 0.0)
+        stored.append(max(beyond, 0.0))
+        rig.gripper.motor_force = -1e4 * stored[-1]
         rig.gripper.width = min(rig.gripper.width, 0.062)
 
-    def begin() -> None:
-        started.append(rig.gripper.width)
-        rig.clock.each_step.append(wood)
-        rig.gripper.set_speed = set_speed  # type: ignore[method-assign]
-
-    end = drive_until(rig, "opening", begin)
+    end = drive_until(rig, "opening", lambda: rig.clock.each_step.append(wood))
     assert code(end) == "NOT_GRIPPED"
-    pressed = (
-        started[0] + 0.02 * np.cumsum(commands) - 0.062
-    )  # how far a gripper that wood holds is behind its commands
-    assert DetachSettings().stuck < pressed.max() < 2.0 * DetachSettings().stuck
-    assert -DetachSettings().stuck < pressed[-1] < 1e-3
+    assert 1e-3 < max(stored) < 2.0 * DetachSettings().stuck
+    assert stored[-1] < 2e-3
 
 
 @pytest.mark.parametrize(("phase", "expected"), [("rolling", "SLIPPED"), ("moving back", "LOST")])

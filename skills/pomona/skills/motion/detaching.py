@@ -80,8 +80,7 @@ class DetachSettings:
         firm: share of the carrying force at which a detached fruit is moved; firm_time: longest wait for it [s].
         back_distance, back_speed, back_acceleration: of the way to the robot after the break [m, m/s, m/s²].
         opened, opening: opening around a fruit that stays on the tree [m], and its speed [m/s]; stuck: distance by
-            which fingers that meet wood may lag meanwhile [m]: less than a supervisor allows; giving_way: rate at which
-            they give up a deviation while the hand leaves [1/s].
+            which fingers that meet wood may lag meanwhile [m]: less than a supervisor allows.
         leaving, leaving_speed, leaving_acceleration: of the way of the open hand back from the fruit [m, m/s, m/s²].
         closing_patience, leaving_patience, patience: longest time of closing, of opening, and of all phases
             together [s].
@@ -142,7 +141,6 @@ class DetachSettings:
     opened: float = 0.02
     opening: float = 0.06
     stuck: float = 4e-3
-    giving_way: float = 10.0
     leaving: float = 0.10
     leaving_speed: float = 0.15
     leaving_acceleration: float = 1.0
@@ -402,9 +400,8 @@ class DetachController:
         if self.phase is DetachPhase.LET_BACK:
             pull = 0.0
             self._turn_to(dt, 0.0)
-            if np.linalg.norm(force) < s.let_back_force and abs(self.roll) < 0.1:
-                self._end(self._ending)
-            elif since > s.closing_patience:
+            at_rest = np.linalg.norm(force) < s.let_back_force and abs(self.roll) < 0.1
+            if at_rest or since > s.closing_patience:
                 self._end(self._ending)
         elif self.phase is DetachPhase.DRAW and since > s.roll_after:
             self._enter(DetachPhase.ROLL)
@@ -432,8 +429,7 @@ class DetachController:
     def _leave(self, dt: float, T_base_tcp: Float64, width: float) -> DetachCommand:
         """Open around a fruit that stays on the tree, then draw the hand straight back.
 
-        Fingers that wood holds give way to it: pressed against it they would push the arm off its place, and spring
-        back when it sets them free.
+        Fingers that meet wood open no further: pressed against it they would push the arm off its place.
         """
         s, since = self.settings, self._time - self._since
         self._turn(dt, 0.0)
@@ -449,9 +445,7 @@ class DetachController:
         self._moved_back += self._speed_back * dt
         if left < 2e-3:
             self._enter(DetachPhase.DONE)
-        gives = s.giving_way * self._behind
-        self._behind -= gives * dt  # a gripper whose set-point stops with its fingers has nothing left to give
-        return DetachCommand(-self._speed_back * T_base_tcp[:3, 2], self._rate, -gives)
+        return DetachCommand(-self._speed_back * T_base_tcp[:3, 2], self._rate, 0.0)
 
     def _turn_to(self, dt: float, goal: float) -> None:
         left = goal - self.roll
