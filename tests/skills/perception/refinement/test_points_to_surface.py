@@ -114,6 +114,19 @@ def test_a_walk_starts_beside_points_far_from_the_model():
     assert np.all(cosines > 0.95)
 
 
+def test_a_point_weighs_the_same_where_the_surface_is_slanted():
+    """A grazed surface seems exact along its normal, and which of its points was measured is as unsure as the depth."""
+    thing = Object(np.zeros(3), np.zeros(2), transform(translation=(0.0, 0.0, 0.6)))
+    along, deviation, weights = np.array([[0.0, 0.0, 1.0]]), np.full(1, 5e-3), []
+    for slant in (0.0, 0.5, 1.3):
+        point = np.array([[0.05 * np.sin(slant), 0.0, 0.6 - 0.05 * np.cos(slant)]])
+        one = Points(point, along, deviation, 0.0 * deviation)
+        H, _, share = points_to_surface(one, SAMPLES, thing.placed(), np.full(1, -1), 4e-3, 5e-4, 80.0)
+        assert share == 1.0
+        weights.append(np.trace(H[:3, :3]))
+    assert weights == pytest.approx([1.0 / (deviation[0] ** 2 + 5e-4**2)] * 3, rel=0.05)
+
+
 def test_points_that_face_away_or_lie_too_far_do_not_count():
     thing = Object(np.zeros(3), np.zeros(2), transform(translation=(0.0, 0.0, 0.6)))
     points = np.array([[0.0, 0.0, 0.5495], [0.0, 0.0, 0.6505], [0.0, 0.0, 0.53]])  # the front, the back, before it

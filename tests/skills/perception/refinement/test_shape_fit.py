@@ -7,9 +7,10 @@ import pytest
 import trimesh
 from hypothesis import given, settings, strategies as st
 
+from benchmarks.synthetic_depth import D435I, as_d435i, looking_at, standing, true_depth
 from pomona.drivers.depth_model import DepthModel
 from pomona.drivers.interfaces import Intrinsics
-from pomona.skills.geometry import rot_x, rot_y, rotation_about, transform
+from pomona.skills.geometry import inverse, rot_x, rot_y, rotation_about, transform
 from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.refinement.cloud import Cloud, cloud, together
 from pomona.skills.perception.refinement.depth_look import DepthLook
@@ -120,6 +121,20 @@ def test_a_camera_whose_depth_errs_more_leaves_the_fruit_less_surely_known():
     assert far.deviation == pytest.approx(4.0 * near.deviation)
     surely, hardly = (fit_shape(points, APPLE, at, 1.0).covariance for points in (near, far))
     assert np.all(np.sqrt(np.diag(hardly)[:3]) > 1.2 * np.sqrt(np.diag(surely)[:3]))
+
+
+def test_widths_of_far_fruit_are_as_uncertain_as_stated():
+    lemon, model, ratios = load_fruit("lemon"), DepthModel(disparity=0.08), []
+    for seed in range(12):
+        rng = np.random.default_rng([57, seed])
+        T_base_camera = looking_at([0.0, 0.0, 0.04], rng.uniform(1.0, 1.2), rng.uniform(0.4, 1.2))
+        fruit = standing(lemon, lemon.dimensions, tilt=0.1, azimuth=rng.uniform(-3.0, 3.0))
+        at = inverse(T_base_camera) @ fruit.T_base_object
+        depth = as_d435i(true_depth([fruit], T_base_camera, D435I), rng)
+        virtual, box = render_depth(lemon, at, D435I, using="zbuffer")
+        fit = fit_shape(cloud(DepthLook(depth, D435I, model), box, virtual > 0.0), lemon, at, 1.0)
+        ratios.append(np.log(fit.stretch[[0, 2]]) / np.sqrt(np.diag(fit.covariance)[[3, 5]]))
+    assert np.sqrt(np.mean(np.square(ratios))) < 1.1
 
 
 @pytest.mark.parametrize("turned", [-0.3, 0.25])

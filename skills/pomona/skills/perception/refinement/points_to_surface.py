@@ -146,7 +146,7 @@ def points_to_surface(
         if not counts[i]:
             continue
         aside = beside[i] ** 2 * max(1.0 - slant[i] ** 2, 0.0)
-        variance = (deviation[i] * slant[i]) ** 2 + aside + patch
+        variance = deviation[i] ** 2 + aside + patch
         weight = (1.0 - (terms[i, PARAMETERS] / reach) ** 2) ** 2 / variance
         for row in range(PARAMETERS):
             scaled = weight * terms[i, row]
