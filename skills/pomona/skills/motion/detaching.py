@@ -219,6 +219,7 @@ class DetachController:
         self._opening = self._behind = 0.0  # commanded rate; commanded motion that the opening did not follow
         self._width = np.nan
         self._relieved_until = self._furthest = 0.0
+        self._relieved = False
         self._opened_from = 0.0
 
     @property
@@ -339,12 +340,14 @@ class DetachController:
     def _jam(self, problem: DetachProblem) -> None:
         """Turn the hand back from wood: roll the other way if that was not tried; end if turning back did not help."""
         self._relieved_until, self._jammed, self._behind = self._time + self.settings.relief, 0.0, 0.0
+        relieved, self._relieved = self._relieved, True
         if self.phase in (DetachPhase.ROLL, DetachPhase.LAST_PULL) and self._attempt + 1 < len(self._rolls):
             self._attempt += 1
+            self._relieved = False
             self._enter(DetachPhase.ROLL)
         elif self.phase in DRAWING:
             self._let_back(problem)
-        else:
+        elif relieved or self.phase is not DetachPhase.LET_BACK:
             self._end(problem)
 
     def _is_blocked(self) -> bool:
