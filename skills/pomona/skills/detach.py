@@ -120,7 +120,7 @@ class Detach(MovingSkill):
             if not recent:
                 raise self.failure("SENSOR_STALE", f"the fingers sent no force within {1e3 * TARE:.0f} ms")
             offset = np.mean([sample.wrenches for sample in recent], axis=0)
-            fingers = YieldingFingers(gripper)
+            fingers = YieldingFingers(gripper, relax=True)
             yield from self._detach(controller, fingers, recent, offset, watchdog)
         finally:
             subscription.close()

@@ -12,14 +12,21 @@ from pomona.skills.shared.yielding import MOST, RELIEVES, YieldingFingers
 def test_fingers_that_press_outwards_on_something_close(force: float | None, expected: float) -> None:
     gripper = MockGripper(MockClock(), width=0.08)
     gripper.motor_force = force
-    YieldingFingers(gripper).set_speed(0.06)
+    YieldingFingers(gripper, relax=True).set_speed(0.06)
     assert gripper.speeds[-1][1] == expected
+
+
+def test_fingers_press_on_the_end_of_their_stroke_unless_they_relax() -> None:
+    gripper = MockGripper(MockClock(), width=0.103)
+    gripper.motor_force = -20.0
+    YieldingFingers(gripper).rest()
+    assert gripper.speeds == []
 
 
 def test_fingers_that_hold_a_fruit_follow_their_commands() -> None:
     gripper = MockGripper(MockClock(), width=0.08)
     gripper.motor_force = -20.0
-    fingers = YieldingFingers(gripper)
+    fingers = YieldingFingers(gripper, relax=True)
     fingers.holds = True
     fingers.set_speed(0.01)
     assert gripper.speeds[-1][1] == 0.01
@@ -29,7 +36,7 @@ def test_they_give_way_by_a_limited_distance() -> None:
     clock = MockClock()
     gripper = MockGripper(clock, width=0.09)
     gripper.motor_force = -20.0
-    fingers = YieldingFingers(gripper)
+    fingers = YieldingFingers(gripper, relax=True)
     for _ in range(200):
         fingers.rest()
         clock.advance(0.02)

@@ -21,14 +21,18 @@ class YieldingFingers:
     """Streams speeds to a gripper, and lets its fingers go along with a push.
 
     The deviation is measured as by `GripperSupervisor`: motion that no command explains. Fingers that lag their
-    commands do not give way, nor those whose motor does not resist the motion. Fingers that press outwards close.
+    commands do not give way, nor those whose motor does not resist the motion.
 
     Attributes:
         holds: the fingers do not give way now.
     """
 
-    def __init__(self, gripper: Gripper) -> None:
-        self.holds = False
+    def __init__(self, gripper: Gripper, relax: bool = False) -> None:
+        """
+        Args:
+            relax: close while the motor presses outwards; without it fingers may press on the end of their stroke.
+        """
+        self.holds, self._relax = False, relax
         self._gripper, self._given, self._speed = gripper, 0.0, 0.0
         state = gripper.state()
         self._stamp, self._lower, self._upper = state.stamp, state.width, state.width  # widths that commands explain
@@ -53,7 +57,7 @@ class YieldingFingers:
         force = state.motor_force or 0.0
         resisted = force * (1.0 if push > 0.0 else -1.0) > RESISTS
         given = GAIN * push if resisted else 0.0
-        if force < -PRESSES:
+        if self._relax and force < -PRESSES:
             given = min(given, -RELIEVES)
         if not given or self.holds or self._given > MOST:
             return speed
