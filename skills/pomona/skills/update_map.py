@@ -62,6 +62,10 @@ class UpdateMap(Skill):
         shadow: Annotated[
             Length, Port(min="0 mm", max="200 mm", help="depth behind a seen surface that counts as blocked, too")
         ] = LENGTH("100 mm"),
+        foliage: Annotated[
+            float,
+            Port(min=0.0, max=2.0, help="excess green from which a pixel is a leaf that may be touched; 2: none is"),
+        ] = 2.0,
     ) -> Work[Mapped]:
         arm, workspace = self.device(Arm), self.device(Workspace)
         model = RobotModel.load(arm.description)
@@ -85,7 +89,7 @@ class UpdateMap(Skill):
             lower, upper = workspace.lower, workspace.upper
             grid = OccupancyMap.empty(lower, upper, resolution) if previous is None else previous
             target = None if measured is None else Convex.of_fruit(measured)
-            sensing = Sensing(target_margin=target_margin, shadow=shadow)
+            sensing = Sensing(target_margin=target_margin, shadow=shadow, foliage=foliage)
             fused = yield from self.compute(_fuse, grid, frame, T_base_camera, workspace, robot, target, sensing)
         except NothingMeasured as error:
             raise self.failure("NO_DEPTH", str(error), valid=error.valid, inside=error.inside) from error

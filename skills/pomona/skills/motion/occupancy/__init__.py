@@ -8,7 +8,7 @@ from pomona.skills.motion.occupancy.errors import (
     NothingMeasured,
     OccupancyError,
 )
-from pomona.skills.motion.occupancy.integrate import Sensing, integrate
+from pomona.skills.motion.occupancy.integrate import Sensing, excess_green, integrate
 from pomona.skills.motion.occupancy.occupancy_map import FREE, HIDDEN, OCCUPIED, UNKNOWN, OccupancyMap
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "OccupancyMap",
     "Sensing",
     "check_camera_pose",
+    "excess_green",
     "integrate",
     "pose_of_camera",
 ]

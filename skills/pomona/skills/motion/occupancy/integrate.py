@@ -20,7 +20,7 @@ from pomona.skills.motion.collision.convex import Convex
 from pomona.skills.motion.occupancy.errors import CameraPoseMismatch, NothingMeasured
 from pomona.skills.motion.occupancy.occupancy_map import FREE, HIDDEN, OCCUPIED, UNKNOWN, OccupancyMap
 
-_INVALID, _SURFACE, _TABLE, _TARGET, _ROBOT = 0, 1, 2, 3, 4
+_INVALID, _SURFACE, _TABLE, _TARGET, _ROBOT, _FOLIAGE = 0, 1, 2, 3, 4, 5
 _BELOW_TABLE = 0.03  # points this far under the table cannot be [m] …
 _BELOW_TABLE_SHARE = 0.2  # … in a larger share of the points over the table
 
@@ -37,6 +37,8 @@ class Sensing:
     table: float = 0.008  # height above the table below which a point is the table's [m]
     robot_padding: float = 0.02  # added to the robot's spheres for the self-filter [m]
     target_margin: float = 0.010  # points closer to the target's refined shape than this belong to it [m]
+    # excess green from which a pixel is a leaf, which may be touched: it neither blocks nor hides; above 2 none is
+    foliage: float = 2.0
 
 
 def integrate(
@@ -73,12 +75,13 @@ def integrate(
         mark_spheres(np.ascontiguousarray(robot), how.robot_padding, previous.origin, previous.resolution, own)
     planes = np.empty((0, 4)) if target is None else target.planes
     bound = np.array([0.0, 0.0, 0.0, -1e9]) if target is None else target.bound
+    leaves = excess_green(frame.colour) > how.foliage if how.foliage < 2.0 else np.zeros(depth.shape, np.bool_)
     lens = frame.intrinsics
     camera = np.array([lens.fx, lens.fy, lens.cx, lens.cy])
     table_z = -np.inf if workspace.table_z is None else workspace.table_z
     valid, inside, below = _label_pixels(
         depth, camera, np.ascontiguousarray(T_base_camera[:3]), previous.origin, previous.resolution, table_z,
-        how.table, own, planes, bound, how.target_margin, labels, points,
+        how.table, own, planes, bound, how.target_margin, leaves, labels, points,
     )  # fmt: skip
     if below > _BELOW_TABLE_SHARE * max(below + inside, 1):
         raise CameraPoseMismatch(f"{below} of {below + inside} points would lie more than 30 mm below the table")
@@ -94,6 +97,19 @@ def integrate(
     if target is not None:
         _clear_target(states, previous, target, how.target_margin)
     return OccupancyMap(previous.origin, previous.resolution, states, last_look, (*previous.stamps, frame.stamp))
+
+
+def excess_green(colour: UInt8) -> Float32:
+    """Return the excess green index 2g - r - b of chromatic coordinates, shape (h, w), -1 to 2.
+
+    Leaves lie near 0.5, bark and wires near 0, red fruit below 0 (Woebbecke et al. 1995, Trans. ASAE 38(1)).
+
+    Args:
+        colour: RGB, shape (h, w, 3).
+    """
+    total = colour.sum(axis=2, dtype=np.float32)
+    index: Float32 = np.where(total > 0.0, 3.0 * colour[..., 1] / np.maximum(total, 1.0) - 1.0, 0.0).astype(np.float32)
+    return index
 
 
 def _clear_target(states: UInt8, grid: OccupancyMap, target: Convex, margin: float) -> None:
@@ -139,7 +155,8 @@ def mark_spheres(
 @njit(cache=True, nogil=True)
 def _label_pixels(
     depth: Float32, camera: Float64, T: Float64, origin: Float64, resolution: float, table_z: float, table: float,
-    own: NDArray[np.bool_], planes: Float64, bound: Float64, margin: float, labels: UInt8, points: NDArray[np.uint16],
+    own: NDArray[np.bool_], planes: Float64, bound: Float64, margin: float,
+    leaves: NDArray[np.bool_], labels: UInt8, points: NDArray[np.uint16],
 ) -> tuple[int, int, int]:  # fmt: skip
     """Label every pixel, and count the surface's points in each cell."""
     nx, ny, nz = own.shape
@@ -185,7 +202,9 @@ def _label_pixels(
                 if outside < margin:
                     labels[v, u] = _TARGET
                     continue
-            if points[i, j, k] < 65535:
+            if leaves[v, u]:
+                labels[v, u] = _FOLIAGE
+            elif points[i, j, k] < 65535:
                 points[i, j, k] += 1
     return valid, inside, below
 
