@@ -17,7 +17,7 @@ from pomona.skills.perception.refinement.depth_look import DepthLook
 from pomona.skills.perception.refinement.render import render_depth
 from pomona.skills.perception.refinement.shape_fit import RIGID, Priors, fit_shape
 from pomona.skills.perception.refinement.shape_steps import step_until_still
-from pomona.skills.perception.refinement.support_plane import Plane
+from pomona.skills.perception.refinement.support_plane import Plane, horizontal_plane
 
 APPLE = load_fruit("apple")
 CAMERA = Intrinsics(305.3, 305.3, 159.5, 119.5, 320, 240)
@@ -90,6 +90,20 @@ def test_a_support_far_from_the_fruit_is_not_used(gap):
     fit = fit_shape(seen_points(from_above, np.ones(3)), APPLE, from_above, 1.0, support=far)
     assert not fit.on_support
     assert fit.stretch == pytest.approx(np.array([1.0, 1.0, 1.0]), abs=0.03)
+
+
+@pytest.mark.parametrize("wrong", [-0.01, 0.01])
+def test_a_support_that_the_look_does_not_show_may_be_wrong_by_ten_millimetres(wrong):
+    T_base_camera, fruit = looking_at([0.0, 0.0, 0.04], 0.5, 0.7), standing(APPLE, APPLE.dimensions)
+    at = inverse(T_base_camera) @ fruit.T_base_object
+    depth = true_depth([fruit], T_base_camera, CAMERA, table=False).astype(np.float32)
+    points = cloud(
+        DepthLook(depth, CAMERA, DepthModel(disparity=0.08)), render_depth(APPLE, at, CAMERA, using="zbuffer")[1]
+    )
+    fit = fit_shape(points, APPLE, at, 1.0, support=horizontal_plane(T_base_camera, wrong))
+    assert fit.on_support
+    assert abs(np.log(fit.stretch[1])) < 2.0 * np.sqrt(fit.covariance[4, 4])
+    assert abs(fit.stretch[1] - 1.0) * APPLE.dimensions[1] < 5e-3
 
 
 def test_points_of_something_else_are_left_out():

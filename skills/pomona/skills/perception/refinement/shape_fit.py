@@ -104,10 +104,11 @@ def fit_shape(
         H, share = step_until_still(points, samples, placed, nearest, expected, plane, steps)
     on_support = False
     if support is not None:
-        plane = Support(np.ascontiguousarray(support.normal), support.offset, priors.contact)
+        deviation = math.hypot(priors.contact, support.deviation)
+        plane = Support(np.ascontiguousarray(support.normal), support.offset, deviation)
         gap, row = contact(samples.vertices, placed, plane)
         # Standard deviation of the gap to its support that a fruit which stands on it may seem to have, of its height
-        doubt = row @ np.linalg.solve(H, row) + (0.05 * extents(mesh)[1] * mu) ** 2
+        doubt = row @ np.linalg.solve(H, row) + (0.05 * extents(mesh)[1] * mu) ** 2 + support.deviation**2
         on_support = bool(gap**2 <= 9.0 * doubt)
         if on_support:
             H, share = step_until_still(points, samples, placed, nearest, expected, plane, steps)

@@ -25,6 +25,7 @@ class Plane:
 
     normal: Float64
     offset: float
+    deviation: float = 0.0  # standard deviation of its height [m]; 0: measured in the look at what stands on it
 
     def height(self, points: Float64) -> Float64:
         """Signed distance of points (n, 3) from the plane, positive on the free side [m]."""
@@ -33,8 +34,8 @@ class Plane:
 
 
 def horizontal_plane(T_base_camera: Float64, z: float) -> Plane:
-    """Return the plane at height z of the base frame [m], in the camera frame."""
-    return Plane(T_base_camera[2, :3].copy(), float(T_base_camera[2, 3] - z))
+    """Return the plane at height z of the base frame [m], in the camera frame, with 5 mm for calibration errors."""
+    return Plane(T_base_camera[2, :3].copy(), float(T_base_camera[2, 3] - z), 5e-3)
 
 
 def seen_near(known: Plane, points: Float64) -> Plane | None:
