@@ -8,7 +8,7 @@ GIVES = 1.5e-3
 """Deviation from the commands from which fingers give way [m]: half of what a gripper's supervisor allows."""
 GAIN = 25.0
 """Speed of giving way per deviation beyond that [1/s]."""
-MOST = 0.015
+MOST = 0.03
 """Distance by which fingers give way in one motion [m]: beyond it the supervisor's limit holds."""
 PRESSES, RELIEVES = 10.0, 0.03
 """Force of the motor outwards at which fingers press on something beside them [N], and speed at which they close then
