@@ -43,6 +43,25 @@ def test_they_give_way_by_a_limited_distance() -> None:
     assert gripper.width == pytest.approx(0.09 - MOST, abs=2e-3)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_fast_push_is_followed_before_the_supervisor_takes_it_for_a_fault(side: float) -> None:
+    clock = MockClock()
+    gripper = MockGripper(clock, width=0.08)
+    gripper.motor_force = 10.0 * side
+    fingers = YieldingFingers(gripper)
+
+    def push() -> None:
+        reached = 0.08 + side * min(0.09 * max(clock.now() - 0.504, 0.0), 0.008)
+        gripper.width = max(gripper.width, reached) if side > 0.0 else min(gripper.width, reached)
+
+    clock.each_step.append(push)
+    for _ in range(50):
+        gripper.check()
+        fingers.rest()
+        clock.advance(0.02)
+    assert side * (gripper.width - 0.08) > 7e-3
+
+
 def test_resting_fingers_that_nothing_pushes_are_not_commanded() -> None:
     gripper = MockGripper(MockClock(), width=0.08)
     YieldingFingers(gripper).rest()

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 from pomona.drivers.interfaces import Gripper
 
-GIVES = 1.5e-3
-"""Deviation from the commands from which fingers give way [m]: half of what a gripper's supervisor allows."""
+GIVES = 1e-3
+"""Deviation from the commands from which fingers give way [m]: a third of what a gripper's supervisor allows."""
 GAIN = 25.0
-"""Speed of giving way per deviation beyond that [1/s]."""
+"""Speed of giving way per deviation beyond that [1/s]; at least that of the push."""
 MOST = 0.03
 """Distance by which fingers give way in one motion [m]: beyond it the supervisor's limit holds."""
 PRESSES, RELIEVES = 10.0, 0.03
@@ -35,7 +37,8 @@ class YieldingFingers:
         self.holds, self._relax = False, relax
         self._gripper, self._given, self._speed = gripper, 0.0, 0.0
         state = gripper.state()
-        self._stamp, self._lower, self._upper = state.stamp, state.width, state.width  # widths that commands explain
+        self._stamp, self._width = state.stamp, state.width
+        self._lower, self._upper = state.width, state.width  # widths that the commands explain [m]
 
     def set_speed(self, speed: float) -> None:
         """Command a speed [m/s], or that of the push."""
@@ -51,12 +54,15 @@ class YieldingFingers:
     def _yielded(self, speed: float) -> float:
         state = self._gripper.state()
         dt, self._stamp = state.stamp - self._stamp, state.stamp
+        moved, self._width = state.width - self._width, state.width
         self._lower = min(state.width, self._lower + max(self._speed, 0.0) * dt)
         self._upper = max(state.width, self._upper + min(self._speed, 0.0) * dt)
         push = max(state.width - self._lower - GIVES, 0.0) - max(self._upper - state.width - GIVES, 0.0)
         force = state.motor_force or 0.0
         resisted = force * (1.0 if push > 0.0 else -1.0) > RESISTS
         given = GAIN * push if resisted else 0.0
+        if given * moved > 0.0:
+            given = math.copysign(max(abs(given), abs(moved) / dt), moved)
         if self._relax and force < -PRESSES:
             given = min(given, -RELIEVES)
         if not given or self.holds or self._given > MOST:
