@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -7,6 +8,7 @@ import pytest
 from pomona.drivers.cell import load_cell
 from pomona.drivers.cell_file import read_cell_file
 from pomona.drivers.errors import CellFileError
+from pomona.drivers.gripper_supervisor import GripperSupervision
 from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper
 from pomona.drivers.orchard.bruises import impact_force
 from pomona.drivers.orchard.stems import AT_SPUR
@@ -40,8 +42,10 @@ def test_the_wall_has_the_tables_arm_hand_and_camera_behind_the_same_interfaces(
     assert all(cell.device(kind) is not None for kind in (Arm, Gripper, ForceSensor, Camera))
     assert cell.device(Arm).description.resolve() == Path(table.section.world.values.robot).resolve()
     here = read_cell_file(CELL).section.devices
-    for name in ("arm", "gripper", "fingers", "camera"):
+    for name in ("arm", "fingers", "camera"):
         assert here[name].values == table.section.devices[name].values
+    yielding = replace(here["gripper"].values, supervision=GripperSupervision())  # wood pushes the fingers aside
+    assert yielding == table.section.devices["gripper"].values
 
 
 def test_a_wall_at_rest_loses_nothing_and_a_seed_gives_the_same_again(cell):
