@@ -98,7 +98,7 @@ class DetachSettings:
     outwards: tuple[float, float, float] = (0.0, 0.94, 0.34)
     admittance: float = 0.01
     speed_max: float = 0.12
-    roll_after: float = 0.4
+    roll_after: float = 0.9
     roll_rate: float = np.pi / 2.0
     roll_acceleration: float = 6.0
     mu: float = 0.6
