@@ -149,6 +149,21 @@ def test_a_first_jam_while_the_branch_is_let_back_does_not_open_the_fingers():
     assert abs(next(roll for phase, roll in rolls if phase is DetachPhase.OPEN)) < 0.25
 
 
+def test_a_hand_that_could_not_turn_back_turns_back_while_it_leaves():
+    """Wood holds the hand at the end of its roll until the fingers open."""
+    stem, rolls = Stem(STRONG, bending=0.01), []
+
+    def push(control):
+        rolls.append((control.phase, control.roll))
+        if control.phase in (DetachPhase.LAST_PULL, DetachPhase.LET_BACK) and abs(control.roll) > 2.2:
+            control._behind = 0.01
+
+    control = detach(stem, rolls=(2.4,), each=push)
+    assert control.problem is not None
+    assert next(abs(roll) for phase, roll in rolls if phase is DetachPhase.OPEN) > 1.3
+    assert abs(control.roll) < 0.6
+
+
 def test_wood_that_presses_fruit_harder_than_it_can_bear_is_a_jam():
     stem, pressed, rolls = Stem(STRONG, bending=0.01), np.zeros((2, 6)), []
     control = controller(stem, (2.4, -2.4))

@@ -430,12 +430,12 @@ class DetachController:
         return together
 
     def _leave(self, dt: float, T_base_tcp: Float64, width: float) -> DetachCommand:
-        """Open around a fruit that stays on the tree, then draw the hand straight back.
+        """Open around a fruit that stays on the tree, then draw the hand straight back and out of its roll.
 
         Fingers that meet wood open no further: pressed against it they would push the arm off its place.
         """
         s, since = self.settings, self._time - self._since
-        self._turn(dt, 0.0)
+        self._turn_to(dt, 0.0)
         if self.phase is DetachPhase.OPEN:
             wide = width > self._opened_from + s.opened - 1e-3 or since > s.leaving_patience
             if not wide and self._behind < s.stuck:
