@@ -149,6 +149,31 @@ def compared(ways: Mapping[tuple[str, tuple[int, ...]], Sequence[Mapping[str, An
     return ["", "| in the bin, of all | apples | share | 95 % interval |", "|---|---|---|---|", *rows]
 
 
+def by_leaves(walls: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return a table of the shares for each foliage."""
+    rows = []
+    for leaves in sorted({wall["leaves"] for wall in walls}):
+        some = [wall for wall in walls if wall["leaves"] == leaves]
+        total = {key: sum(int(wall["truth"].get(key) or 0) for wall in some) for key in COUNTED}
+        cells = []
+        for of in ("gripped", "reachable", "apples"):
+            low, high = wilson(min(total["picked"], total[of]), total[of])
+            cells.append(f"{total['picked']} of {total[of]} ({low:.0%} to {high:.0%})")
+        time = sum(wall["time_s"] for wall in some) / max(total["picked"], 1)
+        ended = sum(wall["outcome"] == "success" for wall in some)
+        rows.append(
+            f"| {leaves:g} | {len(some)} | {' | '.join(cells)} | {total['bruised']} of {total['apples']} "
+            f"| {total['knocked_off']} of {total['detached']} | {time:.1f} | {ended} |"
+        )
+    return [
+        "",
+        "| leaves | walls | in the bin, of gripped | of reachable | of all | bruised | knocked off | s per apple "
+        "| ended by themselves |",
+        "|---|---|---|---|---|---|---|---|---|",
+        *rows,
+    ]
+
+
 def report(measured: Sequence[Mapping[str, Any]], out: Path) -> str:
     """Return the page, and draw its picture. Its figures are those of the usual cell and stop, where they were run."""
     ways: dict[tuple[str, tuple[int, ...]], list[Mapping[str, Any]]] = {}
@@ -196,6 +221,7 @@ def report(measured: Sequence[Mapping[str, Any]], out: Path) -> str:
         f"{force:.1f} N (median of the walls' medians). Stems torn out: {total['stems_torn']}.",
         "The intervals count apples as independent; apples of one wall are not quite.",
         *(["", *stopped] if stopped else []),
+        *by_leaves(walls),
         *(compared(ways) if len(ways) > 1 else []),
         "",
         "| wall | leaves | " + " | ".join(key.replace("_", " ") for key in COUNTED) + " | time [s] | run |",

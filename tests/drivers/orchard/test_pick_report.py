@@ -27,6 +27,19 @@ def test_shares_sum_the_walls_and_the_title_names_the_simulation_and_the_apples(
     assert (tmp_path / "picked.png").stat().st_size > 1000
 
 
+def test_the_shares_are_given_for_each_foliage(tmp_path):
+    leafy = wall(102, picked=4, gripped=8) | {"leaves": 1.0, "outcome": "error", "reason": "gripper: a push"}
+    page = report([wall(101), leafy], tmp_path)
+    assert (
+        "| 0 | 1 | 8 of 10 (49% to 94%) | 8 of 12 (39% to 86%) | 8 of 20 (22% to 61%) | 2 of 20 | 1 of 9 | 12.5 | 1 |"
+        in page
+    )
+    assert (
+        "| 1 | 1 | 4 of 8 (22% to 78%) | 4 of 12 (14% to 61%) | 4 of 20 (8% to 42%) | 2 of 20 | 1 of 9 | 25.0 | 0 |"
+        in page
+    )
+
+
 def test_each_stop_begins_with_the_apples_that_the_stops_before_left(monkeypatch):
     stops = [
         {
