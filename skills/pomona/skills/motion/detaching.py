@@ -66,7 +66,7 @@ class DetachSettings:
         recent: time over which that maximum is remembered [s].
         loaded_time: time above `broken_force` while the hand moves back that shows a stem which still holds [s].
         quiet_time: time below `broken_force`, after the stem was loaded, that shows a break which was not noticed [s].
-        blocked: deviation of the opening from its commands that shows wood at the fingers [m]: half of what a gripper's
+        blocked: deviation of the opening from its commands that shows wood at the fingers [m]: less than a gripper's
             supervisor allows. blocked_fading: time constant with which it is forgiven [s].
         jam_force: net force of the pads that no stem needs [N]; jam_force_saturated: difference of the pads' pressing
             forces that shows wood at one finger while its sensor is at the end of its range [N]; jam_press: pad force
@@ -115,12 +115,17 @@ class DetachSettings:
     quiet_time: float = 0.16
     broken_share: float = 0.5
     broken_force: float = 1.0
+    broken_weight: float = 0.5
+    first_break: float = 0.35
     recent: float = 0.12
     blocked: float = 5e-3
     blocked_fading: float = 2.0
     jam_force: float = 14.0
     jam_force_saturated: float = 4.0
+    jam_press: float = 1.15
     jam_time: float = 0.06
+    relief: float = 0.6
+    relief_acceleration: float = 20.0
     slip_width: float = 0.008
     narrowest: float = 0.75
     lost_force: float = 0.15
@@ -131,20 +136,15 @@ class DetachSettings:
     back_distance: float = 0.12
     back_speed: float = 0.25
     back_acceleration: float = 1.0
-    closing_patience: float = 2.0
-    patience: float = 10.0
-    jam_press: float = 1.15
-    relief: float = 0.6
-    relief_acceleration: float = 20.0
-    broken_weight: float = 0.5
-    first_break: float = 0.35
     opened: float = 0.02
     opening: float = 0.06
     stuck: float = 4e-3
     leaving: float = 0.10
     leaving_speed: float = 0.15
     leaving_acceleration: float = 1.0
+    closing_patience: float = 2.0
     leaving_patience: float = 2.0
+    patience: float = 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
