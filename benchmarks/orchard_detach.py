@@ -10,6 +10,7 @@ fruit runs in a process of its own from the same state.
 from __future__ import annotations
 
 import argparse
+import json
 import multiprocessing
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -255,35 +256,35 @@ def load_wall(seed: int, number: tuple[str, float] | None = None) -> Cell:
     return load_cell(CELL, seed=seed, overrides={"leaves": "0", "behind": "0"})
 
 
-def measure(seeds: Sequence[int], varied: Sequence[str], ablations: int) -> tuple[int, dict[str, list[dict[str, Any]]]]:
-    """Return the number of fruit of the walls and the results of each variant."""
+def measure(seed: int, varied: Sequence[str], ablations: int) -> dict[str, Any]:
+    """Return the number of fruit of a wall, and the results of each variant."""
+    cell = load_wall(seed)
+    placed = list(placed_grasps(cell))
     results: dict[str, list[dict[str, Any]]] = {}
-    count = 0
-    for seed in seeds:
-        cell = load_wall(seed)
-        placed = list(placed_grasps(cell))
-        count += len(cell.devices["world"].built.fruit_bodies)  # type: ignore[attr-defined]
-        for variant in ABLATIONS[:ablations]:
-            results.setdefault(variant.name, []).extend(in_a_process(cell, each, variant) for each in placed)
-        cell.close()
-        for name in varied:
-            for factor in (0.5, 1.5):
-                cell, variant = load_wall(seed, (name, factor)), Variant(f"{name} × {factor}", {}, {})
-                results.setdefault(variant.name, []).extend(in_a_process(cell, each, variant) for each in placed)
-                cell.close()
-        print(
-            seed, {name: f"{sum(r['off'] for r in rows)} of {len(rows)}" for name, rows in results.items()}, flush=True
-        )
-    return count, results
+    count = len(cell.devices["world"].built.fruit_bodies)  # type: ignore[attr-defined]
+    for variant in ABLATIONS[:ablations]:
+        results[variant.name] = [in_a_process(cell, each, variant) for each in placed]
+    cell.close()
+    for name in varied:
+        for factor in (0.5, 1.5):
+            cell, variant = load_wall(seed, (name, factor)), Variant(f"{name} × {factor}", {}, {})
+            results[variant.name] = [in_a_process(cell, each, variant) for each in placed]
+            cell.close()
+    print(seed, {name: f"{sum(r['off'] for r in rows)} of {len(rows)}" for name, rows in results.items()}, flush=True)
+    return {"commit": commit_here(), "apples": count, "results": results}
 
 
-def page(seeds: Sequence[int], count: int, results: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
-    """Return the report."""
+def page(walls: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return the report of some walls, by their seeds."""
+    names = list(dict.fromkeys(name for wall in walls.values() for name in wall["results"]))
+    results = {name: [row for wall in walls.values() for row in wall["results"].get(name, [])] for name in names}
+    commits = ", ".join(sorted({f"`{wall['commit']}`" for wall in walls.values()}))
     lines = [
         "# Simulated: `Detach` alone at grasps that are free by the truth",
         "",
-        f"Simulated, at commit `{commit_here()}`: walls {seeds[0]} to {seeds[-1]}, no leaves, {count} apples, "
-        f"{len(next(iter(results.values())))} of them with such a grasp. No camera, map or path takes part.",
+        f"Simulated, at commit {commits}: walls {', '.join(sorted(walls))}, no leaves, "
+        f"{sum(wall['apples'] for wall in walls.values())} apples, {len(results[names[0]])} of them with such a grasp. "
+        "No camera, map or path takes part.",
         "",
         "| variant | off and in the hand | share | 95 % interval | bruised | neighbours off | stems torn | time [s] "
         "| stem force [N] |",
@@ -307,9 +308,13 @@ def main() -> None:
     parser.add_argument("--ablations", type=int, default=len(ABLATIONS), help="so many of the variants")
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "reports" / "orchard_detach")
     args = parser.parse_args()
-    seeds = seeds_of(args.walls)
-    text = page(seeds, *measure(seeds, args.numbers, args.ablations))
     args.out.mkdir(parents=True, exist_ok=True)
+    kept = args.out / "walls.json"
+    walls = json.loads(kept.read_text()) if kept.exists() else {}
+    for seed in seeds_of(args.walls):
+        walls[str(seed)] = measure(seed, args.numbers, args.ablations)
+        kept.write_text(json.dumps(walls) + "\n")
+    text = page(walls)
     (args.out / "report.md").write_text(text)
     print(text)
 
