@@ -282,7 +282,7 @@ def page(walls: Mapping[str, Mapping[str, Any]]) -> str:
     lines = [
         "# Simulated: `Detach` alone at grasps that are free by the truth",
         "",
-        f"Simulated, at commit {commits}: walls {', '.join(sorted(walls))}, no leaves, "
+        f"Simulated, at commit {commits} by `make orchard-detach`: walls {', '.join(sorted(walls))}, no leaves, "
         f"{sum(wall['apples'] for wall in walls.values())} apples, {len(results[names[0]])} of them with such a grasp. "
         "No camera, map or path takes part.",
         "",
