@@ -92,7 +92,8 @@ class TrueGrasp:
 
 def measured_fruit(cell: Cell, i: int) -> MeasuredFruit:
     """Return a fruit of the wall as `Refine` would measure it without error."""
-    hung = cell.devices["world"].built.wall.fruits[i]  # type: ignore[attr-defined]
+    world: Any = cell.devices["world"]
+    hung = world.built.wall.fruits[i]
     frame = Frame(
         0.0, 0, np.zeros((2, 2, 3), np.uint8), None, Intrinsics(1.0, 1.0, 0.5, 0.5, 2, 2), np.eye(4), np.eye(4)
     )
@@ -261,7 +262,8 @@ def measure(seed: int, varied: Sequence[str], ablations: int) -> dict[str, Any]:
     cell = load_wall(seed)
     placed = list(placed_grasps(cell))
     results: dict[str, list[dict[str, Any]]] = {}
-    count = len(cell.devices["world"].built.fruit_bodies)  # type: ignore[attr-defined]
+    world: Any = cell.devices["world"]
+    count = len(world.built.fruit_bodies)
     for variant in ABLATIONS[:ablations]:
         results[variant.name] = [in_a_process(cell, each, variant) for each in placed]
     cell.close()
@@ -305,7 +307,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--walls", default="301..306", help="seeds, 301..306 or 301,305")
     parser.add_argument("--numbers", nargs="*", default=NUMBERS, help="numbers of the wall to vary by ± 50 %%")
-    parser.add_argument("--ablations", type=int, default=len(ABLATIONS), help="so many of the variants")
+    parser.add_argument(
+        "--ablations", type=int, default=len(ABLATIONS), help="number of variants to run, from the first"
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "reports" / "orchard_detach")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)

@@ -104,6 +104,25 @@ def test_fingers_that_wood_pushes_while_the_hand_rolls_are_a_jam(pushed):
     assert np.linalg.norm(stem.T[:3, 3] + [0.0, 0.0, LEVER] - stem.rest) > 0.08  # and has left the fruit
 
 
+def test_a_load_that_comes_and_goes_ends_the_motion_all_the_same():
+    class Flickering(Stem):
+        def force(self):
+            force, moment = super().force()
+            free = self.phase is DetachPhase.LET_BACK
+            loaded = np.array([0.0, 0.0, G * MASS + 2.0])
+            return (np.array([0.0, 0.0, G * MASS]) if free else loaded, moment) if self.rolled else (force, moment)
+
+    stem = Flickering(STRONG, bending=0.01)
+    stem.phase, stem.rolled = DetachPhase.CLOSE, False
+
+    def follow(control):
+        stem.phase = control.phase
+        stem.rolled = stem.rolled or control.phase is DetachPhase.LAST_PULL
+
+    assert detach(stem, limit=60.0, each=follow).problem is not None
+    assert stem.time < 35.0
+
+
 def test_a_jam_during_the_first_roll_turns_the_hand_the_other_way_at_once():
     stem, rolls, pushed = Stem(), [], []
 

@@ -32,6 +32,18 @@ def test_fingers_that_hold_a_fruit_follow_their_commands() -> None:
     assert gripper.speeds[-1][1] == 0.01
 
 
+def test_they_give_way_no_faster_than_the_gripper_moves() -> None:
+    clock = MockClock()
+    gripper = MockGripper(clock, width=0.09)
+    gripper.motor_force = -20.0
+    fingers = YieldingFingers(gripper)
+    fingers.rest()
+    clock.advance(0.02)
+    gripper.width -= 0.02  # 1 m/s
+    fingers.rest()
+    assert min(speed for _, speed in gripper.speeds) == -gripper.limits.speed_max
+
+
 def test_they_give_way_by_a_limited_distance() -> None:
     clock = MockClock()
     gripper = MockGripper(clock, width=0.09)

@@ -83,7 +83,7 @@ class DetachSettings:
             which fingers that meet wood may lag meanwhile [m]: less than a supervisor allows.
         leaving, leaving_speed, leaving_acceleration: of the way of the open hand back from the fruit [m, m/s, m/s²].
         closing_patience, leaving_patience, patience: longest time of closing, of opening, and of all phases
-            together [s].
+            together [s]; after twice the last no break is recognised any more.
     """
 
     touch: float = 0.2
@@ -331,7 +331,9 @@ class DetachController:
     def _is_free(self, dt: float, press: Float64) -> bool:
         """Return True if the pads bear the whole fruit: a stem that holds would bear the weight or the pull."""
         s = self.settings
-        unloaded = press.min() > s.touch and self.stem_force < self._broken_force and self._furthest > s.first_break
+        in_time = self._time < 2.0 * s.patience  # a load that comes and goes would be judged for ever
+        turned = self._furthest > s.first_break
+        unloaded = in_time and turned and press.min() > s.touch and self.stem_force < self._broken_force
         self._quiet = self._quiet + dt if unloaded else 0.0
         most = max(each for _, each in self._recent)
         falls = self.phase in DRAWING and most > s.loaded and self.stem_force < s.broken_share * most

@@ -7,7 +7,7 @@ import math
 from pomona.drivers.interfaces import Gripper
 
 GIVES = 1e-3
-"""Deviation from the commands from which fingers give way [m]: a third of what a gripper's supervisor allows."""
+"""Deviation from the commands from which fingers give way [m]: a third of the supervisor's default `stray`."""
 GAIN = 25.0
 """Speed of giving way per deviation beyond that [1/s]; at least that of the push."""
 MOST = 0.03
@@ -67,5 +67,7 @@ class YieldingFingers:
             given = min(given, -RELIEVES)
         if not given or self.holds or self._given > MOST:
             return speed
+        most = self._gripper.limits.speed_max  # a faster command would be cut, and count as more than was commanded
+        given = min(max(given, -most), most)
         self._given += abs(given) * dt
         return max(speed, given) if given > 0.0 else min(speed, given)

@@ -25,7 +25,7 @@ class Plane:
 
     normal: Float64
     offset: float
-    deviation: float = 0.0  # standard deviation of its height [m]; 0: measured in the look at what stands on it
+    deviation: float = 0.0  # standard deviation of its height [m]; 0 if the same look measured the plane
 
     def height(self, points: Float64) -> Float64:
         """Signed distance of points (n, 3) from the plane, positive on the free side [m]."""
