@@ -158,7 +158,7 @@ screenshots: $(STAMP) ## pictures of the dashboard to look at, in runs/screensho
 
 screens: $(STAMP) ## every state and every failure code at four sizes, measured whole; pictures in runs/screens
 	mkdir -p runs/screens
-	SCREENS=runs/screens $(BIN)/python -m pytest -p no:xdist tests/executive/dashboard/test_reason.py tests/executive/dashboard/test_states.py
+	SCREENS=runs/screens $(BIN)/python -m pytest -p no:xdist tests/executive/tools/dashboard/test_reason.py tests/executive/tools/dashboard/test_states.py
 
 figures: $(STAMP) ## the figures of docs/method.md, from what the code computes, and the pictures whose sources have changed
 	$(BIN)/python scripts/figures.py

@@ -15,10 +15,10 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from pomona.executive.campaign.run import RUN_LIMIT, run_order
 from pomona.executive.engine import Engine, open_engine
 from pomona.executive.execute import RunOrder
 from pomona.executive.files import find_cell, find_tree
+from pomona.tools.campaign.run import RUN_LIMIT, run_order
 
 
 def loop(count: int) -> int:

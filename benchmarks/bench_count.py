@@ -24,6 +24,9 @@ from rich.table import Table
 
 from benchmarks.refine_scenes import CAMERA, DETECTOR_WIDTH, _render
 from benchmarks.synthetic_depth import as_d435i, looking_at
+from pomona.applications.inventory.book import FruitBook
+from pomona.applications.inventory.camera_motion import camera_motion
+from pomona.applications.inventory.sighting import Z_90, Sighting, sighting_of
 from pomona.drivers.cell import load_cell
 from pomona.drivers.interfaces import Frame
 from pomona.drivers.sim.gl import in_gl_thread
@@ -33,9 +36,6 @@ from pomona.skills.geometry import inverse
 from pomona.skills.perception.detection.detection import Detection
 from pomona.skills.perception.detection.options import DetectorOptions
 from pomona.skills.perception.fruit import FruitModel, load_fruit
-from pomona.skills.perception.inventory.book import FruitBook
-from pomona.skills.perception.inventory.camera_motion import camera_motion
-from pomona.skills.perception.inventory.sighting import Z_90, Sighting, sighting_of
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.perception.refinement.errors import RefineError
 from pomona.skills.perception.refinement.measure import measure

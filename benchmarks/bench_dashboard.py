@@ -24,11 +24,11 @@ from rich.table import Table
 
 from benchmarks.dashboard_links import bench_presses, bench_stale
 from benchmarks.dashboard_viewers import watch
-from pomona.executive.dashboard.security import Access
-from pomona.executive.dashboard.server import Dashboard
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.running.events import Event, NodeChanged, Published, RunEnded, RunStarted
 from pomona.executive.views import BodiesView, ImageView, Mesh3, Points3, PosesView, SceneView, SeriesView
+from pomona.tools.dashboard.security import Access
+from pomona.tools.dashboard.server import Dashboard
 
 PERIOD = 0.02
 TURNS = 4

@@ -32,21 +32,21 @@ from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.dope_decode import decode_maps
 from pomona.skills.perception.detection.dope_network import DopeNetwork, dope_input
 from pomona.skills.perception.detection.errors import BadPhotographs
-from pomona.skills.perception.detection.evaluation import evaluate, table
 from pomona.skills.perception.detection.instances import Instance, find_instances
 from pomona.skills.perception.detection.options import DetectorOptions
 from pomona.skills.perception.fruit import FruitModel, load_fruit
-from pomona.skills.perception.synthetic.dataset import render_dataset
-from pomona.skills.perception.synthetic.options import WITHOUT_TREES, SceneOptions
-from pomona.skills.perception.training.photo_figures import (
+from pomona.tools.training.dataset import render_dataset
+from pomona.tools.training.evaluation import evaluate, table
+from pomona.tools.training.options import WITHOUT_TREES, SceneOptions
+from pomona.tools.training.photo_figures import (
     TITLES,
     find_boxes,
     judged,
     photo_table,
 )
-from pomona.skills.perception.training.photo_folder import read_photographs
-from pomona.skills.perception.training.photographs import camera_of, fruit_scale
-from pomona.skills.perception.training.samples import FrameFolder
+from pomona.tools.training.photo_folder import read_photographs
+from pomona.tools.training.photographs import camera_of, fruit_scale
+from pomona.tools.training.samples import FrameFolder
 
 BENCH_SEED = 777_001
 """Neither trained nor validated on."""

@@ -19,20 +19,20 @@ from pathlib import Path
 
 import numpy as np
 
-from pomona.drivers.emulators.free_gripper import FreeGripper
-from pomona.drivers.emulators.server import CanPort, Server
-from pomona.drivers.emulators.wsg import WsgEmulator
+from pomona.devices.emulators.free_gripper import FreeGripper
+from pomona.devices.emulators.server import CanPort, Server
+from pomona.devices.emulators.wsg import WsgEmulator
+from pomona.devices.motoman.driver import MotomanArm
+from pomona.devices.motoman.stream import MotomanOptions
+from pomona.devices.suntouch.calibration import FingerCalibration
+from pomona.devices.suntouch.driver import SunTouchFingers
+from pomona.devices.suntouch.finger import Finger
+from pomona.devices.suntouch.transport import SerialLink
+from pomona.devices.wsg.codec import Command, Observe
+from pomona.devices.wsg.session import GripperSession
+from pomona.devices.wsg.transport import CanLink
 from pomona.drivers.interfaces import ArmLimits, Trajectory, WrenchSample
-from pomona.drivers.motoman.driver import MotomanArm
-from pomona.drivers.motoman.stream import MotomanOptions
-from pomona.drivers.suntouch.calibration import FingerCalibration
-from pomona.drivers.suntouch.driver import SunTouchFingers
-from pomona.drivers.suntouch.finger import Finger
-from pomona.drivers.suntouch.transport import SerialLink
 from pomona.drivers.wire import Link, TcpLink, raise_priority
-from pomona.drivers.wsg.codec import Command, Observe
-from pomona.drivers.wsg.session import GripperSession
-from pomona.drivers.wsg.transport import CanLink
 from pomona.executive.clock import SystemClock
 
 CALIBRATIONS = Path(__file__).resolve().parents[1] / "trees" / "cells" / "emulated_fingers"
@@ -42,7 +42,7 @@ CLOCK = SystemClock()
 @contextlib.contextmanager
 def emulated(*arguments: str) -> Iterator[list[str]]:
     """An emulator's process; the addresses that it serves."""
-    command = [sys.executable, "-m", "pomona.drivers.commands.emulate", *arguments]
+    command = [sys.executable, "-m", "pomona.devices.emulators.command_emulate", *arguments]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True)
     ports = {"wsg": 1, "suntouch": 1, "motoman": 3}[arguments[0]]
     assert process.stdout is not None

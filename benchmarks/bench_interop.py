@@ -96,9 +96,9 @@ def _watch(link: str, stop: Any) -> None:
 
 def bridge() -> tuple[Any, Any]:
     """Return a peer and a bridge without an operator."""
-    from pomona.executive.dashboard.control_lock import ControlLock
-    from pomona.executive.interop.ros2_bridge import Ros2Bridge
-    from pomona.executive.ros2.peer import Ros2Peer
+    from pomona.tools.dashboard.control_lock import ControlLock
+    from pomona.tools.ros2.bridge import Ros2Bridge
+    from pomona.tools.ros2.peer import Ros2Peer
 
     peer = Ros2Peer(f"127.0.0.1:{PORT}")
     return peer, Ros2Bridge(peer, ControlLock(), lambda _token: False)
@@ -106,14 +106,14 @@ def bridge() -> tuple[Any, Any]:
 
 def bench_tick(folder: Path) -> None:
     """The tick's period with and without views."""
-    from pomona.executive.interop.foxglove_view import FoxgloveView
-    from pomona.executive.interop.live import Live
+    from pomona.tools.exchange.foxglove_view import FoxgloveView
+    from pomona.tools.exchange.live import Live
 
     _peer, ros2 = bridge()
     foxglove = FoxgloveView(PORT + 1)
     sinks = [ros2, foxglove]
     if find_spec("rerun") is not None:
-        from pomona.executive.interop.rerun_view import RerunView
+        from pomona.tools.exchange.rerun_view import RerunView
 
         sinks.append(RerunView(str(folder / "bench.rrd")))
     live, listener = Live(sinks), Listener("**")
@@ -165,7 +165,7 @@ def look(t: float, tick: int, number: int) -> Published:
 
 def bench_image() -> None:
     """From the event to a subscriber in another process."""
-    from pomona.executive.interop.live import Live
+    from pomona.tools.exchange.live import Live
 
     _peer, ros2 = bridge()
     live, listener = Live([ros2]), Listener("camera/look/image_raw/**")
@@ -191,7 +191,7 @@ def _fields(event: RunStarted) -> dict[str, Any]:
 
 def bench_joints() -> None:
     """A hundred joint states a second for a minute: as readings of an arm, ten at a time."""
-    from pomona.executive.interop.live import Live
+    from pomona.tools.exchange.live import Live
 
     _peer, ros2 = bridge()
     live, listener = Live([ros2]), Listener("joint_states/**")
@@ -211,8 +211,8 @@ def bench_joints() -> None:
 
 def bench_export(folder: Path) -> None:
     """Half an hour: an arm at 50 Hz, fingers at 500 Hz, a look every ten seconds."""
-    from pomona.executive.interop.rosbag2 import export_rosbag2
     from pomona.executive.recording.recorder import Recorder
+    from pomona.tools.ros2.rosbag2 import export_rosbag2
 
     (folder / "long").mkdir()
     recorder, t, tick = Recorder(folder / "long"), 0.0, 0
@@ -232,7 +232,7 @@ def bench_export(folder: Path) -> None:
     speed = f"{wall:.0f} s, {HALF_HOUR / wall:.0f} x real time ({cost:.0f} s of work)"
     print(f"half an hour ({size:.0f} MB) as a bag: {speed}")
     if find_spec("pyarrow") is not None:
-        from pomona.executive.interop.lerobot import export_lerobot
+        from pomona.tools.exchange.lerobot import export_lerobot
 
         begin, wall = time.process_time(), time.perf_counter()
         export_lerobot([folder / "long"], folder / "dataset", 10)

@@ -31,10 +31,10 @@ from py_trees.common import ParallelPolicy, Status
 from pomona.executive.language import build, check, read
 from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.language.expression_parser import parse_expression
-from pomona.executive.language_server.service import TreeService
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill, Work
 from pomona.executive.skill_testing import BenchContext
+from pomona.tools.editor.service import TreeService
 
 SIZES = (10, 100, 1000)
 ROUNDS = 15

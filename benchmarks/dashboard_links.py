@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.dashboard_viewers import watch
-from pomona.executive.dashboard.server import Dashboard
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.files import find_cell
 from pomona.executive.running.runner import Runner
+from pomona.tools.dashboard.server import Dashboard
 
 VIEWERS, HOSTILE = 200, 260
 WAITING = "pomona: 1\ntree: waiting\nroot:\n  wait: 3600 s\n"

@@ -23,10 +23,10 @@ from benchmarks.fault_executive import Leftovers, Operator, SteppedBack
 from benchmarks.fault_plan import FaultPlan, PlannedFault
 from benchmarks.fault_table import Case, CaseVerdict
 from benchmarks.strands import use_strands
+from pomona.devices.emulators.virtual_world import VirtualWorld
 from pomona.drivers.cell import Cell
 from pomona.drivers.cell_file import read_cell_file
 from pomona.drivers.device import ConnectContext
-from pomona.drivers.emulators.virtual_world import VirtualWorld
 from pomona.drivers.faults import FaultSwitch
 from pomona.drivers.interfaces import Arm, Gripper
 from pomona.drivers.sim.scene import TIMESTEP

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pomona.drivers.motoman import codec as motoman
-from pomona.drivers.suntouch import codec as suntouch
+from pomona.devices.motoman import codec as motoman
+from pomona.devices.suntouch import codec as suntouch
+from pomona.devices.wsg import codec as wsg, frame as wsg_frame
 from pomona.drivers.wire import Malformed
-from pomona.drivers.wsg import codec as wsg, frame as wsg_frame
 
 
 @dataclass(slots=True)

@@ -22,9 +22,6 @@ from py_trees.behaviour import Behaviour
 from benchmarks.bench_tree import GROUP, Spin, processor, tree_text
 from benchmarks.planning_scenes import table_look
 from pomona.drivers.interfaces import Workspace
-from pomona.executive.campaign.report import report
-from pomona.executive.campaign.run import run_campaign
-from pomona.executive.campaign.spec import read_campaign
 from pomona.executive.language import build, check, read
 from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.recording.read import read_events
@@ -36,6 +33,9 @@ from pomona.executive.running.runner import Runner
 from pomona.executive.skill import Skill, Work
 from pomona.executive.skill_testing import BenchContext
 from pomona.skills.motion.occupancy import OccupancyMap, integrate
+from pomona.tools.campaign.report import report
+from pomona.tools.campaign.run import run_campaign
+from pomona.tools.campaign.spec import read_campaign
 
 PERIOD = 0.02
 """Of a tick [s]."""

@@ -26,13 +26,13 @@ from pathlib import Path
 
 from benchmarks.import_foreign import missing_in, refused_by_the_original, stand_ins, trees_in
 from pomona.executive.language import build, check, read
-from pomona.executive.language.groot_files import Forest
-from pomona.executive.language.groot_import import import_groot
-from pomona.executive.language.groot_keys import small
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Interrupted, Skill, Work
 from pomona.executive.skill_testing import BenchContext
 from pomona.executive.values.findings import Findings
+from pomona.tools.groot.files import Forest
+from pomona.tools.groot.import_xml import import_groot
+from pomona.tools.groot.keys import small
 
 TICKS = 40
 PERIOD = 0.02

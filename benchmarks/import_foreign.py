@@ -21,16 +21,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pomona.executive.language import check, read
-from pomona.executive.language.groot_export import export_groot
-from pomona.executive.language.groot_import import import_groot
 from pomona.executive.language.model import Document
-from pomona.executive.language.xml_nodes import XmlElement, read_xml
 from pomona.executive.nodes.calls import SKILL
 from pomona.executive.ports import Port, Ports
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill
 from pomona.executive.values.findings import Finding, Findings, Source, TreeFileError
 from pomona.executive.values.yaml_nodes import YamlScalar
+from pomona.tools.groot.export_xml import export_groot
+from pomona.tools.groot.import_xml import import_groot
+from pomona.tools.groot.xml_nodes import XmlElement, read_xml
 
 _CPP = re.compile(
     r'(?P<skip>//[^\n]*|/\*.*?\*/|\s+)|R"(?P<mark>[^()\s\\"]{0,16})\((?P<raw>.*?)\)(?P=mark)"'

@@ -20,20 +20,20 @@ from typing import Any
 
 import numpy as np
 
-import pomona.drivers.orchard.connect as walls
-import pomona.skills.detach as detach
+import pomona.applications.harvest.connect as walls
+import pomona.applications.harvest.detach as detach
 from benchmarks.orchard_pick import ROOT, seeds_of, share
+from pomona.applications.harvest.detaching import DetachSettings
+from pomona.applications.harvest.hanging import DRAWN, JUMP, HangingRules, knuckle_of, sample_hanging
+from pomona.applications.harvest.numbers import read_numbers
+from pomona.applications.harvest.reachable import SPARE, GraspSearch
 from pomona.drivers.cell import Cell, load_cell
 from pomona.drivers.interfaces import Arm, ForceSensor, Frame, Gripper, Intrinsics, Motion, StreamedArm, Workspace
-from pomona.drivers.orchard.numbers import read_numbers
-from pomona.drivers.orchard.reachable import SPARE, GraspSearch
 from pomona.executive.skill_testing import drive
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.installation import commit_here
 from pomona.skills.geometry import rot_z, transform
-from pomona.skills.motion.detaching import DetachSettings
 from pomona.skills.motion.grasp import Grasp
-from pomona.skills.motion.hanging import DRAWN, JUMP, HangingRules, knuckle_of, sample_hanging
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel, nearest_solution

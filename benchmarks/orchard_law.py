@@ -22,11 +22,11 @@ import matplotlib as mpl
 import numpy as np
 from scipy.stats import ks_2samp
 
-from pomona.drivers.orchard.connect import wall_shapes
-from pomona.drivers.orchard.model import WallModel, build_wall_model
-from pomona.drivers.orchard.numbers import Provenance, WallNumbers, read_numbers
-from pomona.drivers.orchard.stems import TORN, Stems
-from pomona.drivers.orchard.wall import Wall, draw_wall
+from pomona.applications.harvest.connect import wall_shapes
+from pomona.applications.harvest.model import WallModel, build_wall_model
+from pomona.applications.harvest.numbers import Provenance, WallNumbers, read_numbers
+from pomona.applications.harvest.stems import TORN, Stems
+from pomona.applications.harvest.wall import Wall, draw_wall
 from pomona.drivers.sim.gl import load_mujoco
 from pomona.drivers.sim.scene import TIMESTEP
 from pomona.executive.values.arrays import Float64

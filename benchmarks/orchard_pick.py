@@ -23,8 +23,8 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 
-from pomona.executive.campaign.statistics import wilson
 from pomona.executive.values.installation import commit_here
+from pomona.tools.campaign.statistics import wilson
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from pomona.applications.harvest.world import FruitWallWorld
 from pomona.drivers.cell import load_cell
 from pomona.drivers.interfaces import ForceSensor
-from pomona.drivers.orchard.world import FruitWallWorld
 from pomona.drivers.sim.scene import TIMESTEP
 
 CELL = Path(__file__).parents[1] / "trees" / "cells" / "orchard.yaml"

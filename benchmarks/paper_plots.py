@@ -6,9 +6,9 @@ import numpy as np
 
 from benchmarks import paper_numbers as printed
 from benchmarks.paper_cells import FRUITS, REFINED, UNREFINED, Cells
-from pomona.executive.campaign.plots import Plot, rate_map
-from pomona.executive.campaign.report import numbers
 from pomona.executive.palette import INK, MUTED, SERIES
+from pomona.tools.campaign.plots import Plot, rate_map
+from pomona.tools.campaign.report import numbers
 
 OURS, PAPER = SERIES[0], SERIES[1]
 APPLES = tuple(f"Apple {i}" for i in range(1, 6))

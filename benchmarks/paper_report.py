@@ -17,12 +17,12 @@ from benchmarks import paper_numbers as printed
 from benchmarks.paper_cells import FRUITS, PLACES, REFINED, UNREFINED, Cells
 from benchmarks.paper_plots import time_plot
 from benchmarks.paper_tables import FORCE_GOAL, everywhere, force, refined, success, unrefined
-from pomona.executive.campaign.document import Bullets, Heading, Paragraph, ReportPage, SvgPlot, Tile, Tiles
-from pomona.executive.campaign.report import commits, failures, numbers, percent
-from pomona.executive.campaign.run import finished_runs
-from pomona.executive.campaign.spec import read_campaign
-from pomona.executive.campaign.statistics import median, wilson
 from pomona.skills.grip.limit_surface import NO_BRUISE, pressure
+from pomona.tools.campaign.document import Bullets, Heading, Paragraph, ReportPage, SvgPlot, Tile, Tiles
+from pomona.tools.campaign.report import commits, failures, numbers, percent
+from pomona.tools.campaign.run import finished_runs
+from pomona.tools.campaign.spec import read_campaign
+from pomona.tools.campaign.statistics import median, wilson
 
 ALL_GOAL, CELL_GOAL = 0.99, 0.95
 

@@ -9,10 +9,10 @@ import numpy as np
 from benchmarks import paper_numbers as printed
 from benchmarks.paper_cells import FRUITS, PLACES, REFINED, UNREFINED, Cells
 from benchmarks.paper_plots import APPLES, errors_plot, force_plot, sizes_plot, success_plot
-from pomona.executive.campaign.document import Paragraph, SvgPlot, Table
-from pomona.executive.campaign.report import numbers, rate
-from pomona.executive.campaign.statistics import Estimate, mean, median
 from pomona.skills.grip.limit_surface import pressure
+from pomona.tools.campaign.document import Paragraph, SvgPlot, Table
+from pomona.tools.campaign.report import numbers, rate
+from pomona.tools.campaign.statistics import Estimate, mean, median
 
 ATTEMPT_3 = "3"
 FORCE_GOAL = 1.25

@@ -22,20 +22,20 @@ from typing import Any
 
 import numpy as np
 
+from pomona.applications.policy.policy_network import PolicyNetwork, read_policy, write_policy
 from pomona.drivers.cell import load_cell
 from pomona.drivers.interfaces import Arm, Workspace
-from pomona.executive.campaign.statistics import wilson
 from pomona.executive.errors import PomonaError
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.extras import need
-from pomona.executive.interop.lerobot import ACTION, EXTRA, STATE, export_lerobot
 from pomona.executive.running.events import Event, NodeChanged
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import transform
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.motion.robot.inverse_kinematics import inverse_kinematics
 from pomona.skills.motion.robot.spherical_arm import as_spherical_arm
-from pomona.skills.shared.policy_network import PolicyNetwork, read_policy, write_policy
+from pomona.tools.campaign.statistics import wilson
+from pomona.tools.exchange.lerobot import ACTION, EXTRA, STATE, export_lerobot
 
 CELLS = Path(__file__).parents[1] / "trees" / "cells"
 ROBOT = CELLS.parent / "robots" / "sia5f_wsg32.xml"

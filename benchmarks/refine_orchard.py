@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from pomona.devices.frames.camera import LEVEL
+from pomona.devices.frames.folder import list_frames
 from pomona.drivers.depth_model import AZURE_KINECT
-from pomona.drivers.frames.camera import LEVEL
-from pomona.drivers.frames.folder import list_frames
 from pomona.drivers.interfaces import Frame, Intrinsics
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import transform

@@ -13,13 +13,13 @@ from typing import Any
 
 from greenlet import getcurrent, greenlet
 
+from pomona.devices.emulators import virtual_world
+from pomona.devices.emulators.virtual_time import VirtualTime
 from pomona.drivers import owner
-from pomona.drivers.emulators import virtual_world
-from pomona.drivers.emulators.virtual_time import VirtualTime
 
 
 class Strand:
-    """Stands in for `pomona.drivers.emulators.virtual_time.Turn`."""
+    """Stands in for `pomona.devices.emulators.virtual_time.Turn`."""
 
     def __init__(self, run: Callable[[], None], time: StrandTime) -> None:
         self.until, self.ready, self.polls = 0.0, (lambda: False), 0

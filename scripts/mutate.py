@@ -39,7 +39,7 @@ ROOT = Path(__file__).resolve().parents[1]
 MATHEMATICS: dict[str, tuple[str, ...]] = {
     "pomona.executive.values.units": ("tests/executive/values/test_units.py",),
     "pomona.executive.values.rotations": ("tests/executive/values/test_rotations.py",),
-    "pomona.executive.campaign.statistics": ("tests/executive/campaign/test_statistics.py",),
+    "pomona.tools.campaign.statistics": ("tests/executive/tools/campaign/test_statistics.py",),
     "pomona.drivers.trajectory": ("tests/drivers/test_trajectory.py",),
     "pomona.skills.geometry": ("tests/skills/test_geometry.py",),
     "pomona.skills.grip.dynamic_term": ("tests/skills/grip/test_observer_and_dynamic_term.py",),

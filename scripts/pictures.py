@@ -113,9 +113,9 @@ def figures_of_grip() -> dict[str, Any]:
 def rendered_frames(out: Path) -> None:
     """Two frames of each kind that the detector learns from."""
     from pomona.skills.perception.fruit import load_fruit
-    from pomona.skills.perception.synthetic.dataset import frame_seed
-    from pomona.skills.perception.synthetic.options import SceneOptions
-    from pomona.skills.perception.synthetic.scene import render_scene
+    from pomona.tools.training.dataset import frame_seed
+    from pomona.tools.training.options import SceneOptions
+    from pomona.tools.training.scene import render_scene
 
     apple = load_fruit("apple")
     rows = []
@@ -133,10 +133,10 @@ def found_in_a_frame(out: Path) -> None:
     """Draw a held-out frame with the detector's finds, and the finder's belief."""
     from pomona.skills.perception.detection.compact_detector import CompactDetector
     from pomona.skills.perception.fruit import load_fruit
-    from pomona.skills.perception.synthetic.dataset import frame_seed
-    from pomona.skills.perception.synthetic.options import SceneOptions
-    from pomona.skills.perception.synthetic.scene import render_scene
-    from pomona.skills.perception.training.report import draw
+    from pomona.tools.training.dataset import frame_seed
+    from pomona.tools.training.options import SceneOptions
+    from pomona.tools.training.report import draw
+    from pomona.tools.training.scene import render_scene
 
     apple, options = load_fruit("apple"), SceneOptions(kinds=(1.0, 0.0, 0.0, 0.0))
     assert apple.weights is not None
@@ -147,7 +147,7 @@ def found_in_a_frame(out: Path) -> None:
     Image.fromarray(drawn).save(out, quality=88)
 
 
-PAGE = "executive/pomona/executive/dashboard/static/"
+PAGE = "executive/pomona/tools/dashboard/static/"
 PICTURES: dict[str, Picture] = {
     "pick.png": Picture(
         run_picture,
@@ -160,7 +160,7 @@ PICTURES: dict[str, Picture] = {
         figures_of_pick,
     ),
     "grip.png": Picture(grip_picture, ("benchmarks/grasp_picture.py",), figures_of_grip),
-    "rendered.jpg": Picture(rendered_frames, ("skills/pomona/skills/perception/synthetic/*.py",)),
+    "rendered.jpg": Picture(rendered_frames, ("skills/pomona/tools/training/*.py",)),
     "detect.jpg": Picture(
         found_in_a_frame,
         tuple(

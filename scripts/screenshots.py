@@ -23,13 +23,13 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
-from pomona.executive.commands.dashboard import Launcher
-from pomona.executive.dashboard.choices import Choices
-from pomona.executive.dashboard.security import Access
-from pomona.executive.dashboard.server import Dashboard
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.files import find_cell, find_tree
 from pomona.executive.running.runner import Runner
+from pomona.tools.dashboard.choices import Choices
+from pomona.tools.dashboard.command_dashboard import Launcher
+from pomona.tools.dashboard.security import Access
+from pomona.tools.dashboard.server import Dashboard
 
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update",
          "--disable-sync", "--no-first-run"]  # fmt: skip

@@ -2,7 +2,7 @@
 # Fetch the page's libraries from the npm registry into the repository, with their licences. Run by hand to update them.
 set -eu
 cd "$(dirname "$0")/.."
-into=executive/pomona/executive/dashboard/static/vendor
+into=executive/pomona/tools/dashboard/static/vendor
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 npm pack --silent --pack-destination "$work" uplot@1.6.32 >/dev/null

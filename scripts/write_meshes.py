@@ -6,8 +6,8 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from pomona.skills.perception.fruit.apple_mesh import apple_mesh, fit_to_cuboid, revolution_faces, stem_mesh
 from pomona.skills.perception.fruit.catalogue import CATALOGUE
+from pomona.tools.training.apple_mesh import apple_mesh, fit_to_cuboid, revolution_faces, stem_mesh
 
 AROUND, RINGS = 64, 40  # corners of a ring, and rings between the poles
 LEMON_DIMENSIONS = (0.0580, 0.0820, 0.0580)  # cuboid (d_x, d_y, d_z) of the CAD lemon [m]; d_y runs from neck to nipple

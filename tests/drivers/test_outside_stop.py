@@ -86,7 +86,7 @@ def place(tmp_path: Path) -> Iterator[Place]:
     orders = [["motoman", "--port", str(arm)], ["wsg", "--tcp", f"127.0.0.1:{gripper}"]]
     with contextlib.ExitStack() as stack:
         for order in orders:
-            command = [sys.executable, "-m", "pomona.drivers.commands.emulate", *order]
+            command = [sys.executable, "-m", "pomona.devices.emulators.command_emulate", *order]
             process = stack.enter_context(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
             stack.callback(process.terminate)
             assert process.stdout is not None

@@ -10,10 +10,10 @@ import pytest
 from recorded_events import started
 
 from benchmarks import reach
-from pomona.executive.interop.lerobot import export_lerobot
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.running.events import RunEnded
 from pomona.skills.motion.robot import RobotModel
+from pomona.tools.exchange.lerobot import export_lerobot
 
 pytest.importorskip("pyarrow", reason="the extra lerobot (pyarrow, 55 MB) is not installed")
 

@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 from fake_cell import FakeCell, Wheel
 
-from pomona.executive.dashboard.security import Access
-from pomona.executive.dashboard.server import Dashboard
 from pomona.executive.language import build, read
 from pomona.executive.ports import Outputs, Time
 from pomona.executive.recording.recorder import Recorder
@@ -22,6 +20,8 @@ from pomona.executive.running.runner import Runner
 from pomona.executive.skill import Interrupted, Skill, Work
 from pomona.executive.values.yaml_nodes import written
 from pomona.executive.views import BodiesView, ImageView, Line2, Line3, Mesh3, Points3, PosesView, SceneView, SeriesView
+from pomona.tools.dashboard.security import Access
+from pomona.tools.dashboard.server import Dashboard
 
 GATE = threading.Event()
 """`Hold` waits for it: a test decides when a run goes on."""

@@ -18,10 +18,10 @@ import pytest
 from packaging.requirements import Requirement
 
 from pomona.executive.commands import command_line
-from pomona.executive.commands.new import KINDS_ELSEWHERE
 from pomona.executive.errors import UsageError
 from pomona.executive.extras import need, remedy
 from pomona.executive.values.installation import install_extra, pip, reinstall
+from pomona.tools.kit.command_new import KINDS_ELSEWHERE
 
 ROOT = Path(__file__).parents[2]
 TREES = ROOT / "executive" / "trees"
@@ -46,8 +46,8 @@ print(recorder.problem)
 PAGE = """
 import urllib.request
 from pathlib import Path
-from pomona.executive.dashboard.security import Access
-from pomona.executive.dashboard.server import Dashboard
+from pomona.tools.dashboard.security import Access
+from pomona.tools.dashboard.server import Dashboard
 dashboard = Dashboard(Access("127.0.0.1", {port}), Path("runs"))
 dashboard.start()
 print(urllib.request.urlopen("http://127.0.0.1:{port}/").status)

@@ -14,7 +14,6 @@ from recorded_events import HOSTILE, foreign, started, write
 
 from pomona.executive.cli import main
 from pomona.executive.reasons import Reason
-from pomona.executive.recording.index import INDEX_FILE, RunIndex
 from pomona.executive.running.events import (
     AttemptEnded,
     Event,
@@ -26,6 +25,7 @@ from pomona.executive.running.events import (
 )
 from pomona.executive.terminal.filtered import json_text, visible
 from pomona.executive.terminal.screen import Screen
+from pomona.tools.library.index import INDEX_FILE, RunIndex
 
 EVIL = "\x1b]0;owned\x07\x1b[2J\x1b[31m\u202eevil\u200b\x9b5n\r[red]x[/] \ud800"
 ACTING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")

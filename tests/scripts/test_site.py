@@ -14,7 +14,7 @@ from pomona.executive.nodes import NodeTypes
 from scripts.mathml import on_page_content
 from scripts.node_examples import EXAMPLES, beside, document_of
 from scripts.proofs import on_page_content as clean_page, on_page_markdown, on_post_template
-from tests.executive.dashboard.test_contrast import contrast
+from tests.executive.tools.dashboard.test_contrast import contrast
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -13,7 +13,7 @@ SHARE = 1e-3  # relative tolerance of rate limits, for sampling and rounding of 
 REST = 1e-3  # speed below which a joint rests [rad/s]: a fifth of the drivers' own threshold, which includes noise
 START_TOLERANCE = 2e-3
 """Largest distance of any joint between the arm and the trajectory's first sample [rad]: a choice, a millimetre at half
-a metre from the joint; `pomona.drivers.motoman.stream` takes it up smoothly."""
+a metre from the joint; `pomona.devices.motoman.stream` takes it up smoothly."""
 
 
 def check_trajectory(trajectory: Trajectory, limits: ArmLimits, q_arm: Float64 | None = None) -> None:

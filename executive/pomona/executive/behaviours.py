@@ -64,8 +64,8 @@ def run_behaviour(
     """
     if not dashboard:
         return _run(root, record, period, listeners, on_ready)
-    from pomona.executive.dashboard.apart import PageProcess  # a server, where one is wanted
-    from pomona.executive.dashboard.security import Access
+    from pomona.tools.dashboard.apart import PageProcess  # a server, where one is wanted
+    from pomona.tools.dashboard.security import Access
 
     def serve(runner: Runner) -> None:
         page.control.serve(runner)

@@ -12,10 +12,10 @@ from hypothesis import given, settings, strategies as st
 
 from pomona.executive.language import TreeFileError, build, check, format_findings, read
 from pomona.executive.language.expression_parser import ExpressionSyntaxError, parse_expression
-from pomona.executive.language.groot_export import export_groot
 from pomona.executive.language.read import read_file
 from pomona.executive.skill_testing import BenchContext
 from pomona.executive.values import yaml_nodes
+from pomona.tools.groot.export_xml import export_groot
 
 SPEC = importlib.util.spec_from_file_location("fuzz", Path(__file__).with_name("fuzz.py"))
 fuzzer = importlib.util.module_from_spec(SPEC)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 from py_trees.common import Status
 
-from pomona.executive.language.groot_export import export_groot
-from pomona.executive.language.groot_import import import_groot
 from pomona.executive.language.read import read
 from pomona.executive.nodes.behaviours import Branch
 from pomona.executive.nodes.parallel import Parallel
+from pomona.tools.groot.export_xml import export_groot
+from pomona.tools.groot.import_xml import import_groot
 from tests.executive.language import reference
 
 

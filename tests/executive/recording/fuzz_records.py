@@ -32,15 +32,6 @@ import numpy as np
 from mcap.opcode import Opcode
 from py_trees.common import Status
 
-from pomona.executive.commands.dashboard import Launcher
-from pomona.executive.dashboard import record_messages
-from pomona.executive.dashboard.choices import Choices
-from pomona.executive.dashboard.control_lock import ControlLock
-from pomona.executive.dashboard.messages import encode, numbered
-from pomona.executive.dashboard.presses import Presses, object_of
-from pomona.executive.dashboard.record_messages import cloud, image, moment, overview
-from pomona.executive.dashboard.security import Access
-from pomona.executive.dashboard.server import Dashboard
 from pomona.executive.encode import encoded
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.language import build, read
@@ -74,6 +65,15 @@ from pomona.executive.terminal.filtered import json_text, visible
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.summary import Summary
 from pomona.executive.views import Line3, SceneView, SeriesView, TableView
+from pomona.tools.dashboard import record_messages
+from pomona.tools.dashboard.choices import Choices
+from pomona.tools.dashboard.command_dashboard import Launcher
+from pomona.tools.dashboard.control_lock import ControlLock
+from pomona.tools.dashboard.messages import encode, numbered
+from pomona.tools.dashboard.presses import Presses, object_of
+from pomona.tools.dashboard.record_messages import cloud, image, moment, overview
+from pomona.tools.dashboard.security import Access
+from pomona.tools.dashboard.server import Dashboard
 
 HOLDER = "0123abcd"
 ASKING = "pomona: 1\ntree: t\nroot:\n  sequence:\n    - ask: ready?\n    - wait: 20 ms\n"

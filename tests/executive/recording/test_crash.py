@@ -22,13 +22,13 @@ from pomona.executive.recording import recorder as recorder_module
 from pomona.executive.recording.digest import digest
 from pomona.executive.recording.ending import ENDING_FILE
 from pomona.executive.recording.folder import EVENTS_FILE, is_being_written
-from pomona.executive.recording.index import RunIndex
 from pomona.executive.recording.read import read_events
 from pomona.executive.recording.recorder import Recorder
-from pomona.executive.recording.repair import repair
 from pomona.executive.recording.scan import is_whole
 from pomona.executive.recording.session import RecordingSession
 from pomona.executive.running.events import StateChanged
+from pomona.tools.library.index import RunIndex
+from pomona.tools.library.repair import repair
 
 pytestmark = pytest.mark.slow
 

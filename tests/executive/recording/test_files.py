@@ -13,15 +13,15 @@ import pytest
 from mcap.reader import make_reader
 from recorded_events import FAILED, SUCCEEDED, contents, everything, record, write
 
-from pomona.drivers.frames.folder import folder_intrinsics, list_frames, read_images
+from pomona.devices.frames.folder import folder_intrinsics, list_frames, read_images
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.digest import Digest
-from pomona.executive.recording.export import export
-from pomona.executive.recording.extract import extract
 from pomona.executive.recording.folder import EVENTS_FILE, find_record
-from pomona.executive.recording.prune import AGE, SIZE, choose, remove
 from pomona.executive.recording.read import read_events
 from pomona.executive.recording.recorder import Recorder
+from pomona.tools.library.export import export
+from pomona.tools.library.extract import extract
+from pomona.tools.library.prune import AGE, SIZE, choose, remove
 
 
 @pytest.fixture

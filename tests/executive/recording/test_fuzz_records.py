@@ -9,8 +9,8 @@ from types import ModuleType
 
 import pytest
 
-from pomona.executive.dashboard import record_messages
 from pomona.executive.recording import overview, recorder, scan
+from pomona.tools.dashboard import record_messages
 
 
 @pytest.fixture

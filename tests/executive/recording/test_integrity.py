@@ -16,20 +16,20 @@ from mcap.writer import Writer
 from recorded_events import FAILED, everything, record, write
 
 from pomona.executive.cli import main
-from pomona.executive.dashboard.record_messages import image, overview, record_messages
 from pomona.executive.errors import UsageError
 from pomona.executive.recording import recorder as recorder_module
 from pomona.executive.recording.digest import digest
 from pomona.executive.recording.ending import ENDING_FILE, why_cut
-from pomona.executive.recording.export import export
 from pomona.executive.recording.folder import EVENTS_FILE
-from pomona.executive.recording.index import RunIndex
 from pomona.executive.recording.mcap_file import HEAD, MAGIC
 from pomona.executive.recording.read import read_events
 from pomona.executive.recording.recorder import Recorder
-from pomona.executive.recording.repair import repair
 from pomona.executive.recording.scan import DamagedRecordError, examine
 from pomona.executive.running.events import Event, RunEnded, StateChanged
+from pomona.tools.dashboard.record_messages import image, overview, record_messages
+from pomona.tools.library.export import export
+from pomona.tools.library.index import RunIndex
+from pomona.tools.library.repair import repair
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pomona.executive.recording.mcap_file import FREE_GROWTH, MOST_GROWTH
 from pomona.executive.recording.recorder import BATCH, CHUNK_BYTES
-from pomona.executive.recording.repair import repair
+from pomona.tools.library.repair import repair
 
 PAGE = re.sub(r"<!-- .*? -->", "", (Path(__file__).parents[3] / "docs" / "records.md").read_text(encoding="utf-8"))
 

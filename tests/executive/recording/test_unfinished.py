@@ -17,9 +17,6 @@ import pytest
 from recorded_events import started
 
 from pomona.executive.cli import main
-from pomona.executive.commands.dashboard import Launcher
-from pomona.executive.dashboard.choices import Choices
-from pomona.executive.dashboard.control_lock import ControlLock, RefusedError
 from pomona.executive.errors import UsageError
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.recording.ending import ENDING_FILE
@@ -30,6 +27,9 @@ from pomona.executive.recording.unfinished import unfinished
 from pomona.executive.running.events import HandChanged, NodeChanged, RunEnded
 from pomona.executive.running.starting import StartCancelledError
 from pomona.executive.running.supervise import REPORT
+from pomona.tools.dashboard.choices import Choices
+from pomona.tools.dashboard.command_dashboard import Launcher
+from pomona.tools.dashboard.control_lock import ControlLock, RefusedError
 
 CELL = "name: bench\nkind: mock\nclock: manual\ndevices: {}\n"
 TREE = "pomona: 1\ntree: t\nroot: {wait: 20 ms}\n"
@@ -322,7 +322,7 @@ def test_two_starts_at_the_same_time_are_one_run(order: RunOrder, monkeypatch: p
     dashboard: Any = SimpleNamespace(control=ControlLock(), on_event=lambda event: None)
     launcher = Launcher(dashboard, order.record, Choices({"tree": order.tree}, {"cell": order.cell}))
     both, went_on = threading.Barrier(2), threading.Event()
-    monkeypatch.setattr("pomona.executive.commands.dashboard.execute", lambda *_, **__: went_on.wait(5.0))
+    monkeypatch.setattr("pomona.tools.dashboard.command_dashboard.execute", lambda *_, **__: went_on.wait(5.0))
 
     def judged(_form: object) -> RunOrder:
         with contextlib.suppress(threading.BrokenBarrierError):

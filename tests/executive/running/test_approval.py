@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 from fake_runs import Turn, make
 
-from pomona.executive.dashboard.control_lock import ControlLock, RefusedError
 from pomona.executive.language.changes import ChangeRefusedError
 from pomona.executive.registry import Registry
 from pomona.executive.running.events import NodeChanged, OperatorActed, RunStarted
 from pomona.executive.running.requests import AnswerRefusedError
 from pomona.executive.terminal.explain import explain
+from pomona.tools.dashboard.control_lock import ControlLock, RefusedError
 
 TEXT = """
 pomona: 1

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 from fake_runs import Turn, make
 
-from pomona.executive.dashboard.control_lock import ControlLock, RefusedError
 from pomona.executive.registry import Registry
 from pomona.executive.running.events import NodeChanged, OperatorActed, PortWritten, StateChanged
 from pomona.executive.running.requests import AnswerRefusedError
+from pomona.tools.dashboard.control_lock import ControlLock, RefusedError
 
 TEXT = """
 pomona: 1

@@ -12,11 +12,11 @@ from fake_runs import Turn, make
 from hypothesis import settings, strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from pomona.executive.dashboard.control_lock import ControlLock, RefusedError
 from pomona.executive.registry import Registry
 from pomona.executive.running.events import ErrorRaised, OperatorActed
 from pomona.executive.running.requests import AnswerRefusedError
 from pomona.executive.running.run_state import RunResult
+from pomona.tools.dashboard.control_lock import ControlLock, RefusedError
 
 TREES = (
     "root: {Turn: {duration: 400 ms}, repeat: 3}",

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pomona.drivers.emulators.suntouch import SunTouchEmulator
+from pomona.devices.emulators.suntouch import SunTouchEmulator
+from pomona.devices.suntouch.calibration import FingerCalibration
+from pomona.devices.suntouch.codec import decode, encode
 from pomona.drivers.interfaces import ForceSensor
 from pomona.drivers.mock import MockClock, MockForceSensor
-from pomona.drivers.suntouch.calibration import FingerCalibration
-from pomona.drivers.suntouch.codec import decode, encode
 from pomona.executive.files import find_cell
 from pomona.skills.grip.bias_check import check_bias
 from pomona.skills.grip.controller import GripController

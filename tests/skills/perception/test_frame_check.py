@@ -10,7 +10,7 @@ import pytest
 from pomona.drivers.interfaces import Frame
 from pomona.skills.geometry import rot_x, rot_y, transform
 from pomona.skills.perception.frame_check import DEPTH_MISMATCH, POSE_MISMATCH, frame_problem
-from tests.skills.perception.inventory.test_registration import leaves
+from tests.skills.perception.test_depth_registration import leaves
 from tests.skills.perception.test_table_view import T_BASE_CAMERA, TABLE_Z, WORKSPACE, a_frame, noisy, plane_depth
 
 

@@ -12,12 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pomona.executive.commands.alerting import add_alerts, alerts_of, outcomes_in
 from pomona.executive.commands.command_line import add_records_folder
-from pomona.executive.commands.dashboard import add_address, add_ros2, make_access, open_bridge
-from pomona.executive.commands.watch import run_on_save
-from pomona.executive.dashboard.apart import PageProcess
-from pomona.executive.dashboard.control_lock import ControlLock
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.execute import Executed, RunOrder, execute
 from pomona.executive.files import default_name, find_cell, find_tree
@@ -31,9 +26,14 @@ from pomona.executive.terminal.filtered import write_json
 from pomona.executive.terminal.keys import Keys
 from pomona.executive.terminal.live import LiveTree
 from pomona.executive.terminal.screen import Screen, in_browser, stay_open
+from pomona.tools.dashboard.apart import PageProcess
+from pomona.tools.dashboard.command_alerting import add_alerts, alerts_of, outcomes_in
+from pomona.tools.dashboard.command_dashboard import add_address, add_ros2, make_access, open_bridge
+from pomona.tools.dashboard.control_lock import ControlLock
+from pomona.tools.editor.command_watch import run_on_save
 
 if TYPE_CHECKING:
-    from pomona.executive.interop.live import Live
+    from pomona.tools.exchange.live import Live
 
 WAITING = 0.05  # time between two looks for a page [s]
 
@@ -234,17 +234,17 @@ def _live_views(
     """Return the requested viewers of the run, and their controls; other viewers are not imported."""
     if options.foxglove is None and options.rerun is None and options.ros2 is None:
         return None, None
-    from pomona.executive.interop.live import Live, Sink
+    from pomona.tools.exchange.live import Live, Sink
 
     sinks: list[Sink] = []
     if options.foxglove is not None:
-        from pomona.executive.interop.foxglove_view import PORT, FoxgloveView
+        from pomona.tools.exchange.foxglove_view import PORT, FoxgloveView
 
         view = FoxgloveView(options.foxglove or PORT)
         console.print(f"Foxglove: open a connection to {view.link}", soft_wrap=True)
         sinks.append(view)
     if options.rerun is not None:
-        from pomona.executive.interop.rerun_view import VIEWER, RerunView
+        from pomona.tools.exchange.rerun_view import VIEWER, RerunView
 
         sinks.append(RerunView(options.rerun or VIEWER))
     control = None

@@ -22,16 +22,16 @@ from pomona.executive.nodes.leaves import FailType, SetType, SucceedType, WaitTy
 from pomona.executive.nodes.node_type import Field, Modifier, NodeType, Role
 from pomona.executive.nodes.pacing import DelayType, RateType, RunOnceType
 from pomona.executive.nodes.parallel import ParallelType
-from pomona.executive.nodes.recovery import RecoveryType
 from pomona.executive.nodes.repeat import RepeatType
 from pomona.executive.nodes.retry import RetryType
 from pomona.executive.nodes.sequence import ReactiveSequenceType, SequenceType, SequenceWithMemoryType
 from pomona.executive.nodes.speed import SpeedType
 from pomona.executive.nodes.takes import NAME
 from pomona.executive.nodes.timeout import TimeoutType
-from pomona.executive.nodes.turns import PipelineSequenceType, RoundRobinType
-from pomona.executive.nodes.untranslated import UntranslatedType
 from pomona.executive.nodes.working import BreakpointType, DisabledType
+from pomona.tools.groot.recovery import RecoveryType
+from pomona.tools.groot.turns import PipelineSequenceType, RoundRobinType
+from pomona.tools.groot.untranslated import UntranslatedType
 
 GROUP = "pomona.nodes"  # entry point group of node types: word → class
 

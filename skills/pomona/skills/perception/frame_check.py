@@ -14,7 +14,7 @@ import numpy as np
 
 from pomona.drivers.interfaces import Frame, Workspace
 from pomona.executive.values.arrays import Float64
-from pomona.skills.perception.inventory.registration import depth_elsewhere
+from pomona.skills.perception.depth_registration import depth_elsewhere
 from pomona.skills.perception.table_view import SeenTable, depth_points, frame_view, should_show_table, view_table
 
 POSE_MISMATCH, DEPTH_MISMATCH = "POSE_MISMATCH", "DEPTH_MISMATCH"

@@ -16,8 +16,8 @@ from pomona.skills.detect import Detect
 from pomona.skills.geometry import rotation_about, transform
 from pomona.skills.perception.detection.close_look import REFERENCE_LENGTH
 from pomona.skills.perception.fruit import load_fruit
-from pomona.skills.perception.synthetic.options import SceneOptions
-from pomona.skills.perception.synthetic.scene import RenderedFrame, render_scene
+from pomona.tools.training.options import SceneOptions
+from pomona.tools.training.scene import RenderedFrame, render_scene
 from tests.skills.perception.detection.onnx_boxes import write
 
 OPTIONS = SceneOptions(kinds=(1, 0, 0, 0), instances=(2, 2), distractors=0)

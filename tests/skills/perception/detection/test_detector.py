@@ -4,21 +4,21 @@ import numpy as np
 import pytest
 import torch
 
-from pomona.skills.perception.detection.annotations import AnnotatedObject, Annotation
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.compact_network import CloseLookNetwork
 from pomona.skills.perception.detection.errors import BadFrame
-from pomona.skills.perception.detection.evaluation import Evaluation, evaluate, table
 from pomona.skills.perception.detection.finder_network import FinderNetwork
 from pomona.skills.perception.detection.found_fruit import FoundFruit
 from pomona.skills.perception.detection.instances import find_instances
 from pomona.skills.perception.detection.options import DetectorOptions
-from pomona.skills.perception.detection.pose_calibration import coverage
-from pomona.skills.perception.detection.torch_engine import torch_detector
 from pomona.skills.perception.fruit import FruitModel, load_fruit
-from pomona.skills.perception.synthetic.dataset import annotate
-from pomona.skills.perception.synthetic.options import SceneOptions
-from pomona.skills.perception.synthetic.scene import render_scene
+from pomona.tools.training.annotations import AnnotatedObject, Annotation
+from pomona.tools.training.dataset import annotate
+from pomona.tools.training.evaluation import Evaluation, evaluate, table
+from pomona.tools.training.options import SceneOptions
+from pomona.tools.training.pose_calibration import coverage
+from pomona.tools.training.scene import render_scene
+from pomona.tools.training.torch_engine import torch_detector
 
 SEED = 31_000_000
 """Seeds of these frames: neither trained, validated nor benchmarked on."""

@@ -19,7 +19,7 @@ from pomona.skills.perception.detection.dope_network import STRIDE, DopeNetwork
 from pomona.skills.perception.detection.errors import BadPoseConfig, BadWeights
 from pomona.skills.perception.detection.options import DopeFiles
 from pomona.skills.perception.detection.pose_config import load_pose_config
-from pomona.skills.perception.training.targets import dope_targets
+from pomona.tools.training.targets import dope_targets
 
 APPLE = (0.09756, 0.08539, 0.09590)
 CONFIG = "weights: {{apple: epoch_60.pth}}\ndimensions: {{apple: {cm}}}\ndownscale_height: 240\n"

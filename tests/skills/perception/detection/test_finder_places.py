@@ -9,8 +9,8 @@ from pomona.skills.perception.detection.close_look import SIZE_OF_BOX
 from pomona.skills.perception.detection.errors import BadMaps
 from pomona.skills.perception.detection.finder_places import MOST_PEAKS, Proposal, read_places
 from pomona.skills.perception.detection.outputs import HEAT, QUALITY, REACHES
-from pomona.skills.perception.training import targets
-from pomona.skills.perception.training.targets import finder_targets
+from pomona.tools.training import targets
+from pomona.tools.training.targets import finder_targets
 
 
 def maps_of(boxes: np.ndarray, height: int = 60, width: int = 80) -> np.ndarray:

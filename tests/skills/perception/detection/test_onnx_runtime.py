@@ -15,12 +15,12 @@ from pomona.skills.perception.detection.compact_network import BeliefFinder, Clo
 from pomona.skills.perception.detection.errors import BadWeights
 from pomona.skills.perception.detection.finder_network import FinderNetwork
 from pomona.skills.perception.detection.onnx_runtime import onnx_network
-from pomona.skills.perception.detection.torch_engine import torch_detector
 from pomona.skills.perception.detection.weights import load_compact, save_compact
 from pomona.skills.perception.detection.weights_file import FINDER, StoredDetector, read_weights, write_weights
 from pomona.skills.perception.fruit import load_fruit
-from pomona.skills.perception.synthetic.options import SceneOptions
-from pomona.skills.perception.synthetic.scene import render_scene
+from pomona.tools.training.options import SceneOptions
+from pomona.tools.training.scene import render_scene
+from pomona.tools.training.torch_engine import torch_detector
 
 K = np.array([[610.6, 0.0, 317.7], [0.0, 610.6, 238.1], [0.0, 0.0, 1.0]])
 

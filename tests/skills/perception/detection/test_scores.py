@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pomona.skills.perception.detection.scores import HOPELESS, PowerScore, ScoreMap
-from pomona.skills.perception.training.photo_figures import calibration
+from pomona.tools.training.photo_figures import calibration
 
 
 def test_a_map_is_a_line_through_logits_and_keeps_the_order() -> None:

@@ -13,8 +13,8 @@ from hypothesis import given, settings, strategies as st
 
 from pomona.executive.values.findings import Findings
 from pomona.skills.perception.fruit import BadFruitFile, UnknownFruit, catalogue, known_fruits, load_fruit
-from pomona.skills.perception.fruit.apple_mesh import AppleShape, apple_mesh, stem_mesh
 from pomona.skills.perception.fruit.catalogue import CATALOGUE, FRUIT_FILES, damage, judge_fruit
+from pomona.tools.training.apple_mesh import AppleShape, apple_mesh, stem_mesh
 
 
 def test_apple_has_the_deployed_cad_dimensions_and_is_centred() -> None:

@@ -1,0 +1,161 @@
+"""Sends a motion to the controller point by point, a moment ahead of the arm.
+
+The controller keeps a queue and interpolates; a point that does not fit is answered BUSY and sent again. The queue is
+kept short (`lead`), because queued points cannot be changed: a stop takes effect behind them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pomona.devices.motoman.codec import Order, Result, TrajectoryPoint, Valid
+from pomona.devices.motoman.session import ControllerSession
+from pomona.devices.motoman.words import refusal
+from pomona.drivers.errors import DeviceFault
+from pomona.drivers.motion_supervisor import Supervision
+from pomona.drivers.path_motion import PathMotion
+from pomona.executive.clock import Clock
+from pomona.executive.values.arrays import Float64
+
+INTERPOLATION = 0.004  # period of the controller's own interpolation, and of stepping the path here [s]
+BLEND = 0.3  # time over which the distance between the path's start and the arm's true position is taken up [s]
+GAP = 0.1  # gap between points after which a moving arm rests [s]: going on would be an unrequested start
+
+
+class RanDryError(DeviceFault):
+    """The controller had no points while the arm moved, and has stopped it."""
+
+
+@dataclass(frozen=True, slots=True)
+class MotomanOptions:
+    """Options of the arm in the cell file."""
+
+    order: Order = "<"  # byte order of the controller, "<" or ">"
+    group: int = 0  # control group of the arm
+    # for every joint of the robot's description its place on the wire (S L E U R B T = 0 … 6)
+    wire_joints: tuple[int, ...] = (0, 1, 2, 3, 4, 5, 6)
+    # whether the servos are switched on at the connection; else the operator does it at the pendant
+    servo_on: bool = True
+    point_period: float = 0.02  # time between points that are sent [s]
+    lead: float = 0.15  # how far ahead of the arm points are sent [s]: a stop takes effect behind them
+    silence: float = 0.09  # time without feedback after which the arm is lost [s]
+    supervision: Supervision = field(default_factory=Supervision)  # how closely the arm must follow its commands
+
+
+class PointStream:
+    """The points of one motion.
+
+    Attributes:
+        sent: points that the controller accepted.
+        busy: how often it answered BUSY.
+        dry: how often the controller must have run out of points while the arm moved.
+    """
+
+    def __init__(
+        self,
+        motion: PathMotion,
+        q_start: Float64,
+        q_arm: Float64,
+        clock: Clock,
+        options: MotomanOptions,
+        commanded: Callable[[float, Float64], None] = lambda due, q: None,
+    ) -> None:
+        """Begin at the arm's own position `q_arm`, which may differ a little from the path's start `q_start`.
+
+        `commanded` is called with every accepted point and the time at which the arm shall pass it [s].
+        """
+        self._commanded = commanded
+        self._joint_of_place = np.argsort(options.wire_joints)
+        self.motion = motion
+        self.sent, self.busy, self.dry = 0, 0, 0
+        self.q_last = q_arm
+        self._offset = q_arm - q_start
+        self._clock, self._group, self._lead = clock, options.group, options.lead
+        self._steps = max(round(options.point_period / INTERPOLATION), 1)
+        self._time = 0.0
+        self._began: float | None = None
+        self._resend_at = 0.0
+        self._moving = False
+        self._point: TrajectoryPoint | None = self._make(q_arm, np.zeros_like(q_arm))
+
+    @property
+    def played(self) -> bool:
+        """Whether the controller must have played everything that was sent."""
+        return self._point is None and self._began is not None and self._clock.now() >= self._began + self._time
+
+    @property
+    def ahead(self) -> float:
+        """How much motion the controller must still have in its queue [s]; negative when it has run out."""
+        return 0.0 if self._began is None else self._time - (self._clock.now() - self._began)
+
+    def pump(self, session: ControllerSession) -> None:
+        """Take the answer to the last point, and send the next when it is due.
+
+        Raises:
+            DeviceFault: the controller refused a point.
+            RanDryError: it had none for longer than `GAP`; nothing is sent.
+            OSError, DeviceLost, Nonsense: see `ControllerSession`.
+        """
+        now = self._clock.now()
+        if session.awaiting:
+            reply = session.reply()
+            if reply is None:
+                return
+            if reply.result == Result.BUSY:
+                self.busy += 1
+                self._resend_at = now + 0.01  # wait before a point that was answered BUSY is sent again [s]
+            elif reply.result == Result.SUCCESS:
+                self._accepted(now)
+            else:
+                raise DeviceFault(session.device, refusal(reply))
+        ahead = self.ahead
+        if self._point is None and ahead < self._lead:
+            time, moved = self._time, self._moving
+            if moved and ahead < -GAP:
+                why = "the computer or the connection was delayed, and the arm has stopped"
+                raise RanDryError(session.device, f"ran out of points for {-ahead:.2f} s: {why}")
+            self._point = self._next()
+            if self._point is not None and ahead < 0.0:
+                self._began = now - time  # the queue has run dry: at rest, after a pause, or because this came late
+                self.dry += int(moved)
+        if self._point is not None and now >= self._resend_at:
+            session.send(self._point)
+
+    def _accepted(self, now: float) -> None:
+        point, self._point = self._point, None
+        self.sent += 1
+        if self._began is None:
+            self._began = now
+        if point is not None:
+            self._commanded(self._began + point.time, self.q_last)
+
+    def _next(self) -> TrajectoryPoint | None:
+        """Return the next point, or None while the set-point rests."""
+        rested = self.motion.set_point_rests
+        q, qd = self.motion.step()
+        if rested and self.motion.set_point_rests:
+            return None
+        self._time += INTERPOLATION
+        for _ in range(self._steps - 1):
+            if self.motion.set_point_rests:
+                break
+            q, qd = self.motion.step()
+            self._time += INTERPOLATION
+        left = max(1.0 - self._time / BLEND, 0.0)
+        smooth = left**2 * (3.0 - 2.0 * left)
+        self.q_last = q + smooth * self._offset
+        if self.motion.set_point_rests:
+            return self._make(self.q_last, np.zeros_like(qd))
+        blend_rate = -6.0 * left * (1.0 - left) / BLEND
+        return self._make(self.q_last, qd + blend_rate * self._offset)
+
+    def _make(self, q: Float64, qd: Float64) -> TrajectoryPoint:
+        self._moving = bool(np.any(qd != 0.0))
+        valid = Valid.TIME | Valid.POSITION | Valid.VELOCITY
+        q_wire, qd_wire = q[self._joint_of_place], qd[self._joint_of_place]
+        return TrajectoryPoint(
+            self._group, self.sent, valid, self._time, tuple(q_wire.tolist()), tuple(qd_wire.tolist())
+        )

@@ -1,0 +1,1 @@
+"""ROS 2 topics and bags as devices."""

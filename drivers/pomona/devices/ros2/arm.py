@@ -1,0 +1,229 @@
+"""An arm behind ros2_control as an `Arm` (`driver: ros2-arm`): joint states in, trajectories for its controller out.
+
+The controller is a joint_trajectory_controller, by its topic. It gives no answers, so the joints alone show its motion.
+Silence, implausible feedback, an arm that does not follow and missing set-points fail the motion and stay latched until
+an operator acknowledges it; nothing resumes by itself.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from pomona.devices.ros2.joints import JointFeed, RosNode, stamped
+from pomona.devices.ros2.rolling_path import PERIOD, OutOfSetPointsError, RollingPath, SetPoint
+from pomona.drivers.device import ConnectContext
+from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, UnusableRobotFile
+from pomona.drivers.interfaces import ArmLimits, ArmState
+from pomona.drivers.motion_supervisor import Supervision
+from pomona.drivers.path_arm import AT_REST, PathArm, words
+from pomona.drivers.path_motion import PathMotion
+from pomona.drivers.registration import Settings, driver
+from pomona.drivers.robot_file import read_limits
+from pomona.executive.clock import Clock
+from pomona.executive.values.arrays import Float64
+from pomona.executive.values.kinds import Measure, PathTo, Text, Words
+from pomona.executive.values.sections import Problem, Section, value
+from pomona.executive.values.units import TIME
+from pomona.tools.ros2.peer import ADDRESS, Ros2Peer
+from pomona.tools.ros2.types import coder
+
+TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
+PATIENCE = 0.004  # the wire is waited for no longer than this at a time [s]
+HOLD = 0.05  # time within which an arm that does not follow is commanded to its present position [s]
+FIRST = 3.0  # deadline of the first joint state [s]
+
+
+@dataclass(frozen=True, slots=True)
+class Ros2ArmOptions:
+    """Options of the arm in the cell file."""
+
+    joints: tuple[str, ...]  # of the robot's description, by their names in ROS 2
+    states: str = "/joint_states"  # states, commands: topics
+    commands: str = "/joint_trajectory_controller/joint_trajectory"
+    lead: float = 0.15  # time by which set-points precede the arm [s]
+    silence: float = 0.1  # without joint states for this long the arm is lost [s]
+    supervision: Supervision = field(default_factory=Supervision)  # how closely the arm must follow its commands
+
+
+class Ros2Arm(PathArm):
+    """The arm. Joints in the order of the robot's description."""
+
+    def __init__(
+        self,
+        wire: RosNode,
+        clock: Clock,
+        description: Path,
+        limits: ArmLimits,
+        options: Ros2ArmOptions,
+        name: str = "arm",
+        host_time: Callable[[], float] = time.time,
+    ) -> None:
+        super().__init__(name, clock, description, limits, options.supervision, PERIOD)
+        self.options = options
+        self._wire, self._host_time = wire, host_time
+        self._feed = JointFeed(name, wire, options.states, options.joints, clock, options.silence, host_time)
+        self._coder = coder(TRAJECTORY)
+        self._path: RollingPath | None = None
+        self._say_at = -np.inf
+
+    # ---------------------------------------------------------------------------------------- connection
+
+    def connect(self, deadline: float = FIRST) -> None:
+        """Wait for the first joint states; nothing is sent. Raises DeviceLost: none came, or they cannot be true."""
+        end = self._clock.now() + deadline
+        while self._state is None:
+            sample = self._feed.newest(PATIENCE)
+            if sample is not None:
+                self._believe(sample.stamp, sample.q, sample.qd)
+            elif self._clock.now() > end:
+                self._feed.check()
+                raise DeviceLost(self.name, f"no joints on {self.options.states} within {deadline:g} s")
+        self._problem = None
+
+    def step(self) -> None:
+        """Serve the arm for a moment; its own thread calls this without end."""
+        try:
+            sample = self._feed.newest(PATIENCE)
+            if sample is not None:
+                self._believe(sample.stamp, sample.q, sample.qd)
+            self._feed.check()
+        except DeviceLost as error:
+            self._doubt(error)
+        if self._path is not None:
+            self._tell(self._path)
+        self._watch_motion()
+
+    def _failed(self, error: BaseException) -> None:
+        """Handle a defect of the driver itself: the last message brings the arm to rest."""
+        found = error if isinstance(error, DeviceError) else DeviceFault(self.name, f"the driver failed: {error!r}")
+        self._blame(found)
+        self._abandon(found.message)
+
+    # ----------------------------------------------------------------------------------------- the wire
+
+    @property
+    def _stream(self) -> RollingPath | None:
+        return self._path
+
+    def _begin_stream(self, motion: PathMotion, q_start: Float64, q_arm: Float64) -> None:
+        self._say_at = -np.inf
+        self._path = RollingPath(
+            self.name, motion, q_start, q_arm, self._clock, self.options.lead, self._supervisor.command
+        )
+
+    def _end_stream(self) -> None:
+        self._path = None
+
+    def _tell(self, path: RollingPath) -> None:
+        now = self._clock.now()
+        try:
+            path.go_on()
+        except OutOfSetPointsError as error:
+            self._blame(error)
+            self._abandon(error.message)  # the last message brings it to rest
+            return
+        if now >= self._say_at and not path.played:
+            # period of repeated set-points [s]: if several get lost, one arrives before the lead is over
+            self._say_at = now + 0.03
+            self._send(path.window())
+
+    def _send(self, points: Sequence[SetPoint]) -> None:
+        """Send a trajectory that begins with the first point, whose time it carries."""
+        now, wall = self._clock.now(), self._host_time()
+        first = points[0].due
+        told = [
+            {
+                "positions": point.q,
+                "velocities": point.qd,
+                "time_from_start": stamped(point.due - first),
+            }
+            for point in points
+        ]
+        header = {"stamp": stamped(wall + first - now), "frame_id": ""}
+        fields = {"header": header, "joint_names": list(self.options.joints), "points": told}
+        self._wire.publish(self.options.commands, TRAJECTORY, self._coder.coded(fields), round(wall * 1e9))
+
+    def _halt(self) -> None:
+        if self._state is not None:
+            q = self._state.q
+            self._send([SetPoint(self._clock.now() + HOLD, q, np.zeros_like(q))])
+
+    # ---------------------------------------------------------------------------------------- the device
+
+    def state(self) -> ArmState:
+        """See the Protocol. Raises DeviceLost: there is no fresh state."""
+        if not self._believed or self._state is None:
+            raise DeviceLost(self.name, words(self._problem))
+        return self._state
+
+    def _release(self) -> None:
+        self._problem = None
+        self._owner.post(self._begin_anew)
+
+    def _begin_anew(self) -> None:
+        self._doubted = False
+        if self._motion is None or self._motion.settled:
+            self._supervisor.forget()
+
+    def _leave(self) -> None:
+        self._wire.close()
+
+
+# ------------------------------------------------------------------------------------------------ cell file
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ros2ArmFile:
+    """An arm behind a joint_trajectory_controller of ros2_control."""
+
+    address: str = value(Text(), ADDRESS, "HOST:PORT of rmw_zenoh's router")
+    robot: Path = value(PathTo("file"), help="the robot's description (MJCF or URDF), with its limits")
+    joints: tuple[str, ...] = value(Words(), help="the description's joints, by their names in ROS 2")
+    states: str = value(Text(), "/joint_states", "topic of sensor_msgs/JointState")
+    commands: str = value(
+        Text(), "/joint_trajectory_controller/joint_trajectory", "topic of trajectory_msgs/JointTrajectory"
+    )
+    lead: float = value(Measure(TIME, "40 ms", "700 ms"), "150 ms", "how far ahead in time points are sent to the arm")
+    silence: float = value(
+        Measure(TIME, "20 ms", "1 s"), "100 ms", "without joint states for this long the arm is lost"
+    )
+    supervision: Supervision = value(
+        Section(Supervision), Supervision(), "how closely the arm must follow its commands"
+    )
+
+    @property
+    def wires(self) -> tuple[str, ...]:
+        return (f"{self.address} {self.commands}",)
+
+    def problems(self) -> Iterator[Problem]:
+        try:
+            read_limits(self.robot, len(self.joints))
+        except UnusableRobotFile as error:
+            yield Problem("robot", str(error))
+
+    def known(self) -> Iterator[object]:
+        yield read_limits(self.robot, len(self.joints))
+
+
+@driver(Ros2Arm, Ros2ArmFile)
+def connect(settings: Settings[Ros2ArmFile], context: ConnectContext) -> Ros2Arm:
+    """Listen to the arm that a cell file describes; nothing moves."""
+    said = settings.values
+    options = Ros2ArmOptions(said.joints, said.states, said.commands, said.lead, said.silence, said.supervision)
+    limits = read_limits(said.robot, len(said.joints))
+    wire = Ros2Peer(said.address, node="pomona_arm")
+    arm = Ros2Arm(wire, context.clock, said.robot, limits, options)
+    try:
+        arm.connect()
+    except DeviceLost as error:
+        wire.close()
+        hint = "is joint_state_broadcaster running on rmw_zenoh? `ros2 topic echo` shows the joints' names"
+        raise settings.error(error.message, "states", hint) from error
+    arm.outside_stop = "pomona.devices.ros2.outside:see_rest", (said.address, said.states, list(said.joints), AT_REST)
+    arm.start()
+    return arm

@@ -1,1 +1,0 @@
-"""The images of a bag of ROS as a camera."""

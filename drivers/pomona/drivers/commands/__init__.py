@@ -1,1 +1,0 @@
-"""Subcommands of `pomona` that concern devices: doctor, calibrate, emulate."""

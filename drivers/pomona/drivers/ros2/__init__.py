@@ -1,1 +1,0 @@
-"""Devices that are topics of ROS 2."""

@@ -1,0 +1,1 @@
+"""Calibration of cameras, depth and fingers, and `pomona doctor`."""

@@ -1,0 +1,191 @@
+"""`pomona calibrate fingers | hand-eye | …`: calibration files. Others add theirs by entry point `pomona.calibrate`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from contextlib import closing
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pomona.drivers.depth_model import SENSORS
+from pomona.drivers.errors import DriverError
+from pomona.executive.values.kinds import Measure
+from pomona.executive.values.units import LENGTH
+from pomona.tools.calibration.depth_calibration import DepthCalibration
+
+GROUP = "pomona.calibrate"
+
+LIVE_FRAMES = 20
+LIVE_TIMEOUT = 20.0  # time limit for collecting the frames of a live camera [s]
+
+
+def add(subparsers: Any) -> None:
+    """Register the subcommand."""
+    parser = subparsers.add_parser("calibrate", help="make calibration files")
+    kinds = parser.add_subparsers(metavar="KIND", required=True)
+    fingers = kinds.add_parser("fingers", help="fit a finger's network to recorded voltages and wrenches")
+    fingers.add_argument("recording", type=Path, help=".npz with volts and wrenches, or .csv with 31 columns")
+    fingers.add_argument("--out", type=Path, required=True, help="the calibration file to write")
+    fingers.add_argument(
+        "--finger", default="", help="name of the finger; the calibration of a left finger is refused for the right one"
+    )
+    fingers.add_argument("--hidden", type=int, nargs="+", default=[32], help="sizes of the hidden layers")
+    fingers.add_argument("--epochs", type=int, default=300)
+    fingers.add_argument("--seed", type=int, default=0)
+    fingers.set_defaults(main=lambda options: _guarded(_fingers, options))
+    side = Measure(LENGTH, "1 mm", "1 m")
+    hand_eye = kinds.add_parser("hand-eye", help="estimate the camera's pose on the flange from images of a chessboard")
+    hand_eye.add_argument("folder", type=Path, help="images, poses.json and intrinsics.yaml")
+    hand_eye.add_argument("--board", default="9x6", help="inner corners of the chessboard (default: 9x6)")
+    hand_eye.add_argument("--square", type=side.option, required=True, help="side of a square, such as 24.5mm")
+    hand_eye.add_argument("--out", type=Path, required=True, help="the file to write")
+    hand_eye.set_defaults(main=lambda options: _guarded(_hand_eye, options))
+    depth = kinds.add_parser(
+        "depth", help="estimate the depth errors of a camera from balls or a wall in recorded frames"
+    )
+    recorded = "NAME_color.jpg or .png, NAME_depth_mm.png and intrinsics.yaml; none with --cell"
+    depth.add_argument("folder", type=Path, nargs="?", help=recorded)
+    live = f"with --wall: look now, with this cell's camera, {LIVE_FRAMES} times; nothing moves"
+    depth.add_argument("--cell", metavar="CELL", help=live)
+    depth.add_argument("--balls", type=Path, help="table (CSV): frame, name, x, y, w, h [px], diameter_mm")
+    depth.add_argument("--wall", action="store_true", help="the frames show a flat wall or board: noise only")
+    depth.add_argument("--diameter", default="diameter_mm", metavar="COLUMN", help="column with the diameter in mm")
+    depth.add_argument("--only", default="", metavar="BEGIN", help="only the rows whose name begins with BEGIN")
+    depth.add_argument("--intrinsics", type=Path, help="intrinsics of the camera, if the folder has no file")
+    depth.add_argument("--sensor", default="d4xx", choices=sorted(SENSORS), help="prior model of the sensor (d4xx)")
+    depth.add_argument("--plot", type=Path, help="plot of measured against true distance, before and after")
+    depth.add_argument("--out", type=Path, required=True, help="the depth model file to write")
+    depth.set_defaults(main=lambda options: _guarded(_depth, options))
+    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
+        entry.load()(kinds)
+
+
+def _guarded(calibrate: Any, options: argparse.Namespace) -> int:
+    try:
+        if options.out.exists():  # an earlier calibration may be in use, and is costly to repeat
+            raise DriverError(f"{options.out} is there already: name another file with --out")
+        print(calibrate(options))
+    except (DriverError, OSError) as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0
+
+
+def _fingers(options: argparse.Namespace) -> str:
+    from pomona.devices.suntouch.fit import fit_calibration, read_recording
+
+    volts, wrenches = read_recording(options.recording)
+    calibration, report = fit_calibration(
+        volts,
+        wrenches,
+        options.finger or options.recording.stem,
+        hidden=tuple(options.hidden),
+        epochs=options.epochs,
+        seed=options.seed,
+    )
+    calibration.save(options.out)
+    return f"{report}\nwritten to {options.out}"
+
+
+def _look_now(name: str) -> list[NDArray[np.float32]]:
+    """Return the depth images of a cell's camera, one after the other, shape (h, w) each [m].
+
+    Raises DriverError: the cell cannot be used, it has no camera, or no depth comes.
+    """
+    from pomona.drivers.cell import load_cell
+    from pomona.drivers.interfaces import Camera
+    from pomona.tools.calibration.command_doctor import find_cell
+    from pomona.tools.calibration.depth_calibration import UnusableDepth
+
+    with closing(load_cell(find_cell(name))) as cell:
+        try:
+            camera = cell.device(Camera)
+        except KeyError as missing:
+            raise UnusableDepth(str(missing.args[0])) from missing
+        depths: dict[int, NDArray[np.float32]] = {}
+        end = cell.clock.now() + LIVE_TIMEOUT
+        while len(depths) < LIVE_FRAMES and cell.clock.now() < end:
+            frame = camera.latest()
+            if frame is not None and frame.depth is not None:
+                depths[frame.sequence] = frame.depth
+            cell.clock.advance(0.01)
+    if len(depths) < LIVE_FRAMES:
+        raise UnusableDepth(f"{len(depths)} depth images came in {LIVE_TIMEOUT:.0f} s, {LIVE_FRAMES} are needed")
+    return list(depths.values())
+
+
+def _hand_eye(options: argparse.Namespace) -> str:
+    from pomona.tools.calibration.hand_eye import Chessboard, UnusableLooks, calibrate_folder
+
+    columns, _, rows = options.board.partition("x")
+    if not (columns.isdigit() and rows.isdigit()):
+        raise UnusableLooks(f"'{options.board}' is not a board: write the inner corners as 9x6")
+    result = calibrate_folder(options.folder, Chessboard(int(columns), int(rows), options.square))
+    result.save(options.out)
+    return f"{result}\nwritten to {options.out}"
+
+
+def _depth(options: argparse.Namespace) -> str:
+    from pomona.devices.frames.folder import (
+        INTRINSICS_FILE,
+        folder_intrinsics,
+        list_frames,
+        read_images,
+        read_intrinsics,
+    )
+    from pomona.tools.calibration.depth_calibration import UnusableDepth, calibrate_balls, calibrate_wall, read_balls
+
+    if (options.balls is None) == (not options.wall):
+        raise UnusableDepth("the subject of the frames is missing: add --balls TABLE or --wall")
+    if (options.folder is None) == (options.cell is None):
+        raise UnusableDepth("frames are missing: name a folder, or a cell with a live camera by --cell")
+    if options.cell is not None:
+        if not options.wall:
+            raise UnusableDepth("--cell needs --wall: balls need recorded frames, in which you draw boxes")
+        found = calibrate_wall(_look_now(options.cell), options.sensor)
+        found.save(options.out)
+        return f"{found}\nwritten to {options.out}"
+    frames = list_frames(options.folder)
+    intrinsics = read_intrinsics(options.intrinsics) if options.intrinsics else folder_intrinsics(options.folder)
+    if intrinsics is None:
+        raise UnusableDepth(f"the camera's intrinsics are missing: put {INTRINSICS_FILE} into the folder")
+    depths = {frame.label: read_images(frame, intrinsics)[1] for frame in frames}
+    if options.wall:
+        found = calibrate_wall(list(depths.values()), options.sensor)
+    else:
+        balls = read_balls(options.balls, options.diameter, options.only)
+        found = calibrate_balls(balls, depths, intrinsics, options.sensor)
+    found.save(options.out)
+    drawn = ""
+    if options.plot is not None and found.seen:
+        draw_calibration(found, options.plot)
+        drawn = f", picture in {options.plot}"
+    return f"{found}\nwritten to {options.out}{drawn}; as depth_model.yaml in a folder of frames it holds for these"
+
+
+def draw_calibration(calibration: DepthCalibration, path: Path) -> None:
+    """Draw measured minus true distance of every ball over its distance, into a PNG, SVG or PDF file."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    model, seen = calibration.model, calibration.seen
+    true = np.array([s.true for s in seen])
+    outlines = calibration.outline_growth * np.array([s.per_pixel for s in seen])
+    before = np.array([s.measured for s in seen]) - true
+    after = before - outlines - model.offset - model.scale * true
+    figure = Figure(figsize=(7.0, 3.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    for axes, values, title in zip(
+        figure.subplots(1, 2, sharey=True), (before, after), ("before", "after"), strict=True
+    ):
+        axes.errorbar(true, 1e3 * values, 1e3 * np.array([s.deviation for s in seen]), fmt="o", capsize=3)
+        axes.axhline(0.0, color="0.6", linewidth=0.8)
+        axes.set_title(title)
+        axes.set_xlabel("distance from the outline [m]")
+    figure.axes[0].set_ylabel("depth differs by [mm]")
+    figure.savefig(path)

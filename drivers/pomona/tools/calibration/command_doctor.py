@@ -1,0 +1,63 @@
+"""`pomona doctor`: look over this machine and a cell before a run."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from pomona.executive.values.report_line import ReportLine
+from pomona.executive.values.shipped import installed_trees
+from pomona.tools.calibration.machine import examine_machine
+
+CELLS = installed_trees() / "cells"
+
+
+def add(subparsers: Any) -> None:
+    """Register the subcommand."""
+    parser = subparsers.add_parser("doctor", help="check this machine and a cell before a run; nothing moves")
+    parser.add_argument("--cell", default="sim", help="a cell file, or the name of an installed cell (default: sim)")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="an option of the cell")
+    parser.add_argument(
+        "--record", type=Path, default=Path("runs"), metavar="DIR", help="folder of records (default: runs)"
+    )
+    parser.set_defaults(main=main)
+
+
+def main(options: argparse.Namespace) -> int:
+    """Print a line for everything that was looked at.
+
+    Returns:
+        0 when all is well, else 1; 2 for an unusable option.
+    """
+    overrides = {}
+    for setting in options.set:
+        key, equals, value = setting.partition("=")
+        if not equals:
+            print(f"'{setting}' is not KEY=VALUE")
+            return 2
+        overrides[key] = value
+    checks = []
+    for check in _examined(options, overrides):
+        print(check, flush=True)  # as it comes: connecting a cell takes a while
+        checks.append(check)
+    bad = sum(not check.ok for check in checks)
+    print(f"\n{bad} of {len(checks)} need attention" if bad else f"\nall {len(checks)} are well")
+    return 1 if bad else 0
+
+
+def _examined(options: argparse.Namespace, overrides: dict[str, str]) -> Iterator[ReportLine]:
+    yield from examine_machine(options.record)
+    try:
+        from pomona.tools.calibration.doctor import examine
+    except ImportError as error:
+        yield ReportLine("cell", False, f"not examined, since a requirement is missing: {error}")
+    else:
+        yield from examine(find_cell(options.cell), overrides)
+
+
+def find_cell(name: str) -> Path:
+    """Return a cell file by its path, or an installed cell by its name."""
+    path, installed = Path(name), CELLS / f"{name}.yaml"
+    return installed if not path.exists() and installed.is_file() else path

@@ -1,1 +1,0 @@
-"""Engines: processes on this machine, and a Ray cluster."""

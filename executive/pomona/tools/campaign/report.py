@@ -1,0 +1,283 @@
+"""Report of a campaign: success rates, arms compared, figures with their spread, failures by code."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from pomona.executive.terminal.words import term
+from pomona.tools.campaign.document import Bullets, Heading, Paragraph, ReportPage, SvgPlot, Table
+from pomona.tools.campaign.plots import Plot, rate_map, spread
+from pomona.tools.campaign.run import succeeded
+from pomona.tools.campaign.spec import Campaign
+from pomona.tools.campaign.statistics import FEWEST, Estimate, mean, median, paired_p, wilson
+
+Result = Mapping[str, Any]
+Figures = Mapping[str, Callable[[Result], Any]]
+
+RUN_FIGURES: Figures = {
+    "robot time [s]": lambda r: r.get("time_s"),
+    "computing [s]": lambda r: sum(r.get("compute_s", {}).values()),
+    "wall time [s]": lambda r: r.get("wall_s"),
+    "attempts": lambda r: max((a["number"] for a in r.get("attempts", []) if a["succeeded"]), default=None),
+}
+MAX_PLOTTED = 4
+
+
+def from_truth(name: str) -> Callable[[Result], Any]:
+    """Reads a figure of the simulated world's truth."""
+    return lambda result: (result.get("truth") or {}).get(name)
+
+
+def figures_of(campaign: Campaign) -> Figures:
+    """Return the figures that a campaign's report shows, by title."""
+    return {**{title(name): from_truth(name) for name in campaign.score.figures}, **RUN_FIGURES}
+
+
+def title(name: str) -> str:
+    """`slip_mm` -> slip [mm]."""
+    units = {"mm": "mm", "m": "m", "n": "N", "s": "s", "deg": "°", "kg": "kg", "kpa": "kPa"}
+    words, _, unit = name.rpartition("_")
+    return f"{term(words)} [{units[unit]}]" if unit in units and words else term(name)
+
+
+def numbers(results: Sequence[Result], pick: Callable[[Result], Any]) -> list[float]:
+    """Return a figure's values, where it is there and a finite number."""
+    found = (pick(result) for result in results)
+    return [float(v) for v in found if isinstance(v, (int, float)) and math.isfinite(v)]
+
+
+def percent(rate: float) -> str:
+    """`98.7 %`; whole percentages without a decimal."""
+    text = f"{100 * rate:.1f}"
+    return f"{text.removesuffix('.0')} %"
+
+
+def rate(results: Sequence[Result], conditions: tuple[str, ...]) -> str:
+    """`24/25 = 96 % (80–99)`."""
+    good = sum(succeeded(result, conditions) for result in results)
+    low, high = wilson(good, len(results))
+    share = percent(good / max(1, len(results)))
+    return f"{good}/{len(results)} = {share} ({percent(low)[:-2]}–{percent(high)[:-2]})"
+
+
+def say(estimate: Estimate, digits: int = 3) -> str:
+    """`1.32 (1.2 … 1.4)`."""
+    if not estimate.count:
+        return "–"
+    if estimate.count < FEWEST:
+        return f"{estimate.value:.{digits}g}"
+    return f"{estimate.value:.{digits}g} ({estimate.low:.{digits}g} … {estimate.high:.{digits}g})"
+
+
+def commits(results: Sequence[Result]) -> str:
+    """Which commits the runs were made at; a + stands for changed files."""
+    found = Counter(str(result.get("commit") or "unknown") for result in results)
+    if len(found) == 1:
+        return f"commit `{next(iter(found))}`"
+    return "commits " + ", ".join(f"`{commit}` ({count} runs)" for commit, count in found.most_common())
+
+
+def report(campaign: Campaign, results: Sequence[Result], source: str) -> ReportPage:
+    """Return the whole report; `source` is the campaign's file as it was named."""
+    document = ReportPage(
+        f"Campaign {campaign.name}",
+        f"{len(results)} of {len(campaign.runs)} runs, made at {commits(results)} with `pomona campaign {source}`."
+        if results
+        else "No runs yet.",
+    )
+    if campaign.description:
+        document.add(Paragraph(campaign.description))
+    by_arm: dict[str, list[Result]] = {name: [] for name in campaign.arms}
+    for result in results:
+        by_arm[result["arm"]].append(result)
+    by_arm = {name: runs for name, runs in by_arm.items() if runs}
+    if not by_arm:
+        return document
+    document.add(Heading("Success"), overview(campaign, by_arm))
+    if len(by_arm) > 1:
+        document.add(*comparison(campaign, by_arm))
+    document.add(*success_maps(campaign, by_arm))
+    document.add(Heading("Figures of successful runs"), *spreads(campaign, by_arm), *figures(campaign, by_arm))
+    document.add(Heading("Time, skill by skill"), *(by_skill(campaign, name, runs) for name, runs in by_arm.items()))
+    document.add(Heading("Failures"), *failures(campaign, results))
+    document.add(
+        Paragraph(
+            "Rates stand with Wilson's 95 % interval, medians with that of the percentile bootstrap "
+            f"(2000 resamples), means with Student's; of fewer than {FEWEST} runs medians and means stand alone.",
+            note=True,
+        )
+    )
+    return document
+
+
+def overview(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> Table:
+    """One line an arm."""
+    rows = []
+    for name, runs in by_arm.items():
+        times = median(numbers(runs, RUN_FIGURES["robot time [s]"]))
+        walls = median(numbers(runs, RUN_FIGURES["wall time [s]"]))
+        rows.append((name, rate(runs, campaign.conditions), say(times), say(walls)))
+    return Table(("arm", "success", "robot time, median [s]", "wall time, median [s]"), tuple(rows))
+
+
+def comparison(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[Paragraph | Bullets]:
+    """Return each arm beside the first, on the same seeds of the same combinations."""
+    first, *others = by_arm
+    good = {name: {_place(run): succeeded(run, campaign.conditions) for run in runs} for name, runs in by_arm.items()}
+    lines = []
+    for other in others:
+        shared = good[first].keys() & good[other].keys()
+        only_first = sum(good[first][place] and not good[other][place] for place in shared)
+        only_other = sum(good[other][place] and not good[first][place] for place in shared)
+        lines.append(
+            f"**{first}** beside **{other}** on the same {len(shared)} combinations and seeds: {only_first} succeeded "
+            f"only with the first, {only_other} only with the second "
+            f"(exact McNemar test, p = {paired_p(only_first, only_other):.2g})"
+        )
+    return [Bullets(tuple(lines))]
+
+
+def _place(run: Result) -> tuple[object, ...]:
+    return (*sorted(run["varied"].items()), run.get("number"))
+
+
+def success_maps(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[SvgPlot | Table]:
+    """Success over the first two things that vary, as a picture and as tables."""
+    keys = list(campaign.vary)
+    if not keys:
+        return []
+    blocks: list[SvgPlot | Table] = []
+    if len(keys) >= 2:
+        rows, columns = campaign.vary[keys[0]], campaign.vary[keys[1]]
+        across = min(2, len(by_arm))
+        down = -(-len(by_arm) // across)
+        with Plot(down, across, height=0.6 + down * (0.7 + 0.3 * len(rows))) as plot:
+            for axes, (name, runs) in zip(plot.axes, by_arm.items(), strict=False):
+                rate_map(axes, rate_grid(campaign, runs), rows, columns, name)
+            for axes in plot.axes[len(by_arm) :]:
+                axes.set_visible(False)
+        caption = f"Success in per cent: {keys[0]} down, {keys[1]} across."
+        blocks.append(SvgPlot("success", plot.svg, caption))
+    for name, runs in by_arm.items():
+        blocks.append(_rates(campaign, name, runs, keys))
+    return blocks
+
+
+def rate_grid(campaign: Campaign, runs: Sequence[Result]) -> list[list[float]]:
+    """Success rates over the first two things that vary; NaN where nothing ran."""
+    row_key, column_key = list(campaign.vary)[:2]
+    found: dict[tuple[str, str], list[bool]] = defaultdict(list)
+    for run in runs:
+        found[run["varied"][row_key], run["varied"][column_key]].append(succeeded(run, campaign.conditions))
+    return [
+        [sum(cell) / len(cell) if (cell := found[row, column]) else math.nan for column in campaign.vary[column_key]]
+        for row in campaign.vary[row_key]
+    ]
+
+
+def _rates(campaign: Campaign, name: str, runs: Sequence[Result], keys: Sequence[str]) -> Table:
+    conditions = campaign.conditions
+    columns = campaign.vary[keys[1]] if len(keys) >= 2 else ()
+    rows = []
+    for value in campaign.vary[keys[0]]:
+        of_row = [r for r in runs if r["varied"][keys[0]] == value]
+        cells = [[r for r in of_row if r["varied"][keys[1]] == column] for column in columns]
+        counts = [f"{sum(succeeded(r, conditions) for r in cell)}/{len(cell)}" if cell else "–" for cell in cells]
+        rows.append((value, *counts, rate(of_row, conditions) if of_row else "–"))
+    corner = f"{keys[0]} \\ {keys[1]}" if len(keys) >= 2 else keys[0]
+    return Table((corner, *columns, "all"), tuple(rows), name)
+
+
+def spreads(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[SvgPlot]:
+    """Return the first figures, arm beside arm."""
+    good = {name: _good(campaign, runs) for name, runs in by_arm.items()}
+    shown = [
+        (name, groups)
+        for name, pick in figures_of(campaign).items()
+        if any((groups := {arm: numbers(runs, pick) for arm, runs in good.items()}).values())
+    ][:MAX_PLOTTED]
+    if not shown:
+        return []
+    with Plot(1, len(shown), height=2.8) as plot:
+        for axes, (name, groups) in zip(plot.axes, shown, strict=True):
+            spread(axes, groups, name)
+            axes.set_ylim(bottom=min(0.0, *(min(v) for v in groups.values() if v)))
+    return [
+        SvgPlot(
+            "figures", plot.svg, "Each dot a successful run; the line is the median, the box holds the middle half."
+        )
+    ]
+
+
+def figures(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[Table]:
+    """Median, mean and extremes of every figure."""
+    tables = []
+    for arm, runs in by_arm.items():
+        rows = []
+        for name, pick in figures_of(campaign).items():
+            values = numbers(_good(campaign, runs), pick)
+            if values:
+                extremes = f"{min(values):.3g} … {max(values):.3g}"
+                rows.append((name, say(median(values)), say(mean(values)), extremes, str(len(values))))
+        if rows:
+            tables.append(Table(("figure", "median", "mean", "least … most", "runs"), tuple(rows), arm))
+    return tables
+
+
+def by_skill(campaign: Campaign, arm: str, runs: Sequence[Result]) -> Table:
+    """Return the time of the robot and of computing, skill by skill."""
+    good = _good(campaign, runs)
+    names = sorted({name for run in good for kind in ("robot_time_s", "compute_s") for name in run.get(kind, {})})
+    rows = []
+    for name in names:
+        robot, computing = ([run.get(k, {}).get(name, 0.0) for run in good] for k in ("robot_time_s", "compute_s"))
+        rows.append((name, say(median(robot)), say(median(computing))))
+    return Table(("skill", "robot, median [s]", "computing, median [s]"), tuple(rows), arm)
+
+
+def failures(campaign: Campaign, results: Sequence[Result]) -> list[Table | Paragraph]:
+    """Failures by arm and code, each with an instance and the command that repeats it."""
+    orders = {run.name: run.order for run in campaign.runs}
+    bad = [run for run in results if not succeeded(run, campaign.conditions)]
+    if not bad:
+        return [Paragraph("None.")]
+
+    def code_of(run: Result) -> str:
+        return failure_code(run, campaign.conditions)
+
+    rows = []
+    for (arm, code), count in Counter((run["arm"], code_of(run)) for run in bad).most_common():
+        example = next(run for run in bad if run["arm"] == arm and code_of(run) == code)
+        rows.append((code, str(count), arm, failure_message(example), _command(example, orders)))
+    header = ("code", "runs", "arm", "for instance", "to see it")
+    return [Table(header, tuple(rows), words=True)]
+
+
+def failure_code(run: Result, conditions: tuple[str, ...]) -> str:
+    """Return the failure code. If only the ground truth denies the success: NOT_ and its name, as in NOT_LIFTED."""
+    reason = run.get("reason")
+    if reason:
+        return str(reason.get("code"))
+    truth = run.get("truth") or {}
+    return f"NOT_{next((name for name in conditions if not truth.get(name)), 'CONFIRMED').upper()}"
+
+
+def failure_message(run: Result) -> str:
+    """Return the reason as a sentence."""
+    reason = run.get("reason")
+    return str(reason.get("message")) if reason else "the tree succeeded, the simulated world reports a failure"
+
+
+def _command(run: Result, orders: Mapping[str, Any]) -> str:
+    order = orders.get(run["name"])
+    if order is None:
+        return str(run["name"])
+    settings = "".join(f" --set {key}={value}" for key, value in order.settings.items())
+    return f"`pomona run {order.tree.stem} --cell {order.cell.stem} --seed {order.seed}{settings}`"
+
+
+def _good(campaign: Campaign, runs: Sequence[Result]) -> list[Result]:
+    return [run for run in runs if succeeded(run, campaign.conditions)]

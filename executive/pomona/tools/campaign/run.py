@@ -1,0 +1,218 @@
+"""Run a campaign on an engine. Results are lines of a file, so a kill loses no finished run and repeats none."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from io import FileIO
+from pathlib import Path
+from typing import Any
+
+from pomona.executive.encode import encoded
+from pomona.executive.engine import Engine
+from pomona.executive.errors import PomonaError, UsageError
+from pomona.executive.execute import RunOrder, execute
+from pomona.executive.recording.json_text import parse_object
+from pomona.executive.running.compute import keep_workers_warm
+from pomona.executive.running.signals import WORDS
+from pomona.executive.values.file_locks import lock
+from pomona.executive.values.installation import commit_here
+from pomona.tools.campaign.spec import Campaign, CampaignRun
+
+RESULTS = "results.jsonl"
+RUN_LIMIT = 600.0  # seconds after which a run's process is killed and the run counted as an error
+
+INTERRUPTED = "interrupted"
+
+FORMAT = 2  # of a line: since 2 it has a checksum
+_KINDS: Mapping[str, type] = {
+    "name": str,
+    "arm": str,
+    "varied": dict,
+    "number": int,
+    "fingerprint": str,
+    "outcome": str,
+}
+
+Result = dict[str, Any]
+Progress = Callable[[Result, int, int], None]
+
+
+def run_order(order: RunOrder) -> Result:
+    """Run one order in this process.
+
+    Returns:
+        the run's JSON summary, or `{"outcome": "unusable", …}`.
+    """
+    keep_workers_warm()
+    try:
+        executed = execute(order)
+    except PomonaError as error:
+        return _broken(type(error).__name__, str(error), "unusable")
+    if executed.signal is not None:
+        return _broken("INTERRUPTED", WORDS[signal.Signals(executed.signal)], INTERRUPTED)
+    return executed.summary.as_json(executed.record)
+
+
+def read_results(folder: Path, on_problem: Callable[[str], None] = lambda _problem: None) -> dict[str, Result]:
+    """Return finished runs by name, without a last line that a kill cut off.
+
+    Args:
+        on_problem: receives a sentence for each invalid or changed line; such runs are repeated.
+    """
+    path = folder / RESULTS
+    if not path.is_file():
+        return {}
+    results = {}
+    lines = path.read_bytes().split(b"\n")
+    for number, line in enumerate(lines, start=1):
+        if not line.strip() or number == len(lines):  # text behind the last line's end was cut off
+            continue
+        try:
+            result = result_of(line)
+        except ValueError as error:
+            on_problem(f"{path}:{number}: {error}: it does not count, and its run is made again")
+            continue
+        results[result["name"]] = result
+    return results
+
+
+def line_of(result: Result) -> bytes:
+    """Return a result as one line, with a checksum at its end."""
+    text = encoded({"format": FORMAT, **result})[:-1]
+    return text + b',"crc32":"%08x"}\n' % zlib.crc32(text)
+
+
+def result_of(line: bytes) -> Result:
+    """Return the result of a line. Raises ValueError: the line is no result, or its checksum is wrong."""
+    result = parse_object(line)
+    text, found, crc = line.rstrip().removesuffix(b'"}').rpartition(b',"crc32":"')
+    if (found or "format" in result) and crc != b"%08x" % zlib.crc32(text):
+        raise ValueError("the line does not match its checksum")
+    for key, kind in _KINDS.items():
+        if not isinstance(result.get(key), kind):
+            raise ValueError(f"the line is no result: '{key}' is missing or of another kind")
+    for key in ("robot_time_s", "compute_s"):
+        if not all(isinstance(value, (int, float)) for value in _mapping(result, key).values()):
+            raise ValueError(f"the line is no result: '{key}' is of another kind")
+    _mapping(result, "truth")
+    if not all(isinstance(word, str) for word in result["varied"].values()):
+        raise ValueError("the line is no result: 'varied' is of another kind")
+    if not isinstance(result.get("attempts", []), list):
+        raise ValueError("the line is no result: 'attempts' is of another kind")
+    _mapping(result, "reason")
+    return {key: value for key, value in result.items() if key not in ("format", "crc32")}
+
+
+def _mapping(result: Result, key: str) -> Mapping[str, Any]:
+    found = result.get(key)
+    if not isinstance(found, dict | None):
+        raise ValueError(f"the line is no result: '{key}' is of another kind")
+    return found or {}
+
+
+def finished_runs(
+    campaign: Campaign, folder: Path, on_problem: Callable[[str], None] = lambda _problem: None
+) -> dict[str, Result]:
+    """Return the results of this campaign's runs in its order; `on_problem` receives the invalid lines.
+
+    Raises UsageError: the folder holds results of runs of the same name with another tree, cell or setting.
+    """
+    results = read_results(folder, on_problem)
+    found = {run.name: results[run.name] for run in campaign.runs if run.name in results}
+    for run in campaign.runs:
+        if run.name in found and found[run.name].get("fingerprint") != run.fingerprint:
+            raise UsageError(
+                f"{folder / RESULTS}: '{run.name}' was run with another tree, cell or setting than now. "
+                "Name another folder with --out, or delete this one."
+            )
+    return found
+
+
+def run_campaign(
+    campaign: Campaign,
+    folder: Path,
+    engine: Engine,
+    progress: Progress = lambda _result, _done, _of: None,
+    record: bool = False,
+) -> dict[str, Result]:
+    """Make the runs that have no result yet.
+
+    Args:
+        campaign: planned.
+        folder: where results are kept.
+        engine: runs them.
+        progress: called with each result, the number done and the number of all.
+        record: also keep a record of each run, in the folder's `records`.
+
+    Returns:
+        the results of the campaign's runs by name.
+
+    Raises UsageError: the folder holds results of another campaign, another process writes there, the disk is full, or
+    the file of results was removed. Written results stay, and the same command continues.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with _append(folder / RESULTS) as stream:
+        done = finished_runs(campaign, folder)
+        waiting = [run for run in campaign.runs if run.name not in done]
+        records = folder / "records" if record else None
+        orders = [(replace(run.order, record=records),) for run in waiting]
+        commit = commit_here()
+        for index, answer in engine.map(run_order, orders, RUN_LIMIT):
+            run = waiting[index]
+            result = _result(run, answer, commit)
+            if result["outcome"] == INTERRUPTED:
+                continue  # its process was ended from outside: no result, so the run is repeated
+            _write(stream, line_of(result))
+            done[run.name] = result
+            progress(result, len(done), len(campaign.runs))
+    return {run.name: done[run.name] for run in campaign.runs if run.name in done}
+
+
+def _result(run: CampaignRun, answer: Any, commit: str) -> Result:
+    about = {"name": run.name, "arm": run.arm, "varied": dict(run.varied), "number": run.number}
+    if isinstance(answer, BaseException):
+        answer = _broken(getattr(answer, "code", type(answer).__name__), str(answer), "error")
+    return {**about, "fingerprint": run.fingerprint, "commit": commit, **answer}
+
+
+def _broken(code: str, message: str, outcome: str) -> Result:
+    return {"outcome": outcome, "reason": {"node": "", "code": code, "message": message, "data": {}}}
+
+
+def _write(stream: FileIO, line: bytes) -> None:
+    """Append a line to the file of results, which must still be there: another campaign may have begun in its place."""
+    try:
+        here, there = os.fstat(stream.fileno()), os.stat(stream.name)
+        if (here.st_dev, here.st_ino) != (there.st_dev, there.st_ino):
+            raise FileNotFoundError(errno.ENOENT, "the file was removed while the campaign ran")
+        if stream.write(line) != len(line):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        os.fsync(stream.fileno())
+    except OSError as error:
+        raise UsageError(f"{stream.name}: a result cannot be written: {error.strerror}") from error
+
+
+@contextmanager
+def _append(path: Path) -> Iterator[FileIO]:
+    """Open the file of results for this process alone; an incomplete last line is removed."""
+    with FileIO(path, "a+") as stream:
+        try:
+            lock(stream)
+        except OSError as error:
+            raise UsageError(f"{path}: another campaign is writing there") from error
+        content = path.read_bytes()
+        if content and not content.endswith(b"\n"):
+            stream.truncate(content.rfind(b"\n") + 1)
+        yield stream
+
+
+def succeeded(result: Mapping[str, Any], conditions: tuple[str, ...]) -> bool:
+    """The tree succeeded and, where there is a simulated world, the world agrees."""
+    truth = result.get("truth")
+    return result.get("outcome") == "success" and (not truth or all(bool(truth.get(name)) for name in conditions))

@@ -1,0 +1,275 @@
+"""`pomona dashboard`: the page for recorded runs, from which new ones can be started."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from pomona.executive.commands.command_line import add_records_folder
+from pomona.executive.errors import PomonaError, UsageError
+from pomona.executive.execute import RunOrder, execute
+from pomona.executive.files import default_name
+from pomona.executive.judging import judge
+from pomona.executive.language.documents import read_document
+from pomona.executive.recording.session import Reader
+from pomona.executive.registry import Registry
+from pomona.executive.running.events import Event, Listener
+from pomona.executive.running.runner import Runner
+from pomona.executive.running.starting import Starting
+from pomona.executive.speed import SpeedRefusedError, speed_of
+from pomona.executive.terminal.screen import Screen
+from pomona.tools.dashboard.apart import PageProcess
+from pomona.tools.dashboard.choices import Choices
+from pomona.tools.dashboard.command_alerting import add_alerts, alerts_of, outcomes_in
+from pomona.tools.dashboard.control_lock import ControlLock, RefusedError
+from pomona.tools.dashboard.security import Access
+
+if TYPE_CHECKING:
+    from pomona.tools.exchange.live import Live
+    from pomona.tools.ros2.bridge import Ros2Bridge
+
+
+def add(subparsers: Any) -> None:
+    """Register the subcommand."""
+    parser = subparsers.add_parser("dashboard", help="serve the operator's page: recorded runs, and new ones")
+    add_records_folder(parser)
+    parser.add_argument(
+        "--tree", action="append", default=[], metavar="FILE", help="offer this tree in addition to the installed ones"
+    )
+    parser.add_argument(
+        "--cell", action="append", default=[], metavar="FILE", help="offer this cell in addition to the installed ones"
+    )
+    add_alerts(parser)
+    add_ros2(parser)
+    add_address(parser)
+    parser.set_defaults(main=main)
+
+
+def add_address(parser: argparse.ArgumentParser) -> None:
+    """The options of everything that serves the page."""
+    parser.add_argument("--port", type=int, default=8420, help="port of the page (default: 8420)")
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: this machine only)")
+    parser.add_argument(
+        "--served-as", action="append", default=[], metavar="NAME", help="a name by which browsers reach this machine"
+    )
+    parser.add_argument("--tls-cert", type=Path, metavar="FILE", help="certificate (PEM): the page is served with TLS")
+    parser.add_argument("--tls-key", type=Path, metavar="FILE", help="the certificate's key (PEM)")
+    parser.add_argument(
+        "--insecure-act", action="store_true", help="with another --host: allow actions without encryption"
+    )
+
+
+def add_ros2(parser: argparse.ArgumentParser) -> None:
+    """Add the option for the ROS 2 interface of a run."""
+    parser.add_argument(
+        "--ros2", nargs="?", const="", metavar="HOST:PORT", help="speak ROS 2 (rmw_zenoh; default: 127.0.0.1:7447)"
+    )
+
+
+def open_bridge(
+    options: argparse.Namespace,
+    console: Screen,
+    access: Access,
+    control: ControlLock,
+    start: Callable[[dict[str, Any]], str] | None = None,
+) -> Ros2Bridge:
+    """Return the bridge that `--ros2` asks for.
+
+    Raises UsageError: the extra is not installed, or the address cannot be used.
+    """
+    from pomona.tools.ros2.bridge import Ros2Bridge
+    from pomona.tools.ros2.peer import ADDRESS, Ros2Peer
+
+    peer = Ros2Peer(options.ros2 or ADDRESS, insist=True)
+    says = (
+        f"; an operator's requests need the token {access.token}" if peer.local else "; no requests from other machines"
+    )
+    console.print(f"ROS 2 (rmw_zenoh) at {options.ros2 or ADDRESS}{says}", soft_wrap=True)
+    return Ros2Bridge(peer, control, access.acts_with, start)
+
+
+def make_access(options: argparse.Namespace) -> Access:
+    """The rules for an address: another one than this machine's may only watch, unless TLS or the flag allows more.
+
+    Raises UsageError: the certificate comes without its key, or the other way round.
+    """
+    if (options.tls_cert is None) != (options.tls_key is None):
+        raise UsageError("--tls-cert and --tls-key belong together")
+    local = options.host in ("127.0.0.1", "localhost", "::1")
+    return Access(
+        options.host,
+        options.port,
+        may_act=local or options.tls_cert is not None or options.insecure_act,
+        certificate=options.tls_cert,
+        key=options.tls_key,
+        names=tuple(options.served_as),
+    )
+
+
+CLOSING = 4.0  # seconds for which the next start waits until the last run's cell is closed
+
+
+class PageOfRuns(Protocol):
+    """The page, in this process or in another."""
+
+    control: ControlLock
+
+    def on_event(self, event: Event) -> None:
+        """Take one event of a run."""
+
+
+class Launcher:
+    """Starts runs for the page, one at a time, each in a thread of its own."""
+
+    def __init__(
+        self,
+        dashboard: PageOfRuns,
+        record: Path,
+        choices: Choices,
+        listeners: Sequence[Listener] = (),
+        readers: Sequence[Reader] = (),
+    ) -> None:
+        self._readers = readers
+        self._dashboard, self._record, self._choices = dashboard, record, choices
+        self._listeners = [dashboard.on_event, *listeners]
+        self._thread: threading.Thread | None = None
+        self._starting: Starting | None = None
+        self._one_start = threading.Lock()
+
+    def start(self, form: dict[str, Any]) -> str:
+        """Begin to prepare the run that the page's form describes; the lock reports the progress.
+
+        Raises:
+            RefusedError: one is running, or the safe state of the last one is latched.
+            UsageError: the tree, cell or settings cannot be used.
+        """
+        with self._one_start:  # two pages, or a page and ROS 2, at once: the second sees the thread of the first
+            return self._start_alone(form)
+
+    def _start_alone(self, form: dict[str, Any]) -> str:
+        if self._thread is not None and not self._dashboard.control.is_busy:
+            self._thread.join(CLOSING)  # the last run has ended, its record and its cell are being closed
+        if self._thread is not None and self._thread.is_alive():
+            latched = self._dashboard.control.runner is not None and self._dashboard.control.runner.latched
+            raise RefusedError(f"reset the safe state first: {latched}" if latched else "a run is going on")
+        order = self._order(form)
+        lock = self._dashboard.control
+        self._starting = starting = lock.prepare(order.tree.stem)
+
+        def run() -> None:
+            problem = "the preparation failed: the terminal shows the error"
+            try:
+                execute(
+                    order,
+                    self._listeners,
+                    on_ready=lock.serve,
+                    on_latched=Runner.hold_latched,
+                    starting=starting,
+                    readers=self._readers,
+                )
+                problem = ""
+            except PomonaError as error:
+                problem = str(error)
+            finally:
+                lock.clear(problem)
+
+        self._thread = threading.Thread(target=run, name="pomona-run")
+        self._thread.start()
+        return order.tree.stem
+
+    def judge(self, form: dict[str, Any]) -> dict[str, str]:
+        """Return the settings of the page's form that cannot be used, with reasons; empty while a run is active.
+
+        Raises UsageError: the tree or the cell is not offered, or the tree cannot be read.
+        """
+        if self._dashboard.control.is_busy:  # judging takes the interpreter for up to a second
+            return {}
+        settings = form.get("settings")
+        if not isinstance(settings, dict) or not all(isinstance(value, str) for value in settings.values()):
+            raise UsageError("settings are texts by name")
+        document = read_document(self._choices.tree(form.get("tree")))
+        judged = judge(document, Registry.installed(), settings, self._choices.cell(form.get("cell")))
+        problems: dict[str, str] = {}
+        for finding in judged.findings.sorted():
+            name = finding.path.removeprefix("--set ").partition("=")[0]
+            if finding.severity == "error" and name in settings and finding.path.startswith("--set "):
+                problems.setdefault(name, f"{finding.message}. {finding.hint}".removesuffix(". "))
+        return problems
+
+    def close(self) -> None:
+        """End an active run in the safe state, and wait for its end."""
+        if self._starting is not None and self._thread is not None and self._thread.is_alive():
+            self._starting.abandon("the dashboard was ended")
+        while self._thread is not None and self._thread.is_alive():
+            with contextlib.suppress(KeyboardInterrupt):  # it ends in the safe state, and that takes seconds at most
+                self._thread.join()
+
+    def _order(self, form: dict[str, Any]) -> RunOrder:
+        seed, settings = form.get("seed", 0), form.get("settings", {})
+        if not isinstance(seed, int) or isinstance(seed, bool):
+            raise UsageError("the seed must be a whole number")
+        if not isinstance(settings, dict) or not all(isinstance(value, str) for value in settings.values()):
+            raise UsageError("settings are texts by name")
+        try:
+            speed = speed_of(str(form.get("speed", "100 %")))
+        except SpeedRefusedError as error:
+            raise UsageError(str(error)) from None
+        dry, after_cut = form.get("dry") is True, form.get("after_cut", "")
+        return RunOrder(
+            tree=self._choices.tree(form.get("tree")),
+            cell=self._choices.cell(form.get("cell", default_name("cell"))),
+            seed=seed,
+            settings=settings,
+            real_time=form.get("pace", "real") == "real",
+            record=self._record,
+            dry=dry,
+            attended=True,
+            speed=speed,
+            recover=after_cut == "recover",
+            cleared=after_cut == "cleared",
+        )
+
+
+def main(options: argparse.Namespace) -> int:
+    """Serve until Ctrl-C."""
+    console = Screen()
+    dashboard = PageProcess(make_access(options), options.record)
+    choices = Choices.installed(options.tree, options.cell)
+    alerts = alerts_of(options, outcomes_in(options.record, options.alert_over) if options.alert_to else ())
+    views: list[Live] = []
+
+    def on_event(event: Event) -> None:
+        for view in views:
+            view.on_event(event)
+
+    def read(t: float, tick: int, readings: Mapping[str, Mapping[str, Any]]) -> None:
+        for view in views:
+            view.read(t, tick, readings)
+
+    launcher = Launcher(
+        dashboard,
+        options.record,
+        choices,
+        [on_event] if alerts is None else [alerts.on_event, on_event],
+        [read],
+    )
+    if options.ros2 is not None:
+        from pomona.tools.exchange.live import Live as Views
+
+        views.append(Views([open_bridge(options, console, dashboard.access, dashboard.control, launcher.start)]))
+    dashboard.allow_starts(launcher.start, choices, launcher.judge)
+    dashboard.start()
+    console.print(f"dashboard: {dashboard.access.link}   (Ctrl-C ends it)", soft_wrap=True)
+    try:
+        threading.Event().wait()
+    except KeyboardInterrupt:
+        launcher.close()
+    finally:
+        for view in views:
+            view.close()
+        dashboard.close()
+    return 0

@@ -1,0 +1,499 @@
+"""The dashboard's HTTP and WebSocket server."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import json
+import socket
+import sys
+import threading
+import time
+from collections.abc import AsyncIterator, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Response, StreamingResponse
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from pomona.executive.errors import PomonaError, UsageError
+from pomona.executive.recording.drawn_tree import drawing
+from pomona.executive.recording.folder import EVENTS_FILE
+from pomona.executive.recording.plain_file import is_plain
+from pomona.executive.running.events import Event
+from pomona.executive.values.failure_codes import failure_codes
+from pomona.tools.dashboard.choices import Choices, JudgeForm, StartRun
+from pomona.tools.dashboard.connections import LiveWire, PatientHttp, hang_up, wire_of
+from pomona.tools.dashboard.control_lock import ControlLock, RefusedError, RunControl
+from pomona.tools.dashboard.hub import Hub, Viewer
+from pomona.tools.dashboard.presses import Presses, now, object_of, refuse_late, text
+from pomona.tools.dashboard.record_messages import (
+    between,
+    cloud,
+    image,
+    moment,
+    overview,
+    record_messages,
+    thumbnail,
+)
+from pomona.tools.dashboard.security import Access, RequestGuard
+from pomona.tools.library.index import RunIndex, records_in
+
+WATCH_ONLY = "this page may watch but not act: open the link that was printed"
+STATIC = Path(__file__).parent / "static"
+MOST_VIEWERS = 200
+MOST_RUNS = 2000
+"""The newest ones are listed."""
+MOST_BODY = 16_384
+LAST_WORDS = 1.0
+"""Time that viewers have to receive the rest when the server closes [s]."""
+
+KNOWN_VIEWERS = 50
+"""Viewers served in addition if they have the reading token: strangers cannot lock an operator out."""
+
+MOST_PRESSES = 16
+"""Button presses of one page that may be pending."""
+
+UNSUPPORTED = 1003
+"""Close code of a stream that sends bytes (RFC 6455, section 7.4.1)."""
+
+BODY_DEADLINE = 5.0
+"""Seconds within which the body of an acting request must arrive."""
+
+PAGE_SILENT = 4.0
+"""Time without a ping from the page that holds control after which every page is informed [s]."""
+
+MAX_CLOSING_TURNS = 8
+"""Turns of the event loop in which remaining connections can notice that they are closed."""
+
+CLOSING = 0.05
+"""Time in which connections can end by themselves when the server ends [s]."""
+
+BEAT = 0.5
+"""Period of a run's heartbeat [s]."""
+
+SILENT = 1.0
+"""Time without a message from the run's process after which every page is informed [s]; it sends four a second."""
+
+
+SWITCH = 0.0005
+"""Python's thread switch interval while the dashboard serves [s]."""
+
+
+class Dashboard:
+    """Serves the page, the live stream, the records, and the operators' actions."""
+
+    def __init__(self, access: Access, records: Path, remote: RunControl | None = None) -> None:
+        """
+        Args:
+            access: who may read and act.
+            records: folder of the recorded runs.
+            remote: the run's control where that is in another process; None: `control`, here.
+        """
+        self.access, self.records = access, records
+        self.hub = Hub()
+        self.control = ControlLock(self.announce)
+        self._control: RunControl = remote or self.control
+        self.presses = Presses(self._control)
+        self._index = RunIndex(records)
+        self._start_run: StartRun | None = None
+        self._judge_form: JudgeForm = lambda _form: {}
+        self._choices = Choices({}, {})
+        self._server: _Server | None = None
+        self._thread: threading.Thread | None = None
+        self.app = Starlette(
+            routes=[
+                Route("/", self._page),
+                Route("/api/choices", self._offer),
+                Route("/api/remedies", self._remedies),
+                Route("/api/runs", self._runs),
+                Route("/api/runs/{name}/messages", self._messages),
+                Route("/api/runs/{name}/images/{at}", self._image),
+                Route("/api/runs/{name}/images/{at}/cloud", self._cloud),
+                Route("/api/runs/{name}/record", self._download),
+                Route("/api/runs/{name}/picture", self._picture),
+                Route("/api/runs/{name}/thumbnail", self._thumbnail),
+                Route("/api/runs/{name}/drawing", self._drawing),
+                Route("/api/act", self._act, methods=["POST"]),
+                Route("/api/judge", self._judge, methods=["POST"]),
+                Route("/api/start", self._start, methods=["POST"]),
+                WebSocketRoute("/live", self._live),
+                Mount("/static", StaticFiles(directory=STATIC)),
+            ],
+            middleware=[Middleware(RequestGuard, access=access)],
+            lifespan=self._lifespan,
+        )
+        self._told_silent = False
+        self._one_thumbnail = asyncio.Semaphore(1)  # a page asks for many at once; presses come first
+        self.announce()
+
+    def allow_starts(self, start_run: StartRun, choices: Choices, judge_form: JudgeForm = lambda _form: {}) -> None:
+        """Let the page start runs of these trees on these cells."""
+        self._start_run, self._choices, self._judge_form = start_run, choices, judge_form
+        self.announce()
+
+    def on_event(self, event: Event) -> None:
+        """Take one event of a run; returns at once."""
+        self.hub.on_event(event)
+
+    @property
+    def link(self) -> str:
+        """The page's address, with the tokens that let it act and read."""
+        return self.access.link
+
+    def announce(self) -> None:
+        """Send every page the holder of control and the run in preparation. From any thread."""
+        standing = self._control.standing
+        holder = standing.holder
+        self._holder_here = self._is_here(holder.viewer)
+        self.hub.announce(
+            held_by=holder.who, grant=holder.grant, viewers=self.hub.viewers, starts=self._start_run is not None,
+            start=standing.start, holder_here=self._holder_here, faults=standing.known_faults,
+        )  # fmt: skip
+
+    def _is_here(self, page: str) -> bool:
+        """Return True if the page that holds control still sends messages."""
+        return not page or now() - self.hub.last_seen(page) < PAGE_SILENT
+
+    # ------------------------------------------------------------------------------------- its own thread
+
+    def start(self) -> None:
+        """Serve in a thread of its own. Raises UsageError: it cannot listen there."""
+        config = uvicorn.Config(
+            self.app, http=PatientHttp, log_level="critical", ws=LiveWire,
+            ws_max_size=MOST_BODY, ws_per_message_deflate=False, lifespan="on",
+            ssl_certfile=self.access.certificate, ssl_keyfile=self.access.key,
+        )  # fmt: skip
+        try:
+            config.load()
+        except OSError as error:  # ssl.SSLError, too
+            raise UsageError(f"the certificate or its key cannot be used: {error}") from error
+        listening = _listen_on(self.access.host, self.access.port)
+        # A tick that is due while a batch goes out to many viewers waits this long for the interpreter, not 5 ms.
+        sys.setswitchinterval(min(sys.getswitchinterval(), SWITCH))
+        self._server = _Server(config)
+        self._server.install_signal_handlers = lambda: None  # type: ignore[attr-defined]
+        started = threading.Event()
+
+        def serve() -> None:
+            assert self._server is not None
+            with contextlib.suppress(SystemExit):
+                self._server.run([listening])
+            started.set()
+
+        self._thread = threading.Thread(target=serve, name="pomona-dashboard", daemon=True)
+        self._thread.start()
+        while not self._server.started:
+            if started.wait(0.02):
+                raise UsageError(f"the dashboard cannot be served on {self.access.host}:{self.access.port}")
+
+    def close(self) -> None:
+        """Stop serving once the viewers have received everything. Harmless when it was not started."""
+        self.hub.close()
+        if self._server is not None and self._thread is not None:
+            patience = time.monotonic() + LAST_WORDS
+            while not self.hub.drained and time.monotonic() < patience:
+                time.sleep(0.02)
+            self._server.should_exit = True
+            self._server.force_exit = True
+            self._thread.join(5.0)
+
+    @contextlib.asynccontextmanager
+    async def _lifespan(self, _app: Starlette) -> AsyncIterator[None]:
+        self.hub.attach(asyncio.get_running_loop())
+        beating = asyncio.create_task(self._beat())
+        yield
+        beating.cancel()
+
+    async def _beat(self) -> None:
+        while True:
+            await asyncio.sleep(BEAT)
+            standing, silent = self._control.standing, self._control.silent
+            if self._is_here(standing.holder.viewer) != self._holder_here or standing.is_preparing:
+                self.announce()
+            if silent > SILENT or self._told_silent:
+                self._told_silent = silent > SILENT
+                self.hub.tell("Silent", seconds=round(silent, 1) if self._told_silent else 0.0)
+            if standing.signs is not None and self.hub.viewers and not self._told_silent:
+                self.hub.tell("Beat", **standing.signs)
+                for picture in await asyncio.to_thread(self.control.pictures):
+                    self.hub.tell("Picture", **picture)
+
+    # --------------------------------------------------------------------------------------------- reading
+
+    async def _page(self, _request: Request) -> Response:
+        return HTMLResponse((STATIC / "index.html").read_text(encoding="utf-8"))
+
+    async def _offer(self, _request: Request) -> Response:
+        return JSONResponse(await asyncio.to_thread(self._choices.describe))
+
+    async def _remedies(self, _request: Request) -> Response:
+        return JSONResponse({code: about.remedy for code, about in failure_codes().items()})
+
+    async def _runs(self, _request: Request) -> Response:
+        runs = await asyncio.to_thread(self._index.read)
+        return JSONResponse([run.as_json() for run in runs[:MOST_RUNS]])
+
+    async def _messages(self, request: Request) -> Response:
+        folder = self._folder(request)
+        if folder is None:
+            return JSONResponse({"error": "no such record"}, 404)
+
+        interval = _interval(request.query_params)
+        images = f"/api/runs/{quote(folder.name)}/images/"
+
+        def pieces() -> Iterator[bytes]:
+            try:
+                if interval is not None:
+                    part = moment if "standing" in request.query_params else between
+                    yield from part(folder, images, *interval)
+                elif "overview" in request.query_params:
+                    yield from overview(folder, images)
+                else:
+                    yield from record_messages(folder)
+            except (PomonaError, ValueError, KeyError) as error:
+                yield json.dumps({"v": 1, "event": "Unreadable", "message": str(error)}).encode() + b"\n"
+
+        return StreamingResponse(pieces(), media_type="application/x-ndjson")
+
+    async def _image(self, request: Request) -> Response:
+        folder = self._folder(request)
+        found = None if folder is None else await asyncio.to_thread(image, folder, request.path_params["at"])
+        if found is None:
+            return JSONResponse({"error": "no such image"}, 404)
+        return Response(found, media_type="image/jpeg", headers={"cache-control": "private, max-age=86400"})
+
+    async def _cloud(self, request: Request) -> Response:
+        folder = self._folder(request)
+        found = {} if folder is None else await asyncio.to_thread(cloud, folder, request.path_params["at"])
+        return JSONResponse(found, headers={"cache-control": "private, max-age=86400"})
+
+    async def _download(self, request: Request) -> Response:
+        folder = self._folder(request)
+        if folder is None:
+            return JSONResponse({"error": "no such record"}, 404)
+        return FileResponse(folder / EVENTS_FILE, filename=f"{folder.name}.mcap")
+
+    async def _picture(self, request: Request) -> Response:
+        folder = self._folder(request)
+        if folder is None or not is_plain(folder / "picture.png"):
+            return JSONResponse({"error": "no such picture"}, 404)
+        return FileResponse(folder / "picture.png")
+
+    async def _thumbnail(self, request: Request) -> Response:
+        folder = self._folder(request)
+        async with self._one_thumbnail:
+            found = None if folder is None else await asyncio.to_thread(thumbnail, folder)
+        if found is None:
+            return Response(status_code=204)
+        return Response(found, media_type="image/jpeg", headers={"cache-control": "private, max-age=600"})
+
+    async def _drawing(self, request: Request) -> Response:
+        folder = self._folder(request)
+        drawn = None if folder is None else await asyncio.to_thread(drawing, folder)
+        if drawn is None:
+            return JSONResponse({"error": "no tree that can be drawn"}, 404)
+        return Response(drawn, media_type="image/svg+xml")
+
+    def _folder(self, request: Request) -> Path | None:
+        """Return the record's folder, or None: only the exact name of a record counts, and no symbolic link."""
+        name = request.path_params["name"]
+        known = {path.parent.name: path for path in records_in(self.records)}
+        path = known.get(name)
+        return path.parent if path is not None and is_plain(path) and not path.parent.is_symlink() else None
+
+    async def _live(self, stream: WebSocket) -> None:
+        known = self.access.knows_reader(stream.query_params.get("token", ""))
+        if self.hub.viewers >= MOST_VIEWERS + (KNOWN_VIEWERS if known else 0):
+            await stream.close(4429)
+            return
+        await stream.accept()
+        try:
+            since = max(int(stream.query_params.get("since", "0")), 0)
+        except ValueError:
+            since = 0
+        viewer = self.hub.join(since, stream.query_params.get("stream", ""), wire_of(stream.scope.get("state", {})))
+        self.announce()
+        gone = asyncio.ensure_future(self._listen(stream, viewer))
+        try:
+            await _feed(stream, viewer, gone)
+        except (WebSocketDisconnect, RuntimeError):
+            pass
+        finally:
+            gone.cancel()
+            self.hub.leave(viewer)
+            self.announce()
+
+    async def _listen(self, stream: WebSocket, viewer: Viewer) -> None:
+        """Handle a page's messages on the live stream until it leaves: pings, its token, button presses."""
+        pressed: set[asyncio.Task[None]] = set()
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError):
+            while True:
+                received = await stream.receive()
+                if received["type"] == "websocket.disconnect":
+                    return
+                if received.get("text") is None:
+                    await stream.close(UNSUPPORTED, "send text")
+                    return
+                said = object_of(received["text"])
+                if isinstance(said.get("ping"), (int, float)):
+                    viewer.last_seen = now()
+                    held = self._control.standing.holder if viewer.page else None
+                    grant = held.grant if held is not None and held.viewer == viewer.page else None
+                    # it follows everything sent before; with `grant` the page knows of control whose answer was lost
+                    viewer.tell("Pong", ping=said["ping"], now=viewer.last_seen, grant=grant)
+                elif "token" in said:
+                    viewer.armed = self.access.acts_with(text(said, "token"))
+                    viewer.page = text(said, "viewer") if viewer.armed else ""
+                    viewer.last_seen = now()
+                    viewer.tell("Armed", armed=viewer.armed)
+                elif "press" in said and len(pressed) < MOST_PRESSES:
+                    task = asyncio.create_task(self._pressed(viewer, said))
+                    pressed.add(task)
+                    task.add_done_callback(pressed.discard)
+
+    async def _pressed(self, viewer: Viewer, said: dict[str, Any]) -> None:
+        press = text(said, "press")
+        if not viewer.armed:
+            viewer.tell("Pressed", press=press, error=WATCH_ONLY)
+            return
+        try:
+            viewer.tell("Pressed", press=press, **await self.presses.answer(said))
+        except PomonaError as refused:
+            viewer.tell("Pressed", press=press, error=str(refused))
+
+    # ---------------------------------------------------------------------------------------------- acting
+
+    async def _act(self, request: Request) -> Response:
+        body = await self._authorised_body(request)
+        if isinstance(body, Response):
+            return body
+        try:
+            return JSONResponse(await self.presses.answer(body))
+        except RefusedError as refused:
+            return JSONResponse({"error": str(refused)}, 409)
+
+    async def _start(self, request: Request) -> Response:
+        body = await self._authorised_body(request)
+        if isinstance(body, Response):
+            return body
+        if self._start_run is None:
+            return JSONResponse({"error": "this dashboard belongs to one run and starts no other"}, 409)
+        try:
+            return JSONResponse(await self.presses.once(body, self._begin))
+        except PomonaError as error:
+            return JSONResponse({"error": str(error)}, 409)
+
+    async def _judge(self, request: Request) -> Response:
+        body = await self._authorised_body(request)
+        if isinstance(body, Response):
+            return body
+        try:
+            return JSONResponse({"problems": await asyncio.to_thread(self._judge_form, body)})
+        except PomonaError as error:
+            return JSONResponse({"error": str(error)}, 409)
+
+    async def _begin(self, body: dict[str, Any]) -> dict[str, Any]:
+        refuse_late(body)
+        start_run = self._start_run
+        assert start_run is not None
+
+        def begin() -> str:
+            self._control.require(text(body, "viewer"))
+            return start_run(body)
+
+        return {"tree": await asyncio.to_thread(begin)}
+
+    async def _authorised_body(self, request: Request) -> dict[str, Any] | Response:
+        if not self.access.authorised(request.headers):
+            return JSONResponse({"error": WATCH_ONLY}, 403)
+        if request.headers.get("content-type", "").partition(";")[0].strip() != "application/json":
+            return JSONResponse({"error": "send application/json"}, 415)
+        body = b""
+        try:
+            async with asyncio.timeout(BODY_DEADLINE):
+                async for chunk in request.stream():
+                    body += chunk
+                    if len(body) > MOST_BODY:
+                        return JSONResponse({"error": "too long"}, 413)
+        except TimeoutError:
+            return JSONResponse({"error": "sent too slowly"}, 408)
+        return object_of(body) or JSONResponse({"error": "send a JSON object"}, 400)
+
+
+class _Server(uvicorn.Server):
+    """uvicorn's server, leaving no connection open: over TLS each waits for its peer's close, longer than the loop."""
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Shut down as uvicorn does, then abort the connections that are still open."""
+        connections = self.server_state.connections
+        ending = asyncio.ensure_future(super().shutdown(sockets))
+        while not ending.done():  # since Python 3.12 it waits until all connections have ended
+            await asyncio.wait({ending}, timeout=CLOSING)
+            hang_up(connections)
+        await ending
+        for _turn in range(MAX_CLOSING_TURNS):
+            hang_up(connections)
+            await asyncio.sleep(0)
+
+
+async def _feed(stream: WebSocket, viewer: Viewer, gone: asyncio.Future[None]) -> None:
+    """Send the waiting messages of a viewer, until it leaves or lags."""
+    while not gone.done():
+        upcoming = asyncio.ensure_future(viewer.next())
+        both: set[asyncio.Future[Any]] = {upcoming, gone}
+        await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
+        if not upcoming.done():
+            upcoming.cancel()
+            return
+        await stream.send_text(upcoming.result())
+        viewer.sent()
+        if viewer.lagged and not viewer.waiting:
+            await stream.close(4408)  # the page connects again and gets the whole state
+            return
+
+
+def _listen_on(host: str, port: int) -> socket.socket:
+    """Return a socket that listens. Raises UsageError: there is no such port or address, or another program has it."""
+    where = f"{host}:{port}"
+    if not 0 <= port <= 65535:
+        raise UsageError(f"--port {port}: a port is a number from 0 to 65535")
+    try:
+        family, *_rest, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
+        # The protocol must be named: asyncio switches Nagle's delay (40 ms) off only for sockets with the protocol TCP.
+        listening = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
+    except OSError as error:
+        raise UsageError(f"the dashboard cannot listen on {where}: {error.strerror or error}") from error
+    try:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind(address)
+        listening.listen(2048)
+        listening.set_inheritable(False)
+    except OSError as error:
+        listening.close()
+        why = _WHY_NOT.get(error.errno or 0, error.strerror or str(error))
+        raise UsageError(f"the dashboard cannot listen on {where}: {why}") from error
+    return listening
+
+
+_WHY_NOT = {
+    errno.EADDRINUSE: "the port is taken. Choose another with --port.",
+    errno.EADDRNOTAVAIL: "this machine has no such address. --host 0.0.0.0 listens on all that it has.",
+    errno.EACCES: "ports below 1024 are the system's. Choose another with --port.",
+}
+
+
+def _interval(query: Mapping[str, str]) -> tuple[float, float] | None:
+    """Return the interval of a record that is requested [s], or None for all of it."""
+    try:
+        return float(query["begin"]), float(query["end"])
+    except (KeyError, ValueError):
+        return None

@@ -1,0 +1,284 @@
+"""Records as a dataset of LeRobot, version 3: tables in Parquet, images as they were recorded, no video.
+
+A JPEG and a 16-bit PNG stand in the table as they stand in the record, so every pixel comes back as it was.
+docs/interop.md has every feature with its unit.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pomona.executive.errors import UsageError
+from pomona.executive.extras import need
+from pomona.executive.images import from_file
+from pomona.executive.recording.new_place import made_whole
+from pomona.tools.exchange.episode import Episode, read_episode
+
+EXTRA = "lerobot"
+VERSION = "v3.0"
+RATE = 10  # default step rate [1/s]
+MOST = 1000  # steps a second: no device of a record measures more often
+CHUNK = 1000  # files in a folder
+ROWS = 200  # of a group in a table: a look that many steps share is stored once in each group
+QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
+STATED_LOOKS, STATED_STEP = 10, 4  # images and pixels of them from which their statistics are made
+
+STATE, WRENCH, ACTION = "observation.state", "observation.wrench", "action"
+COLOUR, DEPTH = "observation.images.camera", "observation.depth.camera"
+SUCCESS, DONE = "next.success", "next.done"
+_DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+
+
+def export_lerobot(records: Sequence[Path], folder: Path, rate: int = RATE, task: str = "") -> Mapping[str, str]:
+    """Write records as a dataset, one episode each.
+
+    Args:
+        records: folders or files.
+        folder: of the dataset; there must be none yet.
+        rate: steps a second.
+        task: description of the task; by default the tree's name.
+
+    Returns:
+        a description of each feature.
+
+    Raises UsageError: the extra is missing, the rate is invalid, the folder exists or cannot be written, or a record
+    cannot be read or has other features than the first.
+    """
+    pyarrow = need("pyarrow", EXTRA, "a dataset of LeRobot")
+    need("pyarrow.parquet", EXTRA, "a dataset of LeRobot")
+    if not records:
+        raise UsageError("no record to write")
+    if not 0 < rate <= MOST:
+        raise UsageError(f"{rate} steps a second: it must be 1 to {MOST}")
+    with made_whole(folder) as place:
+        dataset = _Dataset(pyarrow, place, rate)
+        for record in records:
+            episode = read_episode(record, rate)
+            dataset.add(episode, task or episode.tree.replace("_", " "))
+        dataset.finish()
+    return dataset.told()
+
+
+class _Dataset:
+    """A dataset that is being written."""
+
+    def __init__(self, pyarrow: Any, folder: Path, rate: int) -> None:
+        self._pa, self._folder, self._rate = pyarrow, folder, rate
+        self._features: dict[str, dict[str, Any]] = {}
+        self._tasks: list[str] = []
+        self._episodes: list[dict[str, Any]] = []
+        self._stats: list[dict[str, dict[str, Any]]] = []
+        self._frames = 0
+
+    def add(self, episode: Episode, task: str) -> None:
+        features = _features(episode, self._rate)
+        if not self._features:
+            self._features = features
+        elif features != self._features:
+            other = [key for key in {**features, **self._features} if features.get(key) != self._features.get(key)]
+            raise UsageError(f"{episode.name} has other features than the first record: {', '.join(other)}")
+        if task not in self._tasks:
+            self._tasks.append(task)
+        number, count = len(self._episodes), len(episode.times)
+        columns = _columns(episode) | {
+            "timestamp": (np.arange(count) / self._rate).astype(np.float32),
+            "frame_index": np.arange(count),
+            "episode_index": np.full(count, number),
+            "index": self._frames + np.arange(count),
+            "task_index": np.full(count, self._tasks.index(task)),
+        }
+        chunk, file = divmod(number, CHUNK)
+        self._write_frames(_DATA.format(chunk_index=chunk, file_index=file), episode, columns)
+        stats = {key: _stats(values) for key, values in columns.items()} | dict(_image_stats(episode))
+        self._stats.append(stats)
+        self._episodes.append(
+            {
+                "episode_index": number,
+                "tasks": [task],
+                "length": count,
+                "data/chunk_index": chunk,
+                "data/file_index": file,
+                "dataset_from_index": self._frames,
+                "dataset_to_index": self._frames + count,
+                "meta/episodes/chunk_index": 0,
+                "meta/episodes/file_index": 0,
+                "record": episode.name,
+                "success": episode.succeeded,
+                **{f"stats/{key}/{name}": value for key, about in stats.items() for name, value in about.items()},
+            }
+        )
+        self._frames += count
+
+    def finish(self) -> None:
+        pa = self._pa
+        info = {
+            "codebase_version": VERSION,
+            "robot_type": "pomona",
+            "total_episodes": len(self._episodes),
+            "total_frames": self._frames,
+            "total_tasks": len(self._tasks),
+            "chunks_size": CHUNK,
+            "data_files_size_in_mb": 100,
+            "video_files_size_in_mb": 200,
+            "fps": self._rate,
+            "splits": {"train": f"0:{len(self._episodes)}"},
+            "data_path": _DATA,
+            "video_path": None,
+            "features": self._features,
+        }
+        meta = self._folder / "meta"
+        _write_json(meta / "info.json", info)
+        _write_json(meta / "stats.json", _merged(self._stats))
+        tasks = pa.table({"task_index": list(range(len(self._tasks))), "task": self._tasks})
+        self._write(meta / "tasks.parquet", tasks.replace_schema_metadata({"pandas": json.dumps(_INDEX_OF_TASKS)}))
+        self._write(meta / "episodes" / "chunk-000" / "file-000.parquet", pa.Table.from_pylist(self._episodes))
+
+    def told(self) -> Mapping[str, str]:
+        shown = {
+            key: f"{about['dtype']} {' × '.join(map(str, about['shape']))}" for key, about in self._features.items()
+        }
+        return {"episodes": f"{len(self._episodes)}, {self._frames} frames at {self._rate} Hz", **shown}
+
+    def _write_frames(self, name: str, episode: Episode, columns: Mapping[str, Any]) -> None:
+        pa = self._pa
+        path = self._folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        looks = {key: look for key, look in ((COLOUR, episode.colour), (DEPTH, episode.depth)) if look is not None}
+        writer = None
+        try:
+            for begin in range(0, len(episode.times), ROWS):
+                rows = slice(begin, begin + ROWS)
+                arrays = {key: _arrow(pa, values[rows]) for key, values in columns.items()}
+                for key, (at, files) in looks.items():
+                    coded = [{"bytes": files[k], "path": None} for k in at[rows]]
+                    arrays[key] = pa.array(coded, pa.struct({"bytes": pa.binary(), "path": pa.string()}))
+                table = pa.table({key: arrays[key] for key in self._features})
+                if writer is None:
+                    # bytes of the distinct images of a group that are stored once each
+                    writer = pa.parquet.ParquetWriter(path, table.schema, dictionary_pagesize_limit=(64 << 20))
+                writer.write_table(table)
+        finally:
+            if writer is not None:
+                writer.close()
+
+    def _write(self, path: Path, table: Any) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._pa.parquet.write_table(table, path)
+
+
+_INDEX_OF_TASKS = {
+    "index_columns": ["task"],
+    "column_indexes": [],
+    "columns": [
+        {
+            "name": "task_index",
+            "field_name": "task_index",
+            "pandas_type": "int64",
+            "numpy_type": "int64",
+            "metadata": None,
+        },
+        {"name": "task", "field_name": "task", "pandas_type": "unicode", "numpy_type": "object", "metadata": None},
+    ],
+    "pandas_version": "2.0.0",
+}
+"""LeRobot reads this table with pandas and looks tasks up by their words."""
+
+
+def _features(episode: Episode, rate: int) -> dict[str, dict[str, Any]]:
+    state = {"dtype": "float32", "shape": [len(episode.state_names)], "names": list(episode.state_names)}
+    found: dict[str, dict[str, Any]] = {STATE: state, ACTION: dict(state)}
+    if episode.wrench is not None:
+        names = list(episode.wrench_names)
+        found[WRENCH] = {"dtype": "float32", "shape": [len(names)], "names": names}
+    if episode.size is not None:
+        width, height = episode.size
+        sizes = ["height", "width", "channels"]
+        found[COLOUR] = {"dtype": "image", "shape": [height, width, 3], "names": sizes}
+        found[DEPTH] = {"dtype": "image", "shape": [height, width, 1], "names": sizes, "info": {"unit": "mm"}}
+    found |= {key: {"dtype": "bool", "shape": [1], "names": None} for key in (SUCCESS, DONE)}
+    found["timestamp"] = {"dtype": "float32", "shape": [1], "names": None}
+    for key in ("frame_index", "episode_index", "index", "task_index"):
+        found[key] = {"dtype": "int64", "shape": [1], "names": None}
+    return {key: about | {"fps": rate} for key, about in found.items()}
+
+
+def _columns(episode: Episode) -> dict[str, NDArray[Any]]:
+    last = np.arange(len(episode.times)) == len(episode.times) - 1
+    columns = {STATE: episode.state.astype(np.float32), ACTION: episode.action.astype(np.float32)}
+    if episode.wrench is not None:
+        columns[WRENCH] = episode.wrench.astype(np.float32)
+    return {**columns, SUCCESS: last & episode.succeeded, DONE: last}
+
+
+def _arrow(pa: Any, values: NDArray[Any]) -> Any:
+    if values.ndim == 1:
+        return pa.array(values)
+    return pa.FixedSizeListArray.from_arrays(pa.array(values.reshape(-1)), values.shape[1])
+
+
+# ------------------------------------------------------------------------------------------------ statistics
+
+
+def _stats(values: NDArray[Any]) -> dict[str, Any]:
+    """Of a column, over its rows."""
+    rows = np.asarray(values, np.float64).reshape(len(values), -1)
+    return _described(rows, len(rows), lambda row: row)
+
+
+def _image_stats(episode: Episode) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Of a few looks, by channel: colour from 0 to 1, depth in millimetres, shape (c, 1, 1)."""
+    for key, looks, unit in ((COLOUR, episode.colour, 255.0), (DEPTH, episode.depth, 1.0)):
+        if looks is None:
+            continue
+        seen = sorted(set(looks[0].tolist()))
+        pixels = []
+        for k in seen[:: -(-len(seen) // STATED_LOOKS)]:
+            try:
+                image = from_file(looks[1][k])
+            except ValueError as error:
+                raise UsageError(f"{episode.name}: {error}") from error
+            small = image[::STATED_STEP, ::STATED_STEP]
+            pixels.append((small if small.ndim == 3 else small[..., None]).reshape(-1, image.ndim * 2 - 3))
+        rows = np.concatenate(pixels).astype(np.float64) / unit
+        yield key, _described(rows, len(pixels), lambda row: row.reshape(-1, 1, 1))
+
+
+def _described(rows: NDArray[np.float64], count: int, shaped: Any) -> dict[str, Any]:
+    found = {"min": rows.min(0), "max": rows.max(0), "mean": rows.mean(0), "std": rows.std(0)}
+    found |= {name: np.quantile(rows, share, axis=0) for name, share in QUANTILES.items()}
+    return {name: shaped(row).tolist() for name, row in found.items()} | {"count": [count]}
+
+
+def _merged(stats: Sequence[Mapping[str, Mapping[str, Any]]]) -> dict[str, dict[str, Any]]:
+    """Of all episodes together; quantiles are averages, as LeRobot's own."""
+    merged = {}
+    for key in stats[0]:
+        of = [{name: np.asarray(value, float) for name, value in one[key].items()} for one in stats]
+        counts = np.array([one["count"][0] for one in of])
+        weights = counts / counts.sum()
+
+        def mean(name: str, of: Any = of, weights: Any = weights) -> Any:
+            return sum(weight * one[name] for weight, one in zip(weights, of, strict=True))
+
+        middle = mean("mean")
+        spread = sum(w * (one["std"] ** 2 + (one["mean"] - middle) ** 2) for w, one in zip(weights, of, strict=True))
+        found = {
+            "min": np.min([one["min"] for one in of], axis=0),
+            "max": np.max([one["max"] for one in of], axis=0),
+            "mean": middle,
+            "std": np.sqrt(spread),
+            **{name: mean(name) for name in QUANTILES},
+        }
+        merged[key] = {name: value.tolist() for name, value in found.items()} | {"count": [int(counts.sum())]}
+    return merged
+
+
+def _write_json(path: Path, content: Any) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(content, indent=4, ensure_ascii=False), encoding="utf-8")

@@ -1,0 +1,161 @@
+"""`pomona new`: a tree, a package, or a piece of one such as a skill or a node type: typed, tested, ready to run."""
+
+from __future__ import annotations
+
+import argparse
+import keyword
+import re
+import sys
+from collections.abc import Mapping
+from importlib.metadata import entry_points
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from pomona.executive.errors import UsageError
+from pomona.executive.language.declared_skills import declared_skills
+from pomona.executive.nodes.catalogue import NodeTypes
+from pomona.executive.values.installation import elsewhere
+from pomona.tools.kit.package import EMPTY_TREE, OWN_TREE, PACKAGE, TREE
+from pomona.tools.kit.piece import Piece
+
+GROUP = "pomona.new"
+KINDS_ELSEWHERE = ("cell", "driver", "fruit")  # kinds of the distribution `pomona` that the executive alone lacks
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+
+
+def add(subparsers: Any) -> None:
+    """Register the subcommand."""
+    kinds = sorted({point.name for point in entry_points(group=GROUP)} | {"package", "tree"})
+    parser = subparsers.add_parser("new", help="create a tree, a package, or a part of a package such as a skill")
+    parser.add_argument("kind", type=_kind, choices=kinds)
+    parser.add_argument("name", help="such as Weigh")
+    about = "folder; an existing package gets the new part, otherwise a package is created"
+    parser.add_argument("--into", type=Path, default=Path(), metavar="DIR", help=about)
+    parser.set_defaults(main=main)
+
+
+def _kind(word: str) -> str:
+    """Return a kind that this installation can begin, or any other word, which argparse refuses.
+
+    Raises UsageError: the distribution `pomona` begins it, and this is the executive alone.
+    """
+    if word in KINDS_ELSEWHERE and not entry_points(group=GROUP, name=word):
+        raise UsageError(f"pomona new {word}: {elsewhere('this kind')}")
+    return word
+
+
+def main(options: argparse.Namespace) -> int:
+    """Write the new files."""
+    words = _words(options.name)
+    if options.kind == "package":
+        written = begin(options.into / words["name"], words["name"])
+    elif options.kind == "tree":
+        written = _write(OWN_TREE if "MoveTo" in declared_skills() else EMPTY_TREE, words, options.into)
+    else:
+        _refuse_taken(options.kind, words)
+        (point,) = entry_points(group=GROUP, name=options.kind)
+        written = put(point.load(), words, options.into)
+    for path in written:
+        sys.stdout.write(f"{path}\n")
+    sys.stderr.write(f"next: {_next(written)}\n")
+    return 0
+
+
+def _refuse_taken(kind: str, words: Mapping[str, str]) -> None:
+    """Refuse a name that another package has: a tree that uses it would be refused.
+
+    Raises UsageError: the name is taken.
+    """
+    name = words["Name"] if kind == "skill" else words["name"]
+    taken: Mapping[str, object] = {}
+    if kind == "skill":
+        taken = declared_skills()
+    elif kind == "node":
+        taken = NodeTypes.installed()
+    found = taken.get(name)
+    if found is not None:
+        module = found.__module__ if isinstance(found, type) else type(found).__module__
+        raise UsageError(f"{kind} '{name}' is installed already, in {module}: take another name. Nothing was written.")
+
+
+def _next(written: list[Path]) -> str:
+    """Return the next step: the new names of an installed package are found after it is installed again."""
+    code = next((path for path in written if path.suffix == ".py"), None)
+    if code is not None:
+        project = next(folder for folder in code.parents if (folder / "pyproject.toml").is_file())
+        return f"pip install -e {project}, after which its new names are found; then pytest {project}"
+    return f"pomona check {next(path for path in written if path.suffix == '.yaml')}"
+
+
+def put(piece: Piece, words: Mapping[str, str], into: Path) -> list[Path]:
+    """Write a piece into a folder; code goes into the package that stands there, or into a new one.
+
+    Raises UsageError: a file is there already, or the package is none.
+    """
+    if piece.entry is None:
+        return _write(piece, words, into)
+    written = []
+    if not (into / "pyproject.toml").is_file():
+        into = into / words["name"]
+        written = begin(into, f"pomona_{words['name']}", example=False)
+    module = _module(into)
+    filled = {**words, "module": module}
+    written += _write(piece, filled, into)
+    _register(into / "pyproject.toml", *(Template(text).substitute(filled) for text in piece.entry))
+    return written
+
+
+def begin(folder: Path, module: str, *, example: bool = True) -> list[Path]:
+    """Begin a package; with an example skill and a tree that uses it. Raises UsageError: there is something already."""
+    words = {"name": module, "Name": _capitals(module), "module": module}
+    written = _write(PACKAGE, words, folder)
+    if example:
+        (point,) = entry_points(group=GROUP, name="skill")
+        skill = {"name": "hover", "Name": "Hover"}
+        written += put(point.load(), skill, folder) + _write(TREE, {**words, **skill}, folder)
+    return written
+
+
+def _write(piece: Piece, words: Mapping[str, str], into: Path) -> list[Path]:
+    texts = {
+        into / Template(path).substitute(words): Template(text).substitute(words).encode()
+        for path, text in piece.files.items()
+    }
+    texts |= {into / Template(path).substitute(words): make() for path, make in piece.data.items()}
+    taken = [str(path) for path in texts if path.exists()]
+    if taken:
+        raise UsageError(f"{', '.join(taken)} is there already. Nothing was written.")
+    for path, text in texts.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(text)
+    return list(texts)
+
+
+def _register(path: Path, group: str, name: str, target: str) -> None:
+    """Add an entry point to a pyproject.toml, as text: comments stay."""
+    text, head = path.read_text(encoding="utf-8"), f'[project.entry-points."{group}"]\n'
+    line = f'{name} = "{target}"\n'
+    text = text.replace(head, head + line, 1) if head in text else f"{text.rstrip()}\n\n{head}{line}"
+    path.write_text(text, encoding="utf-8")
+
+
+def _module(folder: Path) -> str:
+    """Return the package that a project holds: the folder with an `__init__.py` and a `py.typed`."""
+    found = sorted(path.parent.name for path in folder.glob("*/py.typed") if (path.parent / "__init__.py").is_file())
+    if len(found) != 1:
+        raise UsageError(f"{folder} holds no package with __init__.py and py.typed: `pomona new package` begins one")
+    return found[0]
+
+
+def _words(name: str) -> dict[str, str]:
+    if not _NAME.fullmatch(name):
+        raise UsageError(f"'{name}' is not a valid name: letters, digits and _, beginning with a letter")
+    small = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name).lower()
+    if keyword.iskeyword(small) or small in ("pomona", "tests"):
+        raise UsageError(f"'{small}' means something else already; take another name")
+    return {"name": small, "Name": _capitals(name)}
+
+
+def _capitals(name: str) -> str:
+    return "".join(part[:1].upper() + part[1:] for part in name.split("_"))

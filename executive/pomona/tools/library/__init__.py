@@ -1,0 +1,1 @@
+"""The library of recorded runs: list, compare, prune, repair, extract, repeat, evidence."""

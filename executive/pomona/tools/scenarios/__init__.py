@@ -1,0 +1,1 @@
+"""Scenario files: a tree with mocks, answers and expected events, run by `pomona test`."""

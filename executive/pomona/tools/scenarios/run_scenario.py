@@ -1,0 +1,219 @@
+"""Run a scenario's cases on a simulated clock, and report the nodes and ends that no case reached."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import chain, repeat
+from typing import Any, TypeVar
+
+from py_trees.common import Status
+
+from pomona.executive.clock import Clock, ManualClock
+from pomona.executive.errors import SkillError
+from pomona.executive.language.build import build
+from pomona.executive.language.built import BuiltTree, NodeInfo
+from pomona.executive.nodes.node_type import NodeType
+from pomona.executive.nodes.question import Question
+from pomona.executive.reasons import Reason, reason_of
+from pomona.executive.registry import Registry
+from pomona.executive.skill import Computation, Interrupted, Skill, Work
+from pomona.executive.values.findings import TreeFileError
+from pomona.tools.scenarios.scenario import Scenario, ScenarioCase
+
+T = TypeVar("T")
+PERIOD = 0.02
+MAX_TICKS = 200_000
+
+
+class DryContext:
+    """A `SkillContext` without a cell: mocks need nothing but a clock."""
+
+    def __init__(self) -> None:
+        self.clock: Clock = ManualClock()
+
+    def device(self, interface: type[T], skill: Skill) -> T:
+        raise SkillError("a mock", f"asks for a {interface.__name__}, and a dry run has no cell")
+
+    def seed(self, node: str) -> int:
+        return zlib.crc32(node.encode())
+
+    def compute(self, node: str, function: Callable[..., Any], *arguments: Any, isolated: bool) -> Computation:
+        raise SkillError(node, "computes something, and a dry run has mocks only")
+
+    def publish(self, node: str, topic: str, value: object) -> None:
+        pass
+
+    def elapsed(self) -> float:
+        return self.clock.now()
+
+    def acquire(self, skill: Skill) -> str | None:
+        return None
+
+    def release(self, skill: Skill) -> None:
+        """A mock moves nothing."""
+
+    def halt(self, skill: Skill, work: Work[Any]) -> None:
+        try:
+            work.throw(Interrupted())
+        except (Interrupted, StopIteration):
+            return
+        work.close()
+
+
+@dataclass(frozen=True, slots=True)
+class CaseResult:
+    """How one case went; `problems` is empty when all went as expected."""
+
+    case: ScenarioCase
+    status: str
+    reason: Reason | None
+    time: float
+    ticks: int
+    problems: tuple[str, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether everything went as expected."""
+        return not self.problems
+
+
+_ENDS: Mapping[str, frozenset[Status]] = {
+    "success": frozenset({Status.SUCCESS}),
+    "failure": frozenset({Status.FAILURE}),
+    "skipped": frozenset({Status.INVALID}),
+    "not skipped": frozenset({Status.SUCCESS, Status.FAILURE, Status.RUNNING}),
+}
+
+
+@dataclass(slots=True, eq=False)
+class Coverage:
+    """Which nodes were ticked, and how they ended."""
+
+    types: Mapping[str, NodeType]
+    nodes: dict[str, NodeInfo] = field(default_factory=dict)
+    seen: dict[str, set[Status]] = field(default_factory=dict)
+
+    def unreached(self) -> tuple[NodeInfo, ...]:
+        """Return nodes that no case has ticked."""
+        return tuple(info for path, info in self.nodes.items() if path not in self.seen)
+
+    def ends_never_seen(self) -> tuple[tuple[NodeInfo, str], ...]:
+        """Skills and conditions that ran and never ended in one of their ways."""
+        found: list[tuple[NodeInfo, str]] = []
+        for path, info in self.nodes.items():
+            if path in self.seen:
+                known = self.types[info.kind].ends if info.kind in self.types else ()
+                ends = ("success", "failure") if info.failures else known
+                found.extend((info, end) for end in ends if not _ENDS[end] & self.seen[path])
+        return tuple(found)
+
+    def share(self) -> float:
+        """Return the share of the nodes that were reached."""
+        return 1.0 if not self.nodes else len(self.seen) / len(self.nodes)
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioResult:
+    """How a scenario went."""
+
+    scenario: Scenario
+    cases: tuple[CaseResult, ...]
+    coverage: Coverage
+
+    @property
+    def passed(self) -> bool:
+        """Whether all cases passed."""
+        return all(result.passed for result in self.cases)
+
+
+def run_scenario(scenario: Scenario, skills: Registry) -> ScenarioResult:
+    """Run every case. Raises TreeFileError: the scenario or its tree has errors."""
+    errors = [finding for finding in scenario.findings if finding.severity == "error"]
+    if errors or scenario.document is None:
+        raise TreeFileError(errors)
+    coverage = Coverage(scenario.document.types)
+    results = []
+    for case in scenario.cases:
+        context = DryContext()
+        tree = build(scenario.document, skills, context=context, overrides=case.settings, mocks=case.mocks)
+        results.append(_run_case(case, tree, context.clock, coverage))
+    return ScenarioResult(scenario, tuple(results), coverage)
+
+
+def _run_case(case: ScenarioCase, tree: BuiltTree, clock: Clock, coverage: Coverage) -> CaseResult:
+    seen: dict[str, set[Status]] = {}
+    starts: dict[str, int] = {}
+    running: set[str] = set()
+    ticks = 0
+    asked = _attended(case, tree)
+    coverage.nodes.update({info.path: info for info in tree.nodes})
+    while clock.now() <= case.limit and ticks < MAX_TICKS:
+        ticks += 1
+        tree.board.tick = ticks
+        now_running: set[str] = set()
+        for node in tree.root.tick():
+            path = str(getattr(node, "path", node.name))
+            if path not in tree.behaviours:
+                continue
+            seen.setdefault(path, set()).add(node.status)
+            if path not in running:
+                starts[path] = starts.get(path, 0) + 1
+            if node.status is Status.RUNNING:
+                now_running.add(path)
+        running = now_running
+        if tree.root.status is not Status.RUNNING:
+            break
+        for question, answers in asked:
+            if question.open:
+                question.answer(question.starts, next(answers))
+        clock.advance(PERIOD)
+    status = tree.root.status
+    reason = reason_of(tree.root) if status is Status.FAILURE else None
+    if status is Status.RUNNING:
+        tree.root.stop(Status.INVALID)
+    for path, statuses in seen.items():
+        coverage.seen.setdefault(path, set()).update(statuses)
+    problems = tuple(_problems(case, status, reason, tree, starts))
+    return CaseResult(case, status.name.lower(), reason, clock.now(), ticks, problems)
+
+
+def _attended(case: ScenarioCase, tree: BuiltTree) -> list[tuple[Question, Iterator[str]]]:
+    """Return the questions with an answer, with the answers in their order; nodes of one name share them."""
+    found: list[tuple[Question, Iterator[str]]] = []
+    for name, answers in case.answers.items():
+        words = chain(answers, repeat(answers[-1]))
+        for question in tree.asked_by(name):
+            question.attended = True
+            found.append((question, words))
+    return found
+
+
+def _problems(
+    case: ScenarioCase, status: Status, reason: Reason | None, tree: BuiltTree, starts: Mapping[str, int]
+) -> list[str]:
+    found = []
+    ended = status.name.lower()
+    if ended != case.expect.status:
+        if status is Status.RUNNING:
+            ended = f"still running after {case.limit:g} s"
+        why = f": {reason.code} {reason.message}" if reason is not None else ""
+        found.append(f"expected {case.expect.status}, got {ended}{why}")
+    if case.expect.code and reason is not None and case.expect.code not in reason.codes():
+        found.append(f"expected the failure {case.expect.code}, got {reason.code}: {reason.message}")
+    if case.expect.node and reason is not None:
+        leaves = [leaf.node_path for leaf in reason.leaves()]
+        if not set(tree.find(case.expect.node)).intersection(leaves):
+            found.append(f"expected {case.expect.node} to fail, it was {', '.join(dict.fromkeys(leaves))}")
+    for name in case.visits:
+        if not starts.keys() & set(tree.find(name)):
+            found.append(f"'{name}' was never reached")
+    for name in case.never:
+        if starts.keys() & set(tree.find(name)):
+            found.append(f"'{name}' was reached")
+    for name, wanted in case.calls.items():
+        calls = sum(starts.get(path, 0) for path in tree.find(name))
+        if calls != wanted:
+            found.append(f"'{name}' started {calls} times, expected {wanted}")
+    return found

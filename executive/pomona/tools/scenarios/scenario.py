@@ -1,0 +1,230 @@
+"""Scenario files: a tree, mocks, answers, and the expected events.
+
+pomona: 1
+tree: pick_apple.yaml
+mocks: {Refine: {after: 200 ms}}                 # for every case
+cases:
+  - name: the second plan is tried when there is no path
+    set: {attempts: 2}
+    mocks: {Plan: [NO_PATH]}
+    answers: {Is it ripe: [no, yes]}             # of nodes that ask; the last one stays
+    expect: failure                              # or {status: failure, code: NO_PATH, node: Attempt/Plan}
+    visits: [Plan closer and longer]
+    never: [Lift]
+    calls: {Plan: 2}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from pomona.executive.files import read_text
+from pomona.executive.language.documents import with_declarations
+from pomona.executive.language.mocks import MockPlan, MockResult
+from pomona.executive.language.model import Document
+from pomona.executive.language.read import read_file
+from pomona.executive.ports import TIME
+from pomona.executive.registry import Registry
+from pomona.executive.values.findings import Finding, Findings, Source, few_hints
+from pomona.executive.values.kinds import AsWritten, Kind, ListOf, Measure, Schema, Text, Whole
+from pomona.executive.values.plain_text import is_file
+from pomona.executive.values.reading import Reader, Refused
+from pomona.executive.values.sections import Placed, Section, declared, value
+from pomona.executive.values.shape import shape_of
+from pomona.executive.values.shipped import installed_trees
+from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar, read_yaml
+from pomona.tools.scenarios.scenario_kinds import (
+    Answers,
+    ByNode,
+    End,
+    Expected,
+    MockedSkills,
+    NodeName,
+    OneOrSeveral,
+    ParameterValues,
+    ScenarioReader,
+    Tested,
+)
+
+Results = Mapping[str, tuple[MockResult, ...]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CaseSection:
+    """One run of the tree and its expected end."""
+
+    name: str = value(Text(), "", "purpose of the case; its number if omitted")
+    mocks: Results = value(MockedSkills(), {}, "how skills end; overrides the mocks of all cases")
+    set: Mapping[str, YamlScalar] = value(ParameterValues(), {}, "parameters of the tree")
+    answers: Mapping[str, tuple[str, ...]] = value(Answers(), {}, "by question; the others get no answer")
+    expect: Expected = value(End(), Expected(status="success"), "how the tree ends: success if omitted")
+    visits: tuple[str, ...] = value(OneOrSeveral(NodeName()), (), "nodes that are reached")
+    never: tuple[str, ...] = value(OneOrSeveral(NodeName()), (), "nodes that are not")
+    calls: Mapping[str, int] = value(ByNode(Whole(0)), {}, "how often nodes start")
+    limit: float = value(Measure(TIME, "0 s"), "600 s", "on the simulated clock, after which the case is given up")
+
+
+class PlacedCase(Kind[Placed[CaseSection]]):
+    """A case that knows where it stands."""
+
+    of = Section(CaseSection)
+    words = of.words
+
+    def read(self, node: YamlNode, reader: Reader) -> Placed[CaseSection]:
+        return self.of.read_placed(node, reader)
+
+    def schema(self, options: bool = False) -> Schema:
+        return self.of.schema()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScenarioSection:
+    """A tree's logic, tested without any cell."""
+
+    pomona: str = value(Text("1"), "1", "version of the language")
+    tree: YamlScalar = value(AsWritten(), help="a tree file beside this one, or the name of an installed one")
+    description: str = value(Text(), "", "description for readers")
+    mocks: Results = value(MockedSkills(), {}, "how skills end in every case; the others succeed at once")
+    set: Mapping[str, YamlScalar] = value(ParameterValues(), {}, "parameters of the tree in every case")
+    cases: tuple[Placed[CaseSection], ...] = value(ListOf(PlacedCase()), help="write 'cases:' and '- name: …'")
+
+
+SCENARIO = Section(ScenarioSection)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MocksSection:
+    """MockedSkills alone, for a dry run."""
+
+    pomona: str = value(Text("1"), "1", "version of the language")
+    mocks: Results = value(MockedSkills(), {}, "how skills end; a skill that is not named succeeds at once")
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioCase:
+    """One run of the tree and its expected end."""
+
+    name: str
+    line: int
+    mocks: MockPlan
+    settings: Mapping[str, str] = field(default_factory=dict)
+    answers: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    expect: Expected = field(default_factory=Expected)
+    visits: tuple[str, ...] = ()
+    never: tuple[str, ...] = ()
+    calls: Mapping[str, int] = field(default_factory=dict)
+    limit: float = 600.0
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """A scenario file: the tree's document, its cases, and its findings."""
+
+    path: str
+    document: Document | None
+    cases: tuple[ScenarioCase, ...]
+    findings: tuple[Finding, ...]
+
+
+def is_scenario(text: str) -> bool:
+    """Return True if a file's text looks like a scenario and not like a tree."""
+    lines = text.splitlines()
+    return any(line.startswith("cases:") for line in lines) and not any(line.startswith("root:") for line in lines)
+
+
+@few_hints()
+def read_scenario(text: str, path: str | Path, skills: Registry, *, tree_folders: Sequence[Path] = ()) -> Scenario:
+    """Read a scenario and the tree that it tests. Raises nothing: the findings hold the errors."""
+    findings = Findings()
+    document, cases = None, tuple[ScenarioCase, ...]()
+    root = _root(text, path, findings, "a scenario file")
+    if root is not None:
+        document = _tree(root, Path(path), tree_folders, findings)
+        tested = Tested.of(document, skills) if document is not None else None
+        try:
+            said = SCENARIO.read(root, ScenarioReader(findings, tree=tested))
+            cases = tuple(_case(said, placed, number) for number, placed in enumerate(said.cases, start=1))
+        except Refused:
+            pass
+    return Scenario(str(path), document, cases, tuple(findings.sorted()))
+
+
+@few_hints()
+def read_mocks(text: str, path: str | Path, document: Document, skills: Registry) -> tuple[MockPlan, list[Finding]]:
+    """Return the `mocks` of a file for a dry run of `document`: a mapping `mocks:`, or a scenario's common ones."""
+    findings = Findings()
+    root = _root(text, path, findings, "a file of mocks")
+    results: Results = {}
+    if root is not None:
+        others = tuple(entry.name for entry in declared(ScenarioSection)) if "cases" in root.entries else ()
+        if "mocks" not in root.entries and not others:
+            findings.error(root, "missing-key", "the file holds no mocks", "write 'mocks: {Skill: result}'")
+        try:
+            reader = ScenarioReader(findings, tree=Tested.of(document, skills))
+            results = Section(MocksSection, ignore=others).read(root, reader).mocks
+        except Refused:
+            pass
+    return MockPlan(results), findings.sorted()
+
+
+def _root(text: str, path: str | Path, findings: Findings, what: str) -> YamlMapping | None:
+    root = read_yaml(Source(str(path), text), findings, what)
+    if root is None or isinstance(root, YamlMapping):
+        return root
+    findings.error(root, "shape", f"{what} is a mapping ('key: value'), this is {shape_of(root)}")
+    return None
+
+
+def _tree(root: YamlMapping, path: Path, tree_folders: Sequence[Path], findings: Findings) -> Document | None:
+    written = root.get("tree")
+    if not isinstance(written, YamlScalar) or written.is_null:
+        return None
+    for base in (path.parent, *tree_folders):
+        if is_file(base / written.text):
+            return read_file(base / written.text, tree_folders=tree_folders)
+    findings.error(written, "file", f"there is no tree '{written.text}' beside the scenario")
+    return None
+
+
+def _case(said: ScenarioSection, placed: Placed[CaseSection], number: int) -> ScenarioCase:
+    own = placed.values
+    settings = {name: given.text for name, given in {**said.set, **own.set}.items()}
+    expect = replace(own.expect, status=own.expect.status or "failure")
+    plan = MockPlan({**said.mocks, **own.mocks})
+    return ScenarioCase(
+        own.name or f"case {number}",
+        placed.node.line,
+        plan,
+        settings,
+        own.answers,
+        expect,
+        own.visits,
+        own.never,
+        own.calls,
+        own.limit,
+    )
+
+
+class ScenarioKind:
+    """Scenario files, for `pomona check` and `pomona schema`."""
+
+    def recognises(self, keys: Collection[str]) -> bool:
+        """Return True if a file with these keys at its top is one."""
+        return "cases" in keys and "root" not in keys
+
+    def check(self, path: Path, findings: Findings) -> None:
+        """Everything that is wrong with a file."""
+
+        def read(skills: Registry) -> Scenario:
+            return read_scenario(read_text(path), path, skills, tree_folders=[installed_trees()])
+
+        findings.extend(with_declarations(read).findings)
+
+    def schema(self) -> Schema:
+        """Return the JSON Schema of scenario files."""
+        return {"title": "Pomona scenario file", **SCENARIO.schema()}
+
+
+SCENARIO_FILES = ScenarioKind()

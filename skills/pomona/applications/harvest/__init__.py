@@ -1,0 +1,1 @@
+"""The harvest: a simulated fruit wall, hanging fruit that is gripped and detached."""

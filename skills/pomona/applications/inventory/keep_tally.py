@@ -1,0 +1,46 @@
+"""The skill KeepTally."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pomona.applications.inventory.tally import DONE, TalliedFruit, Tally
+from pomona.executive.ports import Outputs, Port
+from pomona.executive.skill import Skill
+from pomona.executive.views import TableView
+from pomona.skills.perception.detection.detection import Detection
+from pomona.skills.perception.measured_fruit import MeasuredFruit
+
+COLUMNS = ("fruit", "seen at", "size", "tries", "outcome", "why")
+
+
+class Kept(Outputs):
+    """Outputs of KeepTally."""
+
+    tally: Tally
+
+
+class KeepTally(Skill):
+    """Note the outcome for a fruit, in one table for the whole run."""
+
+    def run(
+        self,
+        detection: Annotated[Detection, Port(help="detected fruit")],
+        measured: Annotated[
+            MeasuredFruit | None, Port(help="measurement of the same fruit; one of another look is ignored")
+        ] = None,
+        outcome: Annotated[str, Port(help=f"{DONE}, or another outcome")] = DONE,
+        why: Annotated[str, Port(help="the reason, for the operator")] = "",
+        so_far: Annotated[Tally | None, Port(help="the tally so far")] = None,
+    ) -> Kept:
+        if measured is None or measured.frame is not detection.frame:
+            p_base, size = (detection.T_base_camera @ detection.T_camera_object)[:3, 3], None
+        else:
+            p_base, size = measured.T_base_fruit[:3, 3], measured.dimensions
+        tally = (so_far or Tally()).with_entry(TalliedFruit(p_base, size, outcome, why), detection.found)
+        rows = tuple(
+            (str(number + 1), entry.place, entry.dimensions, str(entry.tries), entry.outcome, entry.why)
+            for number, entry in enumerate(tally.entries)
+        )
+        self.publish("tally", TableView(COLUMNS, rows, tally.sentence))
+        return Kept(tally)

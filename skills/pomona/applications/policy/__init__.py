@@ -1,0 +1,1 @@
+"""A learnt policy that streams set-points."""

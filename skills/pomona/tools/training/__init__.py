@@ -1,0 +1,1 @@
+"""Training of detectors: rendered and photographed pictures, networks, evaluation, published figures."""

@@ -1,0 +1,277 @@
+"""Reads a folder of labelled photographs: tables, YOLO's text files, COCO's JSON, MinneApple or KFuji.
+
+Everything is read and checked before anything is learnt: a mistake is named with its file and line.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import yaml
+
+from pomona.executive.values.plain_text import read_plain_text
+from pomona.skills.perception.detection.class_names import ClassUnknown, class_of
+from pomona.skills.perception.detection.errors import BadPhotographs
+from pomona.tools.training.labelled import PICTURES, Labelled, files
+from pomona.tools.training.photographs import Photograph, PhotoSet
+from pomona.tools.training.published import kfuji, kfuji_folder, minneapple, minneapple_folders
+
+SLACK = 3.0  # a box may end this far outside of its picture, as rounding leaves it, and is cut there [px]
+
+TRAIN, VAL, NEITHER = ("train", "training"), ("val", "valid", "validation"), ("test", "testing")
+
+
+def read_photographs(
+    folder: Path, fruit: str = "apple", progress: Callable[[int, int], None] | None = None
+) -> PhotoSet:
+    """Read all labelled photographs of a folder; `progress` is called with (pictures checked, in all).
+
+    Five layouts are known: `images.csv` (image, split, and tree or group) with `fruit.csv` (image, x, y, w, h in
+    pixels) and the pictures in `images/`; YOLO's `images/` with `labels/` of the same names and `data.yaml`; COCO's
+    `.json`; and the folders of MinneApple and KFuji RGB-DS as they are unpacked.
+
+    Raises BadPhotographs: naming the file, and the line where there is one.
+    """
+    if not folder.is_dir():
+        raise BadPhotographs(folder, "no such folder")
+    jsons = sorted(p for place in (folder, folder / "annotations") if place.is_dir() for p in place.glob("*.json"))
+    if (folder / "images.csv").is_file() or (folder / "fruit.csv").is_file():
+        labelled = _tables(folder)
+    elif jsons:
+        labelled = [item for path in jsons for item in _coco(path, folder, fruit)]
+    elif any(folder.glob("labels")) or any(folder.glob("*/labels")):
+        labelled = _yolo(folder, fruit)
+    elif (place := kfuji_folder(folder)) is not None:
+        labelled = kfuji(place)
+    elif minneapple_folders(folder):
+        labelled = minneapple(folder)
+    else:
+        known = "images.csv with fruit.csv, YOLO's labels/, a .json of COCO's, masks/ of MinneApple, or KFuji's folder"
+        raise BadPhotographs(folder, f"has no labels, expected {known}")
+    photographs = []
+    for number, item in enumerate(labelled):
+        photographs.append(_checked(item))
+        if progress is not None:
+            progress(number + 1, len(labelled))
+    return _split(folder, labelled, photographs)
+
+
+def read_empty(folder: Path) -> tuple[Photograph, ...]:
+    """Return all pictures of a folder, in which no fruit is.
+
+    Raises BadPhotographs: no such folder, none in it, or a file that is no picture.
+    """
+    paths = sorted(path for path in files(folder) if path.suffix.lower() in PICTURES)
+    if not paths:
+        raise BadPhotographs(folder, f"holds no pictures ({', '.join(PICTURES)})")
+    return tuple(_checked(Labelled(path, str(folder))) for path in paths)
+
+
+def _split(folder: Path, labelled: list[Labelled], photographs: list[Photograph]) -> PhotoSet:
+    sets: dict[str, list[Photograph]] = {"train": [], "val": []}
+    if any(item.split for item in labelled):
+        for item, photograph in zip(labelled, photographs, strict=True):
+            word = item.split.lower()
+            if word in TRAIN or word in VAL:
+                sets["train" if word in TRAIN else "val"].append(photograph)
+            elif word not in NEITHER:
+                raise BadPhotographs(
+                    folder, f"{item.path.name} is in the split '{item.split}', not in train, val or test"
+                )
+    else:
+        by_name = sorted(photographs, key=lambda photograph: (photograph.group, photograph.name))
+        # Without given splits, the last of this many parts by name is measured on: tiles of one place are neighbours
+        first = len(by_name) - len(by_name) // 8
+        while 0 < first < len(by_name) and by_name[first].group and by_name[first].group == by_name[first - 1].group:
+            first -= 1  # a group is measured on whole
+        sets = {"train": by_name[:first], "val": by_name[first:]} if first else {"train": by_name, "val": []}
+    shared = {p.group for p in sets["train"] if p.group} & {p.group for p in sets["val"] if p.group}
+    if shared:
+        raise BadPhotographs(folder, f"{sorted(shared)[0]} is in both train and val: expected groups in one of them")
+    if not any(len(photograph.boxes) for photograph in sets["train"]):
+        raise BadPhotographs(folder, "no photograph of its train split has a box")
+    return PhotoSet(tuple(sets["train"]), tuple(sets["val"]))
+
+
+def _checked(item: Labelled) -> Photograph:
+    """Return the photograph, once its file and every box have been looked at."""
+    path = item.path
+    if not path.is_file():
+        raise BadPhotographs(path, f"is labelled in {item.says}, but there is no such picture")
+    content = path.read_bytes()
+    picture = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR) if content else None
+    if picture is None:
+        raise BadPhotographs(path, "cannot be read as a picture: it is not one, or it is truncated")
+    height, width = picture.shape[:2]
+    if item.size is not None and item.size != (width, height):
+        raise BadPhotographs(path, f"is {width} × {height}, {item.says} says {item.size[0]} × {item.size[1]}")
+    boxes = np.array(item.boxes, np.float64).reshape(-1, 4)
+    if item.parts:
+        boxes *= (width, height, width, height)
+    low, high = boxes[:, :2], boxes[:, :2] + boxes[:, 2:]
+    limits = np.array([width, height], np.float64)
+    for k in range(len(boxes)):
+        if not np.isfinite(boxes[k]).all() or (boxes[k, 2:] <= 0.0).any():
+            raise BadPhotographs(item.says, f"{item.lines[k]}: a box without width or height")
+        if (low[k] < -SLACK).any() or (high[k] > limits + SLACK).any():
+            x, y, w, h = boxes[k]
+            raise BadPhotographs(
+                item.says,
+                f"{item.lines[k]}: the box at {x:.0f}, {y:.0f} of {w:.0f} × {h:.0f} px does not lie in the picture "
+                f"{path.name} of {width} × {height}",
+            )
+    low, high = np.clip(low, 0.0, limits), np.clip(high, 0.0, limits)
+    return Photograph(path, width, height, np.hstack([low, high - low]), np.array(item.crowd, np.bool_), item.group)
+
+
+def _tables(folder: Path) -> list[Labelled]:
+    says, fruit = folder / "images.csv", folder / "fruit.csv"
+    items: dict[str, Labelled] = {}
+    for line, row in _rows(says, ("image", "split")):
+        if row["image"] in items:
+            raise BadPhotographs(says, f"line {line}: {row['image']} is listed twice")
+        group = row.get("tree") or row.get("group") or ""
+        items[row["image"]] = Labelled(folder / "images" / row["image"], str(fruit), row["split"], group)
+    for line, row in _rows(fruit, ("image", "x", "y", "w", "h")):
+        item = items.get(row["image"])
+        if item is None:
+            raise BadPhotographs(fruit, f"line {line}: {row['image']} is not in images.csv")
+        try:
+            box = float(row["x"]), float(row["y"]), float(row["w"]), float(row["h"])
+        except ValueError:
+            raise BadPhotographs(fruit, f"line {line}: x, y, w and h must be numbers [px]") from None
+        item.add(box, f"line {line}")
+    return list(items.values())
+
+
+def _rows(path: Path, columns: tuple[str, ...]) -> Iterator[tuple[int, dict[str, str]]]:
+    if not path.is_file():
+        raise BadPhotographs(path, "no such file: images.csv lists the pictures and fruit.csv their boxes")
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            reader = csv.DictReader(file)
+            missing = [name for name in columns if name not in (reader.fieldnames or ())]
+            if missing:
+                raise BadPhotographs(path, f"has no column {', '.join(missing)}")
+            for row in reader:
+                if any(row[name] is None for name in columns):
+                    raise BadPhotographs(path, f"line {reader.line_num}: too few columns")
+                yield reader.line_num, row
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise BadPhotographs(path, f"is no table: {error}") from error
+
+
+def _yolo(folder: Path, fruit: str) -> list[Labelled]:
+    """`images/` beside `labels/`, either with the splits as folders in them or inside folders of the splits."""
+    wanted = _wanted(folder, fruit)
+    items, seen = [], set()
+    for labels in sorted([*folder.glob("labels"), *folder.glob("*/labels")]):
+        images = labels.parent / "images"
+        texts = {p.relative_to(labels).with_suffix("") for p in files(labels) if p.suffix == ".txt"}
+        pictures = {p.relative_to(images).with_suffix(""): p for p in files(images) if p.suffix.lower() in PICTURES}
+        _both(images, labels, set(pictures), texts)
+        for name in sorted(texts):
+            split = next((w.lower() for w in (*name.parts[:-1], labels.parent.name) if _is_split(w)), "")
+            text = (labels / name).with_name(f"{name.name}.txt")
+            item = Labelled(pictures[name], str(text), split, parts=True)
+            for line, (kind, box) in enumerate(_yolo_lines(text), start=1):
+                seen.add(kind)
+                if wanted is None or kind == wanted:
+                    item.add(box, f"line {line}")
+            items.append(item)
+    if wanted is None and len(seen) > 1:
+        raise BadPhotographs(
+            folder, f"its labels have {len(seen)} classes, and no data.yaml names the one that is {fruit}"
+        )
+    return items
+
+
+def _both(images: Path, labels: Path, pictures: set[Path], texts: set[Path]) -> None:
+    """Refuse pictures without labels, whose content is unknown, and labels without pictures."""
+    for some, where, text in (
+        (texts - pictures, labels, "has {n} without a picture in images/: {first}.txt"),
+        (pictures - texts, images, "has {n} without a file in labels/: {first} (an empty file: no fruit)"),
+    ):
+        if some:
+            raise BadPhotographs(where, text.format(n=len(some), first=min(some)))
+
+
+def _yolo_lines(path: Path) -> Iterator[tuple[int, tuple[float, float, float, float]]]:
+    """Yield class and box (in parts of the picture) of each line; outlines become their boxes."""
+    try:
+        lines = read_plain_text(path).split("\n")
+    except (OSError, ValueError) as error:
+        raise BadPhotographs(path, f"is no text: {error}") from None
+    for number, line in enumerate((line for line in lines if line.strip()), start=1):
+        try:
+            kind, *values = (float(word) for word in line.split())
+        except ValueError:
+            raise BadPhotographs(path, f"line {number}: expected numbers: class, x, y, w, h") from None
+        if len(values) == 4:
+            x, y, w, h = values
+            yield int(kind), (x - 0.5 * w, y - 0.5 * h, w, h)
+        elif len(values) >= 6 and len(values) % 2 == 0:
+            across, down = values[::2], values[1::2]
+            yield int(kind), (min(across), min(down), max(across) - min(across), max(down) - min(down))
+        else:
+            raise BadPhotographs(path, f"line {number}: expected class, x, y, w, h, not {len(values) + 1} numbers")
+
+
+def _wanted(folder: Path, fruit: str) -> int | None:
+    """Return the number of the fruit's class by `data.yaml` or `classes.txt`; None where there are no names."""
+    described = next((p for n in ("data.yaml", "data.yml", "classes.txt") if (p := folder / n).is_file()), None)
+    if described is None:
+        return None
+    try:
+        text = read_plain_text(described)
+        names = text.split("\n") if described.suffix == ".txt" else yaml.safe_load(text)["names"]
+        pairs = names.items() if isinstance(names, dict) else enumerate(names)
+        by_number = {int(number): str(name).strip() for number, name in pairs if str(name).strip()}
+    except (OSError, yaml.YAMLError, RecursionError, KeyError, TypeError, ValueError):
+        raise BadPhotographs(described, "does not name the classes: names: [apple]") from None
+    return _class_of(described, by_number, fruit)
+
+
+def _class_of(path: Path, names: dict[int, str], fruit: str) -> int:
+    try:
+        return class_of(names, fruit)
+    except ClassUnknown as error:
+        raise BadPhotographs(path, str(error)) from None
+
+
+def _coco(path: Path, folder: Path, fruit: str) -> list[Labelled]:
+    try:
+        # bytes of a COCO file; a hundred thousand pictures with their outlines have less
+        content: Any = json.loads(read_plain_text(path, (1 << 30)))
+        images, annotations, categories = (content[key] for key in ("images", "annotations", "categories"))
+        wanted = _class_of(path, {int(c["id"]): str(c["name"]) for c in categories}, fruit)
+        split = next((word for word in path.stem.replace("-", "_").split("_") if _is_split(word)), "")
+        items = {}
+        for image in images:
+            size = int(image["width"]), int(image["height"])
+            items[image["id"]] = Labelled(_picture(folder, path, str(image["file_name"])), str(path), split, size=size)
+        for number, annotation in enumerate(annotations):
+            if annotation["category_id"] != wanted:
+                continue
+            if annotation["image_id"] not in items:
+                raise BadPhotographs(path, f"annotation {number} is of a picture that is not in images")
+            x, y, w, h = (float(v) for v in annotation["bbox"])
+            items[annotation["image_id"]].add((x, y, w, h), f"annotation {number}", bool(annotation.get("iscrowd")))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise BadPhotographs(path, f"is no COCO file: {type(error).__name__} {error}") from error
+    return list(items.values())
+
+
+def _picture(folder: Path, described: Path, name: str) -> Path:
+    places = [root / name for root in (folder, folder / "images", described.parent, described.parent / "images")]
+    return next((place for place in places if place.is_file()), places[0])
+
+
+def _is_split(word: str) -> bool:
+    return word.lower() in (*TRAIN, *VAL, *NEITHER)

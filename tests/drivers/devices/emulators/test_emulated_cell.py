@@ -1,0 +1,92 @@
+"""The simulated cell behind emulated devices in wall time; slower than real time, for busy computers."""
+
+import json
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pomona.drivers.cell import load_cell
+from pomona.drivers.errors import CellFileError
+from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper
+
+CELL = Path(__file__).resolve().parents[4] / "trees" / "cells" / "emulated.yaml"
+PACE = "0.2"
+PATIENT = {
+    "fingers_silence": "300 ms", "gripper_silence": "300 ms", "arm_silence": "300 ms", "arm_status": "600 ms",
+    "arm_stall": "1 s", "camera_silence": "2 s",
+}  # fmt: skip
+"""A busy computer emulates with pauses, which real devices do not make."""
+
+
+def free_ports(folder: Path) -> dict[str, str]:
+    """Return free addresses."""
+    while True:
+        servers = [socket.create_server(("127.0.0.1", 0)) for _ in range(3)]
+        arm, gripper, camera = (server.getsockname()[1] for server in servers)
+        for server in servers:
+            server.close()
+        if arm + 1 not in (gripper, camera) and arm < 65000:
+            addresses = {"arm": arm, "gripper": gripper, "camera": camera}
+            wires = {name: f"127.0.0.1:{port}" for name, port in addresses.items()}
+            return wires | {"wires": str(folder), "time": "wall"} | PATIENT
+
+
+@pytest.mark.realtime
+def test_every_device_answers_through_its_own_wire(tmp_path: Path) -> None:
+    cell = load_cell(CELL, overrides=free_ports(tmp_path) | {"pace": PACE})
+    try:
+        assert set(cell.links().values()) == {"ok"}
+        arm, gripper, fingers, camera = (cell.device(kind) for kind in (Arm, Gripper, ForceSensor, Camera))
+        assert cell.workspace is not None
+        assert arm.state().q == pytest.approx(cell.workspace.poses["observe"], abs=2e-3)
+        assert gripper.limits.width_min == pytest.approx(0.035)
+        sample = fingers.latest()
+        assert sample is not None
+        assert np.abs(sample.wrenches[:, :3]).max() < 0.6
+        frame = camera.latest()
+        assert frame is not None
+        assert frame.q == pytest.approx(arm.state().q, abs=2e-3)
+        assert frame.colour.shape == (480, 640, 3)
+        motion = gripper.move(gripper.state().width - 0.01, 0.1)
+        end = cell.clock.now() + 3.0
+        while not motion.settled and cell.clock.now() < end:
+            cell.clock.advance(0.02)
+            cell.check()
+        assert motion.state.value == "done"
+        truth = cell.truth()
+        assert truth is not None
+        assert truth["lifted"] is False
+    finally:
+        cell.close()
+
+
+def test_options_that_the_emulated_world_cannot_have_are_refused_before_it_starts(tmp_path: Path) -> None:
+    with pytest.raises(CellFileError, match="cannot be used with these options") as caught:
+        load_cell(CELL, overrides=free_ports(tmp_path) | {"fruit": "apple_9"})
+    assert "apple_9" in caught.value.message
+    assert caught.value.line > 0
+
+
+@pytest.mark.realtime
+def test_the_whole_pick_goes_through_the_wires(tmp_path: Path) -> None:
+    settings = [f"--set={key}={value}" for key, value in (free_ports(tmp_path) | {"pace": PACE}).items()]
+    command = [
+        sys.executable,
+        "-m",
+        "pomona.executive.cli",
+        "run",
+        "pick_apple",
+        "--cell",
+        str(CELL),
+        "--json",
+        "--quiet",
+    ]
+    record = ["--record", str(tmp_path / "runs")]
+    result = subprocess.run([*command, *record, *settings], capture_output=True, text=True, timeout=600)
+    report = json.loads(result.stdout.splitlines()[-1])
+    assert (report["outcome"], report["reason"]) == ("success", None)
+    assert report["truth"]["lifted"] is True

@@ -1,0 +1,92 @@
+import argparse
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from pomona.drivers.cell import Cell, load_cell
+from pomona.executive.values.report_line import ReportLine
+from pomona.tools.calibration.command_doctor import add, find_cell
+from pomona.tools.calibration.doctor import examine
+
+
+@pytest.fixture
+def frames_cell(tmp_path: Path) -> Path:
+    cv2.imwrite(str(tmp_path / "a_color.png"), np.zeros((30, 40, 3), np.uint8))
+    cv2.imwrite(str(tmp_path / "a_depth_mm.png"), np.full((30, 40), 500, np.uint16))
+    path = tmp_path / "cell.yaml"
+    intrinsics = "{fx: 600 px, fy: 600 px, cx: 20 px, cy: 15 px, width: 40, height: 30}"
+    path.write_text(
+        "name: bench\nkind: real\nclock: manual\ndevices:\n"
+        f"  camera: {{driver: frames, folder: '{tmp_path}', intrinsics: {intrinsics}}}\n"
+        "  gripper: {driver: wsg, tcp: '127.0.0.1:9'}\n"
+    )
+    return path
+
+
+def by_name(checks: Iterable[ReportLine]) -> dict[str, ReportLine]:
+    return {check.name: check for check in checks}
+
+
+def test_one_unreachable_device_is_reported_with_its_place_and_the_others_are_still_looked_over(
+    frames_cell: Path,
+) -> None:
+    checks = by_name(examine(frames_cell))
+    assert checks["cell file"].ok
+    assert checks["camera"].ok
+    assert checks["camera intrinsics"].ok
+    assert "100 %" in checks["camera depth"].found
+    gripper = checks["gripper"]
+    assert not gripper.ok
+    assert f"{frames_cell}:6:31" in gripper.found
+    assert "switched on" in gripper.advice
+    assert "→" in str(gripper)
+
+
+def test_an_unusable_cell_file_is_one_line_with_its_place(tmp_path: Path) -> None:
+    path = tmp_path / "cell.yaml"
+    path.write_text("kind: real\ndevices:\n  gripper: {driver: wgs}\n")
+    check = by_name(examine(path))["gripper"]
+    assert not check.ok
+    assert "wgs" in check.found
+    missing = by_name(examine(tmp_path / "none.yaml"))["cell file"]
+    assert "cannot be read" in missing.found
+
+
+def test_installed_cells_are_found_by_name() -> None:
+    assert find_cell("frames").name == "frames.yaml"
+    assert find_cell("frames").is_file()
+    assert find_cell("elsewhere/x.yaml") == Path("elsewhere/x.yaml")
+
+
+def test_the_command_prints_a_line_for_each_check_and_a_sum(
+    frames_cell: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parser = argparse.ArgumentParser()
+    add(parser.add_subparsers())
+    options = parser.parse_args(["doctor", "--cell", str(frames_cell), "--record", str(frames_cell.parent)])
+    assert options.main(options) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert any(line.startswith("✓ numpy") for line in lines)
+    assert any(line.startswith("✓ camera") for line in lines)
+    assert lines[-1].startswith("1 of ")
+
+
+def test_lines_are_printed_as_they_come(frames_cell: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    printed: list[str] = []
+
+    def connect(*words: Any, **more: Any) -> Cell:
+        assert printed[0].startswith("✓ first"), "nothing was said before the cell was connected"
+        return load_cell(*words, **more)
+
+    first = ReportLine("first", True, "")
+    monkeypatch.setattr("pomona.tools.calibration.command_doctor.examine_machine", lambda _records: iter([first]))
+    monkeypatch.setattr("builtins.print", lambda *words, **_: printed.append(str(words[0])))
+    monkeypatch.setattr("pomona.tools.calibration.doctor.load_cell", connect)
+    parser = argparse.ArgumentParser()
+    add(parser.add_subparsers())
+    options = parser.parse_args(["doctor", "--cell", str(frames_cell)])
+    assert options.main(options) == 1

@@ -1,0 +1,278 @@
+"""Live views: the same messages as the record's, dropped rather than waited for, and never the end of a run."""
+
+from __future__ import annotations
+
+import json
+import logging
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from recorded_events import contents, everything, record, started
+
+from pomona.executive.cli import main
+from pomona.executive.errors import UsageError
+from pomona.executive.recording.schemas import Schema
+from pomona.executive.running.events import NodeChanged, Published
+from pomona.executive.values.installation import install_extra
+from pomona.executive.views import ImageView
+from pomona.tools.exchange import live as live_module
+from pomona.tools.exchange.live import MOST, Live, plain_content
+
+BEGAN = 10**18
+
+
+class Shown:
+    """A sink that keeps its input."""
+
+    def __init__(self) -> None:
+        self.messages: list[tuple[str, str, Any, int]] = []
+        self.pictures: list[tuple[str, ImageView, int]] = []
+        self.closed = False
+
+    def send(self, topic: str, schema: Schema, content: Mapping[str, Any], stamp: int) -> None:
+        self.messages.append((topic, schema.name, json.loads(json.dumps(plain_content(content))), stamp))
+
+    def show(self, topic: str, view: ImageView, stamp: int) -> None:
+        self.pictures.append((topic, view, stamp))
+
+    def rest(self) -> None:
+        pass
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def timeless(message: Any) -> Any:
+    """Without the messages' own times: a record's are the run's clock, live ones the world's."""
+    if isinstance(message, dict):
+        return {key: timeless(value) for key, value in message.items() if key != "timestamp"}
+    return [timeless(item) for item in message] if isinstance(message, (list, tuple)) else message
+
+
+def test_a_view_gets_the_events_of_the_record_in_their_order(tmp_path: Path) -> None:
+    shown = Shown()
+    live = Live([shown])
+    for event in everything():
+        live.on_event(event)
+    live.read(0.8, 12, {"arm": {"stamp_s": np.array([0.1, 0.2]), "q_1_rad": np.array([0.0, 0.5])}})
+    live.close()
+    kept = [(t, name, c) for t, name, _s, c in contents(record(tmp_path, everything()))]
+    recorded = [m for m in kept if not m[0].startswith(("/images", "/depth"))]
+    told = [(topic, name, content) for topic, name, content, _stamp in shown.messages]
+    for topic in {m[0] for m in recorded}:
+        live_ones = [timeless(m) for m in told if m[0] == topic]
+        assert live_ones == [timeless(m) for m in recorded if m[0] == topic], topic
+    assert shown.closed
+    assert [topic for topic, _view, _stamp in shown.pictures] == ["detection"]
+    assert shown.messages[0][3] == BEGAN
+    assert live.dropped == 0
+
+
+def test_a_viewer_that_hangs_costs_the_tick_nothing_and_its_gap_is_reported(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live_module, "CLOSING", 0.1)
+    hung = threading.Event()
+
+    class Hangs(Shown):
+        def send(self, *_arguments: Any) -> None:
+            hung.wait()  # who waited for it would wait for ever
+
+    live = Live([Hangs()])
+    live.on_event(started())
+    for k in range(3 * MOST):
+        live.on_event(NodeChanged(0.1, k, "a", "RUNNING", "", 1))
+    assert live.dropped >= 2 * MOST - 10
+    hung.set()
+    with caplog.at_level(logging.WARNING):
+        live.close()
+    assert "live views could not follow" in caplog.text
+
+
+def test_a_view_that_fails_is_left_alone_and_the_others_go_on(caplog: pytest.LogCaptureFixture) -> None:
+    class Fails(Shown):
+        def send(self, *_arguments: Any) -> None:
+            raise OSError("the viewer is gone")
+
+    shown = Shown()
+    live = Live([Fails(), shown])
+    for event in everything():
+        live.on_event(event)
+    live.close()
+    assert len(shown.messages) > 20
+    assert caplog.text.count("Fails shows no more: the viewer is gone") == 1
+
+
+class Evil:
+    """Raises at every access."""
+
+    def __repr__(self) -> str:
+        raise SystemExit("evil")
+
+    __str__ = __repr__
+
+
+def test_a_value_that_cannot_be_shown_is_replaced_by_its_reason_and_the_views_go_on(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    class Codes(Shown):
+        def show(self, topic: str, view: ImageView, stamp: int) -> None:
+            if view.image is None or not view.image.size:
+                raise ValueError("no pixels")
+            super().show(topic, view, stamp)
+
+    one, other = Codes(), Shown()
+    live = Live([one, other])
+    live.on_event(started())
+    live.on_event(Published(0.5, 7, "a/Look", "evil", Evil()))
+    live.on_event(Published(0.5, 7, "a/Look", "seen", ImageView(np.zeros((0, 0, 3), np.uint8))))
+    live.read(0.6, 8, {"arm": Evil()})  # type: ignore[dict-item]
+    live.on_event(NodeChanged(0.7, 9, "a/Look", "SUCCESS", "", 1))
+    live.close()
+    assert caplog.text == ""
+    both = [[m[2] for m in sink.messages if m[0] == "/events"] for sink in (one, other)]
+    assert [[m["event"] for m in told] for told in both] == [
+        ["RunStarted", "ErrorRaised", "ErrorRaised", "ErrorRaised", "NodeChanged"],
+        ["RunStarted", "ErrorRaised", "Published", "ErrorRaised", "NodeChanged"],
+    ]
+    assert [m["message"] for m in both[0] if m["event"] == "ErrorRaised"] == [
+        "'evil' of a/Look cannot be encoded: SystemExit: evil",
+        "'seen' of a/Look cannot be encoded: no pixels",
+        "measurements of the run cannot be encoded: 'Evil' object is not a mapping",
+    ]
+
+
+# ------------------------------------------------------------------------------------------------- Foxglove
+
+
+def test_foxglove_gets_schemas_and_messages_and_a_late_client_the_lasting_ones() -> None:
+    pytest.importorskip("foxglove", reason="the extra foxglove is not installed")
+    from websockets.sync.client import connect
+
+    from pomona.tools.exchange.foxglove_view import FoxgloveView
+
+    view = FoxgloveView(free_port())
+    live = Live([view])
+    try:
+        for event in everything()[:-1]:
+            live.on_event(event)
+        deadline = time.monotonic() + 60.0
+        while live._queue and time.monotonic() < deadline:
+            time.sleep(0.01)
+        with connect(view.link, subprotocols=["foxglove.sdk.v1"]) as client:  # after everything was said
+            channels: dict[str, Any] = {}
+            while "/scene/path" not in channels or "/images/detection" not in channels:
+                message = client.recv(timeout=60.0)
+                if isinstance(message, str) and json.loads(message)["op"] == "advertise":
+                    channels |= {channel["topic"]: channel for channel in json.loads(message)["channels"]}
+            scene = channels["/scene/path"]
+            assert (scene["schemaName"], scene["encoding"]) == ("foxglove.SceneUpdate", "json")
+            assert json.loads(scene["schema"])["title"] == "foxglove.SceneUpdate"
+            wanted = {"op": "subscribe", "subscriptions": [{"id": 7, "channelId": scene["id"]}]}
+            client.send(json.dumps(wanted))
+            while isinstance(message := client.recv(timeout=60.0), str):
+                pass
+            operation, subscription, stamp = struct.unpack_from("<BIQ", message)
+            assert (operation, subscription, stamp) == (1, 7, BEGAN + 400_000_000)
+            assert json.loads(message[13:])["entities"][0]["id"] == "path"
+    finally:
+        live.close()
+
+
+def test_a_taken_port_is_named_without_a_traceback() -> None:
+    pytest.importorskip("foxglove", reason="the extra foxglove is not installed")
+    from pomona.tools.exchange.foxglove_view import FoxgloveView
+
+    view = FoxgloveView(free_port())
+    with pytest.raises(UsageError, match="no live view at"):
+        FoxgloveView(int(view.link.rsplit(":", 1)[1]))
+    view.close()
+
+
+def free_port() -> int:
+    import socket
+
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return int(one.getsockname()[1])
+
+
+# ---------------------------------------------------------------------------------------------------- Rerun
+
+
+def test_a_mesh_of_any_size_stays_whole_for_a_viewer_that_takes_lists() -> None:
+    corners = np.arange(3 * 2000)
+    assert plain_content({"triangles": [{"indices": corners}]})["triangles"][0]["indices"] == corners.tolist()
+
+
+def test_rerun_s_file_holds_the_run_and_is_never_overwritten(tmp_path: Path) -> None:
+    pytest.importorskip("rerun", reason="the extra rerun (170 MB) is not installed")
+    from pomona.tools.exchange.rerun_view import RerunView
+
+    path = tmp_path / "run.rrd"
+    live = Live([RerunView(str(path))])
+    for event in everything():
+        live.on_event(event)
+    live.read(0.8, 12, {"arm": {"stamp_s": np.array([0.1, 0.2]), "q_1_rad": np.array([0.0, 0.5])}})
+    live.close()
+    say = [sys.executable, "-m", "rerun", "rrd", "print", str(path)]  # Rerun's own reader
+    found = subprocess.run(say, capture_output=True, text=True, check=True).stdout
+    for entity in ("/images/detection", "/depth/detection", "/frames/robot/0", "/scene/path/path/lines", "/log",
+                   "/points/path/left_to_try", "/series/grip/slip_speed_m_per_s", "/devices/arm/q_1_rad"):  # fmt: skip
+        assert entity in found, entity
+    before = path.read_bytes()
+    with pytest.raises(UsageError, match="exists, and nothing"):
+        RerunView(str(path))
+    assert path.read_bytes() == before
+    with pytest.raises(UsageError, match="on this machine only"):
+        RerunView("rerun+http://10.0.0.1:9876/proxy")
+    with pytest.raises(UsageError, match=r"must end with \.rrd"):
+        RerunView(str(tmp_path / "run.txt"))
+
+
+# ------------------------------------------------------------------------------------------------- commands
+
+EXTRAS = ("rosbags", "zenoh", "foxglove", "rerun", "pyarrow", "pomona.tools.exchange", "pomona.tools.ros2")
+
+
+def test_a_run_that_does_not_ask_imports_nothing_of_it(tmp_path: Path) -> None:
+    (tmp_path / "tree.yaml").write_text("pomona: 1\ntree: rest\nroot:\n  wait: 100 ms\n")
+    program = (
+        "import sys; from pomona.executive.cli import main; status = main(['run', 'tree.yaml', '--dry', '--quiet']);"
+        "import pomona.drivers.cell, pomona.tools.library.command_runs;"
+        f"found = [n for n in sys.modules if n.startswith({EXTRAS!r})]; print(found); sys.exit(status)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.strip()) == (0, "[]"), done.stderr
+
+
+def test_a_run_shows_itself_where_it_is_asked_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = Shown()
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tree.yaml").write_text("pomona: 1\ntree: rest\nroot:\n  wait: 100 ms\n")
+    from pomona.tools.exchange import rerun_view
+
+    monkeypatch.setattr(rerun_view, "RerunView", lambda _target: shown)
+    assert main(["run", "tree.yaml", "--dry", "--quiet", "--rerun", "x.rrd"]) == 0
+    names = [content["event"] for topic, _schema, content, _stamp in shown.messages if topic == "/events"]
+    assert (names[0], names[-1], shown.closed) == ("RunStarted", "RunEnded", True)
+
+
+def test_without_the_extra_a_live_view_names_the_command_to_install_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "foxglove", None)
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    (tmp_path / "tree.yaml").write_text("pomona: 1\ntree: rest\nroot:\n  wait: 100 ms\n")
+    for flag, extra in (("--foxglove", "foxglove"), ("--rerun", "rerun")):
+        assert main(["run", "tree.yaml", "--dry", "--quiet", flag]) == 2
+        assert install_extra(extra) in capsys.readouterr().err

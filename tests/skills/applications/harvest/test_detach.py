@@ -1,0 +1,347 @@
+"""The skill Detach on mock devices: success, every failure code, interruption, and the watchdog of its set-points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from py_trees.common import Status
+
+from pomona.applications.harvest.detach import Detach, held_fruit, neighbours_of
+from pomona.applications.harvest.detaching import DetachSettings, roll_clearance
+from pomona.applications.harvest.hanging import free_roll
+from pomona.drivers.errors import DeviceFault
+from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, StreamedArm, Workspace
+from pomona.drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
+from pomona.drivers.mock.arm import ROBOT
+from pomona.drivers.mock.clock import PERIOD
+from pomona.executive.skill_testing import SkillEnd, drive
+from pomona.skills.geometry import transform
+from pomona.skills.motion.grasp import Grasp
+from pomona.skills.motion.occupancy import OccupancyMap
+from pomona.skills.motion.robot import RobotModel, inverse_kinematics, nearest_solution
+from pomona.skills.perception.detection.detection import AllDetections, Detection
+from tests.skills.applications.harvest.hanging_stem import DIAMETER, STRONG, WEAK, Stem
+from tests.skills.picking_scene import apple_at
+
+WORKSPACE = Workspace(table_z=None, lower=np.array([-0.8, -1.1, -0.4]), upper=np.array([0.8, 0.3, 1.1]))
+
+ROBOT_MODEL = RobotModel.load(ROBOT)
+DOWN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+HEIGHT = 0.068
+
+
+def middle_posture(T: np.ndarray) -> np.ndarray:
+    """Joints from which the hand rolls furthest both ways."""
+    postures = inverse_kinematics(ROBOT_MODEL, T, arm_angles=16)
+    return max(postures, key=lambda q: min(roll_of(q, T, way) for way in (1.0, -1.0)))
+
+
+def roll_of(q: np.ndarray, T: np.ndarray, way: float) -> float:
+    return free_roll(ROBOT_MODEL, q, T[:3, 3] + [0.0, 0.0, 0.055], way, 2.4)
+
+
+class Rig:
+    """An arm, a gripper and fingers around a fruit on its stem."""
+
+    def __init__(self, strength: np.ndarray = WEAK, bending: float = 0.08) -> None:
+        self.stem = Stem(strength, bending=bending)
+        self.clock = MockClock()
+        self.arm = MockArm(self.clock, middle_posture(self.stem.T))
+        self.gripper = MockGripper(self.clock, width=DIAMETER + 0.02)
+        self.fingers = MockForceSensor(self.clock)
+        self.fingers.feel = lambda _now: self.stem.wrenches()
+        self.clock.each_step.append(self._step)
+        base = apple_at(1, 1)
+        fruit = replace(
+            base,
+            T_base_fruit=transform(DOWN, self.stem.T[:3, 3]),
+            dimensions=np.array([DIAMETER, HEIGHT, DIAMETER]),
+        )
+        T = self.stem.T.copy()
+        self.grasp = Grasp(0, 0.0, 0.0, T, T, DIAMETER + 0.02, self.arm.q[None], 0.01, 0.0, fruit)
+
+    def _step(self) -> None:
+        stem = self.stem
+        stem.time += PERIOD
+        stem.T = ROBOT_MODEL.tcp(self.arm.q)
+        turned = stem.R0.T @ stem.T[:3, :3]
+        stem.roll = float(np.arctan2(turned[1, 0], turned[0, 0]))
+        stem.width = self.gripper.width
+        stem.load()
+
+    def drive(self, **how: Any) -> SkillEnd:
+        inputs = {"grasp": self.grasp, **how.pop("inputs", {})}
+        devices: dict[type, object] = {
+            Arm: self.arm, StreamedArm: self.arm, Gripper: self.gripper, ForceSensor: self.fingers,
+            Workspace: WORKSPACE,
+        }  # fmt: skip
+        return drive(Detach(), inputs, devices, clock=self.clock, **how)
+
+
+def when(rig: Rig, phase: str, act: Callable[[], None], skill: Detach) -> Callable[[int], None]:
+    """Act in the first tick in which the skill's feedback names a phase."""
+    done: list[int] = []
+
+    def tick(number: int) -> None:
+        if phase in skill.feedback_message and not done:
+            done.append(number)
+            act()
+
+    return tick
+
+
+def drive_until(rig: Rig, phase: str, act: Callable[[], None], **how: Any) -> SkillEnd:
+    """Drive a skill and act once when a phase begins."""
+    skill = Detach()
+    devices: dict[type, object] = {
+        Arm: rig.arm, StreamedArm: rig.arm, Gripper: rig.gripper, ForceSensor: rig.fingers,
+        Workspace: WORKSPACE,
+    }  # fmt: skip
+    return drive(skill, {"grasp": rig.grasp}, devices, clock=rig.clock, each_tick=when(rig, phase, act, skill), **how)
+
+
+def code(end: SkillEnd) -> str:
+    assert end.reason is not None
+    return end.reason.code
+
+
+def test_a_fruit_is_rolled_off_and_held_with_the_hand_at_rest() -> None:
+    rig = Rig()
+    began = rig.stem.T[:3, 3].copy()
+    end = rig.drive()
+    assert end.status is Status.SUCCESS, end.reason
+    assert rig.stem.broken is not None
+    assert rig.arm.settled()
+    assert rig.gripper.width < DIAMETER
+    assert rig.stem.wrenches()[:, 2].max() < -1.0
+    assert (rig.stem.T[:3, 3] - began)[1] > 0.08
+    assert end.outputs["stem_force"] < 8.0
+    assert 0.8 < end.outputs["rolled"] < 2.4
+
+
+def test_a_stem_that_holds_is_let_back_and_the_fruit_is_released() -> None:
+    rig = Rig(STRONG, bending=0.01)
+    end = rig.drive()
+    assert code(end) == "NOTHING_BROKE"
+    assert rig.gripper.width > DIAMETER + 0.005
+    moved = rig.stem.T[:3, 3] - rig.grasp.T_base_grasp[:3, 3]
+    assert moved == pytest.approx([0.0, 0.10, 0.0], abs=0.03)  # back from where the branch rests
+
+
+def test_pads_that_meet_nothing_open_again() -> None:
+    rig = Rig()
+    rig.stem.gone = True
+    end = rig.drive()
+    assert code(end) == "NOT_GRIPPED"
+
+
+def test_fingers_that_wood_holds_open_no_further_and_are_relaxed() -> None:
+    rig = Rig()
+    rig.stem.gone = True
+    stored: list[float] = []
+
+    def wood() -> None:
+        beyond = rig.gripper.width - 0.062 + (stored[-1] if stored else 0.0)
+        stored.append(max(beyond, 0.0))
+        rig.gripper.motor_force = -1e4 * stored[-1]
+        rig.gripper.width = min(rig.gripper.width, 0.062)
+
+    end = drive_until(rig, "opening", lambda: rig.clock.each_step.append(wood))
+    assert code(end) == "NOT_GRIPPED"
+    assert 1e-3 < max(stored) < 2.0 * DetachSettings().stuck
+    assert stored[-1] < 2e-3
+
+
+@pytest.mark.parametrize(("phase", "expected"), [("rolling", "SLIPPED"), ("moving back", "LOST")])
+def test_a_fruit_that_leaves_the_pads_has_slipped_or_is_lost(phase: str, expected: str) -> None:
+    rig = Rig()
+    end = drive_until(rig, phase, lambda: setattr(rig.stem, "gone", True))
+    assert code(end) == expected
+    assert rig.arm.settled()
+
+
+def test_a_pad_that_meets_wood_is_a_jam() -> None:
+    rig = Rig()
+
+    def jam() -> None:
+        rig.fingers.feel = lambda _now: np.array([[0, 0, -9.0, 0, 0, 0], [0.0, 0, -1.0, 0, 0, 0]])
+        rig.fingers.saturated = (True, False)
+
+    assert code(drive_until(rig, "rolling", jam)) == "JAMMED"
+
+
+def wood_pushes(rig: Rig, side: float) -> Callable[[], None]:
+    """Return an action after which wood moves the fingers by 8 mm, at 20 mm/s, unless they go faster."""
+
+    def push() -> None:
+        start, began = rig.gripper.width, rig.clock.now()
+
+        def wood() -> None:
+            reached = start + side * min(0.02 * (rig.clock.now() - began), 0.008)
+            rig.gripper.width = max(rig.gripper.width, reached) if side > 0.0 else min(rig.gripper.width, reached)
+
+        rig.clock.each_step.append(wood)
+
+    rig.clock.each_step.append(lambda: rig.gripper.check())
+    return push
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_fingers_that_wood_pushes_give_way_until_the_hand_has_turned_back(side: float) -> None:
+    rig = Rig(STRONG, bending=0.01)
+    rig.gripper.motor_force = side * 10.0
+    assert code(drive_until(rig, "rolling", wood_pushes(rig, side))) in ("JAMMED", "SLIPPED")
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_fingers_that_move_by_themselves_are_left_to_the_supervisor(side: float) -> None:
+    rig = Rig(STRONG, bending=0.01)
+    rig.gripper.motor_force = -side * 10.0
+    with pytest.raises(DeviceFault, match="without a command"):
+        drive_until(rig, "rolling", wood_pushes(rig, side))
+
+
+def test_a_detached_fruit_is_not_given_up_to_a_push() -> None:
+    rig = Rig()
+    rig.gripper.motor_force = -10.0
+    with pytest.raises(DeviceFault, match="closes without a command"):
+        drive_until(rig, "moving back", wood_pushes(rig, -1.0))
+
+
+def test_fingers_that_fall_silent_end_it_with_the_grip_kept() -> None:
+    rig = Rig()
+    end = drive_until(rig, "rolling", lambda: rig.fingers.lose(5.0))
+    assert code(end) == "SENSOR_STALE"
+    assert rig.arm.settled()
+    assert rig.gripper.width < DIAMETER
+    assert not rig.gripper.moves
+
+
+def test_a_stopped_arm_and_one_that_fails_end_it_with_the_grip_kept() -> None:
+    rig = Rig()
+    end = drive_until(rig, "rolling", lambda: rig.arm._motion.stop())
+    assert code(end) == "STOPPED"
+    assert rig.gripper.width < DIAMETER
+    rig = Rig()
+    end = drive_until(rig, "rolling", lambda: rig.arm._motion.fail("joint 3 does not follow"))
+    assert code(end) == "MOTION_FAILED"
+    assert "joint 3" in end.reason.message
+
+
+def test_an_arm_that_refuses_to_stream_moves_nothing() -> None:
+    rig = Rig()
+    rig.arm.safe_stop("a test")
+    end = rig.drive()
+    assert code(end) == "REFUSED"
+    assert rig.gripper.width == pytest.approx(DIAMETER + 0.02)
+
+
+def test_a_posture_from_which_the_hand_cannot_roll_is_refused_before_anything_moves() -> None:
+    rig = Rig()
+    postures = inverse_kinematics(ROBOT_MODEL, rig.stem.T, arm_angles=36)
+    reaches = [max(roll_of(q, rig.stem.T, way) for way in (1.0, -1.0)) for q in postures]
+    tight = float(np.radians(61.0))
+    if min(reaches) >= tight:
+        pytest.skip("every posture of this arm rolls far enough")
+    rig.arm.q = postures[int(np.argmin(reaches))]
+    end = rig.drive()
+    assert code(end) == "OUT_OF_REACH"
+    assert not rig.gripper.speeds
+
+
+def test_at_the_edge_of_the_reach_the_hand_waits_and_the_other_roll_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig, rolls = Rig(STRONG, bending=0.01), []
+
+    def solve(robot: RobotModel, T: np.ndarray, q: np.ndarray) -> np.ndarray | None:
+        turned = rig.stem.R0.T @ T[:3, :3]
+        rolls.append(float(np.arctan2(turned[1, 0], turned[0, 0])))
+        return None if abs(rolls[-1]) > 0.9 else nearest_solution(robot, T, q)
+
+    monkeypatch.setattr("pomona.applications.harvest.detach.nearest_solution", solve)
+    assert code(rig.drive()) == "NOTHING_BROKE"
+    assert min(rolls) < -0.8
+    assert max(rolls) > 0.8
+
+
+def test_a_map_that_is_too_old_is_not_used() -> None:
+    rig = Rig()
+    end = rig.drive(inputs={"map": OccupancyMap.empty(WORKSPACE.lower, WORKSPACE.upper, 0.02)})
+    assert code(end) == "MAP_STALE"
+    assert not rig.gripper.speeds
+
+
+def others_at(rig: Rig, *places: np.ndarray) -> AllDetections:
+    frame, fruit = rig.grasp.fruit.frame, rig.grasp.fruit.fruit
+    seen = tuple(
+        Detection(fruit, frame, np.eye(4), transform(DOWN, p), np.zeros((9, 2)), 0.9, np.eye(6), k, len(places), 1.0)
+        for k, p in enumerate(places)
+    )
+    return AllDetections(seen, frame, np.eye(4))
+
+
+def test_a_neighbour_in_the_way_of_both_rolls_is_not_risked() -> None:
+    rig = Rig()
+    T = rig.stem.T
+    both = others_at(rig, *(T[:3, 3] + 0.06 * side * T[:3, 1] for side in (1.0, -1.0)))
+    end = rig.drive(inputs={"others": both})
+    assert code(end) == "NEIGHBOUR_AT_RISK"
+    assert not rig.gripper.speeds
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_hand_rolls_away_from_a_neighbour_first(side: float) -> None:
+    """The left finger rises when the hand rolls one way, the right one when it rolls the other way."""
+    rig = Rig()
+    T, knuckle = rig.stem.T, held_fruit(rig.grasp.fruit).p_base_knuckle
+    place = knuckle + 0.085 * side * T[:3, 1]
+    near = np.array([[*place, 0.038]])
+    clear = {way: roll_clearance(T, way * 2.0, DIAMETER + 0.02, knuckle, near) for way in (1.0, -1.0)}
+    end = rig.drive(inputs={"others": others_at(rig, place)})
+    assert end.status is Status.SUCCESS, end.reason
+    moved = rig.stem.R0.T @ rig.stem.T[:3, :3]
+    assert abs(clear[1.0] - clear[-1.0]) > 0.005
+    assert np.sign(np.arctan2(moved[1, 0], moved[0, 0])) == max(clear, key=lambda way: clear[way])
+
+
+def test_interrupted_the_arm_decelerates_and_the_grip_is_kept() -> None:
+    rig = Rig(STRONG, bending=0.01)
+    places: list[np.ndarray] = []
+    rig.clock.each_step.append(lambda: places.append(rig.arm.q.copy()))
+    end = rig.drive(interrupt_after=90)
+    assert end.status is Status.INVALID
+    assert rig.arm.settled()
+    assert rig.gripper.width < DIAMETER
+    assert rig.gripper.speeds[-1][1] == 0.0
+    assert not rig.gripper.moves
+    acceleration = np.abs(np.diff(np.array(places), 2, axis=0)).max(axis=0) / PERIOD**2
+    assert (acceleration <= 1.01 * rig.arm.limits.acceleration + 1e-6).all()
+
+
+def test_without_set_points_the_arm_comes_to_rest_by_its_watchdog() -> None:
+    rig = Rig()
+    end = drive_until(rig, "rolling", lambda: setattr(rig.arm._motion, "aim", lambda q: None))
+    assert code(end) == "MOTION_FAILED"
+    assert "no new set-point came for 150 ms" in end.reason.message
+    assert rig.arm.settled()
+    assert rig.gripper.width < DIAMETER
+
+
+def test_the_knuckle_is_above_the_fruit_along_its_stem() -> None:
+    fruit = Rig().grasp.fruit
+    held = held_fruit(fruit)
+    assert held.p_base_knuckle - fruit.T_base_fruit[:3, 3] == pytest.approx([0.0, 0.0, 0.025 + 0.44 * HEIGHT])
+    assert held.diameter == pytest.approx(DIAMETER)
+    assert held.mass == pytest.approx(0.18, rel=0.25)
+
+
+def test_neighbours_are_all_fruit_but_the_target() -> None:
+    rig = Rig()
+    here = rig.stem.T[:3, 3]
+    away = here + np.array([0.1, 0.0, 0.0])
+    near = neighbours_of(rig.grasp.fruit, others_at(rig, here + 0.01, away))
+    assert near[:, :3] == pytest.approx(away[None])
+    assert neighbours_of(rig.grasp.fruit, None).shape == (0, 4)

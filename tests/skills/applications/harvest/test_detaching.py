@@ -1,0 +1,368 @@
+"""The detaching controller on the law of the wall alone: a fruit in the pads, a stem that bends, a springy branch."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pomona.applications.harvest.detaching import (
+    BRUISE_FORCE,
+    FINGER_BESIDE,
+    FINGER_RADIUS,
+    DetachController,
+    DetachPhase,
+    HeldFruit,
+    roll_clearance,
+)
+from pomona.applications.harvest.reachable import grasp_pose
+from tests.skills.applications.harvest.hanging_stem import DIAMETER, DT, LEVER, MASS, STRONG, WEAK, G, Stem
+
+
+def controller(stem, rolls=(2.4, -2.4)):
+    return DetachController(HeldFruit(DIAMETER, MASS, stem.rest), rolls)
+
+
+def detach(stem, rolls=(2.4, -2.4), limit=20.0, each=lambda control: None):
+    control = controller(stem, rolls)
+    while control.phase is not DetachPhase.DONE and stem.time < limit:
+        each(control)
+        stem.move(control.step(DT, stem.wrenches(), stem.saturated, stem.T, stem.width))
+    assert control.phase is DetachPhase.DONE
+    return control
+
+
+@pytest.mark.parametrize("branch", [60.0, 150.0, 500.0])
+def test_a_roll_breaks_the_stem_at_a_fraction_of_its_strength(branch):
+    stem = Stem(branch=branch)
+    control = detach(stem)
+    assert control.problem is None
+    assert abs(np.degrees(control.roll_at_break)) < 100.0
+    assert stem.stem < 6.0 < 0.2 * WEAK[0]
+
+
+def test_the_break_is_detected_within_a_period():
+    stem = Stem()
+    control = detach(stem)
+    assert 0.0 <= control.broke_at - stem.broken <= DT + 1e-9
+
+
+def test_after_the_break_the_hand_goes_back_towards_the_robot_and_keeps_the_weight():
+    stem, places = Stem(), []
+    control = detach(stem, each=lambda control: places.append((control.phase, stem.T[:3, 3].copy())))
+    back = [p for phase, p in places if phase is DetachPhase.BACK]
+    moved = back[-1] - back[0]
+    assert np.linalg.norm(moved) == pytest.approx(0.12, abs=0.02)
+    assert moved[1] > 0.9 * np.linalg.norm(moved)
+    assert stem.presses[-1].mean() == pytest.approx(control.grip_target, rel=0.15)
+    assert control.grip_target == pytest.approx(0.6 * BRUISE_FORCE, rel=0.2)
+    assert control.grip_target > 1.4 * MASS * (G + 4.0) / (2.0 * 0.6)
+
+
+def test_a_strong_stem_is_rolled_both_ways_and_let_back_slowly():
+    stem, rolls, held = Stem(STRONG, bending=0.01), [], []
+
+    def note(control):
+        rolls.append(control.roll)
+        held.append((control.phase, stem.force()[0], stem.T[:3, 3].copy()))
+
+    control = detach(stem, each=note)
+    assert control.problem.code == "NOTHING_BROKE"
+    assert (max(rolls), min(rolls)) == pytest.approx((2.4, -2.4), abs=0.05)
+    assert abs(control.roll) < 0.25
+    _, force, place = next(each for each in held if each[0] is DetachPhase.OPEN)
+    assert np.linalg.norm(force) < 2.5
+    assert np.linalg.norm(place + np.array([0.0, 0.0, LEVER]) - stem.rest) < 0.02
+
+
+def test_fingers_that_wood_blocks_while_they_close_are_a_jam_before_the_supervisor_ends_the_run():
+    class Blocked(Stem):
+        def move(self, command):
+            before = self.width
+            super().move(command)
+            self.width = max(self.width, min(before, DIAMETER + 0.01))
+
+    stem, closed = Blocked(), []
+    control = detach(stem, each=lambda control: control.phase is DetachPhase.CLOSE and closed.append(stem.time))
+    assert control.problem.code == "JAMMED"
+    assert "off its commands" in control.problem.message
+    assert closed[-1] < 0.5
+
+
+@pytest.mark.parametrize("pushed", [0.007, -0.007])
+def test_fingers_that_wood_pushes_while_the_hand_rolls_are_a_jam(pushed):
+    stem = Stem(STRONG, bending=0.01)
+    done = []
+
+    def push(control):
+        if control.phase is DetachPhase.ROLL and not done:
+            stem.width += pushed
+            done.append(stem.time)
+
+    control = detach(stem, rolls=(2.4,), each=push)
+    assert control.problem.code == "JAMMED"
+    assert abs(control.roll) < 0.25  # the hand turned back before the fingers opened
+    assert np.linalg.norm(stem.T[:3, 3] + [0.0, 0.0, LEVER] - stem.rest) > 0.08  # and has left the fruit
+
+
+def test_a_load_that_comes_and_goes_ends_the_motion_all_the_same():
+    class Flickering(Stem):
+        def force(self):
+            force, moment = super().force()
+            free = self.phase is DetachPhase.LET_BACK
+            loaded = np.array([0.0, 0.0, G * MASS + 2.0])
+            return (np.array([0.0, 0.0, G * MASS]) if free else loaded, moment) if self.rolled else (force, moment)
+
+    stem = Flickering(STRONG, bending=0.01)
+    stem.phase, stem.rolled = DetachPhase.CLOSE, False
+
+    def follow(control):
+        stem.phase = control.phase
+        stem.rolled = stem.rolled or control.phase is DetachPhase.LAST_PULL
+
+    assert detach(stem, limit=60.0, each=follow).problem is not None
+    assert stem.time < 35.0
+
+
+def test_a_jam_during_the_first_roll_turns_the_hand_the_other_way_at_once():
+    stem, rolls, pushed = Stem(), [], []
+
+    def push(control):
+        rolls.append(control.roll)
+        if control.phase is DetachPhase.ROLL and control.roll > 0.6 and not pushed:
+            stem.width -= 0.007
+            pushed.append(stem.time)
+
+    control = detach(stem, each=push)
+    assert control.problem is None
+    assert max(rolls) < 0.9
+    assert control.roll_at_break < -0.8
+
+
+def test_a_stem_that_breaks_in_a_jam_leaves_the_fruit_in_the_hand():
+    stem, broken = Stem(STRONG, bending=0.01), []
+
+    def push(control):
+        if control.phase is DetachPhase.ROLL and control.roll > 0.6 and not broken:
+            stem.width -= 0.007
+            broken.append(stem.time)
+        if control.phase is DetachPhase.LET_BACK and stem.broken is None:
+            stem.broken = stem.time
+
+    control = detach(stem, rolls=(2.4,), each=push)
+    assert broken
+    assert control.problem is None
+    assert stem.width < DIAMETER
+
+
+def test_a_first_jam_while_the_branch_is_let_back_does_not_open_the_fingers():
+    stem, rolls, pushed = Stem(STRONG, bending=0.01), [], []
+
+    def push(control):
+        rolls.append((control.phase, control.roll))
+        if control.phase is DetachPhase.LET_BACK and not pushed:
+            stem.width -= 0.006
+            pushed.append(stem.time)
+
+    detach(stem, rolls=(2.4,), each=push)
+    assert pushed
+    assert abs(next(roll for phase, roll in rolls if phase is DetachPhase.OPEN)) < 0.25
+
+
+def test_a_hand_that_could_not_turn_back_turns_back_while_it_leaves():
+    """Wood holds the hand at the end of its roll until the fingers open."""
+    stem, rolls = Stem(STRONG, bending=0.01), []
+
+    def push(control):
+        rolls.append((control.phase, control.roll))
+        if control.phase in (DetachPhase.LAST_PULL, DetachPhase.LET_BACK) and abs(control.roll) > 2.2:
+            control._behind = 0.01
+
+    control = detach(stem, rolls=(2.4,), each=push)
+    assert control.problem is not None
+    assert next(abs(roll) for phase, roll in rolls if phase is DetachPhase.OPEN) > 1.3
+    assert abs(control.roll) < 0.6
+
+
+def test_wood_that_presses_fruit_harder_than_it_can_bear_is_a_jam():
+    stem, pressed, rolls = Stem(STRONG, bending=0.01), np.zeros((2, 6)), []
+    control = controller(stem, (2.4, -2.4))
+    pressed[:, 2] = -1.3 * BRUISE_FORCE
+    while control.phase is not DetachPhase.DONE and stem.time < 20.0:
+        wood = control.phase is DetachPhase.ROLL and control.roll > 0.5
+        stem.move(control.step(DT, pressed if wood else stem.wrenches(), False, stem.T, stem.width))
+        rolls.append(control.roll)
+    assert max(rolls) < 0.9
+
+
+def test_a_light_fruit_that_leaves_the_pads_is_not_taken_for_a_break():
+    """The weight of a light fruit is less than the force below which a stem counts as unloaded."""
+    stem = Stem(STRONG)
+    light = HeldFruit(DIAMETER, 0.09, stem.rest)
+    control = DetachController(light, (2.4, -2.4))
+    while control.phase is not DetachPhase.DONE and stem.time < 20.0:
+        stem.gone = control.phase is DetachPhase.ROLL and control.roll > 1.0
+        stem.move(control.step(DT, stem.wrenches(), False, stem.T, stem.width))
+    assert control.broke_at is None
+    assert control.problem.code == "SLIPPED"
+
+
+def test_a_stem_that_loses_its_load_before_the_hand_has_turned_has_not_broken():
+    class Slack(Stem):
+        slack = False
+
+        def force(self):
+            force, moment = super().force()
+            return (np.array([0.0, 0.0, G * MASS]), 0.0) if self.slack else (force, moment)
+
+    stem, phases = Slack(), []
+
+    def slacken(control):
+        phases.append(control.phase)
+        stem.slack = control.phase is DetachPhase.DRAW and control.stem_peak > 1.5
+
+    control = detach(stem, each=slacken)
+    assert control.problem is None
+    assert abs(control.roll_at_break) > 0.8
+    assert phases.index(DetachPhase.BACK) > phases.index(DetachPhase.ROLL)
+
+
+def test_a_fruit_that_stays_on_the_tree_is_released_before_the_hand_leaves_straight_back():
+    stem, places = Stem(STRONG, bending=0.01), []
+    detach(stem, each=lambda control: places.append((control.phase, stem.T[:3, 3].copy(), stem.width)))
+    opened = [width for phase, _, width in places if phase is DetachPhase.LEAVE]
+    left = [p for phase, p, _ in places if phase is DetachPhase.LEAVE]
+    assert opened[0] > DIAMETER + 0.015
+    assert (left[-1] - left[0]) @ -stem.T[:3, 2] == pytest.approx(0.10, abs=0.02)
+
+
+@pytest.mark.parametrize("when", [DetachPhase.ROLL, DetachPhase.LET_BACK])
+def test_a_break_that_was_not_noticed_is_found_and_the_fruit_is_kept(when):
+    """The stem breaks in a moment in which it bears nothing, so that no fall of its force shows it."""
+    stem = Stem(STRONG, bending=0.01)
+
+    def unload(control):
+        if control.phase is when and stem.broken is None and (when is DetachPhase.LET_BACK or abs(control.roll) > 0.6):
+            control._recent.clear()
+            stem.broken = stem.time
+
+    control = detach(stem, each=unload)
+    assert control.problem is None
+    assert control.broke_at is not None
+
+
+def test_a_stem_that_only_seemed_to_break_is_rolled_on_before_the_branch_is_drawn_far():
+    class Jerking(Stem):
+        unloaded = 0
+
+        def force(self):
+            force, moment = super().force()
+            return (np.array([0.0, 0.0, G * MASS]), 0.0) if self.unloaded else (force, moment)
+
+    stem, drawn = Jerking(STRONG, bending=0.01), []
+
+    def jerk(control):
+        stem.unloaded = 2 if control.phase is DetachPhase.ROLL and not drawn and control.roll > 1.0 else 0
+        if control.phase is DetachPhase.BACK or stem.unloaded:
+            drawn.append(stem.T[:3, 3].copy())
+
+    control = detach(stem, each=jerk)
+    assert control.problem.code == "NOTHING_BROKE"
+    assert len(drawn) > 2
+    assert np.linalg.norm(drawn[-1] - drawn[0]) < 0.02
+
+
+def test_a_stem_that_one_roll_does_not_break_is_pulled_harder_before_the_hand_turns_back():
+    stem, phases = Stem(STRONG, bending=0.01), []
+    detach(stem, each=lambda control: phases.append((control.phase, control.roll)))
+    pulled = [roll for phase, roll in phases if phase is DetachPhase.LAST_PULL]
+    assert (max(pulled), min(pulled)) == pytest.approx((2.4, -2.4), abs=0.05)
+
+
+def test_the_other_way_round_comes_second():
+    stem, rolls = Stem(STRONG, bending=0.01), []
+    detach(stem, (-1.0, 0.5), each=lambda control: rolls.append(control.roll))
+    assert np.argmin(rolls) < np.argmax(rolls)
+
+
+def test_a_fruit_that_leaves_the_pads_before_the_break_has_slipped():
+    stem = Stem(STRONG)
+    stem.gone = False
+
+    def slip(control):
+        stem.gone = control.phase is DetachPhase.ROLL and abs(control.roll) > 0.5
+
+    assert detach(stem, each=slip).problem.code == "SLIPPED"
+
+
+def test_a_fruit_on_its_way_out_of_the_pads_ends_the_pull_while_it_is_still_held():
+    stem, thinner = Stem(STRONG), []
+
+    def thin(control):
+        if control.phase is DetachPhase.ROLL:
+            thinner.append(control.phase)
+            stem.diameter -= 5e-4
+
+    control = detach(stem, each=thin)
+    assert control.problem.code == "SLIPPED"
+    assert DIAMETER - stem.diameter < 0.012
+    assert thinner
+
+
+def test_a_fruit_that_leaves_the_pads_after_the_break_is_lost():
+    stem = Stem()
+
+    def lose(control):
+        stem.gone = control.phase is DetachPhase.BACK
+
+    assert detach(stem, each=lose).problem.code == "LOST"
+
+
+@pytest.mark.parametrize(("pads", "saturated", "code"), [((9.0, 1.0), True, "JAMMED"), ((7.0, 6.5), True, None)])
+def test_a_pad_that_meets_wood_is_a_jam_within_a_tenth_of_a_second(pads, saturated, code):
+    """A sensor at the end of its range is none while both pads press alike."""
+    stem, began = Stem(), []
+    control, wood = controller(stem, (2.4,)), np.zeros((2, 6))
+    wood[:, 2] = -np.array(pads)
+    while control.phase in (DetachPhase.CLOSE, DetachPhase.DRAW, DetachPhase.ROLL) and len(began) < 5:
+        rolling = control.phase is DetachPhase.ROLL
+        if rolling:
+            began.append(stem.time)
+        stem.move(control.step(DT, wood if rolling else stem.wrenches(), rolling and saturated, stem.T, stem.width))
+    assert control.phase is (DetachPhase.ROLL if code is None else DetachPhase.LET_BACK)
+
+
+def test_pads_that_meet_nothing_end_with_no_contact():
+    stem, widths = Stem(), []
+    stem.gone = True
+    assert detach(stem, each=lambda _: widths.append(stem.width)).problem.code == "NOT_GRIPPED"
+    assert 0.7 * DIAMETER < min(widths) < 0.76 * DIAMETER  # fingers that have missed it are not closed further
+
+
+def test_no_pad_presses_harder_than_its_ceiling():
+    stem = Stem(np.array([1e3, 1e3, 1e3, 1e3]), branch=400.0)
+    detach(stem)
+    assert np.max(stem.presses) < BRUISE_FORCE
+
+
+def test_the_hand_follows_the_pad_that_touches_first():
+    stem = Stem()
+    control = controller(stem)
+    w = np.zeros((2, 6))
+    w[0, 2] = -1.0
+    command = control.step(DT, w, False, stem.T, DIAMETER + 0.01)
+    assert command.velocity @ stem.T[:3, 1] == pytest.approx(0.004)
+
+
+def test_the_clearance_of_a_roll_is_the_fingers_distance_at_its_worst():
+    T = grasp_pose(np.array([0.0, -0.6, 0.4]), 0.0, 0.0, 0.0)
+    side, knuckle = T[:3, 1], T[:3, 3]
+    radius = 0.03
+    half = 0.08 / 2.0 + FINGER_BESIDE
+    beside = np.array([[*(T[:3, 3] + 0.10 * side), radius]])
+    expected = 0.10 - half - radius - FINGER_RADIUS
+    assert roll_clearance(T, 0.0, 0.08, knuckle, beside) == pytest.approx(expected)
+    up = np.cross(T[:3, 2], side)
+    above = np.array([[*(T[:3, 3] + 0.10 * up), radius]])
+    assert roll_clearance(T, np.pi / 2.0, 0.08, knuckle, above) == pytest.approx(expected)
+    assert roll_clearance(T, 0.0, 0.08, knuckle, above) > expected + 0.02
+    assert roll_clearance(T, 1.0, 0.08, knuckle, np.zeros((0, 4))) == np.inf

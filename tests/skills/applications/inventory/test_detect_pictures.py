@@ -1,0 +1,201 @@
+"""`pomona detect`: pictures in, a table and pictures with boxes out."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import csv
+import signal
+import struct
+import zlib
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pomona.applications.inventory import command_detect_pictures as detect_pictures
+from pomona.applications.inventory.command_detect_pictures import add, find_fruit
+from pomona.executive.running.signals import raising
+from pomona.skills.perception.detection.compact_detector import CompactDetector
+from pomona.skills.perception.detection.found_fruit import FoundFruit
+from pomona.skills.perception.detection.options import DetectorOptions
+from pomona.skills.perception.fruit import load_fruit
+from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS
+from pomona.tools.training.options import SceneOptions
+from pomona.tools.training.scene import render_scene
+from tests.skills.perception.detection.onnx_boxes import red_square_model
+
+
+def run(*arguments: object) -> int:
+    parser = argparse.ArgumentParser()
+    add(parser.add_subparsers(required=True))
+    options = parser.parse_args(["detect", *map(str, arguments)])
+    code: int = options.main(options)
+    return code
+
+
+def found(x: float, score: float) -> FoundFruit:
+    box = np.array([x, 20.0, 30.0, 32.0])
+    return FoundFruit(np.zeros(3), np.array([0.0, -1.0, 0.0]), box[:2] + 15.0, 30.0, np.ones(3), score, 0.9, box)
+
+
+@pytest.fixture
+def pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with two pictures, in each of which two fruit are found, one of them doubtful."""
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    for name in ("a.png", "b.jpg"):
+        cv2.imwrite(str(folder / name), np.full((120, 160, 3), 90, np.uint8))
+    monkeypatch.setattr(CompactDetector, "load", classmethod(lambda cls, *_: None))
+    monkeypatch.setattr(detect_pictures, "find_fruit", lambda *_: [found(10.0, 0.93), found(80.0, 0.31)])
+    return folder
+
+
+def test_a_folder_of_pictures_becomes_a_table_and_pictures_with_boxes(
+    pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (pictures / "notes.txt").write_text("no picture")
+    out = tmp_path / "out"
+    assert run(pictures, "--out", out) == 0
+    rows = list(csv.DictReader((out / "found.csv").read_text().splitlines()))
+    assert [(Path(row["picture"]).name, row["fruit"], row["score"]) for row in rows] == [
+        ("a.png", "1", "0.930"), ("b.jpg", "1", "0.930"),
+    ]  # fmt: skip
+    assert [float(rows[0][key]) for key in ("left_px", "top_px", "width_px", "height_px")] == [10.0, 20.0, 30.0, 32.0]
+    drawn = cv2.imread(str(out / "0001_a.jpg"))
+    assert abs(drawn.astype(int) - 90).max() > 60
+    assert "2 fruit in 2 pictures" in capsys.readouterr().out
+
+
+def test_depth_images_and_hidden_files_of_a_mac_are_no_pictures(pictures: Path, tmp_path: Path) -> None:
+    cv2.imwrite(str(pictures / "a_depth_mm.png"), np.full((120, 160), 900, np.uint16))
+    (pictures / "._a.png").write_bytes(b"Mac OS X")
+    assert run(pictures, "--out", tmp_path / "out") == 0
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["0001_a.jpg", "0002_b.jpg", "found.csv"]
+
+
+def test_ctrl_c_that_a_library_swallowed_ends_it_after_that_picture_and_keeps_its_rows(
+    pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As a compiled loop does that calls back while it is loaded: without this a thousand pictures went on."""
+
+    def find(*_: object) -> list[FoundFruit]:
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        return [found(10.0, 0.93)]
+
+    monkeypatch.setattr(detect_pictures, "find_fruit", find)
+    with pytest.raises(KeyboardInterrupt), raising():
+        run(pictures, "--out", tmp_path / "out")
+    said = capsys.readouterr()
+    assert "found.csv holds the results so far" in said.err
+    assert "b.jpg" not in said.out
+    rows = list(csv.DictReader((tmp_path / "out" / "found.csv").read_text().splitlines()))
+    assert [Path(row["picture"]).name for row in rows] == ["a.png"]
+
+
+def test_other_weights_are_a_file_or_the_name_of_shipped_ones(
+    pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loaded: list[Path] = []
+    monkeypatch.setattr(CompactDetector, "load", classmethod(lambda cls, path, *_: loaded.append(path)))
+    own = tmp_path / "own.weights"
+    own.touch()
+    for number, name in enumerate((own, "apple.weights")):
+        assert run(pictures, "--weights", name, "--out", tmp_path / str(number)) == 0
+    assert loaded == [own, SHIPPED_WEIGHTS / "apple.weights"]
+
+
+def test_weights_for_photographs_are_taken_where_the_fruit_has_them(
+    pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loaded: list[str] = []
+    monkeypatch.setattr(CompactDetector, "load", classmethod(lambda cls, path, *_: loaded.append(path.name)))
+    for fruit in ("apple", "lemon"):
+        assert run(pictures, "--fruit", fruit, "--out", tmp_path / fruit) == 0
+    assert loaded == ["apple_photographs.weights", "lemon.weights"]
+    assert (load_fruit("apple").weights or Path()).name == "apple.weights"  # a run keeps these
+
+
+def test_a_detector_of_boxes_takes_the_place_of_weights(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture = np.full((480, 640, 3), 40, np.uint8)
+    picture[120:200, 400:520] = (20, 20, 250)
+    cv2.imwrite(str(tmp_path / "red.png"), picture)
+    model = red_square_model(tmp_path / "model.onnx", [1, 3, 240, 320])
+    assert run(tmp_path / "red.png", "--boxes", model, "--out", tmp_path / "out") == 0
+    (row,) = csv.DictReader((tmp_path / "out" / "found.csv").read_text().splitlines())
+    box = [float(row[key]) for key in ("left_px", "top_px", "width_px", "height_px")]
+    assert np.allclose(box, (400, 120, 120, 80), atol=4.0)
+    assert row["visible"] == ""
+    assert run(tmp_path / "red.png", "--boxes", model, "--weights", "apple.weights", "--out", tmp_path / "two") == 2
+    assert "--boxes and --weights: name one of them" in capsys.readouterr().err
+    assert not (tmp_path / "two").exists()
+
+
+def test_the_shipped_weights_for_photographs_find_an_apple_and_none_where_there_is_none() -> None:
+    detector = CompactDetector.load(SHIPPED_WEIGHTS / "apple_photographs.weights", DetectorOptions(working_width=320))
+    table = render_scene(load_fruit("apple"), SceneOptions(kinds=(1, 0, 0, 0)), 31_000_000).colour
+    assert any(fruit.score >= 0.5 for fruit in find_fruit(detector, table))
+    assert not any(fruit.score >= 0.5 for fruit in find_fruit(detector, np.full_like(table, 90)))
+
+
+def test_doubtful_fruit_is_taken_when_it_is_asked_for(pictures: Path, tmp_path: Path) -> None:
+    assert run(pictures / "a.png", "--out", tmp_path / "out", "--score", "0.2") == 0
+    assert len(list(csv.DictReader((tmp_path / "out" / "found.csv").read_text().splitlines()))) == 2
+
+
+def test_a_file_that_is_no_picture_is_named_and_the_others_are_done(
+    pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (pictures / "broken.png").write_bytes(b"not a picture")
+    (pictures / "empty.png").touch()
+    cut = cv2.imencode(".jpg", np.random.default_rng(0).integers(0, 256, (60, 80, 3)).astype(np.uint8))[1].tobytes()
+    (pictures / "cut.jpg").write_bytes(cut[: len(cut) // 2])
+    parts = ((b"IHDR", struct.pack(">IIBBBBB", 100_000, 100_000, 8, 2, 0, 0, 0)), (b"IDAT", zlib.compress(bytes(1000))))
+    huge = b"".join(struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in parts)
+    (pictures / "huge.png").write_bytes(b"\x89PNG\r\n\x1a\n" + huge)
+    assert run(pictures, "--out", tmp_path / "out") == 2
+    said = capsys.readouterr()
+    assert "broken.png cannot be read as a picture" in said.err
+    assert "cut.jpg cannot be read as a picture" in said.err
+    assert "empty.png cannot be read as a picture" in said.err
+    assert "huge.png cannot be read as a picture" in said.err
+    assert "2 fruit in 2 pictures" in said.out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--width", "20"), "--width must lie in"),
+        (("--fruit", "pear"), "pear"),
+        (("--weights", "none.weights"), "none.weights: is neither a file nor the name of shipped weights"),
+        (("missing.jpg",), "missing.jpg: there is no such file"),
+        (("--out", "."), "is there already"),
+    ],
+)
+def test_an_impossible_export_is_refused_before_anything_is_written(
+    pictures: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...],
+    said: str,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(pictures)
+    (pictures / "found.csv").write_text("mine")
+    assert run(".", *arguments) == 2
+    assert said in capsys.readouterr().err
+    assert (pictures / "found.csv").read_text() == "mine"
+    assert not (pictures / "detected").exists()
+
+
+def test_an_empty_folder_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(tmp_path, "--out", tmp_path / "out") == 2
+    assert "holds no pictures" in capsys.readouterr().err
+
+
+def test_the_detector_is_asked_with_a_camera_as_wide_as_the_picture() -> None:
+    class Asked:
+        def find(self, colour: object, K: np.ndarray) -> list[FoundFruit]:
+            assert np.asarray(colour).flags["C_CONTIGUOUS"]
+            assert (K[0, 0], K[0, 2], K[1, 2]) == (160.0, 80.0, 60.0)
+            return []
+
+    assert find_fruit(Asked(), np.zeros((120, 160, 3), np.uint8)[:, :, ::-1]) == []  # type: ignore[arg-type]

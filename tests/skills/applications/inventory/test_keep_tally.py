@@ -1,0 +1,71 @@
+"""The outcome for every fruit: one entry a fruit, for any number of tries; those that are left are named."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from py_trees.common import Status
+
+from pomona.applications.inventory.keep_tally import KeepTally
+from pomona.applications.inventory.tally import Tally
+from pomona.drivers.interfaces import Frame
+from pomona.executive.skill_testing import drive
+from pomona.executive.views import TableView
+from pomona.skills.geometry import transform
+from pomona.skills.perception.detection.detection import Detection
+from tests.skills.picking_scene import apple_at
+
+
+def seen(x: float, y: float, frame: Frame | None = None) -> Detection:
+    apple = apple_at(1, 3)
+    look = frame or apple.frame
+    return Detection(
+        apple.fruit, look, np.eye(4), transform(None, [x, y, -0.08]), np.zeros((9, 2)), 0.9, np.eye(6), 0, 1
+    )  # fmt: skip
+
+
+def keep(detection: Detection, so_far: Tally | None = None, **inputs: Any):
+    return drive(KeepTally(), {"detection": detection, "so_far": so_far, **inputs})
+
+
+def test_fruit_are_listed_with_size_and_place_and_those_left_by_name():
+    apple = apple_at(5, 1)
+    first = keep(seen(-0.12, -0.35, apple.frame), measured=apple)
+    second = keep(seen(0.1, -0.5), first.outputs["tally"], outcome="left", why="too wide for the gripper")
+    assert second.status is Status.SUCCESS
+    tally, table = second.outputs["tally"], dict(second.published)["tally"]
+    assert tally.sentence == "1 of 2 fruit put away; left at (100, -500) mm: too wide for the gripper"
+    assert tally.facts["done"] == 1
+    assert [left["tries"] for left in tally.facts["left"]] == [1]
+    assert isinstance(table, TableView)
+    assert table.rows == (
+        ("1", "(-120, -350) mm", "62 × 47 × 62 mm", "1", "done", ""),
+        ("2", "(100, -500) mm", "not measured", "1", "left", "too wide for the gripper"),
+    )
+
+
+def test_fruit_that_still_lie_on_the_table_count_as_well():
+    five = replace(seen(0.1, -0.5), found=5)
+    tally = keep(five).outputs["tally"]
+    assert tally.sentence == "1 of 5 fruit put away"
+    tally = keep(replace(seen(-0.1, -0.4), found=4), tally, outcome="left", why="slipped").outputs["tally"]
+    assert tally.sentence.startswith("1 of 5 fruit put away; left at")
+
+
+def test_another_try_of_a_fruit_that_was_left_is_the_same_fruit():
+    tally = keep(seen(0.1, -0.5), outcome="left", why="slipped").outputs["tally"]
+    tally = keep(seen(0.12, -0.49), tally).outputs["tally"]
+    assert [(entry.outcome, entry.tries) for entry in tally.entries] == [("done", 2)]
+
+
+def test_a_fruit_where_one_was_put_away_before_is_another_one():
+    tally = keep(seen(0.1, -0.5)).outputs["tally"]
+    tally = keep(seen(0.1, -0.5), tally, outcome="left").outputs["tally"]
+    assert [entry.outcome for entry in tally.entries] == ["done", "left"]
+
+
+def test_a_measurement_from_another_look_is_not_this_fruits():
+    entry = keep(seen(0.1, -0.5), measured=apple_at(5, 1)).outputs["tally"].entries[0]
+    assert entry.size is None
+    assert entry.p_base == pytest.approx([0.1, -0.5, -0.08])

@@ -1,0 +1,100 @@
+"""Windows that the finder learns from: boxes stay on their fruit, and a batch repeats."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import torch
+
+from pomona.tools.training.finder_samples import (
+    SIDE,
+    EmptyWindows,
+    FinderBatches,
+    FrameWindows,
+    PhotoWindows,
+)
+from pomona.tools.training.photo_folder import read_empty, read_photographs
+from pomona.tools.training.photographs import FRUIT_IN_INPUT, PhotoSet, fruit_scale
+from pomona.tools.training.samples import FrameFolder
+from pomona.tools.training.targets import HEAT, PEAK, REACHES, WEIGHT
+from tests.skills.tools.training.photo_folders import tables
+
+
+@pytest.fixture(scope="module")
+def photographs(tmp_path_factory: pytest.TempPathFactory) -> PhotoSet:
+    return read_photographs(tables(tmp_path_factory.mktemp("photographs") / "set"))
+
+
+@pytest.fixture
+def frames(tmp_path: Path) -> FrameFolder:
+    """One frame: a red disc of radius 60 px at (300, 200) and, hidden, one at (500, 400)."""
+    picture = np.full((480, 640, 3), (60, 140, 40), np.uint8)
+    cv2.circle(picture, (300, 200), 60, (40, 40, 200), -1)
+    cv2.imwrite(str(tmp_path / "000000.jpg"), picture)
+    points = [[300.0, 200.0]] * 9
+    fruit = {"class": "apple", "projected_cuboid": points, "location": [0, 0, 0.5], "quaternion_xyzw": [0, 0, 0, 1]}
+    objects = [
+        fruit | {"visibility": 1.0, "bounding_box": [240, 140, 121, 121]},
+        fruit | {"visibility": 0.1, "bounding_box": [480, 380, 40, 40]},
+    ]
+    camera = {"width": 640, "height": 480, "intrinsics": {"fx": 600, "fy": 600, "cx": 320, "cy": 240}}
+    (tmp_path / "000000.json").write_text(json.dumps({"camera_data": camera, "objects": objects}))
+    return FrameFolder([tmp_path])
+
+
+def is_red(picture: np.ndarray, u: float, v: float) -> bool:
+    r, g, _ = picture[min(SIDE - 1, int(v)), min(SIDE - 1, int(u))].astype(int)
+    return bool(r > g)
+
+
+def test_peaks_of_photographs_lie_on_the_discs_and_boxes_around_them(photographs: PhotoSet) -> None:
+    rng, seen, right = np.random.default_rng(0), 0, 0
+    for _ in range(30):
+        picture, maps = PhotoWindows(photographs.train).draw(rng)
+        assert picture.shape == (SIDE, SIDE, 3)
+        for v, u in np.argwhere(maps[PEAK] > 0):
+            left, up, side, down = 4.0 * maps[REACHES, v, u]
+            assert 0.6 < (left + side) / (up + down) < 1.7 or min(left + side, up + down) < 40
+            seen, right = seen + 1, right + is_red(picture, 4 * u + 2, 4 * v + 2)
+    assert seen > 30
+    assert right > 0.9 * seen  # changed colours may turn a disc brown
+    assert fruit_scale(photographs.train) == pytest.approx(FRUIT_IN_INPUT / 53.0, rel=0.1)
+
+
+def test_a_rendered_fruit_keeps_its_box_and_hidden_fruit_does_not_count(frames: FrameFolder) -> None:
+    rng, peaks, ignored = np.random.default_rng(1), 0, 0
+    for _ in range(20):
+        _, maps = FrameWindows(frames).draw(rng)
+        peaks += int(maps[PEAK].sum())
+        for v, u in np.argwhere(maps[PEAK] > 0):
+            left, up, side, down = 4.0 * maps[REACHES, v, u]
+            if min(4 * u - left, 4 * v - up) > 2 and max(4 * u + side, 4 * v + down) < SIDE - 6:
+                assert left + side == pytest.approx(up + down, rel=0.01)
+                assert 0.39 * 121 < left + side < 0.74 * 121
+        ignored += int((maps[WEIGHT] == 0.0).any())
+    assert 15 <= peaks <= 20
+    assert ignored >= 12
+
+
+def test_pictures_without_fruit_hold_none(tmp_path: Path) -> None:
+    empty = read_empty(tables(tmp_path / "set") / "images")
+    picture, maps = EmptyWindows(empty).draw(np.random.default_rng(0))
+    assert picture.shape == (SIDE, SIDE, 3)
+    assert maps[HEAT].max() == 0.0
+    assert maps[WEIGHT].min() == 1.0
+
+
+def test_batches_repeat_and_are_the_same_for_any_number_of_processes(
+    photographs: PhotoSet, frames: FrameFolder
+) -> None:
+    sources = [(FrameWindows(frames), 2), (PhotoWindows(photographs.train), 3)]
+    whole = FinderBatches(sources, 5, 9)[4]
+    again = FinderBatches(sources, 5, 9)[4]
+    assert all(torch.equal(a, b) for a, b in zip(whole, again, strict=True))
+    assert not torch.equal(FinderBatches(sources, 6, 9)[4][0], whole[0])
+    halves = [FinderBatches(sources, 5, 9, rank, 2)[4] for rank in range(2)]
+    for part, first, second in zip(whole, *halves, strict=True):
+        assert torch.equal(part[::2], first)
+        assert torch.equal(part[1::2], second)
