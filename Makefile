@@ -85,9 +85,13 @@ lint: $(STAMP) ## ruff, import contracts, size and language
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 	$(BIN)/python scripts/size.py --check
+	$(BIN)/python scripts/walks.py --check
 
 size: $(STAMP) ## lines, docstrings, constants and the rates of vague words, beside bounds that only fall (SIZE=--lower)
 	$(BIN)/python scripts/size.py $(SIZE)
+
+walks: $(STAMP) ## the files that one tick, frame and wrench sample of a pick pass through (WALKS=--files: which)
+	$(BIN)/python scripts/walks.py $(WALKS)
 
 types: $(STAMP) ## mypy over everything
 	$(BIN)/mypy

@@ -4,8 +4,9 @@
     python scripts/size.py --check     # 1 when a figure is above its bound in scripts/size.json
     python scripts/size.py --lower     # lower the bounds in scripts/size.json to the figures
 
-Lines are those of Python files without tests, benchmarks and scripts. The word rates count per 1 000 words of
-docstrings with comments, and of docs/*.md without decisions and reports.
+Lines are those of Python files without tests, benchmarks and scripts. A leaf is a folder of `pomona/tools`,
+`pomona/devices` or `pomona/applications`; the rest is the core. The word rates count per 1 000 words of docstrings with
+comments, and of docs/*.md without decisions and reports. scripts/walks.py measures the files that a run passes through.
 """
 
 from __future__ import annotations
@@ -25,6 +26,9 @@ ROOT = Path(__file__).resolve().parents[1]
 BOUNDS = Path(__file__).with_name("size.json")
 PACKAGES = ("executive", "skills", "drivers")
 SHORT, MANY_PARAMETERS = 40, 8
+SMALL, MANY_PORTS = 60, 8
+LEAVES = ("tools", "devices", "applications")
+LEAF_IMPORT = re.compile(r"^\s*(?:from|import) pomona\.(?:tools|devices|applications)\b", re.MULTILINE)
 WORDS = {
     "what": re.compile(r"\bwhat(?:ever)?\b", re.IGNORECASE),
     "told/said/says": re.compile(r"\b(?:told|tells?|says?|said)\b", re.IGNORECASE),
@@ -49,12 +53,16 @@ def main(arguments: Sequence[str]) -> int:
 def figures() -> dict[str, float]:
     """Return each figure by its name."""
     counted: Counter[str] = Counter()
+    parts: Counter[str] = Counter()
     texts: list[str] = []
     for path in tracked("*.py"):
         if path.parts[0] in PACKAGES:
-            counted.update(of_module((ROOT / path).read_text("utf-8"), texts))
+            text = (ROOT / path).read_text("utf-8")
+            counted.update(of_module(text, texts))
+            parts.update(of_part(path, text))
     documents = [(ROOT / path).read_text("utf-8") for path in tracked("*.md") if is_document(path)]
     found: dict[str, float] = {name: counted[name] for name in NAMES}
+    found.update(sorted(parts.items()))
     for kind, corpus in (("docstrings", " ".join(texts)), ("docs", " ".join(documents))):
         words = len(re.findall(r"[A-Za-z]+", corpus))
         for name, pattern in WORDS.items():
@@ -65,6 +73,28 @@ def figures() -> dict[str, float]:
 NAMES = (
     "lines", "docstring lines", "comments", "short modules", "long parameter lists", "fmt: skip", "module constants",
 )  # fmt: skip
+
+
+def of_part(path: Path, text: str) -> Counter[str]:
+    """Count a module for its part of the house: a core, or a leaf; in the core also imports of leaves."""
+    floor, _, kind, leaf = path.parts[:4]
+    lines = text.count("\n")
+    if kind in LEAVES:
+        return Counter({f"{kind}/{leaf}: lines": lines})
+    counted = Counter({f"{part}: {figure}": number for part in ("core", floor) for figure, number in (
+        ("lines", lines), ("files", 1), (f"files under {SMALL} lines", lines < SMALL))})  # fmt: skip
+    counted["core: imports of leaves"] = len(LEAF_IMPORT.findall(text))
+    if kind == "skills" and len(path.parts) == 4:
+        counted[f"skills with more than {MANY_PORTS} inputs"] = sum(
+            1 for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef) and inputs(node) > MANY_PORTS
+        )
+    return counted
+
+
+def inputs(function: ast.FunctionDef) -> int:
+    """Return how many ports a skill's `run` declares; 0 for another function."""
+    arguments = (*function.args.args, *function.args.kwonlyargs)
+    return sum(1 for each in arguments if each.arg != "self") if function.name == "run" else 0
 
 
 def of_module(text: str, docstrings: list[str]) -> Counter[str]:
