@@ -22,6 +22,7 @@ from pomona.executive.language import BuiltTree, Document, Mocks, build, format_
 from pomona.executive.language.built import Side
 from pomona.executive.language.documents import read_document, refuse_errors
 from pomona.executive.language.mocks import MockPlan
+from pomona.executive.language.mocks_file import read_mocks
 from pomona.executive.one_process import leave_if_forked, run_in_progress
 from pomona.executive.reasons import Reason
 from pomona.executive.recording.folder import refuse_unwritable
@@ -47,7 +48,6 @@ from pomona.executive.values.installation import commit_here, distribution
 from pomona.executive.values.sentences import sentence_of
 from pomona.executive.values.shipped import installed_trees
 from pomona.executive.values.yaml_nodes import written
-from pomona.tools.scenarios.scenario import read_mocks
 
 logger = logging.getLogger(__name__)
 

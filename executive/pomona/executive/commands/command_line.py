@@ -24,6 +24,8 @@ from pomona.executive.values.installation import (
     reinstall,
 )
 
+RUN = "a record's folder or MCAP file, its name (or the beginning of it) below --record, or 'last'"
+
 COMMANDS = "pomona.commands"
 """Entry point group of subcommands: functions that add one parser to argparse's subparsers and set its `main`.
 

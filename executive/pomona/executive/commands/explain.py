@@ -5,14 +5,13 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from pomona.executive.commands.command_line import add_records_folder
+from pomona.executive.commands.command_line import RUN, add_records_folder
 from pomona.executive.recording.digest import trusted
 from pomona.executive.recording.folder import events_file, find_record, is_being_written
 from pomona.executive.recording.read import read_events
 from pomona.executive.terminal.explain import explain
 from pomona.executive.terminal.run_list import UNCHECKED
 from pomona.executive.terminal.screen import Screen
-from pomona.tools.library.command_runs import RUN
 
 
 def add(subparsers: Any) -> None:

@@ -29,15 +29,12 @@ from pomona.executive.nodes.speed import SpeedType
 from pomona.executive.nodes.takes import NAME
 from pomona.executive.nodes.timeout import TimeoutType
 from pomona.executive.nodes.working import BreakpointType, DisabledType
-from pomona.tools.groot.recovery import RecoveryType
-from pomona.tools.groot.turns import PipelineSequenceType, RoundRobinType
-from pomona.tools.groot.untranslated import UntranslatedType
 
 GROUP = "pomona.nodes"  # entry point group of node types: word → class
 
 BUILTIN: tuple[type[NodeType], ...] = (
     SequenceType, ReactiveSequenceType, SequenceWithMemoryType, FallbackType, ReactiveFallbackType, ParallelType,
-    RecoveryType, IfType, ReactiveIfType, SwitchType, RoundRobinType, PipelineSequenceType, UntranslatedType,
+    IfType, ReactiveIfType, SwitchType,
     CheckType, WaitUntilType, WaitType, SetType, AskType, SucceedType, FailType,
     SpeedType, TimeoutType, InvertType, ForceType, DelayType, RateType, RetryType, RepeatType, ForEachType, RunOnceType,
     GuardType, WhenType, DisabledType, BreakpointType, ApproveType,

@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from pomona.executive.commands.command_line import add_records_folder
+from pomona.executive.commands.command_line import RUN, add_records_folder
 from pomona.executive.errors import UsageError
 from pomona.executive.execute import RunOrder, execute, versions
 from pomona.executive.judging import judge
@@ -25,7 +25,6 @@ from pomona.executive.terminal.live import LiveTree
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import seconds
 from pomona.executive.values.shipped import installed_trees
-from pomona.tools.library.command_runs import RUN
 
 REPEATABLE = ("simulated", "frames", "mock")
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pomona.executive.commands.command_line import add_records_folder
+from pomona.executive.commands.command_line import RUN, add_records_folder
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.digest import Digest, trusted
 from pomona.executive.recording.folder import find_record, is_being_written
@@ -23,8 +23,6 @@ from pomona.tools.library.index import RunIndex, records_in
 
 if TYPE_CHECKING:  # readers of whole records are imported on use, so that a list does not wait for them
     from pomona.executive.terminal.summary import Summary
-
-RUN = "a record's folder or MCAP file, its name (or the beginning of it) below --record, or 'last'"
 
 FAILURES = Path("failures.html")
 

@@ -22,33 +22,27 @@ from pathlib import Path
 
 from pomona.executive.files import read_text
 from pomona.executive.language.documents import with_declarations
-from pomona.executive.language.mocks import MockPlan, MockResult
+from pomona.executive.language.mocks import MockPlan
+from pomona.executive.language.mocks_file import MockedSkills, MocksReader, OneOrSeveral, Results, Tested, root_of
 from pomona.executive.language.model import Document
 from pomona.executive.language.read import read_file
 from pomona.executive.ports import TIME
 from pomona.executive.registry import Registry
-from pomona.executive.values.findings import Finding, Findings, Source, few_hints
+from pomona.executive.values.findings import Finding, Findings, few_hints
 from pomona.executive.values.kinds import AsWritten, Kind, ListOf, Measure, Schema, Text, Whole
 from pomona.executive.values.plain_text import is_file
 from pomona.executive.values.reading import Reader, Refused
-from pomona.executive.values.sections import Placed, Section, declared, value
-from pomona.executive.values.shape import shape_of
+from pomona.executive.values.sections import Placed, Section, value
 from pomona.executive.values.shipped import installed_trees
-from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar, read_yaml
+from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
 from pomona.tools.scenarios.scenario_kinds import (
     Answers,
     ByNode,
     End,
     Expected,
-    MockedSkills,
     NodeName,
-    OneOrSeveral,
     ParameterValues,
-    ScenarioReader,
-    Tested,
 )
-
-Results = Mapping[str, tuple[MockResult, ...]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,14 +88,6 @@ class ScenarioSection:
 SCENARIO = Section(ScenarioSection)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MocksSection:
-    """MockedSkills alone, for a dry run."""
-
-    pomona: str = value(Text("1"), "1", "version of the language")
-    mocks: Results = value(MockedSkills(), {}, "how skills end; a skill that is not named succeeds at once")
-
-
 @dataclass(frozen=True, slots=True)
 class ScenarioCase:
     """One run of the tree and its expected end."""
@@ -139,42 +125,16 @@ def read_scenario(text: str, path: str | Path, skills: Registry, *, tree_folders
     """Read a scenario and the tree that it tests. Raises nothing: the findings hold the errors."""
     findings = Findings()
     document, cases = None, tuple[ScenarioCase, ...]()
-    root = _root(text, path, findings, "a scenario file")
+    root = root_of(text, path, findings, "a scenario file")
     if root is not None:
         document = _tree(root, Path(path), tree_folders, findings)
         tested = Tested.of(document, skills) if document is not None else None
         try:
-            said = SCENARIO.read(root, ScenarioReader(findings, tree=tested))
+            said = SCENARIO.read(root, MocksReader(findings, tree=tested))
             cases = tuple(_case(said, placed, number) for number, placed in enumerate(said.cases, start=1))
         except Refused:
             pass
     return Scenario(str(path), document, cases, tuple(findings.sorted()))
-
-
-@few_hints()
-def read_mocks(text: str, path: str | Path, document: Document, skills: Registry) -> tuple[MockPlan, list[Finding]]:
-    """Return the `mocks` of a file for a dry run of `document`: a mapping `mocks:`, or a scenario's common ones."""
-    findings = Findings()
-    root = _root(text, path, findings, "a file of mocks")
-    results: Results = {}
-    if root is not None:
-        others = tuple(entry.name for entry in declared(ScenarioSection)) if "cases" in root.entries else ()
-        if "mocks" not in root.entries and not others:
-            findings.error(root, "missing-key", "the file holds no mocks", "write 'mocks: {Skill: result}'")
-        try:
-            reader = ScenarioReader(findings, tree=Tested.of(document, skills))
-            results = Section(MocksSection, ignore=others).read(root, reader).mocks
-        except Refused:
-            pass
-    return MockPlan(results), findings.sorted()
-
-
-def _root(text: str, path: str | Path, findings: Findings, what: str) -> YamlMapping | None:
-    root = read_yaml(Source(str(path), text), findings, what)
-    if root is None or isinstance(root, YamlMapping):
-        return root
-    findings.error(root, "shape", f"{what} is a mapping ('key: value'), this is {shape_of(root)}")
-    return None
 
 
 def _tree(root: YamlMapping, path: Path, tree_folders: Sequence[Path], findings: Findings) -> Document | None:
