@@ -7,7 +7,7 @@ import pytest
 
 from pomona.executive.palette import BAD, GOOD, INK, LINE, MUTED, OVERLAY, SCENE, SERIES, WARN, rgb
 
-STATIC = Path(__file__).resolve().parents[2] / "executive" / "pomona" / "executive" / "dashboard" / "static"
+STATIC = Path(__file__).resolve().parents[2] / "executive" / "pomona" / "tools" / "dashboard" / "static"
 STYLE = (STATIC / "style.css").read_text("utf-8")
 LIGHT = dict(re.findall(r"--([a-z0-9-]+): (#[0-9a-f]+);", STYLE[: STYLE.index("@media")]))
 

@@ -7,6 +7,7 @@ The behaviours need no change. They get no devices of a cell and no static check
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -21,10 +22,11 @@ from pomona.executive.language import BuiltTree
 from pomona.executive.language.built import NodeInfo
 from pomona.executive.language.names_of_nodes import UniquePaths
 from pomona.executive.recording.session import RecordingSession
+from pomona.executive.run_views import RunViews
 from pomona.executive.running.dry_cell import DryCell
 from pomona.executive.running.events import EventStream, Listener, RunStarted
 from pomona.executive.running.runner import Runner
-from pomona.executive.terminal.screen import Screen, stay_open
+from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.summary import Summary
 
 PERIOD = 0.05  # default tick period [s]: 20 Hz, between the 10 Hz of py_trees_ros and the 50 Hz of tree files
@@ -62,26 +64,20 @@ def run_behaviour(
 
     Raises UsageError: the record cannot be opened or the page's address is in use; nothing was ticked.
     """
-    if not dashboard:
-        return _run(root, record, period, listeners, on_ready)
-    from pomona.tools.dashboard.apart import PageProcess  # a server, where one is wanted
-    from pomona.tools.dashboard.security import Access
+    views, console, parser = RunViews.installed(), Screen(), argparse.ArgumentParser()
+    views.add(parser)
+    options = parser.parse_args(["--dashboard", "--port", str(port)] if dashboard else [])
+    with views.open(options, console, record or RECORDS):
 
-    def serve(runner: Runner) -> None:
-        page.control.serve(runner)
-        if on_ready is not None:
-            on_ready(runner)
+        def ready(runner: Runner) -> None:
+            views.on_ready(runner)
+            if on_ready is not None:
+                on_ready(runner)
 
-    page, console = PageProcess(Access("127.0.0.1", port), record or RECORDS), Screen()
-    try:
-        page.start()
-        console.print(f"dashboard: {page.access.link}", soft_wrap=True)
-        executed = _run(root, record, period, [*listeners, page.on_event], serve)
-        page.control.clear()
+        with views.run(root.name):
+            executed = _run(root, record, period, [*listeners, *views.listeners], ready)
         if sys.stdin.isatty():
-            stay_open(console)
-    finally:
-        page.close()
+            views.stay()
     return executed
 
 

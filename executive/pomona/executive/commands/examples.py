@@ -13,7 +13,7 @@ _EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         ("pomona run {tree} --pace real --dashboard", "watch and control the run in the browser"),
         ("pomona run {tree} --set {setting} --seed 3", "with another parameter and another random world"),
         ("pomona run my_tree.yaml --cell lab.yaml", "your own tree on your own cell"),
-        ("pomona run my_tree.yaml --dry --watch", "without a cell; run again each time the file is saved"),
+        ("pomona run my_tree.yaml --dry", "without a cell: every skill succeeds at once"),
     ),
     "measure": (
         ("pomona measure frames --out row_7", "count and measure the fruit in recorded RGB-D frames"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -26,11 +26,11 @@ from pomona.tools.dashboard.apart import PageProcess
 from pomona.tools.dashboard.choices import Choices
 from pomona.tools.dashboard.command_alerting import add_alerts, alerts_of, outcomes_in
 from pomona.tools.dashboard.control_lock import ControlLock, RefusedError
-from pomona.tools.dashboard.security import Access
+from pomona.tools.dashboard.options import add_address, make_access
+from pomona.tools.ros2.run_view import add_ros2, open_bridge
 
 if TYPE_CHECKING:
     from pomona.tools.exchange.live import Live
-    from pomona.tools.ros2.bridge import Ros2Bridge
 
 
 def add(subparsers: Any) -> None:
@@ -47,67 +47,6 @@ def add(subparsers: Any) -> None:
     add_ros2(parser)
     add_address(parser)
     parser.set_defaults(main=main)
-
-
-def add_address(parser: argparse.ArgumentParser) -> None:
-    """The options of everything that serves the page."""
-    parser.add_argument("--port", type=int, default=8420, help="port of the page (default: 8420)")
-    parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: this machine only)")
-    parser.add_argument(
-        "--served-as", action="append", default=[], metavar="NAME", help="a name by which browsers reach this machine"
-    )
-    parser.add_argument("--tls-cert", type=Path, metavar="FILE", help="certificate (PEM): the page is served with TLS")
-    parser.add_argument("--tls-key", type=Path, metavar="FILE", help="the certificate's key (PEM)")
-    parser.add_argument(
-        "--insecure-act", action="store_true", help="with another --host: allow actions without encryption"
-    )
-
-
-def add_ros2(parser: argparse.ArgumentParser) -> None:
-    """Add the option for the ROS 2 interface of a run."""
-    parser.add_argument(
-        "--ros2", nargs="?", const="", metavar="HOST:PORT", help="speak ROS 2 (rmw_zenoh; default: 127.0.0.1:7447)"
-    )
-
-
-def open_bridge(
-    options: argparse.Namespace,
-    console: Screen,
-    access: Access,
-    control: ControlLock,
-    start: Callable[[dict[str, Any]], str] | None = None,
-) -> Ros2Bridge:
-    """Return the bridge that `--ros2` asks for.
-
-    Raises UsageError: the extra is not installed, or the address cannot be used.
-    """
-    from pomona.tools.ros2.bridge import Ros2Bridge
-    from pomona.tools.ros2.peer import ADDRESS, Ros2Peer
-
-    peer = Ros2Peer(options.ros2 or ADDRESS, insist=True)
-    says = (
-        f"; an operator's requests need the token {access.token}" if peer.local else "; no requests from other machines"
-    )
-    console.print(f"ROS 2 (rmw_zenoh) at {options.ros2 or ADDRESS}{says}", soft_wrap=True)
-    return Ros2Bridge(peer, control, access.acts_with, start)
-
-
-def make_access(options: argparse.Namespace) -> Access:
-    """The rules for an address: another one than this machine's may only watch, unless TLS or the flag allows more.
-
-    Raises UsageError: the certificate comes without its key, or the other way round.
-    """
-    if (options.tls_cert is None) != (options.tls_key is None):
-        raise UsageError("--tls-cert and --tls-key belong together")
-    local = options.host in ("127.0.0.1", "localhost", "::1")
-    return Access(
-        options.host,
-        options.port,
-        may_act=local or options.tls_cert is not None or options.insecure_act,
-        certificate=options.tls_cert,
-        key=options.tls_key,
-        names=tuple(options.served_as),
-    )
 
 
 CLOSING = 4.0  # seconds for which the next start waits until the last run's cell is closed

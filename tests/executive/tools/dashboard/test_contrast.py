@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 STYLE = (
-    Path(__file__).resolve().parents[4] / "executive" / "pomona" / "executive" / "dashboard" / "static" / "style.css"
+    Path(__file__).resolve().parents[4] / "executive" / "pomona" / "tools" / "dashboard" / "static" / "style.css"
 ).read_text("utf-8")
 SCHEMES = {
     scheme: dict(re.findall(r"--([\w-]+): (#[0-9a-f]+);", block))

@@ -22,7 +22,7 @@ MEASURE = Path(__file__).with_name("reason_in_sight.js")
 def failures_in_the_source() -> dict[str, str]:
     """Every code that a skill declares or fails with, and its longest message, with a figure where a value stands."""
     found: dict[str, str] = {}
-    for path in sorted((Path(__file__).parents[4] / "skills" / "pomona" / "skills").rglob("*.py")):
+    for path in sorted((Path(__file__).parents[4] / "skills" / "pomona").rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             match node:
                 case ast.Call(args=[ast.Constant(value=str(code)), message, *_]) if code.isupper():

@@ -1,0 +1,73 @@
+"""Foxglove and Rerun as views of `pomona run`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from pomona.executive.run_views import RunView, ViewedRun
+from pomona.executive.running.events import Event
+
+if TYPE_CHECKING:
+    from pomona.tools.exchange.live import Live, Sink
+
+
+class SinkView(RunView):
+    """A view whose sink gets the messages of a record from a thread of its own; a subclass returns the sink."""
+
+    _live: Live
+
+    def sink(self, options: argparse.Namespace, run: ViewedRun) -> Sink | None:
+        """Return the sink that the options ask for, or None. Raises UsageError: it cannot be opened."""
+        raise NotImplementedError
+
+    def open(self, options: argparse.Namespace, run: ViewedRun) -> bool:
+        sink = self.sink(options, run)
+        if sink is None:
+            return False
+        from pomona.tools.exchange.live import Live
+
+        self._live = Live([sink])
+        return True
+
+    def on_event(self, event: Event) -> None:
+        self._live.on_event(event)
+
+    def read(self, t: float, tick: int, readings: Mapping[str, Mapping[str, Any]]) -> None:
+        self._live.read(t, tick, readings)
+
+    def close(self) -> None:
+        self._live.close()
+
+
+class FoxgloveRunView(SinkView):
+    """The run in Foxglove."""
+
+    def add(self, parser: argparse.ArgumentParser) -> None:
+        about = "show the run in Foxglove (default port: 8765)"
+        parser.add_argument("--foxglove", nargs="?", const=0, type=int, metavar="PORT", help=about)
+
+    def sink(self, options: argparse.Namespace, run: ViewedRun) -> Sink | None:
+        if options.foxglove is None:
+            return None
+        from pomona.tools.exchange.foxglove_view import PORT, FoxgloveView
+
+        view = FoxgloveView(options.foxglove or PORT)
+        run.console.print(f"Foxglove: open a connection to {view.link}", soft_wrap=True)
+        return view
+
+
+class RerunRunView(SinkView):
+    """The run in Rerun's viewer, or as its file."""
+
+    def add(self, parser: argparse.ArgumentParser) -> None:
+        about = "show the run in Rerun, or write its file"
+        parser.add_argument("--rerun", nargs="?", const="", metavar="FILE.rrd", help=about)
+
+    def sink(self, options: argparse.Namespace, run: ViewedRun) -> Sink | None:
+        if options.rerun is None:
+            return None
+        from pomona.tools.exchange.rerun_view import VIEWER, RerunView
+
+        return RerunView(options.rerun or VIEWER)
