@@ -7,7 +7,7 @@ import contextlib
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
@@ -90,6 +90,11 @@ class RunView:
         """Release everything. Called once for each opened view, in the reverse order."""
 
 
+def _load(point: EntryPoint) -> type[RunView]:
+    view: type[RunView] = point.load()
+    return view
+
+
 class RunViews:
     """The views of one command, in the order of their names."""
 
@@ -103,7 +108,7 @@ class RunViews:
         views: list[RunView] = []
         for point in sorted(entry_points(group=GROUP), key=lambda point: point.name):
             try:
-                views.append(point.load()())
+                views.append(_load(point)())
             except Exception as error:  # a foreign module may raise anything when it is imported
                 logger.warning("the view '%s' of %s cannot be used: %s", point.name, point.value, error)
         return cls(views)
