@@ -1,0 +1,58 @@
+"""Every leaf has one shape: public names, a README of one page that lists its files, entry points, tests in its place."""
+
+from __future__ import annotations
+
+import ast
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+KINDS = ("executive/pomona/tools", "drivers/pomona/tools", "drivers/pomona/devices", "skills/pomona/tools")
+LEAVES = sorted(
+    folder
+    for kind in (*KINDS, "skills/pomona/applications")
+    for folder in (ROOT / kind).iterdir()
+    if folder.is_dir() and folder.name != "__pycache__"
+)
+PAGE = 90  # lines of a README of one page: the longest lists 46 files
+MOST = 3000  # lines of a leaf
+LARGER = {"training": 6000, "harvest": 3600}  # older leaves; scripts/size.json bounds each, and its bound only falls
+
+
+@pytest.fixture(params=LEAVES, ids=lambda folder: f"{folder.parent.name}/{folder.name}")
+def leaf(request: pytest.FixtureRequest) -> Path:
+    found: Path = request.param
+    return found
+
+
+def test_there_are_leaves_of_each_kind() -> None:
+    assert {folder.parent.name for folder in LEAVES} == {"tools", "devices", "applications"}
+    assert len(LEAVES) >= 20
+    assert not list(ROOT.glob("*/pomona/tools/__init__.py")), "a namespace, to which other distributions add"
+
+
+def test_a_leaf_has_a_docstring_and_a_readme_that_names_its_files(leaf: Path) -> None:
+    assert ast.get_docstring(ast.parse((leaf / "__init__.py").read_text("utf-8")))
+    page = (leaf / "README.md").read_text("utf-8")
+    assert page.startswith("# ")
+    assert page.count("\n") <= PAGE
+    listed = set(re.findall(r"^\| (\w+\.py) \|", page, re.MULTILINE))
+    assert listed == {path.name for path in leaf.glob("*.py")} - {"__init__.py"}
+    for target in re.findall(r"\]\(([^)#]+)", page):
+        assert target.startswith("https:") or (leaf / target).exists(), target
+
+
+def test_a_leaf_has_tests_in_its_place_and_is_small(leaf: Path) -> None:
+    floor, _, kind, name = leaf.relative_to(ROOT).parts
+    assert list((ROOT / "tests" / floor / kind / name).rglob("test_*.py"))
+    lines = sum(path.read_text("utf-8").count("\n") for path in leaf.rglob("*.py"))
+    assert lines <= LARGER.get(name, MOST)
+
+
+def test_a_leaf_is_found_by_entry_point(leaf: Path) -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    module = f"pomona.{leaf.parent.name}.{leaf.name}."
+    assert any(target.startswith(module) for group in project["entry-points"].values() for target in group.values())
