@@ -1,4 +1,4 @@
-"""Every leaf has one shape: public names, a README of one page that lists its files, entry points, tests in its place."""
+"""Every leaf has one shape: public names, a README of one page with its files, entry points, tests in its place."""
 
 from __future__ import annotations
 

@@ -16,10 +16,10 @@ from pomona.executive.errors import UsageError
 from pomona.executive.extras import need
 from pomona.executive.images import EXTRA
 from pomona.executive.terminal.screen import Screen
+from pomona.tools.alerts.alerts import Alerts
+from pomona.tools.alerts.options import add_alerts, alerts_of
 from pomona.tools.campaign.run import RESULTS, finished_runs, run_campaign, succeeded
 from pomona.tools.campaign.spec import Campaign, CampaignRun, read_campaign
-from pomona.tools.dashboard.alerts import Alerts
-from pomona.tools.dashboard.command_alerting import add_alerts, alerts_of
 
 
 def add(subparsers: Any) -> None:

@@ -22,9 +22,9 @@ from pomona.executive.running.runner import Runner
 from pomona.executive.running.starting import Starting
 from pomona.executive.speed import SpeedRefusedError, speed_of
 from pomona.executive.terminal.screen import Screen
+from pomona.tools.alerts.options import add_alerts, alerts_of, outcomes_in
 from pomona.tools.dashboard.apart import PageProcess
 from pomona.tools.dashboard.choices import Choices
-from pomona.tools.dashboard.command_alerting import add_alerts, alerts_of, outcomes_in
 from pomona.tools.dashboard.control_lock import ControlLock, RefusedError
 from pomona.tools.dashboard.options import add_address, make_access
 from pomona.tools.ros2.run_view import add_ros2, open_bridge

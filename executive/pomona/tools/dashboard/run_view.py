@@ -1,4 +1,4 @@
-"""The operator's page and alerts as views of `pomona run`."""
+"""The operator's page as a view of `pomona run`."""
 
 from __future__ import annotations
 
@@ -14,12 +14,10 @@ from pomona.executive.running.events import Event
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.starting import Starting
 from pomona.executive.terminal.screen import in_browser, stay_open
-from pomona.tools.dashboard.command_alerting import add_alerts
 from pomona.tools.dashboard.options import add_address, make_access
 
 if TYPE_CHECKING:
     from pomona.executive.terminal.screen import Screen
-    from pomona.tools.dashboard.alerts import Alerts
     from pomona.tools.dashboard.apart import PageProcess
 
 WAITING = 0.05  # time between two looks for a page [s]
@@ -93,28 +91,3 @@ class PageView(RunView):
 
     def close(self) -> None:
         self._held_open.close()
-
-
-class AlertView(RunView):
-    """Alerts when the success rate of runs is too low."""
-
-    _alerts: Alerts
-
-    def add(self, parser: argparse.ArgumentParser) -> None:
-        add_alerts(parser)
-
-    def open(self, options: argparse.Namespace, run: ViewedRun) -> bool:
-        if options.alert_to is None:
-            return False
-        from pomona.tools.dashboard.command_alerting import alerts_of, outcomes_in
-
-        alerts = alerts_of(options, outcomes_in(options.record, options.alert_over))
-        assert alerts is not None
-        self._alerts = alerts
-        return True
-
-    def on_event(self, event: Event) -> None:
-        self._alerts.on_event(event)
-
-    def close(self) -> None:
-        self._alerts.wait()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pomona.executive.values.kinds import Measure
 from pomona.executive.values.units import RATIO
-from pomona.tools.dashboard.alerts import AlertRule, Alerts
+from pomona.tools.alerts.alerts import AlertRule, Alerts
 from pomona.tools.library.index import RunIndex
 
 SHARE = Measure(RATIO, low="0 %", high="100 %")

@@ -1,0 +1,1 @@
+"""Alerts when the success rate of runs is too low."""
