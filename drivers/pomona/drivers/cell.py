@@ -28,6 +28,7 @@ from pomona.drivers.readings import Readings
 from pomona.drivers.registration import Settings
 from pomona.executive.clock import Clock, ManualClock, SystemClock
 from pomona.executive.values.arrays import UInt8
+from pomona.executive.values.bounded import warn
 from pomona.executive.values.documents import Outline, with_includes
 from pomona.executive.values.findings import Findings
 from pomona.executive.values.kinds import Schema
@@ -382,7 +383,7 @@ def _close(devices: Mapping[str, Device]) -> None:
         try:
             device.close()
         except BaseException as error:
-            logger.warning("%s could not be closed: %s", name, sentence_of(error))
+            warn(logger, "%s could not be closed: %s", name, sentence_of(error))
 
 
 def _connect(settings: Settings[Any], context: ConnectContext) -> Device:

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
+from pomona.executive.values.bounded import warn
 from pomona.executive.values.plain_text import read_plain_text
 
 logger = logging.getLogger(__name__)
@@ -71,7 +72,7 @@ class HandMemory:
                     _write(self.path, self._record)
             except OSError as error:
                 if not self._warned:
-                    logger.warning("%s: the state of the hand cannot be kept: %s", self.path, error)
+                    warn(logger, "%s: the state of the hand cannot be kept: %s", self.path, error)
                 self._warned = True
 
 

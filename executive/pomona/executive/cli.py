@@ -19,10 +19,14 @@ from pomona.executive.commands.command_line import children, make_parser
 from pomona.executive.errors import UsageError
 from pomona.executive.extras import remedy
 from pomona.executive.running.launcher import in_child
-from pomona.executive.running.signals import WORDS, raising, signalled, status_of
+from pomona.executive.running.signals import WORDS, raising, report_end, signalled, status_of
+from pomona.executive.terminal.output import unwaiting_output
+from pomona.executive.values.bounded import within
 
 PATIENCE = 2.0  # seconds that threads and processes may go on when the work is done
 REPORTED = ("run", "rerun")  # commands whose status 0 means that a task succeeded: a process of their own reports it
+TICKING = (*REPORTED, "dashboard")  # commands that tick a tree in this process
+LEAVING = 5.0  # seconds that the end of such a process takes at most; foreign code may hold a lock that it needs
 INTERRUPTED = 128  # a signal ends the process with a status above this
 
 
@@ -51,9 +55,12 @@ def _complete_streams() -> None:
 
 def _process(words: Sequence[str]) -> int:
     """Run one subcommand in a process that is there for it alone."""
-    status = _main(words)
+    ticking = _command(words) in TICKING
+    with unwaiting_output() if ticking else contextlib.nullcontext():
+        status = _main(words)
+        _ignore_signals()
+    _end_without(_left(), status, ticking)
     _leave_quietly()
-    _end_without(_left(), status)
     return status
 
 
@@ -119,10 +126,14 @@ def _print_error(text: str) -> None:
     Screen(stderr=True).print(text, style="red", soft_wrap=True)
 
 
-def _leave_quietly() -> None:
-    """The work is done: a signal, or a reader that is gone, must not make a traceback out of the process's end."""
+def _ignore_signals() -> None:
+    """The work is done: a signal must not make a traceback out of the process's end."""
     for number in WORDS:
         signal.signal(number, signal.SIG_IGN)
+
+
+def _leave_quietly() -> None:
+    """A reader that is gone must not make a traceback out of the process's end."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
@@ -142,11 +153,12 @@ def _children() -> list[Any]:
     return sys.modules["multiprocessing"].active_children() if "multiprocessing" in sys.modules else []
 
 
-def _end_without(left: list[str], status: int) -> None:
+def _end_without(left: list[str], status: int, ticking: bool) -> None:
     """End the process after a moment for threads and processes that a skill or a library left; record and cell are
     closed.
 
-    Threads of a pool that only wait for work end by themselves in this time.
+    Threads of a pool that only wait for work end by themselves in this time. A command that ticked a tree ends within
+    `LEAVING`: a lock of foreign code, such as one of `logging`, may hold up the end of Python.
     """
 
     def end() -> None:
@@ -156,14 +168,20 @@ def _end_without(left: list[str], status: int) -> None:
                 from pomona.executive.running.compute import COMPUTING  # not for every command
 
                 still = [name for name in still if not name.startswith(COMPUTING)]
-            with contextlib.suppress(OSError):
+            with contextlib.suppress(OSError):  # TimeoutError is one
                 if still:
-                    _print_error(f"still running after the end, and ended with the process: {', '.join(still)}")
+                    words = f"still running after the end, and ended with the process: {', '.join(still)}"
+                    within(PATIENCE, lambda: _print_error(words))
             for child in _children():  # Python then does not wait for them; they have been reported before
                 child.kill()
-            os._exit(status)
+        elif ticking:
+            threading.Event().wait(LEAVING - PATIENCE)
+        else:
+            return
+        report_end(status)
+        os._exit(status)
 
-    if left:
+    if left or ticking:
         threading.Thread(target=end, name="pomona-end", daemon=True).start()
 
 

@@ -10,6 +10,8 @@ import contextlib
 import os
 from collections.abc import Iterator
 
+from pomona.executive.values.bounded import write_if_read
+
 CHILD = 3  # exit status of a child that came back into the run
 
 _process: int | None = None  # process of the run in progress here, or in the parent of this copy
@@ -18,8 +20,7 @@ _process: int | None = None  # process of the run in progress here, or in the pa
 def leave_if_forked() -> None:
     """End a child of the run's process; called wherever foreign code comes back into the run."""
     if _process is not None and os.getpid() != _process:
-        with contextlib.suppress(OSError):
-            os.write(2, b"a process that was forked in the run came back into it, and was ended\n")
+        write_if_read(2, b"a process that was forked in the run came back into it, and was ended\n")
         os._exit(CHILD)
 
 

@@ -4,6 +4,9 @@ A thread of its own writes the record during the run. The tick only puts events 
 queue is passed to the operating system as one chunk with its checksum. A killed process loses no more than that. The
 file is locked while it is written, so other processes see a run in progress.
 
+A write may also wait for ever: a dead disk, network or pipe. `look` detects a flush that is `STALLED` late; after
+`LOST`, or `CLOSING` of the end, the record is given up.
+
 The recorder refuses each event that a reader would refuse: one that cannot be encoded, is too large, or has a field of
 a wrong type. An error that names the event takes its place, and the record reports a problem.
 """
@@ -26,6 +29,7 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from pomona.executive.encode import encoded, plain
+from pomona.executive.errors import PomonaError
 from pomona.executive.recording.decode import event_from
 from pomona.executive.recording.ending import EndingFile
 from pomona.executive.recording.folder import DEVICES, EVENTS, EVENTS_FILE, RecordError, hash_of, next_number
@@ -48,19 +52,47 @@ from pomona.executive.views import ImageView, SeriesView
 
 BATCH = 0.1  # time between two writes [s]; a killed process loses the events of this time
 CHUNK_BYTES = 65_536  # largest chunk, except for one large message [bytes]: a damaged byte makes one chunk unreadable
+STALLED = 5.0  # time without a completed flush from which the record reports that its disk takes nothing [s]
+LOST = 60.0  # the same: the record is given up, since events fill the memory [s]
+CLOSING = 10.0  # the same, while the record is closed [s]
 _DECIMALS = 6  # decimals of a reading: micrometres, microradians, micronewtons
+
+
+class Lag:
+    """Time for which a count stands still. A late look counts as `BATCH`, so a stalled computer is no stalled disk."""
+
+    def __init__(self) -> None:
+        self._count, self._lag, self._looked_at = -1, 0.0, 0.0
+
+    def seconds(self, count: int, now: float) -> float:
+        """Return it [s], for a look at a monotonic time [s]."""
+        self._lag = 0.0 if count != self._count else self._lag + min(now - self._looked_at, BATCH)
+        self._count, self._looked_at = count, now
+        return self._lag
+
+
+class GivenUpError(PomonaError):
+    """The record was given up while its thread waited for the disk."""
 
 
 class Recorder:
     """Writes events into a record. Subscribe its `on_event` to the run's stream, and close it after the run."""
 
-    def __init__(self, folder: Path) -> None:
-        """Raises RecordError: the file cannot be opened."""
+    def __init__(self, folder: Path, *, durable: bool = False) -> None:
+        """
+        Args:
+            folder: of the record; it exists.
+            durable: pass the finished file to the disk, which may report an error of an earlier write only then.
+
+        Raises:
+            RecordError: the file cannot be opened.
+        """
         self.folder = folder.absolute()  # the process may change its folder
-        self._problem, self._lacks, self._whole = "", "", False
+        self._problem, self._stalled, self._lacks, self._whole = "", "", "", False
+        self._durable, self._lag, self._steps = durable, Lag(), 0
         self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._closing = threading.Event()
-        self._t, self._flushed = 0.0, 0.0
+        self._t, self._t_written, self._flushed = 0.0, 0.0, 0.0
         self._written = 0  # size of the file after the newest flush [bytes]
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
@@ -81,7 +113,7 @@ class Recorder:
     def problem(self) -> str:
         """Reason why the record ends early or lacks an event; empty without one. From any thread."""
         if self._problem or self._whole or self._thread.is_alive():
-            return self._problem or self._lacks
+            return self._problem or self._stalled or self._lacks
         return self._ends_with("the recorder's thread has ended")
 
     @property
@@ -99,10 +131,28 @@ class Recorder:
         if not self._problem:
             self._queue.put((t, tick, readings))
 
-    def close(self) -> None:
-        """Write the rest and close the file. A second call has no effect."""
+    def look(self) -> float:
+        """Compare the newest flush with the time; called in every tick. Returns the time without one [s]."""
+        lag = self._lag.seconds(self._steps, time.monotonic())
+        self._stalled = f"the disk has taken nothing of the record for {STALLED:g} s" if lag > STALLED else ""
+        if lag > LOST:
+            self._problem = self._problem or self._ends_with(f"its disk has taken nothing for {LOST:g} s")
+        return lag
+
+    def close(self) -> bool:
+        """Write the rest and close the file. A second call has no effect.
+
+        Returns:
+            False if a write still waits for the disk: its thread goes on waiting, and the record is given up.
+        """
         self._closing.set()
-        self._thread.join()
+        while self._thread.is_alive():
+            self._thread.join(BATCH)
+            if self.look() > CLOSING:
+                self._problem = self._problem or self._ends_with(f"its disk has taken nothing for {CLOSING:g} s")
+                return False
+        self._stalled = ""
+        return True
 
     # ------------------------------------------------------------------------------- the recorder's thread
 
@@ -115,9 +165,14 @@ class Recorder:
             self._refuse_changed(self._written)
             self._writer.finish()
             self._file.flush()
+            if self._durable:
+                os.fsync(self._file.fileno())
             self._refuse_changed(self._file.tell())
+            self._refuse_given_up()
             self._ending.write("closed", bytes=self._file.tell())
             self._whole = True
+        except GivenUpError:
+            self._ending.write("failed", why=self._problem)
         except OSError as error:
             self._give_up(error.strerror or str(error))
         except BaseException as error:  # a published value of a skill may raise any exception
@@ -132,7 +187,13 @@ class Recorder:
         self._ending.write("failed", why=why)
 
     def _ends_with(self, why: str) -> str:
-        return f"the record ends at {self._t:.2f} s of the run: {why}"
+        return f"the record ends at {self._t_written:.2f} s of the run: {why}"
+
+    def _refuse_given_up(self) -> None:
+        """Raises GivenUpError: events are missing from here on."""
+        if self._problem:
+            raise GivenUpError
+        self._steps += 1
 
     def _refuse_changed(self, least: int) -> None:
         """Refuse a file that was moved or cut: no write call reports that.
@@ -170,7 +231,8 @@ class Recorder:
         self._writer.flush()
         self._written = self._file.tell()
         self._refuse_changed(self._written)
-        self._flushed = time.monotonic()
+        self._refuse_given_up()
+        self._t_written, self._flushed = self._t, time.monotonic()
 
     def _take(self, taken: Any) -> None:
         if isinstance(taken, Published) and isinstance(taken.value, ImageView):

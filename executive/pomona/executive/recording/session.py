@@ -16,15 +16,20 @@ from pomona.executive.errors import PomonaError
 from pomona.executive.recording.folder import RecordError, events_file, new_record_folder
 from pomona.executive.recording.picture import Picture
 from pomona.executive.recording.read import read_events
-from pomona.executive.recording.recorder import Recorder
+from pomona.executive.recording.recorder import STALLED, Recorder
 from pomona.executive.recording.scan import examine
 from pomona.executive.running.cell import Cell
 from pomona.executive.running.events import EventStream, RunEnded
 from pomona.executive.running.runner import Runner
+from pomona.executive.values.bounded import within
 from pomona.executive.values.sentences import sentence_of
 
 Reader = Callable[[float, int, Mapping[str, Mapping[str, Any]]], None]
 """Takes the run's time, the tick, and the new measurements of the cell's devices, by device and quantity."""
+
+
+DRAWING = 20.0  # longest wait for the run's picture: its library and its disk may wait for ever [s]
+READING = 30.0  # longest wait while a finished record is read [s]
 
 
 class RecordingSession:
@@ -56,7 +61,7 @@ class RecordingSession:
         runner.look_after("record", self._state, required=self._cell.record_required)
         folder = new_record_folder(self._root, runner.tree.name)
         try:
-            self._recorder = Recorder(folder)
+            self._recorder = Recorder(folder, durable=self._cell.record_required)
         except RecordError:
             shutil.rmtree(folder, ignore_errors=True)
             raise
@@ -75,10 +80,13 @@ class RecordingSession:
 
     def draw(self, title: str) -> None:
         """Draw the run's picture."""
-        if self._recorder is None or self._picture.empty:
+        if self._recorder is None or self._picture.empty or self._recorder.look() > STALLED:
             return
+        place = self._recorder.folder / "picture.png"
         try:
-            self._picture.save(self._recorder.folder / "picture.png", title)
+            within(DRAWING, lambda: self._picture.save(place, title))
+        except TimeoutError as error:
+            self._trouble = f"the picture is {error}"
         except OSError as error:
             self._trouble = f"the picture cannot be written: {error.strerror or error}"
         except Exception as error:  # a view that cannot be drawn, a drawing library that cannot be loaded
@@ -91,10 +99,9 @@ class RecordingSession:
             the problem of the record as a sentence; empty without one.
         """
         self.look()
-        if self._recorder is not None:
-            self._recorder.close()
-            if not _is_written(events_file(self._recorder.folder)):
-                self.folder = None
+        recorder = self._recorder
+        if recorder is not None and recorder.close() and not _is_written(events_file(recorder.folder)):
+            self.folder = None
         return self._problem()
 
     def breach(self, outcome: str) -> str:
@@ -104,12 +111,18 @@ class RecordingSession:
         """
         if not self._cell.record_required or self._recorder is None:
             return ""
-        return self._recorder.problem or _unread(self._recorder.folder, outcome)
+        folder = self._recorder.folder
+        try:
+            return self._recorder.problem or within(READING, lambda: _unread(folder, outcome))
+        except TimeoutError as error:
+            return f"the finished record cannot be read: {error}"
 
     def _problem(self) -> str:
         return (self._recorder.problem if self._recorder is not None else "") or self._trouble
 
     def _state(self) -> str:
+        if self._recorder is not None:
+            self._recorder.look()
         problem = self._problem()
         if not problem:
             return "ok"

@@ -18,7 +18,8 @@ import sys
 import time
 from collections.abc import Callable
 
-from pomona.executive.running.signals import REPORT, WORDS, report_to
+from pomona.executive.running.signals import REPORT, WORDS, report_end, report_to
+from pomona.executive.values.bounded import write_if_read
 
 LEFT = 3  # exit status of a command whose process ended with 0 before the command did
 
@@ -87,14 +88,14 @@ def in_child(work: Callable[[], int]) -> int:
         os._exit(LEFT)
     global _launcher
     _launcher = parent
-    report = report_to(writing)
+    report_to(writing)
     signal.pthread_sigmask(signal.SIG_SETMASK, before)
     try:
         status = work()
     except SystemExit as ended:
-        report(_END, ended.code if isinstance(ended.code, int) else int(ended.code is not None))
+        report_end(ended.code if isinstance(ended.code, int) else int(ended.code is not None))
         raise
-    report(_END, status)
+    report_end(status)
     return status
 
 
@@ -123,8 +124,7 @@ class _Follower:
         if code < 0:
             _die_by(-code)
         if code == 0 and self._end is None:
-            with contextlib.suppress(OSError):
-                os.write(2, _LEFT_WORDS)
+            write_if_read(2, _LEFT_WORDS)
             return LEFT
         return code or self._end or 0
 

@@ -12,7 +12,6 @@ The other methods may be called from any thread; they are carried out between tw
 from __future__ import annotations
 
 import contextlib
-import logging
 import queue
 import time
 from collections import deque
@@ -57,8 +56,6 @@ from pomona.executive.values.sentences import sentence_of
 
 if TYPE_CHECKING:  # small commands do not load numpy
     from pomona.executive.values.arrays import UInt8
-
-logger = logging.getLogger(__name__)
 
 STOP_LIMIT = 10.0  # seconds of the cell's clock that a stop may take before it becomes a safe stop
 
@@ -502,7 +499,6 @@ class Runner(Requests):
         with self._telling(node, "the safe stop"):
             self._safe_stop(message)
         if not isinstance(error, SafeStopRequestedError):
-            logger.debug("fault", exc_info=error)
             data = {"exception": type(error).__name__, "place": place_of(error)}
             self._tell(node, "the tick", error)
             self.context.forget_refusal(error)

@@ -60,6 +60,12 @@ def report_to(file: int) -> Report:
     return report
 
 
+def report_end(status: int) -> None:
+    """Report the end of the command with its exit status to the launcher, if there is one."""
+    if _launcher is not None:
+        _launcher(0, status)
+
+
 def _report(number: int) -> float:
     """Report a signal to the launcher; return the time [s, monotonic]."""
     now = time.monotonic()

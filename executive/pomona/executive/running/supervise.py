@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from pomona.executive.running.signals import WORDS
+from pomona.executive.values.bounded import within, write_if_read
 
 STOPPING = 3.0  # seconds for which each device is tried again: its old connection may have to be noticed as gone first
 REPORT = "supervisor.json"  # file in the record's folder: actions of the supervisor and their reasons
@@ -121,15 +122,15 @@ def _stop_all(stops: dict[str, tuple[Callable[..., None], list[Any]]]) -> dict[s
 
 def _report(orders: Orders, reason: str, outcomes: dict[str, str], took: float) -> None:
     devices = "; ".join(f"{device} {what}" for device, what in outcomes.items())
-    with contextlib.suppress(OSError):  # the reader is gone
-        print(f"supervisor: {reason}. {devices}.", file=sys.stderr, flush=True)
+    words = f"supervisor: {reason}. {devices}.\n"
     if orders.record:
         text = json.dumps({"reason": reason, "devices": outcomes, "took_s": round(took, 3), "wall_time": time.time()})
+        path = Path(orders.record, REPORT)
         try:
-            Path(orders.record, REPORT).write_text(text + "\n", encoding="utf-8")
-        except OSError as error:  # the folder is gone, the disk is full: the devices are stopped all the same
-            with contextlib.suppress(OSError):
-                print(f"supervisor: {orders.record}/{REPORT}: {error.strerror}", file=sys.stderr, flush=True)
+            within(STOPPING, lambda: path.write_text(text + "\n", encoding="utf-8"))
+        except OSError as error:  # the folder is gone, the disk is full or dead: the devices are stopped all the same
+            words += f"supervisor: {path}: {error.strerror or error}\n"
+    write_if_read(2, words.encode(errors="replace")[:4096])
 
 
 def _load(name: str) -> Callable[..., None]:

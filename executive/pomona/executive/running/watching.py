@@ -13,6 +13,7 @@ from importlib.metadata import entry_points
 from typing import Protocol
 
 from pomona.executive.running.cell import Cell
+from pomona.executive.values.bounded import warn
 
 logger = logging.getLogger(__name__)
 
@@ -60,7 +61,7 @@ class Watch:
                 for topic, view in watcher.look():
                     self._publish("", topic, view)
             except Exception as error:  # of a third party's code
-                logger.warning("%s is not asked again: %s", type(watcher).__name__, error)
+                warn(logger, "%s is not asked again: %s", type(watcher).__name__, error)
                 self._watchers.remove(watcher)
                 self._tell("", f"a look of {type(watcher).__name__}, which is not asked again", error)
 

@@ -117,6 +117,8 @@ class LiveTree:
         # seconds between two drawings
         if self._live is None or not self._live.is_started or time.monotonic() - self._drawn < 0.08:
             return
+        if self._console.is_behind:  # the terminal is stopped, or slow: it gets the newest state when it goes on
+            return
         self._drawn = time.monotonic()
         self._live.update(self._text(), refresh=True)
 

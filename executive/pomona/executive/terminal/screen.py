@@ -39,6 +39,11 @@ class Screen(Console):
             return False
 
     @property
+    def is_behind(self) -> bool:
+        """Whether the reader of the output has not yet taken everything."""
+        return bool(getattr(self.file, "is_behind", False))
+
+    @property
     def file(self) -> IO[str]:
         """Where it writes: the stream itself, not filtered a second time."""
         stream = super().file

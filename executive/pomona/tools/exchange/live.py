@@ -23,6 +23,7 @@ from pomona.executive.recording.schemas import EVENT, READING, Schema
 from pomona.executive.recording.well_known import samples, well_known
 from pomona.executive.running.events import Event, Published, RunStarted
 from pomona.executive.running.unencodable import in_place_of, refuse
+from pomona.executive.values.bounded import warn
 from pomona.executive.views import ImageView, SeriesView
 
 logger = logging.getLogger(__name__)
@@ -85,7 +86,7 @@ class Live:
         self._wake.set()
         self._thread.join(CLOSING + 1.0)
         if self.dropped:
-            logger.warning("live views could not follow: %d of %d events were left out", self.dropped, self._put)
+            warn(logger, "live views could not follow: %d of %d events were left out", self.dropped, self._put)
 
     def _work(self) -> None:
         deadline = float("inf")
