@@ -207,6 +207,8 @@ def _pieces(lines: Iterable[bytes]) -> Iterator[bytes]:
 
 def _message(path: Path, line: Line, images: str) -> bytes:
     line = line._replace(message=_without_addresses(line.message))
+    if line.message.get("event") == "RunStarted":
+        event_from(line.message)  # its nodes are a tree, through which the page walks
     if line.image:
         return _with_image(path, line, images)
     if len(line.content) > LARGE:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from pomona.executive.errors import UsageError
 from pomona.executive.extras import need
-from pomona.executive.interop.to_ros2 import RosMessage, ToRos2
+from pomona.executive.interop.to_ros2 import NoRosTimeError, RosMessage, ToRos2
 from pomona.executive.recording.folder import events_file
 from pomona.executive.recording.json_text import parse_object
 from pomona.executive.recording.new_place import made_whole
@@ -49,7 +50,9 @@ def export_rosbag2(record: Path, folder: Path) -> Mapping[str, str]:
             if not bag.topics:
                 raise UsageError(f"{path}: not a record of a run")
             writer.close()
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
+    except NoRosTimeError as error:
+        raise UsageError(f"{path}: {error}") from error
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, struct.error) as error:
         raise UsageError(f"{path}: not a record of a run: {error!r}") from error
     return {topic: f"{kind}  {count}" for topic, (kind, count) in sorted(bag.topics.items())}
 
