@@ -39,17 +39,16 @@ def export_rosbag2(record: Path, folder: Path) -> Mapping[str, str]:
             verdict = require_valid(path)
             writer = rosbag2.Writer(place, version=VERSION, storage_plugin=rosbag2.StoragePlugin.MCAP)
             writer.set_compression(rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD)
-            writer.open()
             bag, run, last = _Bag(writer), ToRos2(), 0
-            for found in scan(path, verdict):
-                last = found.stamp
-                for message in run.messages(found.topic, parse_object(found.content), found.stamp):
+            with writer:  # closed in any case
+                for found in scan(path, verdict):
+                    last = found.stamp
+                    for message in run.messages(found.topic, parse_object(found.content), found.stamp):
+                        bag.write(message)
+                for message in run.rest(last):
                     bag.write(message)
-            for message in run.rest(last):
-                bag.write(message)
-            if not bag.topics:
-                raise UsageError(f"{path}: not a record of a run")
-            writer.close()
+                if not bag.topics:
+                    raise UsageError(f"{path}: not a record of a run")
     except NoRosTimeError as error:
         raise UsageError(f"{path}: {error}") from error
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, struct.error) as error:
