@@ -17,14 +17,13 @@ import numpy as np
 from pomona.executive import views
 from pomona.executive.errors import PomonaError
 from pomona.executive.reasons import DEEPEST_CAUSE, MOST_CAUSES, Reason
-from pomona.executive.recording.json_text import LONGEST
+from pomona.executive.recording.json_text import LONGEST, moment_of
+from pomona.executive.recording.node_tree import tree_of
 from pomona.executive.running import events
 from pomona.executive.running.events import Event
 
 _EVENTS = {c.__name__: c for c in vars(events).values() if isinstance(c, type) and issubclass(c, Event)}
 _VIEWS = {c.__name__: c for c in vars(views).values() if isinstance(c, type) and dataclasses.is_dataclass(c)}
-
-MOST_NODES = 20_000  # largest tree that is read [nodes]
 
 
 class ForeignRecordError(PomonaError):
@@ -54,7 +53,9 @@ def _value(cls: type, key: str, hint: Any, value: Any) -> Any:
     if cls is events.Published and key == "value":
         return _view(value) if isinstance(value, Mapping) and value.get("type") in _VIEWS else value
     if cls is events.RunStarted and key == "nodes":
-        return _nodes(value)
+        return tuple(tree_of(value))
+    if cls is events.RunStarted and key == "wall_time":
+        return moment_of(value)
     return _typed(hint)(value)
 
 
@@ -90,18 +91,6 @@ def _number(value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= LONGEST:
         raise TypeError(f"{str(value)[:40]!r} stands where a number is expected, {LONGEST:g} at most")
     return float(value)
-
-
-def _nodes(value: Any) -> tuple[Mapping[str, Any], ...]:
-    if len(value) > MOST_NODES:
-        raise ValueError(f"a tree of {len(value)} nodes; at most {MOST_NODES} are read")
-    for node in _is(value, list):
-        for key in ("path", "name", "type"):
-            _is(node[key] if key == "path" else node.get(key, ""), str)
-        if not isinstance(node["parent"], (str, types.NoneType)) or not isinstance(node.get("line", 0), int):
-            raise TypeError("a node has no parent")
-        node.setdefault("name", node["path"])
-    return tuple(value)
 
 
 def reason_from(value: Any) -> Reason:

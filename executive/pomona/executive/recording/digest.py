@@ -13,7 +13,8 @@ from typing import Any
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.ending import why_cut
 from pomona.executive.recording.folder import EVENTS, events_file, hash_of
-from pomona.executive.recording.json_text import LONGEST, parse_object
+from pomona.executive.recording.json_text import LONGEST, moment_of, parse_object
+from pomona.executive.recording.node_tree import tree_of
 from pomona.executive.recording.plain_file import is_plain
 from pomona.executive.recording.scan import DamagedRecordError, Verdict, require_valid, scan
 
@@ -123,10 +124,11 @@ def _raise_peaks(peaks: dict[str, float], values: Mapping[str, Any]) -> None:
 def _beginning(event: Mapping[str, Any]) -> dict[str, Any]:
     about: dict[str, Any] = {name: _text(event.get(name, "")) for name in ("tree", "tree_hash", "cell", "cell_kind")}
     seed = event.get("seed")
+    tree_of(event.get("nodes", []))
     return {
         **about,
         "seed": seed if isinstance(seed, int) and abs(seed) < 2**63 else None,
-        "wall_time": _number(event.get("wall_time")) or 0.0,
+        "wall_time": moment_of(event.get("wall_time")),
         "parameters": _mapping(event.get("parameters")),
         "settings": {key: _text(value) for key, value in _mapping(event.get("settings")).items()},
         "cell_hash": hash_of(*(_text(text, None) for text in _cell_texts(event))),

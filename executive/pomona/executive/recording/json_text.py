@@ -11,7 +11,8 @@ from typing import Any
 import orjson
 
 MOST_DEPTH = 200  # deepest nesting of objects and lists. A chain of reasons needs two levels per node up the tree.
-LONGEST = 1e12  # largest valid time, of a run or since 1970 [s]: 30 000 years
+LONGEST = 1e12  # largest valid number of seconds, of a run [s]: 30 000 years
+LATEST = 253_370_764_800.0  # latest valid moment, since 1970 [s]: the year 9999, the last that can be written as a date
 
 _STRINGS = re.compile(rb'"(?:[^"\\]|\\.)*"', re.DOTALL)
 _HUGE = re.compile(rb"[eE]\+?\d{3}")
@@ -46,6 +47,15 @@ def parse_object(content: bytes | str) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise ValueError(f"an object is expected here, not {str(value)[:40]!r}")
     return value
+
+
+def moment_of(value: Any) -> float:
+    """Return a moment in seconds since 1970; null becomes 0, unknown. Raises ValueError: it is none up to year 9999."""
+    if value is None:
+        return 0.0
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value <= LATEST:
+        raise ValueError(f"{str(value)[:40]!r} stands where a moment in seconds since 1970 is expected")
+    return float(value)
 
 
 def is_deep(content: bytes) -> bool:

@@ -69,6 +69,7 @@ class _Story:
     def __init__(self) -> None:
         self.summary = Summary()
         self.nodes: dict[str, Mapping[str, Any]] = {}
+        self.leaves: set[str] = set()
         self.failures: list[NodeChanged] = []
         self.moments: list[tuple[float, str]] = []
         self.stops: list[SafeStopped] = []
@@ -84,6 +85,7 @@ class _Story:
         self.t = max(self.t, event.t)
         if isinstance(event, RunStarted):
             self.nodes = {node["path"]: node for node in event.nodes}
+            self.leaves = set(self.nodes) - {node["parent"] for node in event.nodes}
         elif isinstance(event, NodeChanged):
             self._follow(event)
         elif isinstance(event, OperatorActed):
@@ -109,7 +111,7 @@ class _Story:
     def _follow(self, event: NodeChanged) -> None:
         if event.status == "RUNNING":
             self.running.setdefault(event.path, event.t)
-        elif self.running.pop(event.path, None) is not None and event.path in self._leaves():
+        elif self.running.pop(event.path, None) is not None and event.path in self.leaves:
             self._note_hand()
         if event.reason is not None and not event.reason.causes and event.reason.code != "SKIPPED":
             self.failures.append(event)
@@ -280,11 +282,8 @@ class _Story:
 
     # ----------------------------------------------------------------------------------------------- words
 
-    def _leaves(self) -> set[str]:
-        return set(self.nodes) - {node["parent"] for node in self.nodes.values()}
-
     def _running_leaves(self) -> list[str]:
-        return sorted({self._name(path) for path in self.running if path in self._leaves()})
+        return sorted({self._name(path) for path in self.running if path in self.leaves})
 
     def _name(self, path: str) -> str:
         node = self.nodes.get(path)

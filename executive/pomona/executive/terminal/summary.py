@@ -26,6 +26,8 @@ from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import figure, headline, say, seconds
 from pomona.executive.views import TableView
 
+MOST_ROWS, MOST_COLUMNS = 200, 30  # of a table that are printed; an export has all
+
 
 class Summary:
     """Gathers the figures of the summary from the events."""
@@ -69,10 +71,11 @@ class Summary:
     def within(self) -> list[str]:
         """Return each attempt's outer attempt, `outer 2 of 3`; empty for the outermost and for unfinished ones."""
         trying, ended, found = {attempt.path for attempt in self.attempts}, dict[str, AttemptEnded](), []
+        outer: dict[str | None, str | None] = {}
+        for path, parent in self._parents.items():  # a parent comes before its children
+            outer[path] = parent if parent in trying else outer.get(parent)
         for attempt in self.attempts:
-            around = self._parents.get(attempt.path)
-            while around is not None and around not in trying:
-                around = self._parents.get(around)
+            around = outer.get(attempt.path)
             found.append("" if around is None else _next_attempt(around, ended.get(around)))
             ended[attempt.path] = attempt
         return found
@@ -220,9 +223,19 @@ def _row(console: Screen, label: str, *text: str | tuple[str, str]) -> None:
 
 
 def _table(view: TableView) -> Table:
-    table = Table(title=view.caption or None, title_justify="left", box=None, padding=(0, 2, 0, 0))
-    for column in view.columns:
+    rows, columns = view.rows[:MOST_ROWS], view.columns[:MOST_COLUMNS]
+    left_out = [
+        f"{len(all_of) - len(shown)} more {what}"
+        for all_of, shown, what in ((view.rows, rows, "rows"), (view.columns, columns, "columns"))
+        if len(all_of) > len(shown)
+    ]
+    rest = f"{' and '.join(left_out)}; `pomona runs export RUN --to frames` writes all" if left_out else None
+    table = Table(
+        title=view.caption or None, title_justify="left", caption=rest, caption_justify="left", box=None,
+        padding=(0, 2, 0, 0),
+    )  # fmt: skip
+    for column in columns:
         table.add_column(column, justify="right")
-    for row in view.rows:
-        table.add_row(*row)
+    for row in rows:
+        table.add_row(*row[:MOST_COLUMNS])
     return table

@@ -16,6 +16,7 @@ from websockets.protocol import State
 
 MOST_CONNECTIONS = 250  # connections without a live stream; of more, the longest idle one is closed
 REQUEST_DEADLINE = 5.0  # seconds in which a request must have come, head and body
+TAKING_DEADLINE = 30.0  # seconds in which a client must take a piece of an answer: on 9 kB/s it does
 
 
 class PatientHttp(H11Protocol):
@@ -23,6 +24,7 @@ class PatientHttp(H11Protocol):
 
     _since = 0.0
     _deadline: asyncio.TimerHandle | None = None
+    _taking: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """As uvicorn's; makes room."""
@@ -43,9 +45,20 @@ class PatientHttp(H11Protocol):
         self._expect_nothing()
         super().handle_websocket_upgrade(event)
 
+    def pause_writing(self) -> None:
+        """As uvicorn's; a client that takes nothing of its answer is closed."""
+        super().pause_writing()
+        self._taking = self.loop.call_later(TAKING_DEADLINE, self.transport.abort)
+
+    def resume_writing(self) -> None:
+        """As uvicorn's; the next piece has its own deadline."""
+        self._taken()
+        super().resume_writing()
+
     def connection_lost(self, exc: Exception | None) -> None:
         """As uvicorn's."""
         self._expect_nothing()
+        self._taken()
         super().connection_lost(exc)
 
     def shutdown(self) -> None:
@@ -69,6 +82,11 @@ class PatientHttp(H11Protocol):
         if self._deadline is not None:
             self._deadline.cancel()
             self._deadline = None
+
+    def _taken(self) -> None:
+        if self._taking is not None:
+            self._taking.cancel()
+            self._taking = None
 
     def _close_unless_complete(self) -> None:
         state: Any = self.conn.their_state

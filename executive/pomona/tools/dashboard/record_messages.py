@@ -49,6 +49,9 @@ THUMBNAIL = 128
 MOST_FOR_THUMBNAIL = 64_000_000
 """Largest record of which a thumbnail is made [bytes]: the whole file is checked first."""
 
+ADDRESSES = ("image", "size", "cloud")
+"""Fields of a view that only this server writes: a record names no address that a page would open with its token."""
+
 _LONGEST = 1e10
 """Latest stamp [s]."""
 
@@ -203,11 +206,23 @@ def _pieces(lines: Iterable[bytes]) -> Iterator[bytes]:
 
 
 def _message(path: Path, line: Line, images: str) -> bytes:
+    line = line._replace(message=_without_addresses(line.message))
+    if line.message.get("event") == "RunStarted":
+        event_from(line.message)  # its nodes are a tree, through which the page walks
     if line.image:
         return _with_image(path, line, images)
     if len(line.content) > LARGE:
         return encode(event_from(line.message), line.seq).encode()
     return numbered(line.message, line.seq)
+
+
+def _without_addresses(message: dict[str, Any]) -> dict[str, Any]:
+    value = message.get("value")
+    if message.get("event") != "Published" or not isinstance(value, dict) or not isinstance(value.get("type"), str):
+        return message
+    if all(value.get(name) is None for name in ADDRESSES):
+        return message
+    return message | {"value": {name: item for name, item in value.items() if name not in ADDRESSES}}
 
 
 def _with_image(path: Path, line: Line, images: str) -> bytes:

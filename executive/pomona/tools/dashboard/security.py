@@ -1,8 +1,8 @@
 """Access to the dashboard: reading and acting.
 
 A page on another site can make a browser send requests here (DNS rebinding, cross-site requests). So: the Host header
-must name this server, the Origin of a request other than a plain read must be its own, and a request that acts carries
-the token of this start.
+must name this server, an Origin and a Sec-Fetch-Site that a browser sends must be those of our own page, and a request
+that acts carries the token of this start.
 """
 
 from __future__ import annotations
@@ -93,6 +93,15 @@ class Access:
             return False
         return origin_host == headers.get("host", "").lower() or _without_port(origin_host) in self._given
 
+    @staticmethod
+    def knows_site(scope: Scope, headers: Headers) -> bool:
+        """Return True unless a browser reports that a page of another site reads a run: an image there has no Origin.
+
+        The page itself may be opened by a link from anywhere: it holds nothing of a run. A stream has its Origin.
+        """
+        site = headers.get("sec-fetch-site", "none")
+        return site in ("same-origin", "none") or scope["type"] != "http" or not scope["path"].startswith("/api")
+
     @property
     def _given(self) -> frozenset[str]:
         return frozenset(name.lower() for name in self.names)
@@ -162,6 +171,8 @@ class RequestGuard:
         is_public = scope["path"].startswith("/static/")  # the page's own files hold nothing of a run
         if not self._access.knows_host(headers) or not (is_public or self._access.knows_origin(headers)):
             refusal = "this host or origin is not served: --served-as NAME adds the name by which browsers reach it"
+        elif not self._access.knows_site(scope, headers):
+            refusal = "a page of another site asked: only this server's own page and programs are served"
         elif not self._access.may_read(scope, headers):
             refusal = "open the link that was printed: it carries the token"
         if not refusal:

@@ -35,6 +35,7 @@ from pomona.tools.dashboard.connections import LiveWire, PatientHttp, hang_up, w
 from pomona.tools.dashboard.control_lock import ControlLock, RefusedError, RunControl
 from pomona.tools.dashboard.hub import Hub, Viewer
 from pomona.tools.dashboard.presses import Presses, now, object_of, refuse_late, text
+from pomona.tools.dashboard.reading import Reading
 from pomona.tools.dashboard.record_messages import (
     between,
     cloud,
@@ -109,19 +110,21 @@ class Dashboard:
         self._choices = Choices({}, {})
         self._server: _Server | None = None
         self._thread: threading.Thread | None = None
+        self._reading = Reading()
+        reading = self._reading.route
         self.app = Starlette(
             routes=[
                 Route("/", self._page),
-                Route("/api/choices", self._offer),
                 Route("/api/remedies", self._remedies),
-                Route("/api/runs", self._runs),
-                Route("/api/runs/{name}/messages", self._messages),
-                Route("/api/runs/{name}/images/{at}", self._image),
-                Route("/api/runs/{name}/images/{at}/cloud", self._cloud),
-                Route("/api/runs/{name}/record", self._download),
-                Route("/api/runs/{name}/picture", self._picture),
-                Route("/api/runs/{name}/thumbnail", self._thumbnail),
-                Route("/api/runs/{name}/drawing", self._drawing),
+                reading("/api/choices", self._offer),
+                reading("/api/runs", self._runs),
+                reading("/api/runs/{name}/messages", self._messages),
+                reading("/api/runs/{name}/images/{at}", self._image),
+                reading("/api/runs/{name}/images/{at}/cloud", self._cloud),
+                reading("/api/runs/{name}/record", self._download),
+                reading("/api/runs/{name}/picture", self._picture),
+                reading("/api/runs/{name}/thumbnail", self._thumbnail),
+                reading("/api/runs/{name}/drawing", self._drawing),
                 Route("/api/act", self._act, methods=["POST"]),
                 Route("/api/judge", self._judge, methods=["POST"]),
                 Route("/api/start", self._start, methods=["POST"]),
@@ -132,7 +135,6 @@ class Dashboard:
             lifespan=self._lifespan,
         )
         self._told_silent = False
-        self._one_thumbnail = asyncio.Semaphore(1)  # a page asks for many at once; presses come first
         self.announce()
 
     def allow_starts(self, start_run: StartRun, choices: Choices, judge_form: JudgeForm = lambda _form: {}) -> None:
@@ -232,17 +234,16 @@ class Dashboard:
     async def _page(self, _request: Request) -> Response:
         return HTMLResponse((STATIC / "index.html").read_text(encoding="utf-8"))
 
-    async def _offer(self, _request: Request) -> Response:
-        return JSONResponse(await asyncio.to_thread(self._choices.describe))
+    def _offer(self, _request: Request) -> Response:
+        return JSONResponse(self._choices.describe())
 
     async def _remedies(self, _request: Request) -> Response:
         return JSONResponse({code: about.remedy for code, about in failure_codes().items()})
 
-    async def _runs(self, _request: Request) -> Response:
-        runs = await asyncio.to_thread(self._index.read)
-        return JSONResponse([run.as_json() for run in runs[:MOST_RUNS]])
+    def _runs(self, _request: Request) -> Response:
+        return JSONResponse([run.as_json() for run in self._index.read()[:MOST_RUNS]])
 
-    async def _messages(self, request: Request) -> Response:
+    def _messages(self, request: Request) -> Response:
         folder = self._folder(request)
         if folder is None:
             return JSONResponse({"error": "no such record"}, 404)
@@ -262,43 +263,42 @@ class Dashboard:
             except (PomonaError, ValueError, KeyError) as error:
                 yield json.dumps({"v": 1, "event": "Unreadable", "message": str(error)}).encode() + b"\n"
 
-        return StreamingResponse(pieces(), media_type="application/x-ndjson")
+        return StreamingResponse(self._reading.pieces(pieces()), media_type="application/x-ndjson")
 
-    async def _image(self, request: Request) -> Response:
+    def _image(self, request: Request) -> Response:
         folder = self._folder(request)
-        found = None if folder is None else await asyncio.to_thread(image, folder, request.path_params["at"])
+        found = None if folder is None else image(folder, request.path_params["at"])
         if found is None:
             return JSONResponse({"error": "no such image"}, 404)
         return Response(found, media_type="image/jpeg", headers={"cache-control": "private, max-age=86400"})
 
-    async def _cloud(self, request: Request) -> Response:
+    def _cloud(self, request: Request) -> Response:
         folder = self._folder(request)
-        found = {} if folder is None else await asyncio.to_thread(cloud, folder, request.path_params["at"])
+        found = {} if folder is None else cloud(folder, request.path_params["at"])
         return JSONResponse(found, headers={"cache-control": "private, max-age=86400"})
 
-    async def _download(self, request: Request) -> Response:
+    def _download(self, request: Request) -> Response:
         folder = self._folder(request)
         if folder is None:
             return JSONResponse({"error": "no such record"}, 404)
         return FileResponse(folder / EVENTS_FILE, filename=f"{folder.name}.mcap")
 
-    async def _picture(self, request: Request) -> Response:
+    def _picture(self, request: Request) -> Response:
         folder = self._folder(request)
         if folder is None or not is_plain(folder / "picture.png"):
             return JSONResponse({"error": "no such picture"}, 404)
         return FileResponse(folder / "picture.png")
 
-    async def _thumbnail(self, request: Request) -> Response:
+    def _thumbnail(self, request: Request) -> Response:
         folder = self._folder(request)
-        async with self._one_thumbnail:
-            found = None if folder is None else await asyncio.to_thread(thumbnail, folder)
+        found = None if folder is None else thumbnail(folder)
         if found is None:
             return Response(status_code=204)
         return Response(found, media_type="image/jpeg", headers={"cache-control": "private, max-age=600"})
 
-    async def _drawing(self, request: Request) -> Response:
+    def _drawing(self, request: Request) -> Response:
         folder = self._folder(request)
-        drawn = None if folder is None else await asyncio.to_thread(drawing, folder)
+        drawn = None if folder is None else drawing(folder)
         if drawn is None:
             return JSONResponse({"error": "no tree that can be drawn"}, 404)
         return Response(drawn, media_type="image/svg+xml")

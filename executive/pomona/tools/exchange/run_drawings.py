@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
@@ -33,7 +34,6 @@ g.bad>rect:last-of-type{{fill:{BAD};fill-opacity:.2;stroke:{BAD};stroke-width:2}
 class _Span:
     """A time for which a skill was active, with its result."""
 
-    path: str
     start: float
     end: float = math.inf
     status: str = "RUNNING"
@@ -64,7 +64,7 @@ def drawn_tree(record: Path, events: Iterable[Event]) -> str:
 def timeline(events: Iterable[Event]) -> str:
     """Return a lane for each skill over the time of the run as SVG; empty when no skill took time."""
     names: dict[str, str] = {}
-    spans: list[_Span] = []
+    spans: dict[str, list[_Span]] = {}  # of each skill, in the order of the skills' starts
     length = 0.0
     for event in events:
         length = max(length, event.t)
@@ -76,26 +76,31 @@ def timeline(events: Iterable[Event]) -> str:
             _extend(spans, event)
         elif isinstance(event, RunEnded):
             break
-    for span in spans:
+    for span in itertools.chain.from_iterable(spans.values()):
         span.end = min(span.end, length)
-    took = {path: sum(span.end - span.start for span in spans if span.path == path) for path in names}
-    lanes = list(dict.fromkeys(span.path for span in spans if took[span.path] >= INSTANT or span.status != "SUCCESS"))
+    lanes = {path: of for path, of in spans.items() if _is_drawn(of)}
     if not lanes or length <= 0.0:
         return ""
-    return _lanes([span for span in spans if span.path in lanes], lanes, names, length)
+    return _lanes(lanes, names, length)
 
 
-def _extend(spans: list[_Span], event: NodeChanged) -> None:
-    """Begin or end the span of a skill."""
-    last = next((span for span in reversed(spans) if span.path == event.path), None)
+def _is_drawn(spans: Sequence[_Span]) -> bool:
+    """Return True if a skill took time or did not succeed."""
+    took = sum(span.end - span.start for span in spans)
+    return any(took >= INSTANT or span.status != "SUCCESS" for span in spans)
+
+
+def _extend(spans: dict[str, list[_Span]], event: NodeChanged) -> None:
+    """Begin or end the last span of a skill."""
+    last = spans[event.path][-1] if event.path in spans else None
     is_open = last is not None and math.isinf(last.end)
     if event.status == "RUNNING":
         if not is_open:
-            spans.append(_Span(event.path, event.t))
+            spans.setdefault(event.path, []).append(_Span(event.t))
         return
     if not is_open and event.status != "INVALID":
-        last = _Span(event.path, event.t)
-        spans.append(last)
+        last = _Span(event.t)
+        spans.setdefault(event.path, []).append(last)
     elif not is_open:
         return
     assert last is not None
@@ -105,7 +110,7 @@ def _extend(spans: list[_Span], event: NodeChanged) -> None:
         last.why = event.reason.code if event.reason is not None else ""
 
 
-def _lanes(spans: Sequence[_Span], lanes: Sequence[str], names: dict[str, str], length: float) -> str:
+def _lanes(lanes: Mapping[str, Sequence[_Span]], names: Mapping[str, str], length: float) -> str:
     height = TOP + LANE * len(lanes) + 4.0
     scale = (WIDE - NAMES - 20.0) / length
     step = next((step for step in STEPS if step >= length / 10.0), math.ceil(length / 10.0))
@@ -114,10 +119,10 @@ def _lanes(spans: Sequence[_Span], lanes: Sequence[str], names: dict[str, str], 
         x = NAMES + tick * step * scale
         parts.append(f'<line x1="{x:.1f}" x2="{x:.1f}" y1="16" y2="{height:.0f}" stroke="{LINE}"/>')
         parts.append(f'<text x="{x:.1f}" y="12" text-anchor="middle" fill="{MUTED}">{tick * step:g} s</text>')
-    for row, path in enumerate(lanes):
+    for row, (path, spans) in enumerate(lanes.items()):
         y = TOP + row * LANE
         parts.append(f'<text x="0" y="{y + 14:.0f}">{escape(names[path][:26])}</text>')
-        for span in (span for span in spans if span.path == path):
+        for span in spans:
             x, wide = NAMES + span.start * scale, max(2.5, (span.end - span.start) * scale)
             result = span.status.lower() if span.status != "RUNNING" else "interrupted"
             about = f"{f'{names[path]} {result} {span.why}'.rstrip()}, {span.start:.1f} s to {span.end:.1f} s"

@@ -17,7 +17,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from pomona.executive.recording.digest import STATES, Digest, digest
 from pomona.executive.recording.folder import EVENTS_FILE, in_order, is_being_written
-from pomona.executive.recording.json_text import parse
+from pomona.executive.recording.json_text import moment_of, parse
 
 INDEX_FILE = "index.sqlite"
 PATIENCE = 2.0  # longest wait for another process that writes the index [s]
@@ -40,6 +40,7 @@ MIGRATIONS: tuple[str, ...] = (
     """,
     "UPDATE runs SET stamp = 0",  # the message is that of the last cause
     "ALTER TABLE runs ADD COLUMN peaks TEXT; UPDATE runs SET stamp = 0",
+    "UPDATE runs SET stamp = 0",  # moments and trees are judged
 )
 """Steps from one version of the schema to the next. A step that adds a column ends with `UPDATE runs SET stamp = 0`, so
 every record is read again."""
@@ -162,6 +163,8 @@ def _unpacked(name: str, value: Any) -> Any:
         value = bool(value)
     elif _KINDS[name] is float and isinstance(value, int):
         value = float(value)
+    if name == "wall_time":
+        value = moment_of(value)
     if value is None and name in _OPTIONAL:
         return None
     if not isinstance(value, _KINDS[name]) or (name == "state" and value not in STATES):

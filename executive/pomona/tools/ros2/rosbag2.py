@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from pomona.executive.recording.folder import events_file
 from pomona.executive.recording.json_text import parse_object
 from pomona.executive.recording.new_place import made_whole
 from pomona.executive.recording.scan import require_valid, scan
-from pomona.tools.ros2.to_ros2 import RosMessage, ToRos2
+from pomona.tools.ros2.to_ros2 import NoRosTimeError, RosMessage, ToRos2
 from pomona.tools.ros2.types import EXTRA, coder, typestore
 
 VERSION = 9  # of the bag's metadata: ROS 2 Jazzy and later
@@ -38,18 +39,19 @@ def export_rosbag2(record: Path, folder: Path) -> Mapping[str, str]:
             verdict = require_valid(path)
             writer = rosbag2.Writer(place, version=VERSION, storage_plugin=rosbag2.StoragePlugin.MCAP)
             writer.set_compression(rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD)
-            writer.open()
             bag, run, last = _Bag(writer), ToRos2(), 0
-            for found in scan(path, verdict):
-                last = found.stamp
-                for message in run.messages(found.topic, parse_object(found.content), found.stamp):
+            with writer:  # closed in any case
+                for found in scan(path, verdict):
+                    last = found.stamp
+                    for message in run.messages(found.topic, parse_object(found.content), found.stamp):
+                        bag.write(message)
+                for message in run.rest(last):
                     bag.write(message)
-            for message in run.rest(last):
-                bag.write(message)
-            if not bag.topics:
-                raise UsageError(f"{path}: not a record of a run")
-            writer.close()
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
+                if not bag.topics:
+                    raise UsageError(f"{path}: not a record of a run")
+    except NoRosTimeError as error:
+        raise UsageError(f"{path}: {error}") from error
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, struct.error) as error:
         raise UsageError(f"{path}: not a record of a run: {error!r}") from error
     return {topic: f"{kind}  {count}" for topic, (kind, count) in sorted(bag.topics.items())}
 

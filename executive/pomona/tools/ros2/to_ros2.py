@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pomona.executive.encode import encoded
+from pomona.executive.errors import PomonaError
 from pomona.executive.recording.folder import DEVICES, EVENTS
 from pomona.executive.recording.well_known import DEPTH, IMAGES, INTERVENTIONS, SERIES_TOPIC
 from pomona.tools.ros2.octomap import octomap
@@ -26,6 +27,14 @@ TRACE_PERIOD, TRACE_POINTS = SECOND, 1000  # period of the executed path [ns], a
 LEVELS = {2: 20, 3: 30, 4: 40}  # log levels, Foxglove's to ROS 2's: info, warning, error
 
 _KIND = {"sequence": 2, "fallback": 3, "parallel": 4}  # py_trees_ros_interfaces/Behaviour: status and type
+
+
+class NoRosTimeError(PomonaError):
+    """A moment that ROS 2 cannot hold."""
+
+    def __init__(self, seconds: int) -> None:
+        self.seconds = seconds  # since 1970
+        super().__init__(f"{seconds} s since 1970 are no time of ROS 2, which ends in January 2038: was the clock set?")
 
 
 class RosMessage(NamedTuple):
@@ -109,8 +118,10 @@ class ToRos2:
 
 
 def time_of(stamp: int) -> dict[str, int]:
-    """builtin_interfaces/Time."""
+    """builtin_interfaces/Time. Raises NoRosTimeError: its 31 bits of seconds do not hold this moment."""
     seconds, nanoseconds = divmod(stamp, SECOND)
+    if not 0 <= seconds < 2**31:
+        raise NoRosTimeError(seconds)
     return {"sec": seconds, "nanosec": nanoseconds}
 
 

@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from recorded_events import foreign
 
+from pomona.executive.encode import encoded
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.running.events import Published, RunEnded
 from pomona.executive.views import ImageView, Pinhole
@@ -78,3 +80,19 @@ def test_a_picture_that_claims_to_be_huge_is_not_unpacked(tmp_path: Path, monkey
     assert cloud(tmp_path, at)
     monkeypatch.setattr(module, "MOST_PIXELS", 24 * 32 - 1)
     assert cloud(tmp_path, at) == {}
+
+
+@pytest.mark.parametrize("kind", ["ImageView", "SceneView"])
+def test_a_record_names_no_address_that_a_page_opens_with_its_token(tmp_path: Path, kind: str) -> None:
+    value = {
+        "type": kind,
+        "cloud": "https://evil.example/",
+        "image": "https://evil.example/",
+        "size": 7,
+        "caption": "x",
+    }
+    event = {"event": "Published", "t": 0.0, "tick": 0, "node": "n", "topic": "camera", "value": value}
+    folder = foreign(tmp_path / "r", encoded(event), encoded(event | {"value": {"size": 7}}))
+    view, other = (json.loads(line)["value"] for line in b"".join(overview(folder, "/images/")).splitlines())
+    assert view == {"type": kind, "caption": "x"}
+    assert other == {"size": 7}  # a value of another kind is shown as it is

@@ -51,6 +51,19 @@ def test_our_own_names_are_served(client: TestClient, host: str) -> None:
     assert client.get("/api/runs", headers={"host": host}).status_code == 200
 
 
+@pytest.mark.parametrize("path", ["/api/runs", "/api/choices", "/api/remedies", "/api/runs/nothing/messages"])
+def test_a_page_of_another_site_cannot_make_a_browser_read(client: TestClient, path: str) -> None:
+    for site in ("cross-site", "same-site", "", "x"):
+        assert client.get(path, headers={"sec-fetch-site": site}).status_code == 403, site
+    for site in ("same-origin", "none"):
+        assert client.get(path, headers={"sec-fetch-site": site}).status_code in (200, 404), site
+
+
+def test_a_link_on_another_site_opens_the_page(client: TestClient) -> None:
+    for path in ("/", "/static/app.js"):
+        assert client.get(path, headers={"sec-fetch-site": "cross-site"}).status_code == 200
+
+
 def test_a_tunnel_or_a_proxy_may_have_another_port_and_no_other_page_may_use_it(tmp_path: Path) -> None:
     dashboard = Dashboard(Access("127.0.0.1", 8420, names=("orchard.example",)), tmp_path)
     token, take = {"x-pomona-token": dashboard.access.token}, {"action": "take", "viewer": "v"}

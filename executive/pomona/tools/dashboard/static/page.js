@@ -44,10 +44,16 @@ export function readAddress() {
 // The state of the connection, or the answer to a press; the usual states are "quiet": narrow pages leave them out.
 export function say(text, rank = "ok") { $("connection").textContent = text; $("connection").dataset.rank = /^(connected|recorded run)$/.test(text) ? "quiet" : rank; }
 
-// Where the page's own server is: behind a proxy that may be below a path.
-const here = (path) => new URL(path.replace(/^\//, ""), location.href.split("#")[0]);
+// Where the page's own server is: behind a proxy that may be below a path. "./" keeps each address on that server.
+const here = (path) => new URL(`./${path.replace(/^\//, "")}`, location.href.split("#")[0]);
 
-export function read(path) { return fetch(here(path), { headers: page.token ? { "x-pomona-token": page.token } : {} }); }
+// A server with too many open reads answers 503 with the time to wait.
+export async function read(path, answer = fetch(here(path), { headers: page.token ? { "x-pomona-token": page.token } : {} })) {
+  const { status, headers } = await answer;
+  if (status !== 503) return answer;
+  await new Promise((done) => { setTimeout(done, 1000 * (Number(headers.get("retry-after")) || 1)); });
+  return read(path);
+}
 
 // Address of a download, an image or the stream. It may be stored or shared, so it has only the token to read.
 export function withToken(address) {

@@ -26,9 +26,10 @@ export async function readRecord(name, take, query = "?overview") {
 // The overview of the record in the address was requested before this script was loaded (early.js).
 function asked(name, query) {
   const { early } = window;
-  if (query !== "?overview" || early?.run !== name) return read(recordAddress(name, `messages${query}`));
+  const address = recordAddress(name, `messages${query}`);
+  if (query !== "?overview" || early?.run !== name) return read(address);
   window.early = null;
-  return early.answer;
+  return read(address, early.answer);
 }
 
 // Read a record's overview into the page; returns its problem, or "".
