@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.read_only import Facts
 from pomona.skills.geometry import inverse
 from pomona.skills.motion.robot.errors import BadRobotFile
 
@@ -24,7 +25,7 @@ KINDS = ("sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Geom:
+class Geom(Facts):
     """One convex collision shape."""
 
     name: str  # in the file, or the body's name and a number
@@ -36,7 +37,7 @@ class Geom:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Body:
+class Body(Facts):
     """A rigid part with collision geometry."""
 
     name: str  # in the file
@@ -47,7 +48,7 @@ class Body:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Description:
+class Description(Facts):
     """A robot as its file describes it. Frames of links are those of `pomona.skills.motion.robot.chain`."""
 
     path: Path  # the file
