@@ -95,7 +95,7 @@ class Camera(Protocol):
 
 
 @runtime_checkable
-class DepthCamera(Protocol):
+class DepthCamera(Camera, Protocol):
     """A camera that can deliver depth alone, if colour has a cost.
 
     The watch of a motion uses it (`pomona.skills.shared.live_watch`); of any other camera it uses `Camera.latest`.

@@ -1,0 +1,150 @@
+"""A skill that commands nothing can change no fact of its cell: a write is refused where it stands, or leaves no trace."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pomona.drivers.cell import Cell, load_cell
+from pomona.drivers.interfaces import Arm, Cameras, Hand, Workspace
+from pomona.executive.running.compute import Computations
+from pomona.executive.running.context import RunContext
+from pomona.executive.skill import Skill, Work
+from pomona.executive.values.arrays import Float64
+from pomona.skills.motion.collision import RobotShape
+from pomona.skills.motion.robot import RobotModel
+from tests.skills.reach import changes, places
+
+MOCK = """
+name: bench
+kind: mock
+workspace:
+  table_z: 0 m
+  lower: -1 -1 0 m
+  upper: 1 1 1 m
+  obstacles: [{name: wall, centre: 0 1 0 m, size: [2 m, 20 mm, 1 m], yaw: 90 deg}]
+  zones: [{name: window, lower: 0.5 0.5 0 m, upper: 1 1 1 m}]
+  poses: {home: 0 0 0 0 0 0 0 rad}
+world: {driver: mock}
+devices:
+  arm: {driver: mock-arm, start: home}
+  gripper: {driver: mock-gripper}
+  fingers: {driver: mock-fingers, fruit: 80 mm}
+  camera: {driver: mock-camera}
+"""
+
+
+class Onlooker(Skill):
+    """Looks at all devices of a cell and moves none."""
+
+    moves = ()
+
+    def run(self) -> Work[None]:
+        yield None
+
+
+def mock_cell(folder: Path) -> Cell:
+    (folder / "cell.yaml").write_text(MOCK)
+    return load_cell(folder / "cell.yaml")
+
+
+def simulated_cell(folder: Path) -> Cell:
+    return load_cell(Path(__file__).parents[2] / "trees" / "cells" / "sim.yaml", overrides={"distractors": "0"})
+
+
+@pytest.fixture(params=[mock_cell, simulated_cell], ids=["mock", "simulated"])
+def cell(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Cell]:
+    cell = request.param(tmp_path)
+    cell.clock.advance(0.1)
+    yield cell
+    cell.close()
+
+
+def onlooker(cell: Cell) -> Onlooker:
+    skill = Onlooker()
+    Onlooker.devices = (*cell.interfaces(), Hand, Cameras)
+    context = RunContext(cell, Computations(cell.clock.simulated), 0, lambda *_: None)
+    skill.bind(context, "look", dict, lambda _name, _value: None)
+    context.acquire(skill)
+    return skill
+
+
+def within_reach(skill: Skill) -> dict[str, Callable[[], Any]]:
+    """Devices and services of a skill; models of the robot, which all skills of a process share."""
+    reach: dict[str, Callable[[], Any]] = {
+        interface.__name__: lambda interface=interface: skill.device(interface) for interface in skill.devices
+    }
+    description = skill.device(Arm).description
+    reach |= {"robot": lambda: RobotModel.load(description), "context": lambda: skill.context}
+    return reach | {"shape": lambda: RobotShape.of(RobotModel.load(description))}
+
+
+def test_nothing_that_a_skill_reaches_without_a_lease_can_be_changed(cell: Cell) -> None:
+    assert changes(within_reach(onlooker(cell))) == []
+
+
+def test_the_walk_reaches_limits_poses_boxes_readings_and_the_robot(cell: Cell) -> None:
+    reached = {place.path for place in places(within_reach(onlooker(cell)))}
+    expected = ("Arm.limits.velocity", "Workspace.poses['home']", "Workspace.zones[0].T_base_box", "Arm.state().q")
+    reached = reached if cell.kind == "mock" else reached | {"Workspace.zones[0].T_base_box"}  # it has none
+    assert reached >= {*expected, "ForceSensor.latest().wrenches", "shape.model.geoms[0].size", "shape.arrays.spheres"}
+    if cell.kind == "simulated":
+        assert {"Camera.latest().depth", "Camera.latest().T_mount_camera"} <= reached
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Planted:
+    """A fact whose content is not protected."""
+
+    array: Float64 = field(default_factory=lambda: np.zeros(2))
+    poses: dict[str, int] = field(default_factory=dict)
+    names: list[str] = field(default_factory=list)
+
+
+@dataclass
+class Loose:
+    """Not even frozen."""
+
+    kept: set[int]
+
+
+def test_the_walk_finds_each_planted_change_at_any_depth() -> None:
+    loose, facts = Loose(set()), Planted()
+    found = changes({"cell": lambda: {"a": (facts, loose)}.items().mapping})
+    assert sorted(found) == sorted(
+        [
+            "cell['a'][0].array[...]",
+            "cell['a'][0].names (list)",
+            "cell['a'][0].poses (dict)",
+            "cell['a'][1].kept (set)",
+            "cell['a'][1].kept = …",
+        ]
+    )
+    assert (facts.array == 0.0).all() and not facts.names and not facts.poses and loose == Loose(set())
+
+
+class Greedy(Skill):
+    """Makes the arm five times as quick, and moves nothing."""
+
+    devices = (Arm, Workspace)
+    moves = ()
+
+    def run(self) -> Work[None]:
+        self.device(Arm).limits.velocity *= 5.0
+        yield None
+
+
+def test_a_skill_that_raises_the_arms_limits_ends_at_its_own_line_and_the_limits_stay(cell: Cell) -> None:
+    before = cell.device(Arm).limits.velocity.copy()
+    skill = onlooker(cell)
+    greedy = Greedy()
+    greedy.bind(skill.context, "greedy", dict, lambda _name, _value: None)
+    with pytest.raises((AttributeError, ValueError)) as error:
+        greedy.tick_once()
+    assert any(entry.name == "run" and str(entry.path) == __file__ for entry in error.traceback)
+    np.testing.assert_array_equal(cell.device(Arm).limits.velocity, before)
