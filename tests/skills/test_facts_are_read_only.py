@@ -12,9 +12,11 @@ import pytest
 
 from pomona.drivers.cell import Cell, load_cell
 from pomona.drivers.interfaces import Arm, Cameras, Hand, Workspace
-from pomona.executive.running.compute import Computations
-from pomona.executive.running.context import RunContext
-from pomona.executive.skill import Skill, Work
+from pomona.executive.board import Board
+from pomona.executive.language import BuiltTree
+from pomona.executive.running.events import EventStream
+from pomona.executive.running.runner import Runner
+from pomona.executive.skill import Skill, SkillContext, Work
 from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.collision import RobotShape
 from pomona.skills.motion.robot import RobotModel
@@ -65,13 +67,25 @@ def cell(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Cell]:
     cell.close()
 
 
+class ContextMade(Exception):
+    """Carries the services that a runner gives its skills."""
+
+    def __init__(self, context: SkillContext, board: Board) -> None:
+        self.context = context
+
+
 def onlooker(cell: Cell) -> Onlooker:
     skill = Onlooker()
     Onlooker.devices = (*cell.interfaces(), Hand, Cameras)
-    context = RunContext(cell, Computations(cell.clock.simulated), 0, lambda *_: None)
-    skill.bind(context, "look", dict, lambda _name, _value: None)
-    context.acquire(skill)
+    with pytest.raises(ContextMade) as made:
+        Runner(give_context, cell, EventStream())
+    skill.bind(made.value.context, "look", dict, lambda _name, _value: None)
+    skill.context.acquire(skill)
     return skill
+
+
+def give_context(context: SkillContext, board: Board) -> BuiltTree:
+    raise ContextMade(context, board)
 
 
 def within_reach(skill: Skill) -> dict[str, Callable[[], Any]]:
@@ -94,7 +108,7 @@ def test_the_walk_reaches_limits_poses_boxes_readings_and_the_robot(cell: Cell) 
     reached = reached if cell.kind == "mock" else reached | {"Workspace.zones[0].T_base_box"}  # it has none
     assert reached >= {*expected, "ForceSensor.latest().wrenches", "shape.model.geoms[0].size", "shape.arrays.spheres"}
     if cell.kind == "simulated":
-        assert {"Camera.latest().depth", "Camera.latest().T_mount_camera"} <= reached
+        assert {"Cameras.all[0].latest().depth", "Cameras.all[0].latest().T_mount_camera"} <= reached
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -97,9 +97,9 @@ class RobotModel(Facts):
         return T
 
     def checked(self, q: ArrayLike) -> Float64:
-        """Return joints as a contiguous float64 array of shape (dof,); BadJoints: a wrong number, or not finite."""
+        """Return joints as a float64 array of its own, shape (dof,); BadJoints: a wrong number, or not finite."""
         try:
-            joints = np.ascontiguousarray(q, dtype=np.float64)
+            joints = np.array(q, dtype=np.float64, order="C")  # the kernels are compiled for arrays that can be written
         except (TypeError, ValueError) as error:
             raise BadJoints(self.joint_names, q, f"{q!r} are no numbers") from error
         if joints.shape != (self.dof,):
