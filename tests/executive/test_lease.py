@@ -174,7 +174,9 @@ def test_a_device_that_moves_nothing_is_seen_as_its_interface_alone(lease: Lease
     machine = Machine()
     machine.interfaces = interfaces
     eye: Any = leased(machine, Eye, lease)
-    assert eye.look() == "nothing" and isinstance(eye, Eye) and not hasattr(eye, "acknowledge")
+    assert eye.look() == "nothing"
+    assert isinstance(eye, Eye)
+    assert not hasattr(eye, "acknowledge")
     with pytest.raises(AttributeError):
         eye.look = lambda: "a fruit"
 

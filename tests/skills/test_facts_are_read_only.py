@@ -1,4 +1,4 @@
-"""A skill that commands nothing can change no fact of its cell: a write is refused where it stands, or leaves no trace."""
+"""A skill that commands nothing can change no fact of its cell: a write is refused, or leaves no trace."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from pomona.drivers.cell import Cell, load_cell
-from pomona.drivers.interfaces import Arm, Cameras, Hand, Workspace
+from pomona.drivers.interfaces import Arm, Camera, Cameras, ForceSensor, Hand, Workspace
 from pomona.executive.board import Board
+from pomona.executive.errors import NotOwnerError
 from pomona.executive.language import BuiltTree
 from pomona.executive.running.events import EventStream
 from pomona.executive.running.runner import Runner
@@ -139,7 +140,10 @@ def test_the_walk_finds_each_planted_change_at_any_depth() -> None:
             "cell['a'][1].kept = …",
         ]
     )
-    assert (facts.array == 0.0).all() and not facts.names and not facts.poses and loose == Loose(set())
+    assert (facts.array == 0.0).all()
+    assert not facts.names
+    assert not facts.poses
+    assert loose == Loose(set())
 
 
 class Greedy(Skill):
@@ -162,3 +166,30 @@ def test_a_skill_that_raises_the_arms_limits_ends_at_its_own_line_and_the_limits
         greedy.tick_once()
     assert any(entry.name == "run" and str(entry.path) == __file__ for entry in error.traceback)
     np.testing.assert_array_equal(cell.device(Arm).limits.velocity, before)
+
+
+ATTACKS: dict[str, Callable[[Skill], Any]] = {
+    "a force sensor's samples are replaced": lambda skill: setattr(skill.device(ForceSensor), "latest", lambda: None),
+    "a camera is closed": lambda skill: skill.device(Camera).close(),  # type: ignore[attr-defined]
+    "a fault is injected": lambda skill: skill.device(ForceSensor).inject_fault("lost"),  # type: ignore[attr-defined]
+    "a latch is released": lambda skill: skill.device(Camera).acknowledge(),  # type: ignore[attr-defined]
+    "the arm's command is replaced": lambda skill: setattr(skill.device(Arm), "follow", lambda _path: None),
+    "the operator's speed is raised": lambda skill: skill.context.set_speed(1.0),  # type: ignore[attr-defined]
+    "time passes": lambda skill: skill.clock.advance(60.0),
+    "the clock is set": lambda skill: setattr(skill.clock, "now", lambda: 0.0),
+    "a pose is moved": lambda skill: skill.device(Workspace).poses["home"].fill(1.0),
+    "a pose is added": lambda skill: skill.device(Workspace).poses.update(away=np.zeros(7)),  # type: ignore[attr-defined]
+    "the table is lowered": lambda skill: setattr(skill.device(Workspace), "table_z", -1.0),
+    "a zone is dropped": lambda skill: skill.device(Workspace).zones.__delitem__(0),  # type: ignore[attr-defined]
+}
+
+
+@pytest.mark.parametrize("attack", ATTACKS)
+def test_a_skill_that_may_only_look_is_refused_at_its_own_line(attack: str, tmp_path: Path) -> None:
+    cell = mock_cell(tmp_path)
+    skill, before = onlooker(cell), cell.clock.now()
+    with pytest.raises((AttributeError, NotOwnerError, TypeError, ValueError)):
+        ATTACKS[attack](skill)
+    assert cell.clock.now() == before
+    assert cell.device(Workspace).table_z == 0.0
+    cell.close()

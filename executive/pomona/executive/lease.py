@@ -138,7 +138,7 @@ def leased(device: T, interface: type, lease: Lease) -> T:
 
 def viewed(device: T, interface: type) -> T:
     """Return a handle that gives no right to a command."""
-    return leased(device, interface, Lease("", lambda _refused: None, "it may only be looked at"))
+    return leased(device, interface, Lease("a skill", lambda _refused: None, "it may only be looked at"))
 
 
 def keep(device: T, control: str) -> T:

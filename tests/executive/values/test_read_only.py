@@ -5,8 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from pomona.executive.values.arrays import Float64
@@ -28,7 +27,9 @@ def shelf() -> Shelf:
 def test_an_array_keeps_its_content_and_refuses_writes_also_through_views_and_flags(array: Float64, fold: bool) -> None:
     kept = read_only(array.T if fold else array)
     np.testing.assert_array_equal(kept, array.T if fold else array)
-    assert kept.dtype == array.dtype and kept.flags.c_contiguous and kept.flags.aligned
+    assert kept.dtype == array.dtype
+    assert kept.flags.c_contiguous
+    assert kept.flags.aligned
     for view in (kept, kept[...], kept.view(), kept.reshape(-1), np.asarray(kept)):
         assert not view.flags.writeable
         with pytest.raises(ValueError, match="WRITEABLE"):
@@ -52,7 +53,8 @@ def test_a_large_array_is_marked_without_a_copy() -> None:
 
 def test_containers_within_each_other_cannot_be_changed() -> None:
     kept = read_only({"a": [np.zeros(2), {1}], "b": ({"c": [3]},)})
-    assert kept["a"][1] == frozenset({1}) and kept["b"][0]["c"] == (3,)
+    assert kept["a"][1] == frozenset({1})
+    assert kept["b"][0]["c"] == (3,)
     with pytest.raises(TypeError):
         kept["a"] = ()
     with pytest.raises(TypeError):
@@ -62,11 +64,14 @@ def test_containers_within_each_other_cannot_be_changed() -> None:
 
 
 @pytest.mark.parametrize(
-    "copied", [lambda facts: pickle.loads(pickle.dumps(facts)), deepcopy, replace], ids=["pickle", "deepcopy", "replace"]
+    "copied",
+    [lambda facts: pickle.loads(pickle.dumps(facts)), deepcopy, replace],
+    ids=["pickle", "deepcopy", "replace"],
 )
 def test_every_copy_of_facts_is_read_only_and_equal(copied) -> None:  # type: ignore[no-untyped-def]
     facts = copied(shelf())
-    assert facts.names == ("a",) and facts.poses.keys() == {"home"}
+    assert facts.names == ("a",)
+    assert facts.poses.keys() == {"home"}
     np.testing.assert_array_equal(facts.heights, [0.0, 1.0, 2.0])
     for array in (facts.heights, facts.poses["home"]):
         with pytest.raises(ValueError, match="read-only"):

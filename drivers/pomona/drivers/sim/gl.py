@@ -26,7 +26,7 @@ _thread: ThreadPoolExecutor | None = None
 
 
 def load_mujoco() -> ModuleType:
-    """Import MuJoCo for physics; OpenGL is left alone until something is rendered, whatever the environment asks for."""
+    """Import MuJoCo for physics; OpenGL is left alone until something is rendered, whatever MUJOCO_GL is."""
     module: ModuleType = import_under("mujoco", MUJOCO_GL="disable")
     return module
 

@@ -4,8 +4,8 @@
     class ArmLimits(Facts):
         velocity: Float64
 
-A frozen dataclass keeps its fields, not the content of an array in them. Those of `Facts` keep both: a write raises where
-it is made, and no view and no flag of an array gives the right to write back.
+A frozen dataclass keeps its fields, not the content of an array in them. Those of `Facts` keep both: a write raises
+where it is made, and no view and no flag of an array gives the right to write back.
 """
 
 from __future__ import annotations
@@ -23,18 +23,25 @@ LARGE = 65_536
 owner. A copy of less takes some microseconds."""
 
 
-def read_only(value: Any) -> Any:
-    """Return a value as it can be shared: arrays and containers cannot be changed; other objects are returned as they are.
+_AS_THEY_ARE = frozenset((float, int, bool, str, type(None)))  # the most frequent types, found without base classes
 
-    Lists become tuples, sets frozen sets, mappings read-only views of a copy. The content of containers is treated alike.
+
+def read_only(value: Any) -> Any:
+    """Return a value whose arrays and containers cannot be changed; other objects are returned as they are.
+
+    Lists become tuples, sets frozen sets, mappings read-only views of a copy. Their content is treated alike.
     """
+    if type(value) in _AS_THEY_ARE:
+        return value
     if isinstance(value, np.ndarray):
         return _array(value)
-    if isinstance(value, Mapping):
-        return MappingProxyType({key: read_only(item) for key, item in value.items()})
     if isinstance(value, tuple):
+        if _AS_THEY_ARE.issuperset(map(type, value)):
+            return value
         items = map(read_only, value)
         return type(value)(*items) if hasattr(value, "_fields") else tuple(items)
+    if isinstance(value, Mapping):
+        return MappingProxyType({key: read_only(item) for key, item in value.items()})
     if isinstance(value, list):
         return tuple(map(read_only, value))
     return frozenset(value) if isinstance(value, set) else value
@@ -65,8 +72,9 @@ class Facts:
     def __post_init__(self) -> None:
         for name in _names(type(self)):
             value = getattr(self, name)
-            if not isinstance(value, (float, str, bool)):
-                object.__setattr__(self, name, read_only(value))
+            kept = read_only(value)
+            if kept is not value:
+                object.__setattr__(self, name, kept)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), tuple(_picklable(getattr(self, name)) for name in _names(type(self)))

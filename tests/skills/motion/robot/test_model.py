@@ -144,7 +144,11 @@ def test_bad_robot_files_are_refused_in_words(tmp_path: Path, old: str, new: str
         ('upper="3.141592654"', 'upper="inf"', "'elbow'.* finite"),
         ('lower="-3.141592654"', 'lower="4"', "'elbow' needs a range; 4 … 3.14159 is none"),
         ('lower="-3.141592654" ', "", "'elbow' lacks the limit 'lower'"),
-        ('<limit lower="-3.141592654" upper="3.141592654" velocity="3.15" effort="150"/>', "", "'elbow' lacks the limit"),
+        (
+            '<limit lower="-3.141592654" upper="3.141592654" velocity="3.15" effort="150"/>',
+            "",
+            "'elbow' lacks the limit",
+        ),
     ],
 )
 def test_a_urdf_with_an_impossible_limit_is_refused_with_file_and_joint(
