@@ -51,14 +51,19 @@ def _array(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     if array.nbytes > LARGE or array.dtype.hasobject:
         array.setflags(write=False)
         return array
-    if isinstance(array.base, bytes):
+    owner: Any = array.base
+    if isinstance(owner, bytes):
         return array
     return np.ndarray(array.shape, array.dtype, array.tobytes())
 
 
 @cache
-def _names(kind: Any) -> tuple[str, ...]:
+def _fields(kind: Any) -> tuple[str, ...]:
     return tuple(field.name for field in fields(kind))
+
+
+def _names(kind: Any) -> tuple[str, ...]:
+    return _fields(kind)
 
 
 class Facts:
