@@ -20,7 +20,7 @@ from pomona.drivers.depth_model import D4XX, DepthModel
 from pomona.drivers.errors import DeviceFault
 from pomona.executive.lease import command
 from pomona.executive.values.arrays import Float64
-from pomona.executive.values.read_only import Facts
+from pomona.executive.values.read_only import ReadOnly
 
 # ---------------------------------------------------------------------------------------------------- camera
 
@@ -43,7 +43,7 @@ class Intrinsics:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Frame(Facts):
+class Frame(ReadOnly):
     """One RGB-D image: colour, depth registered to it, and where the camera was at the exposure.
 
     Attributes:
@@ -75,7 +75,7 @@ class Frame(Facts):
     placed: bool = True
 
     def __post_init__(self) -> None:
-        Facts.__post_init__(self)
+        ReadOnly.__post_init__(self)
         lens = self.intrinsics
         sizes = {"colour": self.colour.shape[1::-1], "intrinsics": (lens.width, lens.height)}
         if self.depth is not None:
@@ -135,7 +135,7 @@ class FrameSequence(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Trajectory(Facts):
+class Trajectory(ReadOnly):
     """Joint positions over time. The first sample is where the arm must stand when it is started, at time 0.
 
     Attributes:
@@ -191,7 +191,7 @@ class Motion(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ArmLimits(Facts):
+class ArmLimits(ReadOnly):
     """Joint limits, each of shape (dof,): positions [rad], velocity [rad/s], acceleration [rad/s²], jerk [rad/s³]."""
 
     lower: Float64
@@ -202,7 +202,7 @@ class ArmLimits(Facts):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ArmState(Facts):
+class ArmState(ReadOnly):
     """Measured joints at `stamp`: positions [rad] and velocities [rad/s], shape (dof,)."""
 
     stamp: float
@@ -325,7 +325,7 @@ class Gripper(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WrenchSample(Facts):
+class WrenchSample(ReadOnly):
     """Contact wrenches of both fingers.
 
     Attributes:
@@ -410,7 +410,7 @@ class Hands(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Box(Facts):
+class Box(ReadOnly):
     """A fixed obstacle: a box with its half-extents [m], posed in the base frame."""
 
     name: str
@@ -419,7 +419,7 @@ class Box(Facts):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Hull(Facts):
+class Hull(ReadOnly):
     """A fixed obstacle: the convex hull of points.
 
     Attributes:
@@ -450,7 +450,7 @@ class PathWatchSettings:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Workspace(Facts):
+class Workspace(ReadOnly):
     """Known surroundings of the arm, from the cell file, in the base frame.
 
     Attributes:

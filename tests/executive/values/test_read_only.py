@@ -9,11 +9,11 @@ from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from pomona.executive.values.arrays import Float64
-from pomona.executive.values.read_only import LARGE, Facts, read_only
+from pomona.executive.values.read_only import LARGE, ReadOnly, read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shelf(Facts):
+class Shelf(ReadOnly):
     heights: Float64
     poses: Mapping[str, Float64] = field(default_factory=dict)
     names: tuple[str, ...] = ()

@@ -20,7 +20,7 @@ from pomona.drivers.errors import DriverError
 from pomona.drivers.suntouch.codec import TAXELS
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.plain_text import read_plain_text
-from pomona.executive.values.read_only import Facts
+from pomona.executive.values.read_only import ReadOnly
 
 FORMAT = "pomona finger calibration 1"
 
@@ -34,7 +34,7 @@ class UnusableCalibration(DriverError):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FingerCalibration(Facts):
+class FingerCalibration(ReadOnly):
     """The network of one finger."""
 
     # the finger that it was made for, in words; a left or right among them is compared with the cell file's

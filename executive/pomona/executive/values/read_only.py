@@ -1,10 +1,10 @@
 """Values that nothing can change after their making: facts that all parts of a run share.
 
     @dataclass(frozen=True, slots=True, eq=False)
-    class ArmLimits(Facts):
+    class ArmLimits(ReadOnly):
         velocity: Float64
 
-A frozen dataclass keeps its fields, not the content of an array in them. Those of `Facts` keep both: a write raises
+A frozen dataclass keeps its fields, not the content of an array in them. Those of `ReadOnly` keep both: a write raises
 where it is made, and no view and no flag of an array gives the right to write back.
 """
 
@@ -66,7 +66,7 @@ def _names(kind: Any) -> tuple[str, ...]:
     return _fields(kind)
 
 
-class Facts:
+class ReadOnly:
     """Base of frozen dataclasses whose arrays and containers are read-only: see `read_only`.
 
     A subclass with a `__post_init__` of its own calls this one. A copy in another process is read-only, too.

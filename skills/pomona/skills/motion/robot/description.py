@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.importing import import_under
-from pomona.executive.values.read_only import Facts
+from pomona.executive.values.read_only import ReadOnly
 from pomona.skills.geometry import inverse
 from pomona.skills.motion.robot.errors import BadRobotFile
 
@@ -27,7 +27,7 @@ KINDS = ("sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Geom(Facts):
+class Geom(ReadOnly):
     """One convex collision shape."""
 
     name: str  # in the file, or the body's name and a number
@@ -39,7 +39,7 @@ class Geom(Facts):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Body(Facts):
+class Body(ReadOnly):
     """A rigid part with collision geometry."""
 
     name: str  # in the file
@@ -50,7 +50,7 @@ class Body(Facts):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Description(Facts):
+class Description(ReadOnly):
     """A robot as its file describes it. Frames of links are those of `pomona.skills.motion.robot.chain`."""
 
     path: Path  # the file

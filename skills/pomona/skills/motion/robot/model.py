@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pomona.executive.values.arrays import Float64
-from pomona.executive.values.read_only import Facts
+from pomona.executive.values.read_only import ReadOnly
 from pomona.skills.geometry import inverse, is_pose
 from pomona.skills.motion.robot import chain
 from pomona.skills.motion.robot.description import Body, Description, Geom, read_description
@@ -24,7 +24,7 @@ def last_change(file: Path) -> int:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RobotModel(Facts):
+class RobotModel(ReadOnly):
     """A serial arm with a gripper. The base frame is the world of its file.
 
     Attributes:
