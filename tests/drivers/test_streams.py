@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -55,8 +56,9 @@ def sensor() -> Sensor:
 
 def with_value(finger: int, value: float) -> Callable[[WrenchSample], WrenchSample]:
     def change(sample: WrenchSample) -> WrenchSample:
-        sample.wrenches[finger, 2] = value
-        return sample
+        wrenches = sample.wrenches.copy()
+        wrenches[finger, 2] = value
+        return replace(sample, wrenches=wrenches)
 
     return change
 
@@ -112,8 +114,9 @@ def test_a_finger_that_repeats_its_sample_is_stuck(sensor: Sensor, fingers: list
     stuck = np.zeros((2, 6)) if zero else sensor.received[-1].wrenches.copy()
 
     def hold(sample: WrenchSample) -> WrenchSample:
-        sample.wrenches[fingers] = stuck[fingers]
-        return sample
+        wrenches = sample.wrenches.copy()
+        wrenches[fingers] = stuck[fingers]
+        return replace(sample, wrenches=wrenches)
 
     sensor.run(Belief().stuck - 2 * PERIOD, hold)
     assert sensor.told() == ""

@@ -73,8 +73,9 @@ def test_a_start_away_from_the_arm_is_refused_and_so_is_an_arm_that_does_not_kno
 @pytest.mark.parametrize(("end_speed", "good"), [(0.0, True), (5e-4, True), (2e-3, False)])
 def test_driver_and_collision_check_agree_about_an_end_speed(end_speed, good):
     path = time_polyline(np.array([np.zeros(7), np.full(7, 0.1)]), SIA5F_LIMITS)
-    path.qd[-1, 0] = end_speed
-    path = replace(path, qd=path.qd)
+    qd = path.qd.copy()
+    qd[-1, 0] = end_speed
+    path = replace(path, qd=qd)
     world = CollisionWorld.build(RobotModel.load(ROBOT), Workspace(None, np.full(3, -1.0), np.full(3, 1.0)))
     judgements = (
         (lambda: check_trajectory(path, SIA5F_LIMITS), BadTrajectory),

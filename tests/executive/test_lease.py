@@ -50,6 +50,10 @@ class Eye(Protocol):
     def look(self) -> str: ...
 
 
+class Facts:
+    """Known of a cell; no device."""
+
+
 class Machine:
     """Is both."""
 
@@ -165,11 +169,33 @@ def test_a_concrete_class_is_an_interface_too(lease: Lease) -> None:
         wheel.start()
 
 
-def test_a_device_that_moves_nothing_needs_no_handle(lease: Lease) -> None:
+@pytest.mark.parametrize("interfaces", [(Eye,), (Eye, Lathe)])
+def test_a_device_that_moves_nothing_is_seen_as_its_interface_alone(lease: Lease, interfaces: tuple[type, ...]) -> None:
     machine = Machine()
-    assert leased(machine, Eye, lease) is not machine  # the same device moves as a lathe
-    machine.interfaces = (Eye,)
-    assert leased(machine, Eye, lease) is machine
+    machine.interfaces = interfaces
+    eye: Any = leased(machine, Eye, lease)
+    assert eye.look() == "nothing"
+    assert isinstance(eye, Eye)
+    assert not hasattr(eye, "acknowledge")
+    with pytest.raises(AttributeError):
+        eye.look = lambda: "a fruit"
+
+
+def test_an_object_of_a_class_without_commands_needs_no_handle(lease: Lease) -> None:
+    facts = Facts()
+    assert leased(facts, Facts, lease) is facts
+
+
+def test_a_member_of_a_handle_cannot_be_replaced(lease: Lease) -> None:
+    machine = Machine()
+    lathe = handle(machine, lease)
+    for name in ("turn", "state", "size", "angle", "planted"):
+        with pytest.raises(AttributeError):
+            setattr(lathe, name, lambda *_: None)
+    assert lathe.turn(0.5) == "fast"
+
+
+def test_commands_are_those_that_are_marked() -> None:
     assert commands_of(Eye) == frozenset()
     assert commands_of(Lathe) == {"turn", "follow"}
 

@@ -23,10 +23,11 @@ from pomona.drivers.errors import CellFileError, DeviceFault, DriverError
 from pomona.drivers.estimate import estimate_errors
 from pomona.drivers.faults import FaultSwitch
 from pomona.drivers.hold_watch import HoldWatch
-from pomona.drivers.interfaces import Arm, Camera, Cameras, ForceSensor, Gripper, Hand, Workspace
+from pomona.drivers.interfaces import Arm, Camera, Cameras, DepthCamera, ForceSensor, Gripper, Hand, Workspace
 from pomona.drivers.readings import Readings
 from pomona.drivers.registration import Settings
 from pomona.executive.clock import Clock, ManualClock, SystemClock
+from pomona.executive.lease import viewed
 from pomona.executive.values.arrays import UInt8
 from pomona.executive.values.bounded import warn
 from pomona.executive.values.documents import Outline, with_includes
@@ -304,7 +305,7 @@ class Cell:
             return self._watch
         if interface is Cameras:
             seeing: Any = [device for device in self.devices.values() if Camera in device.interfaces]
-            return Cameras(tuple(seeing))
+            return Cameras(tuple(viewed(c, DepthCamera if isinstance(c, DepthCamera) else Camera) for c in seeing))
         return next((device for device in self.devices.values() if interface in device.interfaces), None)
 
 

@@ -20,6 +20,7 @@ from pomona.drivers.depth_model import D4XX, DepthModel
 from pomona.drivers.errors import DeviceFault
 from pomona.executive.lease import command
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.read_only import ReadOnly
 
 # ---------------------------------------------------------------------------------------------------- camera
 
@@ -42,7 +43,7 @@ class Intrinsics:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Frame:
+class Frame(ReadOnly):
     """One RGB-D image: colour, depth registered to it, and where the camera was at the exposure.
 
     Attributes:
@@ -74,6 +75,7 @@ class Frame:
     placed: bool = True
 
     def __post_init__(self) -> None:
+        ReadOnly.__post_init__(self)
         lens = self.intrinsics
         sizes = {"colour": self.colour.shape[1::-1], "intrinsics": (lens.width, lens.height)}
         if self.depth is not None:
@@ -93,7 +95,7 @@ class Camera(Protocol):
 
 
 @runtime_checkable
-class DepthCamera(Protocol):
+class DepthCamera(Camera, Protocol):
     """A camera that can deliver depth alone, if colour has a cost.
 
     The watch of a motion uses it (`pomona.skills.shared.live_watch`); of any other camera it uses `Camera.latest`.
@@ -133,7 +135,7 @@ class FrameSequence(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Trajectory:
+class Trajectory(ReadOnly):
     """Joint positions over time. The first sample is where the arm must stand when it is started, at time 0.
 
     Attributes:
@@ -189,7 +191,7 @@ class Motion(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ArmLimits:
+class ArmLimits(ReadOnly):
     """Joint limits, each of shape (dof,): positions [rad], velocity [rad/s], acceleration [rad/s²], jerk [rad/s³]."""
 
     lower: Float64
@@ -200,7 +202,7 @@ class ArmLimits:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ArmState:
+class ArmState(ReadOnly):
     """Measured joints at `stamp`: positions [rad] and velocities [rad/s], shape (dof,)."""
 
     stamp: float
@@ -323,7 +325,7 @@ class Gripper(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WrenchSample:
+class WrenchSample(ReadOnly):
     """Contact wrenches of both fingers.
 
     Attributes:
@@ -408,7 +410,7 @@ class Hands(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Box:
+class Box(ReadOnly):
     """A fixed obstacle: a box with its half-extents [m], posed in the base frame."""
 
     name: str
@@ -417,7 +419,7 @@ class Box:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Hull:
+class Hull(ReadOnly):
     """A fixed obstacle: the convex hull of points.
 
     Attributes:
@@ -448,7 +450,7 @@ class PathWatchSettings:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Workspace:
+class Workspace(ReadOnly):
     """Known surroundings of the arm, from the cell file, in the base frame.
 
     Attributes:

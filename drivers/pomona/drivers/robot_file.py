@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 
 from pomona.drivers.errors import UnusableRobotFile
 from pomona.drivers.interfaces import ArmLimits
+from pomona.executive.values.importing import import_under
 
 
 def read_spec(path: Path) -> Any:
@@ -18,9 +18,8 @@ def read_spec(path: Path) -> Any:
 
     Raises UnusableRobotFile: it is no XML, or names joints, bodies or frames that it does not have.
     """
-    os.environ.setdefault("MUJOCO_GL", "disable")  # no graphics here
-    import mujoco  # takes a moment; only this needs it
-
+    # takes a moment, and only this needs it; no graphics here
+    mujoco = import_under("mujoco", MUJOCO_GL="disable")
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         spec.compile()

@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from typing import Protocol
 
+from pomona.executive.lease import command
+
 
 class Clock(Protocol):
     """The only source of time in a run; every stamp, deadline and duration is read from it."""
@@ -16,6 +18,7 @@ class Clock(Protocol):
     def now(self) -> float:
         """Return seconds since an arbitrary start; never goes back."""
 
+    @command
     def advance(self, duration: float) -> None:
         """Let `duration` seconds pass: sleep on the system's clock, step the world on a simulated one."""
 

@@ -31,7 +31,6 @@ from pomona.executive.recording.unfinished import unfinished
 from pomona.executive.registry import Registry
 from pomona.executive.running.cell import Cell
 from pomona.executive.running.cell_files import CellFile, cell_files
-from pomona.executive.running.context import RunContext
 from pomona.executive.running.dry_cell import DryCell
 from pomona.executive.running.events import EventStream, Listener, OperatorActed, RunEnded, RunStarted
 from pomona.executive.running.one_run import alone_on
@@ -42,6 +41,7 @@ from pomona.executive.running.starting import StartCancelledError, Starting
 from pomona.executive.running.supervisor import RunSupervision
 from pomona.executive.running.traces import place_of
 from pomona.executive.running.watching import installed_watchers
+from pomona.executive.skill import SkillContext
 from pomona.executive.terminal.summary import Summary
 from pomona.executive.values.findings import did_you_mean
 from pomona.executive.values.installation import commit_here, distribution
@@ -320,7 +320,7 @@ class _Work:
     supervision: RunSupervision
     cell_texts: Mapping[str, str] = field(default_factory=dict)
 
-    def build(self, context: RunContext, board: Board) -> BuiltTree:
+    def build(self, context: SkillContext, board: Board) -> BuiltTree:
         return build(
             self.document, self.registry, overrides=self.settings, context=context, board=board, mocks=self.mocks
         )

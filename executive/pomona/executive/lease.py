@@ -7,8 +7,8 @@ An interface marks what moves its device:
         def follow(self, trajectory: Trajectory) -> Motion: ...
 
 `Skill.device` returns a handle with the members of the interface. Each `command` needs a valid lease at that moment;
-any other member is passed on. So a thread that outlives its skill can read a device, but move nothing. A device without
-commands needs no handle: a skill gets the device itself, and a sensor's stream costs nothing more.
+any other member is passed on. So a thread that outlives its skill can read a device, but move nothing. A handle has the
+members of its interface alone, and none of them can be replaced: a skill cannot change a sensor that others read.
 
 Control that continues after its skill, such as a grip, requests a lease of its own while the skill runs: `keep`. A
 later skill commands that control through the right to its device: `lend`.
@@ -119,14 +119,14 @@ class Leases:
 class Handle:
     """A device as its lessee sees it: the members of one interface. Made by `leased`."""
 
-    __slots__ = ("_device", "_lease")
+    __slots__ = ("__weakref__", "_device", "_lease")
 
     def __init__(self, device: object, lease: Lease) -> None:
         self._device, self._lease = device, lease
 
 
 def leased(device: T, interface: type, lease: Lease) -> T:
-    """Return a handle of a device, or the device itself if it has no commands.
+    """Return a handle of a device, or the object itself if the interface is a class without commands.
 
     Args:
         interface: whose members the handle has.
@@ -134,6 +134,11 @@ def leased(device: T, interface: type, lease: Lease) -> T:
     """
     made = _handle_class(interface, tuple(getattr(device, "interfaces", ())))
     return device if made is None else typing.cast(T, made(device, lease))
+
+
+def viewed(device: T, interface: type) -> T:
+    """Return a handle that gives no right to a command."""
+    return leased(device, interface, Lease("a skill", lambda _refused: None, "it may only be looked at"))
 
 
 def keep(device: T, control: str) -> T:
@@ -180,17 +185,18 @@ def commands_of(interface: type) -> frozenset[str]:
 
 @cache
 def _handle_class(interface: type, offered: tuple[type, ...]) -> type[Handle] | None:
-    """Handles with an interface's members, or None where a device that offers these has no commands.
+    """Handles with an interface's members; None for a class that is no Protocol, where a device has no commands.
 
     Of a concrete class any other attribute is passed on as well, and `isinstance` takes the handle for one of it.
     """
-    if not any(commands_of(one) for one in (interface, *offered)):
+    concrete = not getattr(interface, "_is_protocol", False)
+    if concrete and not any(commands_of(one) for one in (interface, *offered)):
         return None
     commands, members = commands_of(interface), _members_of(interface)
     space: dict[str, Any] = {"__slots__": (), "__doc__": interface.__doc__}
     space |= {name: property(attrgetter(f"_device.{name}")) for name in members - commands}
     space |= {name: _command(interface, name) for name in commands}
-    if not getattr(interface, "_is_protocol", False):
+    if concrete:
         space["__getattr__"] = lambda self, name: getattr(self._device, name)
         space["__class__"] = property(lambda _self: interface)
     return type(f"Leased{interface.__name__}", (Handle,), space)

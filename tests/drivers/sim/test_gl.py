@@ -64,6 +64,21 @@ def test_both_renderers_work_in_one_process(order, backend):
     assert "both work" in done.stdout
 
 
+@pytest.mark.parametrize("backend", ["egl", "osmesa", "glfw", "nonsense"])
+def test_skills_and_robot_files_are_read_whatever_backend_the_environment_asks_for(backend):
+    script = (
+        "import os; from pathlib import Path; import pomona.skills.move_to\n"
+        "from pomona.drivers.robot_file import read_limits\n"
+        "print(read_limits(Path('trees/robots/sia5f_wsg32.xml')).velocity.shape, os.environ['MUJOCO_GL'])"
+    )
+    environment = {**os.environ, "MUJOCO_GL": backend}
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["(7,)", backend]
+
+
 def test_without_a_driver_of_egl_one_line_names_the_packages():
     script = MUJOCO + "try:\n    look()\nexcept Exception as error:\n    print(error)\n"
     environment = {**os.environ, "__EGL_VENDOR_LIBRARY_DIRS": "/nowhere"}

@@ -280,8 +280,9 @@ def connect_camera(settings: Settings[EmulatedCameraFile], context: ConnectConte
 
 def camera_site(robot: Path) -> Float64:
     """Return T_tool0_camera (4, 4) [m] from the robot's description: the true result of a hand-eye calibration."""
-    import mujoco
+    from pomona.drivers.sim.gl import load_mujoco  # takes a moment
 
+    mujoco = load_mujoco()
     site = mujoco.MjModel.from_xml_path(str(robot)).site("camera")
     rotation = np.zeros(9)
     mujoco.mju_quat2Mat(rotation, site.quat)

@@ -20,6 +20,7 @@ from pomona.devices.suntouch.codec import TAXELS
 from pomona.drivers.errors import DriverError
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.plain_text import read_plain_text
+from pomona.executive.values.read_only import ReadOnly
 
 FORMAT = "pomona finger calibration 1"
 
@@ -33,7 +34,7 @@ class UnusableCalibration(DriverError):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FingerCalibration:
+class FingerCalibration(ReadOnly):
     """The network of one finger."""
 
     # the finger that it was made for, in words; a left or right among them is compared with the cell file's

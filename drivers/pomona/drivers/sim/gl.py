@@ -17,6 +17,7 @@ from types import ModuleType
 from typing import Any, TypeVar
 
 from pomona.drivers.errors import DeviceFault
+from pomona.executive.values.importing import import_under
 
 T = TypeVar("T")
 
@@ -25,12 +26,8 @@ _thread: ThreadPoolExecutor | None = None
 
 
 def load_mujoco() -> ModuleType:
-    """Import MuJoCo for physics; OpenGL is left alone until something is rendered."""
-    if os.environ.setdefault("MUJOCO_GL", "disable") == "egl":
-        _prepare_egl()
-    import mujoco
-
-    module: ModuleType = mujoco
+    """Import MuJoCo for physics; OpenGL is left alone until something is rendered, whatever MUJOCO_GL is."""
+    module: ModuleType = import_under("mujoco", MUJOCO_GL="disable")
     return module
 
 
@@ -43,9 +40,8 @@ def open_renderer(model: Any, height: int, width: int) -> Any:
     try:
         if sys.platform != "darwin":
             _prepare_egl()
-        from mujoco.rendering.classic import gl_context
-
         # MuJoCo chose its backend when it was first imported, perhaps by a caller that renders nothing.
+        gl_context = import_under("mujoco.rendering.classic.gl_context", MUJOCO_GL="disable")
         gl_context.GLContext = import_module("mujoco.cgl" if sys.platform == "darwin" else "mujoco.egl").GLContext
         return mujoco.Renderer(model, height, width)
     except Exception as error:  # a missing library shows as ImportError, AttributeError, OSError or an EGL error

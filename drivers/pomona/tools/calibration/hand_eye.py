@@ -23,6 +23,7 @@ from pomona.drivers.errors import CellFileError, DriverError
 from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.plain_text import read_plain_text
+from pomona.executive.values.read_only import ReadOnly
 from pomona.executive.values.rotations import is_rigid
 
 LEAST_LOOKS = 5
@@ -54,7 +55,7 @@ class Chessboard:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class HandEye:
+class HandEye(ReadOnly):
     """The result and how well the looks agree with it."""
 
     T_tool0_camera: Float64  # pose of the camera in the flange

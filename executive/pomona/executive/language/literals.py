@@ -154,9 +154,12 @@ def _list(node: YamlList, value_type: ValueType) -> Any:
 def _array(node: YamlList) -> NDArray[np.float64]:
     import numpy as np
 
+    from pomona.executive.values.read_only import read_only
+
     rows = [_array(item) if isinstance(item, YamlList) else literal(item, SI_NUMBER) for item in node.items]
     try:
-        return np.array(rows, dtype=np.float64)
+        array: NDArray[np.float64] = read_only(np.array(rows, dtype=np.float64))  # shared by all starts of a node
+        return array
     except ValueError:
         raise LiteralError(node, "the rows of this array have different lengths") from None
 
@@ -202,13 +205,16 @@ def _pose(node: YamlMapping) -> NDArray[np.float64]:
         raise LiteralError(node, "a pose has one orientation: rpy or quaternion")
     import numpy as np
 
+    from pomona.executive.values.read_only import read_only
+
     T = np.eye(4)
     T[:3, 3] = _vector(node, "position", 3)
     if "rpy" in node.entries:
         T[:3, :3] = from_rpy(_vector(node, "rpy", 3))
     elif "quaternion" in node.entries:
         T[:3, :3] = _from_quaternion(_vector(node, "quaternion", 4), node)
-    return T
+    pose: NDArray[np.float64] = read_only(T)
+    return pose
 
 
 def _vector(node: YamlMapping, name: str, length: int) -> NDArray[np.float64]:

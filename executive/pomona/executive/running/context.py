@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from pomona.executive.clock import Clock
 from pomona.executive.errors import NotOwnerError, SkillError
-from pomona.executive.lease import Leases
+from pomona.executive.lease import Leases, viewed
 from pomona.executive.one_process import leave_if_forked
 from pomona.executive.running.cell import Cell
 from pomona.executive.running.compute import Computations
@@ -32,6 +32,7 @@ class RunContext:
         publish: Callable[[str, str, object], None],
     ) -> None:
         self._cell, self.computations, self.run_seed = cell, computations, seed
+        self._clock = viewed(cell.clock, Clock)
         self._publish = publish
         self._halting: list[tuple[Skill, Work[Any], float]] = []
         self._owners: dict[type, Skill] = {}
@@ -48,7 +49,7 @@ class RunContext:
 
     @property
     def clock(self) -> Clock:
-        return self._cell.clock
+        return self._clock
 
     def device(self, interface: type[T], skill: Skill) -> T:
         return self._leases.handle(skill, interface, self._cell.device(interface))

@@ -24,6 +24,7 @@ from pomona.executive.board import Board, Entry
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.language import BuiltTree
 from pomona.executive.language.changes import change_input
+from pomona.executive.lease import viewed
 from pomona.executive.one_process import leave_if_forked
 from pomona.executive.reasons import Reason
 from pomona.executive.running.breakpoints import BREAK_ACTIONS, Breakpoints
@@ -51,6 +52,7 @@ from pomona.executive.running.requests import LATE, SETS_IN_MOTION, Request, Req
 from pomona.executive.running.run_state import RunResult, RunState
 from pomona.executive.running.traces import place_of, traceback_of
 from pomona.executive.running.watching import Watch, Watcher
+from pomona.executive.skill import SkillContext
 from pomona.executive.speed import cannot_slow, speed_of, words_of
 from pomona.executive.values.sentences import sentence_of
 
@@ -76,7 +78,7 @@ class ListenerError(PomonaError):
 BLOCKED = 1.0  # wall-clock seconds of a tick on a simulated clock that are reported: no timeout interrupts it
 
 
-Build = Callable[[RunContext, Board], BuiltTree]  # makes a tree that is bound to a run
+Build = Callable[[SkillContext, Board], BuiltTree]  # makes a tree that is bound to a run
 
 
 class Runner(Requests):
@@ -122,7 +124,7 @@ class Runner(Requests):
         self.context = RunContext(cell, self._computations, seed, self._published)
         self.board = Board(cell.clock)
         self.board.subscribe(self._written)
-        self.tree = build(self.context, self.board)
+        self.tree = build(viewed(self.context, SkillContext), self.board)
         self._speed, self._repeated = speed, deque(speeds)
         self._refuse_full_speed_only()
         self._breakpoints = Breakpoints(self.tree.behaviours)

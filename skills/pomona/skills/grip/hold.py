@@ -243,7 +243,8 @@ class Hold:
                 return
             if self._floor is not None and np.isfinite(sample.wrenches).all():
                 self._rest(self._floor.look(sample.wrenches))
-            speed = controller.step(sample.stamp, sample.sequence, sample.wrenches, sample.saturated)
+            # a copy: the loops are compiled for arrays that can be written
+            speed = controller.step(sample.stamp, sample.sequence, sample.wrenches.copy(), sample.saturated)
             if speed is not None:
                 self._command(0.0 if self._stands else speed)
             self._report_sensor_fault()

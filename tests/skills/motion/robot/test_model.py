@@ -130,6 +130,38 @@ def test_bad_robot_files_are_refused_in_words(tmp_path: Path, old: str, new: str
         RobotModel.load(folder / SIA5F.name)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ('velocity="3.15"', 'velocity="nan"', "'pan': velocity = 'nan' is no finite number"),
+        ('velocity="3.15"', 'velocity="inf"', "'pan': velocity = 'inf' is no finite number"),
+        ('velocity="3.15"', 'velocity="1e999"', "'pan': velocity = '1e999' is no finite number"),
+        ('velocity="3.15"', 'velocity="fast"', "'pan': velocity = 'fast' is no finite number"),
+        ('velocity="3.15"', 'velocity="-3.15"', "'pan': velocity = '-3.15' is not positive"),
+        ('velocity="3.15"', 'velocity="0"', "'pan': velocity = '0' is not positive"),
+        (' velocity="3.15"', "", "'pan' lacks the limit 'velocity'"),
+        ('lower="-3.141592654"', 'lower="nan"', "'elbow'.* finite"),
+        ('upper="3.141592654"', 'upper="inf"', "'elbow'.* finite"),
+        ('lower="-3.141592654"', 'lower="4"', "'elbow' needs a range; 4 … 3.14159 is none"),
+        ('lower="-3.141592654" ', "", "'elbow' lacks the limit 'lower'"),
+        (
+            '<limit lower="-3.141592654" upper="3.141592654" velocity="3.15" effort="150"/>',
+            "",
+            "'elbow' lacks the limit",
+        ),
+    ],
+)
+def test_a_urdf_with_an_impossible_limit_is_refused_with_file_and_joint(
+    tmp_path: Path, old: str, new: str, complaint: str
+) -> None:
+    file = tmp_path / "arm.urdf"
+    assert old in SIX_AXIS.read_text()
+    file.write_text(SIX_AXIS.read_text().replace(old, new, 1))
+    with pytest.raises(BadRobotFile, match=complaint) as refused:
+        RobotModel.load(file)
+    assert str(refused.value).startswith(str(file))
+
+
 def test_a_robot_without_joints_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "post.xml"
     file.write_text("<mujoco><worldbody><body name='tool0'><geom size='0.1'/></body></worldbody></mujoco>")

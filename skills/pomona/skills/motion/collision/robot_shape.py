@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pomona.executive.values.arrays import Float64, Int64
+from pomona.executive.values.read_only import ReadOnly
 from pomona.skills.motion.collision.cover import Cover, cover, cover_points
 from pomona.skills.motion.robot import Body, RobotModel
 
@@ -38,7 +39,7 @@ class RobotArrays(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RobotShape:
+class RobotShape(ReadOnly):
     """A robot's collision geometry, by name and as arrays."""
 
     model: RobotModel  # the robot model

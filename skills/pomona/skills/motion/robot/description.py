@@ -12,19 +12,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.importing import import_under
+from pomona.executive.values.read_only import ReadOnly
 from pomona.skills.geometry import inverse
 from pomona.skills.motion.robot.errors import BadRobotFile
+
+mujoco = import_under("mujoco", MUJOCO_GL="disable")  # nothing is drawn here
 
 KINDS = ("sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Geom:
+class Geom(ReadOnly):
     """One convex collision shape."""
 
     name: str  # in the file, or the body's name and a number
@@ -36,7 +39,7 @@ class Geom:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Body:
+class Body(ReadOnly):
     """A rigid part with collision geometry."""
 
     name: str  # in the file
@@ -47,7 +50,7 @@ class Body:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Description:
+class Description(ReadOnly):
     """A robot as its file describes it. Frames of links are those of `pomona.skills.motion.robot.chain`."""
 
     path: Path  # the file
@@ -296,12 +299,38 @@ class _Reader:
         return values
 
     def _urdf_velocities(self) -> Float64:
-        """Velocity limits of a URDF, which MuJoCo does not keep."""
-        stated = {}
+        """Velocity limits of a URDF, which MuJoCo does not keep; infinite in an MJCF."""
         root = ElementTree.parse(self.path).getroot()
-        if root.tag == "robot":
-            for joint in root.iter("joint"):
-                limit = joint.find("limit")
-                if limit is not None and "velocity" in limit.attrib:
-                    stated[joint.get("name", "")] = float(limit.attrib["velocity"])
-        return np.array([stated.get(self._name("joint", j), np.inf) for j in self.joints])
+        stated = {joint.get("name", ""): joint for joint in root.iter("joint")} if root.tag == "robot" else {}
+        names = [self._name("joint", j) for j in self.joints]
+        return np.array([self._urdf_velocity(name, stated[name]) if name in stated else np.inf for name in names])
+
+    def _urdf_velocity(self, name: str, joint: ElementTree.Element) -> float:
+        """Return the velocity limit of a URDF's joint; infinite for a continuous one that states none.
+
+        Raises BadRobotFile: a limit is missing, no finite number, reversed, or no speed. MuJoCo ignores such limits.
+        """
+        limit, endless = joint.find("limit"), joint.get("type") == "continuous"
+        said = {} if limit is None else limit.attrib
+        values = {"velocity": np.inf} if endless else {}
+        for key in ("velocity",) if endless else ("lower", "upper", "velocity"):
+            if key not in said and not endless:
+                raise BadRobotFile(self.path, f"the joint '{name}' lacks the limit '{key}'")
+            if key in said:
+                values[key] = _finite(said[key])
+                if np.isnan(values[key]):
+                    raise BadRobotFile(self.path, f"the joint '{name}': {key} = '{said[key]}' is no finite number")
+        if not endless and values["lower"] >= values["upper"]:
+            words = f"needs a range; {values['lower']:g} … {values['upper']:g} is none"
+            raise BadRobotFile(self.path, f"the joint '{name}' {words}")
+        if values["velocity"] <= 0.0:
+            raise BadRobotFile(self.path, f"the joint '{name}': velocity = '{said['velocity']}' is not positive")
+        return values["velocity"]
+
+
+def _finite(text: str) -> float:
+    """Return the number; NaN for a text that is no finite one."""
+    try:
+        return float(text) if np.isfinite(float(text)) else np.nan
+    except ValueError:
+        return np.nan

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.read_only import ReadOnly
 from pomona.skills.geometry import inverse, is_pose
 from pomona.skills.motion.robot import chain
 from pomona.skills.motion.robot.description import Body, Description, Geom, read_description
@@ -22,7 +24,7 @@ def last_change(file: Path) -> int:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RobotModel:
+class RobotModel(ReadOnly):
     """A serial arm with a gripper. The base frame is the world of its file.
 
     Attributes:
@@ -55,7 +57,7 @@ class RobotModel:
     steps: Float64
     sliding: NDArray[np.bool_]
     T_link_tool: Float64
-    T_link_frame: dict[str, Float64]
+    T_link_frame: Mapping[str, Float64]
 
     @staticmethod
     def load(path: Path | str, tool: str = "tool0", tcp: str = "tcp") -> RobotModel:
@@ -95,9 +97,9 @@ class RobotModel:
         return T
 
     def checked(self, q: ArrayLike) -> Float64:
-        """Return joints as a contiguous float64 array of shape (dof,); BadJoints: a wrong number, or not finite."""
+        """Return joints as a float64 array of its own, shape (dof,); BadJoints: a wrong number, or not finite."""
         try:
-            joints = np.ascontiguousarray(q, dtype=np.float64)
+            joints = np.array(q, dtype=np.float64, order="C")  # the kernels are compiled for arrays that can be written
         except (TypeError, ValueError) as error:
             raise BadJoints(self.joint_names, q, f"{q!r} are no numbers") from error
         if joints.shape != (self.dof,):
@@ -183,5 +185,5 @@ def _load(path: Path, _modified: int, tool: str, tcp: str) -> RobotModel:
         steps=np.ascontiguousarray(read.steps[:, :3]),
         sliding=read.sliding,
         T_link_tool=T_link_tool,
-        T_link_frame=dict(read.T_link_frame),
+        T_link_frame=read.T_link_frame,
     )

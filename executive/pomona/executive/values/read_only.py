@@ -1,0 +1,89 @@
+"""Values that nothing can change after their making: facts that all parts of a run share.
+
+    @dataclass(frozen=True, slots=True, eq=False)
+    class ArmLimits(ReadOnly):
+        velocity: Float64
+
+A frozen dataclass keeps its fields, not the content of an array in them. Those of `ReadOnly` keep both: a write raises
+where it is made, and no view and no flag of an array gives the right to write back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from functools import cache
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+LARGE = 65_536
+"""Size from which an array is marked as read-only in place, without a copy [bytes]: images and maps, which have one
+owner. A copy of less takes some microseconds."""
+
+
+_AS_THEY_ARE = frozenset((float, int, bool, str, type(None)))  # the most frequent types, found without base classes
+
+
+def read_only(value: Any) -> Any:
+    """Return a value whose arrays and containers cannot be changed; other objects are returned as they are.
+
+    Lists become tuples, sets frozen sets, mappings read-only views of a copy. Their content is treated alike.
+    """
+    if type(value) in _AS_THEY_ARE:
+        return value
+    if isinstance(value, np.ndarray):
+        return _array(value)
+    if isinstance(value, tuple):
+        if _AS_THEY_ARE.issuperset(map(type, value)):
+            return value
+        items = map(read_only, value)
+        return type(value)(*items) if hasattr(value, "_fields") else tuple(items)
+    if isinstance(value, Mapping):
+        return MappingProxyType({key: read_only(item) for key, item in value.items()})
+    if isinstance(value, list):
+        return tuple(map(read_only, value))
+    return frozenset(value) if isinstance(value, set) else value
+
+
+def _array(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    if array.nbytes > LARGE or array.dtype.hasobject:
+        array.setflags(write=False)
+        return array
+    owner: Any = array.base
+    if isinstance(owner, bytes):
+        return array
+    return np.ndarray(array.shape, array.dtype, array.tobytes())
+
+
+@cache
+def _fields(kind: Any) -> tuple[str, ...]:
+    return tuple(field.name for field in fields(kind))
+
+
+def _names(kind: Any) -> tuple[str, ...]:
+    return _fields(kind)
+
+
+class ReadOnly:
+    """Base of frozen dataclasses whose arrays and containers are read-only: see `read_only`.
+
+    A subclass with a `__post_init__` of its own calls this one. A copy in another process is read-only, too.
+    """
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        for name in _names(type(self)):
+            value = getattr(self, name)
+            kept = read_only(value)
+            if kept is not value:
+                object.__setattr__(self, name, kept)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), tuple(_picklable(getattr(self, name)) for name in _names(type(self)))
+
+
+def _picklable(value: Any) -> Any:
+    return dict(value) if isinstance(value, MappingProxyType) else value
