@@ -11,13 +11,29 @@ import numpy as np
 from pomona.drivers.errors import UnusableRobotFile
 from pomona.drivers.interfaces import ArmLimits
 from pomona.executive.values.importing import import_under
+from pomona.executive.values.shipped import installed_trees
+from pomona.executive.values.trial import trial
+
+SHIPPED = (installed_trees() / "robots").resolve()  # as trustworthy as the code
 
 
 def read_spec(path: Path) -> Any:
     """Return the file (MJCF or URDF) as an `mujoco.MjSpec` that compiles.
 
-    Raises UnusableRobotFile: it is no XML, or names joints, bodies or frames that it does not have.
+    A file that is not a shipped one is tried in a process of its own first.
+
+    Raises UnusableRobotFile: it is no XML, names joints, bodies or frames that it does not have, or takes too much time
+    or memory.
     """
+    if path.is_file() and path.resolve().parent != SHIPPED:
+        problem = _tried(path, _changed(path))
+        if problem:
+            raise UnusableRobotFile(path, problem)
+    return _read_spec(path)
+
+
+def _read_spec(path: Path) -> Any:
+    os.environ.setdefault("MUJOCO_GL", "disable")  # no graphics here
     # takes a moment, and only this needs it; no graphics here
     mujoco = import_under("mujoco", MUJOCO_GL="disable")
     try:
@@ -28,6 +44,26 @@ def read_spec(path: Path) -> Any:
             path, " ".join(str(error).removeprefix("Error: ").split()) or "cannot be read"
         ) from error
     return spec
+
+
+def try_robot(path: str) -> None:
+    """Compile a file and prepare its simulation; runs in a process of its own. Raises UnusableRobotFile."""
+    import mujoco
+
+    try:
+        mujoco.MjData(_read_spec(Path(path)).compile())
+    except RuntimeError as error:  # "an unknown exception": a size for which there is no memory
+        raise MemoryError from error
+
+
+@lru_cache(maxsize=8)
+def _tried(path: Path, _changed: int) -> str:
+    return trial(f"{__name__}:{try_robot.__name__}", str(path))
+
+
+def _changed(path: Path) -> int:
+    """Return when a file, or one beside it that it may include, was changed last [ns]."""
+    return max(file.stat().st_mtime_ns for file in (path, *path.parent.glob("*.xml")))
 
 
 MOST = {"arm_velocity": 50.0, "arm_acceleration": 5e3, "arm_jerk": 1e6}
@@ -44,8 +80,7 @@ def read_limits(path: Path, dof: int | None = None) -> ArmLimits:
 
     Raises UnusableRobotFile: the file cannot be read, has fewer joints, or lacks one of the numerics.
     """
-    files = (path, *path.parent.glob("*.xml"))  # it may include others
-    return _limits(path, dof, max(file.stat().st_mtime_ns for file in files) if path.is_file() else 0)
+    return _limits(path, dof, _changed(path) if path.is_file() else 0)
 
 
 @lru_cache(maxsize=8)

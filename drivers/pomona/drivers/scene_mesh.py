@@ -7,18 +7,15 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from pomona.drivers.errors import UnusableMesh
 from pomona.drivers.interfaces import Hull
 from pomona.executive.values.arrays import Float64, Int64
+from pomona.executive.values.mesh_file import MOST_TRIANGLES, UnreadableMeshError, read_mesh
 
-SUFFIXES = (".stl", ".obj", ".ply")
 LARGEST, SMALLEST = 20.0, 0.002  # sizes of anything that an arm may hit [m]; else the unit is another
-MOST_BYTES = 100_000_000
-MOST_TRIANGLES = 200_000
 MOST_PARTS = 400  # each costs every collision check about as much as a box
 
 
@@ -33,10 +30,6 @@ def read_parts(path: Path, unit: float = 1.0, detail: float | None = None) -> tu
         state = path.stat()
     except OSError as error:
         raise UnusableMesh(f"{path} cannot be read: {error.strerror}") from error
-    if path.suffix.lower() not in SUFFIXES:
-        raise UnusableMesh(f"{path.name} is none of {', '.join(SUFFIXES)}")
-    if state.st_size > MOST_BYTES:
-        raise UnusableMesh(f"{path.name} has {state.st_size / 1e6:.0f} MB, {MOST_BYTES / 1e6:.0f} MB are read at most")
     return _parts(path, state.st_mtime_ns, state.st_size, unit, detail)
 
 
@@ -59,19 +52,10 @@ def _parts(path: Path, _changed: int, _size: int, unit: float, detail: float | N
 
 def _triangles(path: Path) -> tuple[Float64, Int64]:
     """Vertices (n, 3) and faces (m, 3) that use them all."""
-    import trimesh  # half a second that a cell without meshes need not wait for
-
     try:
-        loaded: Any = trimesh.load(path, force="mesh", skip_materials=True)
-        vertices, faces = np.array(loaded.vertices, np.float64), np.array(loaded.faces, np.int64)
-    except Exception as error:  # a foreign file may make its reader raise anything
-        raise UnusableMesh(f"{path.name} cannot be read as a mesh: {error}") from error
-    if vertices.ndim != 2 or faces.ndim != 2 or not len(faces):
-        raise UnusableMesh(f"{path.name} holds no triangles")
-    if len(faces) > MOST_TRIANGLES:
-        raise UnusableMesh(f"{path.name} has {len(faces)} triangles, {MOST_TRIANGLES} are read at most: simplify it")
-    if faces.min() < 0 or faces.max() >= len(vertices):
-        raise UnusableMesh(f"{path.name} has triangles of vertices that it does not have")
+        vertices, faces = read_mesh(path)
+    except UnreadableMeshError as error:
+        raise UnusableMesh(f"{path.name} {error}") from error
     used, numbers = np.unique(faces, return_inverse=True)
     if not np.isfinite(vertices[used]).all():
         raise UnusableMesh(f"{path.name} has vertices that are not finite numbers")

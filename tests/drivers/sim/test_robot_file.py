@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pomona.drivers import robot_file
 from pomona.drivers.cell import load_cell
 from pomona.drivers.cell_file import read_cell_file
-from pomona.drivers.errors import CellFileError
+from pomona.drivers.errors import CellFileError, UnusableRobotFile
+from pomona.drivers.robot_file import read_limits
 from pomona.drivers.sim.gl import load_mujoco
 from pomona.skills.motion.robot import RobotModel
 
@@ -182,3 +184,34 @@ def test_both_arms_hold_the_hand_over_the_same_places():
     for pose in sia5f.poses.keys() - {"home"}:
         T_base_tcp, other = robots[0].tcp(sia5f.poses[pose]), robots[1].tcp(ur5e.poses[pose])
         assert np.abs(T_base_tcp - other).max() < 1e-3, pose
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        (
+            '<replicate count="100000000" offset="0 0 1"><geom size=".1"/></replicate>',
+            "takes more than 4 s",
+        ),
+        ('<geom type="hfield" hfield="h"/>', "needs more than 512 MB of memory"),
+    ],
+)
+def test_a_robot_that_exhausts_time_or_memory_ends_in_its_trial(tmp_path: Path, body: str, words: str) -> None:
+    path = tmp_path / "robot.xml"
+    field = '<asset><hfield name="h" nrow="30000" ncol="30000" size="1 1 1 1"/></asset>'
+    path.write_text(f"<mujoco>{field if 'hfield' in body else ''}<worldbody>{body}</worldbody></mujoco>")
+    with pytest.raises(UnusableRobotFile, match=rf"robot\.xml: {words}"):
+        read_limits(path)
+
+
+def test_a_shipped_robot_is_read_without_a_trial_and_another_with_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[str] = []
+    monkeypatch.setattr(robot_file, "trial", lambda _, path: tried.append(path) or "")
+    robot_file.read_spec(ROBOT)
+    assert tried == []
+    for file in ROBOT.parent.glob("*.xml"):
+        shutil.copy(file, tmp_path)
+    robot_file.read_spec(tmp_path / ROBOT.name)
+    assert tried == [str(tmp_path / ROBOT.name)]

@@ -6,16 +6,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.documents import read_value_file
 from pomona.executive.values.findings import Findings, place_of
 from pomona.executive.values.kinds import PathTo
+from pomona.executive.values.mesh_file import UnreadableMeshError, read_mesh
 from pomona.executive.values.reading import Refused
 from pomona.executive.values.sections import Problem, Section, value
 
@@ -81,12 +80,11 @@ def read_model(folder: Path) -> FruitMeshes:
 @lru_cache(maxsize=16)
 def _load(path: Path, _changed: int) -> tuple[Float64, Faces]:
     try:
-        loaded: Any = trimesh.load_mesh(path, process=False)
-        vertices, faces = np.asarray(loaded.vertices, np.float64), np.asarray(loaded.faces, np.int32)
-    except Exception as error:  # trimesh's readers may raise any exception
-        words = str(error).strip().strip("'") or type(error).__name__
-        raise UnusableModel(f"{path.name} is no mesh that can be read ({words})") from error
-    if len(faces) == 0 or not np.all(np.isfinite(vertices)) or np.ptp(vertices, axis=0).min() <= 0.0:
+        vertices, numbers = read_mesh(path)
+    except UnreadableMeshError as error:
+        raise UnusableModel(f"{path.name} {error}") from error
+    faces = numbers.astype(np.int32)
+    if not np.all(np.isfinite(vertices)) or np.ptp(vertices, axis=0).min() <= 0.0:
         raise UnusableModel(f"{path.name} is empty or flat")
     vertices.setflags(write=False)
     return vertices, faces

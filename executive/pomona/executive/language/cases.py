@@ -68,6 +68,18 @@ def zero_divisors(expression: Expression, known: Mapping[str, Any]) -> list[Expr
     return found
 
 
+def overflows(expression: Expression, known: Mapping[str, Any]) -> list[Expression]:
+    """Return the calculations whose result is certainly too large."""
+    found = [part for inner in expression.parts for part in overflows(inner, known)]
+    if isinstance(expression, Binary) and expression.operator in ("+", "-", "*", "/"):
+        left, right = _fold(expression.left, known), _fold(expression.right, known)
+        zero = expression.operator == "/" and right == 0
+        numbers = isinstance(left, (int, float)) and isinstance(right, (int, float))
+        if numbers and not zero and _fold(expression, known) is _UNKNOWN:
+            found.append(expression)
+    return found
+
+
 def _cases(expression: Expression, wanted: bool, known: Mapping[str, Any]) -> tuple[Case, ...]:
     match expression:
         case Unary(operator="not"):

@@ -1,10 +1,17 @@
-"""Expressions as functions without arguments: compiled once when the tree is built, cheap in the tick."""
+"""Expressions as functions without arguments: compiled once when the tree is built, cheap in the tick.
+
+A value is bounded, so that a tree that feeds values back into themselves exhausts neither time nor memory. Whole
+numbers are exact and at most `MOST_WHOLE`, other results are finite floats, lists have at most `MOST_ITEMS` items at
+all levels. Only numbers are calculated with, so a text never grows.
+"""
 
 from __future__ import annotations
 
+import math
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
+from numbers import Number
 from typing import Any, assert_never
 
 from pomona.executive.language.expression import (
@@ -22,6 +29,11 @@ from pomona.executive.reasons import NoValue
 
 Getter = Callable[[], Any]
 
+
+MOST_WHOLE = 2**63 - 1  # of a whole number, on both sides of zero: records and other programs keep 64 bits
+MOST_ITEMS = (
+    10_000  # of a list, with those of the lists in it; longer ones come from skills, which choose their own size
+)
 
 GetterOf = Callable[[str], Getter]  # returns the getter of a name; the getter raises NoValue without a value
 
@@ -60,7 +72,7 @@ def compile_expression(expression: Expression, names: GetterOf) -> Getter:
             return _apply(operator.getitem, expression.of, expression.index, names)
         case Items():
             getters = [compile_expression(item, names) for item in expression.items]
-            return lambda: [get() for get in getters]
+            return lambda: _bounded_list([get() for get in getters])
         case Unary(operator="not"):
             operand = compile_condition(expression.operand, names)
             return lambda: not operand()
@@ -69,7 +81,7 @@ def compile_expression(expression: Expression, names: GetterOf) -> Getter:
         case Call():
             function = _FUNCTIONS[expression.function]
             arguments = [compile_expression(argument, names) for argument in expression.arguments]
-            return _guarded(lambda: function(*(get() for get in arguments)))
+            return _guarded(lambda: _bounded_number(function(*(get() for get in arguments))))
         case Binary():
             return _binary(expression, names)
         case _:
@@ -103,7 +115,10 @@ def _binary(expression: Binary, names: GetterOf) -> Getter:
         return _apply(
             lambda a, b: any(_equal(a, item) for item in b) is wanted, expression.left, expression.right, names
         )
-    return _apply(_ARITHMETIC[expression.operator], expression.left, expression.right, names)
+    function = _ARITHMETIC[expression.operator]
+    if expression.operator in ("+", "-", "*", "/"):
+        return _apply(lambda a, b: _calculated(function, a, b), expression.left, expression.right, names)
+    return _apply(function, expression.left, expression.right, names)
 
 
 def _apply(function: Callable[[Any, Any], Any], left: Expression, right: Expression, names: GetterOf) -> Getter:
@@ -112,7 +127,39 @@ def _apply(function: Callable[[Any, Any], Any], left: Expression, right: Express
 
 
 def _negated(get: Getter) -> Getter:
-    return _guarded(lambda: -get())
+    return _guarded(lambda: _bounded_number(-get()))
+
+
+def _calculated(function: Callable[[Any, Any], Any], a: Any, b: Any) -> Any:
+    """Return the bounded result of an operation on two numbers."""
+    for operand in (a, b):
+        if not isinstance(operand, Number):
+            raise NoValue(f"only numbers are calculated with, this is a {type(operand).__name__}")
+    result = function(a, b)
+    if isinstance(result, float) and not math.isfinite(result) and math.isfinite(a) and math.isfinite(b):
+        raise NoValue("the result is too large for a number")
+    return _bounded_number(result)
+
+
+def _bounded_number(value: Any) -> Any:
+    """Return a value as it is; raise NoValue for a whole number beyond `MOST_WHOLE`."""
+    if isinstance(value, int) and not -MOST_WHOLE <= value <= MOST_WHOLE:
+        words = "the result is too large for a whole number: its size is at most 2^63 - 1, about 9.2e18"
+        raise NoValue(f"{words}; write one operand with a decimal point to calculate with rounded numbers")
+    return value
+
+
+def _bounded_list(items: list[Any]) -> list[Any]:
+    """Return a list as it is; raise NoValue if it and the lists in it hold more than `MOST_ITEMS` items."""
+    left = MOST_ITEMS
+    waiting: list[Sequence[Any]] = [items]
+    while waiting:
+        inner = waiting.pop()
+        left -= len(inner)
+        if left < 0:
+            raise NoValue(f"a list has at most {MOST_ITEMS} items, with those of the lists in it")
+        waiting += [item for item in inner if isinstance(item, (list, tuple))]
+    return items
 
 
 def _guarded(compute: Getter) -> Getter:

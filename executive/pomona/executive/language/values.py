@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
-from pomona.executive.language.cases import zero_divisors
+from pomona.executive.language.cases import overflows, zero_divisors
 from pomona.executive.language.expression import SPECIAL, Expression, Reference
 from pomona.executive.language.expression_parser import ExpressionSyntaxError, parse_expression
 from pomona.executive.language.expression_types import check_condition, type_of
@@ -68,13 +68,15 @@ class _Stand:
         self.reader.resolved.reads.append(Read(self.slot, name, self.spot(reference), self.required))
         return named.type
 
-    def divisions(self, expression: Expression) -> None:
-        """Report divisions by a constant zero."""
-        if "/" in self.scalar.text:
+    def calculations(self, expression: Expression) -> None:
+        """Report divisions by a constant zero, and results of constants that are too large."""
+        if any(sign in self.scalar.text for sign in "+-*/"):
             names = self.reader.scope.names
             known = {name: named.value for name, named in names.items() if named.value is not None}
             for divisor in zero_divisors(expression, known):
                 self.report(divisor, "division", "this is zero: nothing can be divided by it")
+            for part in overflows(expression, known):
+                self.report(part, "overflow", "the result is too large for a number")
 
     def _special(self, reference: Reference) -> ValueType:
         name = reference.name
@@ -140,7 +142,7 @@ class ValueReader:
             return None
         stand = _Stand(self, node, around, slot, True)
         check_condition(expression, stand)
-        stand.divisions(expression)
+        stand.calculations(expression)
         return ComputedValue(expression, bool, node.text, node)
 
     def value(self, slot: str, node: YamlNode, port: Port, around: Around, who: str) -> Value | None:
@@ -169,7 +171,7 @@ class ValueReader:
             return None
         stand = _Stand(self, node, around, slot, port.required)
         found = type_of(expression, stand)
-        stand.divisions(expression)
+        stand.calculations(expression)
         named = self.scope.names.get(expression.name) if isinstance(expression, Reference) else None
         wanted = static_type(port)
         if not can_flow(found, wanted):

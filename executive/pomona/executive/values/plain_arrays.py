@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
-from zipfile import ZipFile
 
 import numpy as np
+
+from pomona.executive.values.archives import open_archive
 
 MOST_BYTES = 1 << 30  # of all arrays of one file, unpacked: an hour of two fingers at 500 Hz is 0.4 of it
 
@@ -24,10 +25,7 @@ def read_plain_arrays(path: Path) -> dict[str, np.ndarray[Any, Any]]:
         raise UnreadableArraysError("it is not a file")
     try:
         with path.open("rb") as stream:
-            with ZipFile(stream) as packed:
-                size = sum(entry.file_size for entry in packed.infolist())
-            if size > MOST_BYTES:
-                raise UnreadableArraysError(f"its arrays are larger than {MOST_BYTES >> 20} MiB")
+            open_archive(path, MOST_BYTES).close()
             with np.load(stream, allow_pickle=False) as loaded:
                 return {name: np.asarray(loaded[name]) for name in loaded.files}
     # Errors of zlib, tokenize and zipfile have no common base, and a size in a header may ask for all memory there is.

@@ -91,9 +91,11 @@ class OneOrMore(ListOf[YamlScalar]):
 
 
 def _each_once(seeds: tuple[int, ...], node: YamlList, reader: Reader) -> tuple[int, ...]:
-    for i, seed in enumerate(seeds):
-        if seed in seeds[:i]:
-            raise reader.refuse(node.items[i], f"'{seed}' is given twice", code="duplicate")
+    before = set[int]()
+    for item, seed in zip(node.items, seeds, strict=True):
+        if seed in before:
+            raise reader.refuse(item, f"'{seed}' is given twice", code="duplicate")
+        before.add(seed)
     return seeds
 
 

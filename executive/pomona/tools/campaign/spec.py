@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import itertools
+import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -28,6 +29,7 @@ from pomona.executive.values.yaml_nodes import YamlMapping, YamlScalar
 from pomona.tools.campaign.file import CAMPAIGN, MAX_SEEDS, CampaignSection, keys_of
 
 MAX_RUNS = 100_000
+MAX_JUDGED = 1000  # values of `vary`, each for every arm: each is checked with tree and cell before the first run
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,16 +129,34 @@ class _Planner:
             self.check_keys(arm, keys_of(node, "set"))
         alone = all(arm.tree == tree and arm.cell == cell for arm in arms)
         self.check_keys(whole if alone else arms[0], keys_of(node, "vary") if alone else {})
+        if not self.has_size(arms, vary):
+            return None
         good = [self.judge(arm) for arm in arms]  # all of them, for all findings
         if self.findings.errors or not all(good):
             return None
         texts = {path: read_text(path) for arm in arms for path in (arm.tree, arm.cell)}
         texts |= {path: "".join(file.files.values()) for path, file in self.cells.items()}
         runs = tuple(_plan(arms, vary, texts))
-        if len(runs) > MAX_RUNS:
-            self.findings.error(node, "too-many", f"{len(runs)} runs; a campaign has at most {MAX_RUNS}")
         score = said.score.over(self.cells[arms[0].cell].score)
         return Campaign(said.campaign, said.description, vary, tuple(arm.name for arm in arms), runs, score)
+
+    def has_size(self, arms: Sequence[_Arm], vary: Mapping[str, tuple[str, ...]]) -> bool:
+        """Report more runs than a campaign has, or more values than are judged, before either is listed."""
+        combinations = math.prod(map(len, vary.values()))
+        runs = sum(
+            arm.count * math.prod(len(arm.only.get(key, values)) for key, values in vary.items()) for arm in arms
+        )
+        judged = len(arms) * max(1, sum(map(len, vary.values())))
+        message = ""
+        if runs > MAX_RUNS:
+            message = f"{runs} runs; a campaign has at most {MAX_RUNS}"
+        elif combinations > MAX_RUNS:
+            message = f"'vary' has {combinations} combinations; a campaign has at most {MAX_RUNS}"
+        elif judged > MAX_JUDGED:
+            message = f"{judged} settings to check, each value of 'vary' for each arm; at most {MAX_JUDGED} are checked"
+        if message:
+            self.findings.error(self.placed.node, "too-many", message, "make several campaigns of it")
+        return not message
 
     def arms(self, whole: _Arm) -> list[_Arm]:
         written = self.placed.node.get("arms")

@@ -110,7 +110,7 @@ def _search(options: argparse.Namespace) -> Search:
     Raises:
         UnusableInput, DetectError, FruitError: the options do not go together, or a file cannot be used.
     """
-    from pomona.skills.perception.detection.box_model import BoxModel
+    from pomona.skills.perception.detection.box_model import load_boxes
     from pomona.skills.perception.detection.compact_detector import CompactDetector
     from pomona.skills.perception.detection.errors import BadWeights
     from pomona.skills.perception.detection.options import DetectorOptions
@@ -120,7 +120,7 @@ def _search(options: argparse.Namespace) -> Search:
     if options.boxes is not None:
         if options.weights is not None:
             raise UnusableInput("--boxes and --weights: name one of them")
-        return BoxModel(options.boxes, fruit.name, options.width).find
+        return load_boxes(options.boxes, fruit.name, options.width).find
     weights = fruit.photo_weights or fruit.weights
     if options.weights is not None:
         weights = find_weights(Path(), options.weights)

@@ -9,18 +9,21 @@ joint [rad].
 from __future__ import annotations
 
 import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from pomona.executive.values.archives import ArchiveTooLarge, open_archive
 from pomona.executive.values.arrays import Float64
 
 FORMAT = "pomona-policy-1"
 GOAL = 3  # numbers of a goal: x, y, z
 MOST_BYTES = 16 << 20  # size limit of a small network's file [byte]
 MOST_LAYERS = 16
+MOST_MEMBERS = 64  # two for each layer, and seven
 
 
 class UnusablePolicy(Exception):
@@ -82,16 +85,14 @@ def read_policy(path: Path) -> PolicyNetwork:
     Raises UnusablePolicy: it cannot be read, is something else, or its numbers do not fit together.
     """
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise UnusablePolicy(path, f"is larger than {MOST_BYTES >> 20} MB: no policy")
-        with zipfile.ZipFile(path) as inside:
-            if sum(item.file_size for item in inside.infolist()) > MOST_BYTES:
-                raise UnusablePolicy(path, f"holds more than {MOST_BYTES >> 20} MB: no policy")
+        open_archive(path, MOST_BYTES, MOST_MEMBERS).close()
         with np.load(path, allow_pickle=False) as found:
             parts = {name: found[name] for name in found.files}
     except OSError as error:
         raise UnusablePolicy(path, error.strerror or "cannot be read") from error
-    except (ValueError, zipfile.BadZipFile, EOFError, KeyError) as error:
+    except ArchiveTooLarge as error:
+        raise UnusablePolicy(path, f"{error}: no policy") from error
+    except (ValueError, zipfile.BadZipFile, zlib.error, EOFError, KeyError, MemoryError) as error:
         raise UnusablePolicy(path, "is no archive of NumPy, or a damaged one") from error
     if str(parts.get("format", "")) != FORMAT:
         raise UnusablePolicy(path, f"has no format {FORMAT}")

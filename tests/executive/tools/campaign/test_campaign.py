@@ -42,6 +42,9 @@ set: {others: 0}
 """
 
 
+SPREADS = ", ".join(str(k) for k in range(1001))
+
+
 def campaign(tmp_path: Path, text: str = FILE) -> Campaign:
     path = tmp_path / "demo.yaml"
     path.write_text(text)
@@ -114,6 +117,11 @@ def test_a_campaign_that_is_stopped_early_has_as_many_runs_of_every_combination(
         (FILE.replace("[1, 2, 3]", "[77]").replace(", only: {place: [2]}", ""), "7:43", "it cannot be '77'"),
         (FILE.replace("{others: 0}", "{friction: -1}"), "12:17", "must be between"),
         (FILE.replace("{others: 0}", "{radius: 12}"), "12:15", "lacks a unit"),
+        (
+            FILE.replace("seeds: 2", "seeds: 1000").replace("[1, 2, 3]", f"[{SPREADS}]"),
+            "2:1",
+            "runs; a campaign has at most",
+        ),
         (FILE.replace("seeds: 2", "seeds: " + "[" * 90 + "]" * 90), r"6:\d+", "levels deep"),
     ],
 )

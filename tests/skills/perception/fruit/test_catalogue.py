@@ -69,7 +69,7 @@ def test_unknown_name_lists_the_known_ones() -> None:
         ("dimensions: -0.1 0.1 0.1 m", "between 1 mm and 1 m"),
         ("dimensions: high", "a list of 3 numbers"),
         ("mesh: gone.ply", "does not exist"),
-        ("mesh: fruit.yaml", r"fruit.yaml:4:7.*is no mesh that can be read"),
+        ("mesh: fruit.yaml", r"fruit.yaml:4:7.*fruit.yaml is none of .stl, .obj, .ply: export it"),
         ("mesh: noise.ply", "noise.ply is no mesh that can be read"),
         ("mesh: open.ply", "has holes"),
         ("mesh: inside_out.ply", "do not all point outwards"),
@@ -158,7 +158,7 @@ def test_weights_and_meshes_are_looked_through_once_until_they_change(tmp_path: 
     with ZipFile(weights, "w") as archive:
         archive.writestr("data", b"0")
     monkeypatch.setattr(trimesh, "Trimesh", lambda *args, **more: looked.append("mesh") or mesh(*args, **more))
-    monkeypatch.setattr(catalogue, "ZipFile", lambda path: looked.append("weights") or ZipFile(path))
+    monkeypatch.setattr(catalogue, "open_archive", lambda path, _: looked.append("weights") or ZipFile(path))
     for _ in range(3):
         assert load_fruit(folder).name == "apple"
         assert damage(weights) == ""

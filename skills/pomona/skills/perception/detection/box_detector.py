@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pomona.executive.values.arrays import Float32, Float64, UInt8
-from pomona.skills.perception.detection.box_model import BoxModel, ScoredBox
+from pomona.skills.perception.detection.box_model import BoxModel, ScoredBox, load_boxes
 from pomona.skills.perception.detection.close_look import SIZE_OF_BOX
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.instances import Instance, instance_of
@@ -50,7 +50,7 @@ class BoxDetector:
             BadWeights: one of the files cannot be used.
             MissingPackage: PyTorch wrote the weights, and the extra `torch` is not installed.
         """
-        model = BoxModel(file.model, fruit, file.working_width)
+        model = load_boxes(file.model, fruit, file.working_width)
         close_look = None
         if file.pose == "close_look":
             assert weights is not None

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import ast
 from dataclasses import dataclass
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64, UInt8
+from pomona.executive.values.trial import MEMORY, trial
 from pomona.skills.perception.detection.class_names import ClassUnknown, class_of
 from pomona.skills.perception.detection.errors import BadWeights
 from pomona.skills.perception.detection.finder_places import distinct
 from pomona.skills.perception.detection.frame_check import check_picture
+from pomona.skills.perception.detection.onnx_graph import BadGraph, judge_model
 from pomona.skills.perception.detection.onnx_runtime import open_session
 from pomona.skills.perception.detection.options import WORKING_WIDTH
 
@@ -34,6 +37,8 @@ GREY = (114, 114, 114)  # colour beside the picture, as in the training of YOLO 
 LEAST_SCORE = 0.05  # boxes with less score are dropped
 MOST_BOXES = 300  # boxes that are read, surest first
 DTYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16}  # types of the input that are served
+
+MEMORY_RATIO = 4  # memory of a loaded model over its file's size: its parameters, and copies of them in other layouts
 
 LAYOUTS = "boxes (n, 4) and scores (n,), or one output (1, 4 + classes, n)"
 
@@ -49,6 +54,20 @@ class ScoredBox:
     def outline(self, width: int, height: int) -> Float64:
         """Return the box, (4,) [px]: it lies in the picture."""
         return self.box
+
+
+def load_boxes(path: Path, fruit: str, working_width: int = WORKING_WIDTH) -> BoxModel:
+    """Return a model of boxes that has been tried in a process of its own; arguments and errors are those of it."""
+    memory = MEMORY + MEMORY_RATIO * (path.stat().st_size if path.is_file() else 0)
+    problem = trial(f"{__name__}:{try_boxes.__name__}", str(path), fruit, str(working_width), memory=memory)
+    if problem:
+        raise BadWeights(path, problem)
+    return BoxModel(path, fruit, working_width)
+
+
+def try_boxes(path: str, fruit: str, working_width: str) -> None:
+    """Load a model of boxes and search an empty picture; runs in a process of its own. Raises BadWeights."""
+    BoxModel(Path(path), fruit, int(working_width))
 
 
 class BoxModel:
@@ -67,7 +86,10 @@ class BoxModel:
         if not path.is_file():
             raise BadWeights(path, "no such file")
         try:
+            _judge(path)
             self._session = open_session(str(path))
+        except BadGraph as error:
+            raise BadWeights(path, str(error)) from error
         except Exception as error:  # ONNX Runtime's errors have no common root
             raise BadWeights(path, f"cannot be read as ONNX: {type(error).__name__}") from error
         self._read_input(working_width)
@@ -184,6 +206,12 @@ class BoxModel:
     def _unknown_layout(self, outputs: list[Float64]) -> BadWeights:
         given = ", ".join(f"{name} {_words(o.shape)}" for name, o in zip(self._outputs, outputs, strict=True))
         return BadWeights(self._path, f"has the outputs {given}, expected {LAYOUTS}")
+
+
+def _judge(path: Path) -> None:
+    """Raise BadGraph: see `judge_model`; OSError, ValueError: the file is empty or cannot be read."""
+    with path.open("rb") as stream:
+        judge_model(memoryview(mmap(stream.fileno(), 0, access=ACCESS_READ)))
 
 
 def _is_size(given: object, wanted: int) -> bool:

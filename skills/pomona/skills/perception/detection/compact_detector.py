@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 from dataclasses import replace
 from pathlib import Path
@@ -10,13 +11,14 @@ import cv2
 import numpy as np
 
 from pomona.executive.values.arrays import Float32, Float64, UInt8
+from pomona.executive.values.trial import trial
 from pomona.skills.perception.detection.close_look import REFERENCE_LENGTH, look_at
-from pomona.skills.perception.detection.errors import MissingPackage
+from pomona.skills.perception.detection.errors import BadWeights, MissingPackage
 from pomona.skills.perception.detection.finder_places import Proposal, read_places
 from pomona.skills.perception.detection.found_fruit import FoundFruit
 from pomona.skills.perception.detection.frame_check import check_picture
 from pomona.skills.perception.detection.fused_score import FEATURES
-from pomona.skills.perception.detection.onnx_runtime import onnx_network
+from pomona.skills.perception.detection.onnx_runtime import judge_network, onnx_network
 from pomona.skills.perception.detection.options import DetectorOptions
 from pomona.skills.perception.detection.outputs import (
     AXIS,
@@ -45,6 +47,7 @@ MIRROR = np.ones(CLOSE_LOOK_OUTPUTS)
 MIRROR[[CENTRE.start, AXIS.start]] = -1.0
 """Factors from the close look's output for a mirrored picture to that for the picture."""
 
+SHIPPED = Path(__file__).resolve().parent / "weights"  # as trustworthy as the code beside it
 BATCH = 16  # looks that go through the network at once: more no longer fit into the cache
 
 
@@ -71,10 +74,18 @@ class CompactDetector:
     def load(cls, path: Path | str, options: DetectorOptions | None = None) -> CompactDetector:
         """Load from a weights file, with ONNX Runtime as the engine.
 
+        A file that is not a shipped one is judged, and tried in a process of its own, before it is loaded here.
+
         Raises:
             BadWeights: unreadable or not fitting.
             MissingPackage: PyTorch wrote the file, and the extra `torch` is not installed.
         """
+        if Path(path).resolve().parent != SHIPPED:
+            _tried(path)
+        return cls._load(path, options)
+
+    @classmethod
+    def _load(cls, path: Path | str, options: DetectorOptions | None = None) -> CompactDetector:
         stored = read_stored(path)
         finder = onnx_network(stored.finder, path, FINDER)
         close_look = onnx_network(stored.close_look, path, CLOSE_LOOK)
@@ -225,6 +236,24 @@ class CompactDetector:
             seen = float(1.0 / (1.0 + np.exp(-row[SEEN])))
             found.append(FoundFruit(p_camera, stem, centre, size, spreads, 0.0, seen))
         return found, output[:, KIND].tolist()
+
+
+def try_weights(path: str) -> None:
+    """Load a weights file and search an empty picture; runs in a process of its own. Raises BadWeights."""
+    with contextlib.suppress(MissingPackage):  # reported where it is loaded
+        CompactDetector._load(path).warm_up()
+
+
+def _tried(path: Path | str) -> None:
+    if is_torch_file(path):
+        problem = trial("pomona.skills.perception.detection.weights:try_compact", str(path))
+    else:
+        stored = read_weights(path)
+        judge_network(stored.finder, path, FINDER)
+        judge_network(stored.close_look, path, CLOSE_LOOK)
+        problem = trial(f"{__name__}:{try_weights.__name__}", str(path))
+    if problem:
+        raise BadWeights(path, problem)
 
 
 def read_stored(path: Path | str) -> StoredDetector:

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.trial import MEMORY, trial
 from pomona.skills.perception.detection.dope_decode import decode_maps
 from pomona.skills.perception.detection.dope_network import DopeNetwork, dope_input
-from pomona.skills.perception.detection.errors import PoseUnsolved
+from pomona.skills.perception.detection.errors import BadWeights, PoseUnsolved
 from pomona.skills.perception.detection.instances import Instance
 from pomona.skills.perception.detection.options import DopeFiles
 from pomona.skills.perception.detection.pose import solve_pose
 from pomona.skills.perception.detection.pose_config import PoseConfig, find_entry
 from pomona.skills.perception.detection.rigid_pose import cuboid_in_picture
 from pomona.skills.perception.detection.weights import load_weights
+from pomona.skills.perception.detection.weights_file import MOST_TORCH_BYTES
 
 
 class DopeDetector:
@@ -41,6 +45,8 @@ class DopeDetector:
             BadWeights: unreadable, or not the full network's.
             BadPoseConfig: unreadable, without this fruit, or with a cuboid that is not the fruit's.
         """
+        if files.weights.is_file():
+            _try(files.weights)
         config, entry = find_entry(files.config, fruit, np.array(dimensions))
         return cls(load_weights(files.weights), config, entry.dimensions)
 
@@ -71,6 +77,17 @@ class DopeDetector:
             belief, seen = _belief(one.score), _seen(keypoints)
             instances.append(Instance(drawn, belief, seen, solved.T_camera_object, solved.covariance))
         return instances
+
+
+def _try(weights: Path) -> None:
+    """Raise BadWeights for a checkpoint that is too large, or that cannot be read in a process of its own."""
+    size = weights.stat().st_size
+    if size > MOST_TORCH_BYTES:
+        words = f"has {size / 1e6:.0f} MB; a checkpoint of DOPE has at most {MOST_TORCH_BYTES / 1e6:.0f} MB"
+        raise BadWeights(weights, words)
+    problem = trial("pomona.skills.perception.detection.weights:try_dope", str(weights), memory=MEMORY + size)
+    if problem:
+        raise BadWeights(weights, problem)
 
 
 def _belief(score: float) -> float:

@@ -8,6 +8,7 @@ from typing import Any
 
 from pomona.executive.values.arrays import Float32
 from pomona.skills.perception.detection.errors import BadWeights
+from pomona.skills.perception.detection.onnx_graph import BadGraph, judge_layers
 from pomona.skills.perception.detection.outputs import Network
 
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read at import: no upload, no database in the user's cache
@@ -22,6 +23,14 @@ def open_session(source: bytes | str) -> Any:
     settings.intra_op_num_threads = settings.inter_op_num_threads = 1
     settings.log_severity_level = 4  # errors raise; their copy on the error stream would be a second message
     return onnxruntime.InferenceSession(source, settings, providers=["CPUExecutionProvider"])
+
+
+def judge_network(content: bytes, path: Path | str, name: str) -> None:
+    """Raise BadWeights if a network of layers, a member of a weights file, is not one that is loaded."""
+    try:
+        judge_layers(content, INPUT)
+    except BadGraph as error:
+        raise BadWeights(path, f"{name} in it {error}") from error
 
 
 def onnx_network(content: bytes, path: Path | str, name: str) -> Network:

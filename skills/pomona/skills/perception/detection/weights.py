@@ -100,6 +100,16 @@ def convert(path: Path | str) -> StoredDetector:
     return _store(path, *_load_torch(path))
 
 
+def try_compact(path: str) -> None:
+    """Read a file that an earlier version wrote; runs in a process of its own. Raises BadWeights."""
+    _load_torch(path)
+
+
+def try_dope(path: str) -> None:
+    """Read a checkpoint; runs in a process of its own. Raises BadWeights."""
+    load_weights(path)
+
+
 def fill(network: nn.Module, tensors: dict[str, Tensor], path: Path | str) -> None:
     """Put tensors into a network; every key and shape must fit.
 
@@ -225,10 +235,10 @@ def _built(path: Path | str, content: Mapping[str, Any]) -> tuple[Finder, CloseL
         raise BadWeights(path, f"has no usable widths of its networks: {error!r}") from error
     for name, network in (("finder", finder), ("close_look", close_look)):
         counters = {key: value for key, value in network.state_dict().items() if key.endswith("num_batches_tracked")}
-        tensors = {key: value.float() for key, value in _tensors(path, content.get(name)).items()}
+        tensors = _tensors(path, content.get(name))
         if name == "close_look":  # some earlier ones had four outputs more, of a box
             tensors |= {key: tensors[key][:CLOSE_LOOK_OUTPUTS] for key in LAST_LAYER if key in tensors}
-        fill(network, {**counters, **tensors}, path)
+        fill(network, {**counters, **tensors}, path)  # copies into float32
     return finder.eval(), close_look.eval()
 
 

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
+from pomona.executive.values.archives import ArchiveTooLarge, open_archive
 from pomona.skills.perception.detection.errors import BadWeights
 from pomona.skills.perception.detection.fused_score import FusedScore, read_fused_score
 from pomona.skills.perception.detection.scores import PowerScore, ScoreMap
@@ -26,6 +27,9 @@ FORMAT = "pomona compact detector 3"
 FINDER, CLOSE_LOOK, ABOUT = "finder.onnx", "close_look.onnx", "about.json"
 
 ENDING = ".weights"
+
+MOST_BYTES = 64 << 20  # of all members, unpacked; the largest shipped file has 11 MB [byte]
+MOST_TORCH_BYTES = 256 << 20  # of a file of PyTorch; a checkpoint of DOPE's network has 201 MB [byte]
 
 Score = FusedScore | PowerScore  # from the answers of both networks to the ratio of such detections that are fruit
 _YEAR_ZERO = (1980, 1, 1, 0, 0, 0)  # date of each member: equal weights give equal files
@@ -102,7 +106,7 @@ def score_map(path: Path | str, said: Any) -> ScoreMap:
 def is_torch_file(path: Path | str) -> bool:
     """Return True for a file that PyTorch saved, as earlier versions of Pomona and DOPE do."""
     try:
-        with ZipFile(path) as archive:
+        with open_archive(path, MOST_TORCH_BYTES) as archive:
             return any(name.endswith("data.pkl") for name in archive.namelist())
     except Exception:  # zipfile's errors have no common root
         return False
@@ -112,8 +116,10 @@ def _members(path: Path | str, names: tuple[str, ...]) -> dict[str, bytes]:
     if not Path(path).is_file():
         raise BadWeights(path, "no such file")
     try:
-        with ZipFile(path) as archive:
+        with open_archive(path, MOST_BYTES) as archive:
             return {name: archive.read(name) for name in names}
+    except ArchiveTooLarge as error:
+        raise BadWeights(path, f"{error}: no weights of the compact detector") from error
     except KeyError as error:
         raise BadWeights(path, f"is not a '{FORMAT}' file: {error.args[0]}") from error
     except Exception as error:  # zipfile's and zlib's errors have no common root

@@ -7,15 +7,16 @@ from dataclasses import dataclass, fields
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
-from zipfile import ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pomona.executive.values.archives import open_archive
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.documents import read_value_file, with_includes
 from pomona.executive.values.findings import Finding, Findings
 from pomona.executive.values.kinds import Measure, Number, PathTo, Row, Schema, Text
+from pomona.executive.values.mesh_file import UnreadableMeshError, read_mesh
 from pomona.executive.values.plain_text import is_file
 from pomona.executive.values.reading import Refused
 from pomona.executive.values.sections import Problem, Section, value
@@ -25,6 +26,7 @@ from pomona.skills.perception.fruit.errors import BadFruitFile, UnknownFruit
 from pomona.skills.perception.fruit.sizes import KindSizes
 
 CATALOGUE = installed_trees() / "fruits"
+MOST_WEIGHTS = 256 << 20  # of a file of weights, unpacked, of whichever kind [byte]
 SHIPPED_WEIGHTS = Path(__file__).resolve().parents[1] / "detection" / "weights"
 
 
@@ -207,7 +209,7 @@ def damage(weights: Path) -> str:
 
 @lru_cache(maxsize=8)
 def _broken_member(weights: Path, _changed: int, _size: int) -> str | None:
-    with ZipFile(weights) as archive:
+    with open_archive(weights, MOST_WEIGHTS) as archive:
         return archive.testzip()
 
 
@@ -244,15 +246,12 @@ def _read_mesh(path: Path) -> Mesh:
 @lru_cache(maxsize=8)
 def _load_mesh(path: Path, _changed: int) -> Mesh:
     try:
-        import trimesh  # half a second to import: for who reads a mesh, not for who asks for names
-
-        loaded = trimesh.load_mesh(path, process=False)
-        vertices, faces = np.asarray(loaded.vertices, np.float64), np.asarray(loaded.faces, np.int32)
-    except Exception as error:  # trimesh's readers may raise any exception
-        words = str(error).strip().strip("'") or type(error).__name__
-        raise _BadMesh(f"{path.name} is no mesh that can be read ({words})") from error
-    if len(vertices) == 0 or len(faces) == 0 or not np.all(np.isfinite(vertices)):
+        vertices, numbers = read_mesh(path)
+    except UnreadableMeshError as error:
+        raise _BadMesh(f"{path.name} {error}") from error
+    if not np.all(np.isfinite(vertices)):
         raise _BadMesh(f"{path.name} is empty or holds values that are not finite")
+    faces = numbers.astype(np.int32)
     vertices.setflags(write=False)
     faces.setflags(write=False)
     return Mesh(vertices, faces)
