@@ -33,9 +33,7 @@ def read_spec(path: Path) -> Any:
 
 
 def _read_spec(path: Path) -> Any:
-    os.environ.setdefault("MUJOCO_GL", "disable")  # no graphics here
-    # takes a moment, and only this needs it; no graphics here
-    mujoco = import_under("mujoco", MUJOCO_GL="disable")
+    mujoco = import_under("mujoco", MUJOCO_GL="disable")  # takes a moment, and only this needs it; no graphics here
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         spec.compile()
@@ -48,8 +46,7 @@ def _read_spec(path: Path) -> Any:
 
 def try_robot(path: str) -> None:
     """Compile a file and prepare its simulation; runs in a process of its own. Raises UnusableRobotFile."""
-    import mujoco
-
+    mujoco = import_under("mujoco", MUJOCO_GL="disable")
     try:
         mujoco.MjData(_read_spec(Path(path)).compile())
     except RuntimeError as error:  # "an unknown exception": a size for which there is no memory
