@@ -53,7 +53,7 @@ class Controller:
         self.refused: list[str] = []
         self.silent = self.stuck = self.closed = self.deaf = False
         self.says: Callable[[np.ndarray], np.ndarray] = lambda q: q
-        self.late = 0.0
+        self.late = self.clock_step = 0.0
         self.fastest = self.hardest = 0.0
         self._plan: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
@@ -65,7 +65,8 @@ class Controller:
         assert (topic, kind) == ("/joint_trajectory_controller/joint_trajectory", TRAJECTORY)
         message = STORE.deserialize_cdr(bytes(coded), kind)  # another reader than the one that wrote it
         self.said.append(message)
-        begin = message.header.stamp.sec + message.header.stamp.nanosec / 1e9
+        stamp = message.header.stamp.sec + message.header.stamp.nanosec / 1e9
+        begin = stamp or self.wall
         t = begin + np.array([p.time_from_start.sec + p.time_from_start.nanosec / 1e9 for p in message.points])
         if list(message.joint_names) != ["shoulder", "elbow", "wrist"]:
             self.refused.append("other joints")
@@ -86,7 +87,7 @@ class Controller:
 
     @property
     def wall(self) -> float:
-        return WALL + self.clock.now()
+        return WALL + self.clock.now() + self.clock_step
 
     def advance(self, seconds: float) -> None:
         before = self.qd
@@ -101,6 +102,9 @@ class Controller:
     def _sample(self, t: np.ndarray, q: np.ndarray, qd: np.ndarray) -> None:
         if len(t) == 1 or self.wall >= t[-1]:
             self.q, self.qd = q[-1], np.zeros(3)
+            return
+        if self.wall < t[0]:  # its clock was stepped back: it holds its position until then
+            self.qd = np.zeros(3)
             return
         k = max(int(np.searchsorted(t, self.wall, side="right")) - 1, 0)
         h = t[k + 1] - t[k]
@@ -131,11 +135,11 @@ class Controller:
 
 class Setting:
     def __init__(self, **options: Any) -> None:
-        self.clock = ManualClock(20.0)
+        self.clock, self.host_step = ManualClock(20.0), 0.0
         self.controller = Controller(self.clock)
         self.arm = Ros2Arm(
             self.controller, self.clock, Path("robot.xml"), LIMITS, Ros2ArmOptions(JOINTS, **options),
-            host_time=lambda: self.controller.wall,
+            host_time=lambda: WALL + self.clock.now() + self.host_step,
         )  # fmt: skip
         self.controller.advance(STEP)
         self.arm.connect()
