@@ -29,16 +29,16 @@ class Rig:
         played: set-points, (dof,) [rad] each; those after a stop of the controller's own are not the driver's.
         stamps: whether its messages carry the time of the host's clock.
         holds_up: whether its controller goes on while the driver's process stands still.
-        jerk_share: largest jerk of the set-points, as a share of the limit.
+        shares: largest speed, acceleration and jerk of the set-points, as shares of the limits.
     """
 
     arm: Any
     limits: ArmLimits
     period: float
     stamps = holds_up = False
-    jerk_share = 1.2
+    shares = (1.01, 1.1, 1.2)
 
-    def __init__(self) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.played: list[np.ndarray] = []
 
     @property
@@ -64,6 +64,10 @@ class Rig:
         """Return a motion from where the arm is, that comes near to the limits of some joints."""
         raise NotImplementedError
 
+    def stop_noting(self) -> None:
+        """What follows is the controller's own."""
+        self.played = _Closed(self.played)
+
     def worst(self) -> tuple[float, float, float]:
         """Largest speed, acceleration and jerk of the set-points, as shares of the limits."""
         q = np.array(self.played)
@@ -74,13 +78,18 @@ class Rig:
         return shares[0], shares[1], shares[2]
 
 
+class _Closed(list[np.ndarray]):
+    def append(self, _q: np.ndarray) -> None:
+        """Nothing more is noted."""
+
+
 class MockRig(Rig):
     """The mock arm."""
 
     limits, period = SIA5F_LIMITS, 0.002
 
-    def __init__(self, _monkeypatch: pytest.MonkeyPatch) -> None:
-        super().__init__()
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        super().__init__(monkeypatch)
         self.clock = MockClock()
         self.arm = MockArm(self.clock)
         self.clock.each_step.append(lambda: self.played.append(self.arm.q.copy()))
@@ -98,7 +107,9 @@ class MockRig(Rig):
         self.arm.says = says
 
     def path(self) -> Trajectory:
-        return rest_to_rest(np.array([self.q, self.q + [0.8, -0.5, 0.3, 0.3, 0.4, 0.5, -0.9]]), self.limits, 0.8)
+        return rest_to_rest(
+            np.array([self.q, self.q + np.array([0.8, -0.5, 0.3, 0.3, 0.4, 0.5, -0.9])]), self.limits, 0.8
+        )
 
 
 class SimRig(Rig):
@@ -106,8 +117,8 @@ class SimRig(Rig):
 
     period = 0.002
 
-    def __init__(self, _monkeypatch: pytest.MonkeyPatch) -> None:
-        super().__init__()
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        super().__init__(monkeypatch)
         self.cell = load_cell(SIM, seed=1, overrides={"distractors": "0"})
         self.arm = self.cell.devices["arm"]
         self.limits = self.arm.limits
@@ -133,7 +144,7 @@ class SimRig(Rig):
 
     def path(self) -> Trajectory:
         q = self.arm._set_point
-        return rest_to_rest(np.array([q, q + [0.8, 0.3, -0.2, 0.3, 0.4, 0.5, -0.9]]), self.limits, 0.8)
+        return rest_to_rest(np.array([q, q + np.array([0.8, 0.3, -0.2, 0.3, 0.4, 0.5, -0.9])]), self.limits, 0.8)
 
 
 class MotomanRig(Rig):
@@ -141,28 +152,26 @@ class MotomanRig(Rig):
 
     period = 0.001
     holds_up = True
-    jerk_share = 5.0  # the controller joins points that are up to 20 ms apart by cubics
+    shares = (1.01, 1.5, np.inf)  # cubics between points that are up to 20 ms apart: their acceleration jumps
 
-    def __init__(self, _monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         from tests.drivers.motoman import test_driver
 
-        super().__init__()
+        super().__init__(monkeypatch)
         self.cell = test_driver.Cell()
         self.limits = test_driver.LIMITS
         self.arm = test_driver.connected(self.cell)
         self._serve = test_driver.serve
         self._measured = self.cell.controller._measured
         halt = self.cell.controller._halt
-        playing = [True]
         advance = self.cell.clock.advance
 
         def advanced(seconds: float) -> None:
-            if playing:
-                self.played.append(self.q)
+            self.played.append(self.q)
             advance(seconds)
 
         def halted() -> None:
-            playing.clear()  # it brakes by itself
+            self.stop_noting()  # it brakes by itself
             halt()
 
         self.cell.clock.advance = advanced  # type: ignore[method-assign]
@@ -183,23 +192,29 @@ class MotomanRig(Rig):
         self.cell.controller._measured = wrongly  # type: ignore[method-assign]
 
     def hold_up(self, seconds: float) -> None:
+        gaps, played = self.cell.controller.gaps, [*self.played]
         self.cell.let_pass(seconds)
+        if self.cell.controller.gaps > gaps:  # it ran out of points, and stopped by itself
+            self.played = _Closed(played)
 
     def path(self) -> Trajectory:
-        return rest_to_rest(np.array([self.q, self.q + [0.5, -0.4, 0.3, 0.2, -0.1, 0.6, -0.7]]), self.limits, 0.8)
+        return rest_to_rest(
+            np.array([self.q, self.q + np.array([0.5, -0.4, 0.3, 0.2, -0.1, 0.6, -0.7])]), self.limits, 0.8
+        )
 
 
 class Ros2Rig(Rig):
     """The driver of ROS 2 against a joint_trajectory_controller."""
 
     stamps = holds_up = True
+    shares = (1.01, 1.1, 6.0)  # of cubics between points 10 ms apart, and 50 ms to a stop
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.importorskip("rosbags", reason="the extra ros2 is not installed")
         pytest.importorskip("zenoh", reason="the extra ros2 is not installed")
         from tests.drivers.ros2 import test_ros2_arm
 
-        super().__init__()
+        super().__init__(monkeypatch)
         monkeypatch.setattr(test_ros2_arm.module, "PATIENCE", 0.0)
         self.setting = test_ros2_arm.Setting()
         self.arm, self.limits, self.period = self.setting.arm, test_ros2_arm.LIMITS, test_ros2_arm.STEP
@@ -231,10 +246,10 @@ class Ros2Rig(Rig):
             self.controller.advance(self.period)
 
     def path(self) -> Trajectory:
-        return rest_to_rest(np.array([self.q, self.q + [0.8, -0.6, 0.3]]), self.limits, 0.8)
+        return rest_to_rest(np.array([self.q, self.q + np.array([0.8, -0.6, 0.3])]), self.limits, 0.8)
 
 
-RIGS: dict[str, Callable[[pytest.MonkeyPatch], Rig]] = {
+RIGS: dict[str, type[Rig]] = {
     "mock": MockRig,
     "sim": SimRig,
     "motoman": MotomanRig,
