@@ -64,6 +64,10 @@ class Rig:
         """Return a motion from where the arm is, that comes near to the limits of some joints."""
         raise NotImplementedError
 
+    def to(self, change: np.ndarray) -> Trajectory:
+        """Return the motion that changes the joints by this, (dof,) [rad]."""
+        return rest_to_rest(np.array([self.q, self.q + change]), self.limits, 0.8)
+
     def stop_noting(self) -> None:
         """What follows is the controller's own."""
         self.played = _Closed(self.played)
@@ -143,8 +147,7 @@ class SimRig(Rig):
         self.arm._said = wrongly
 
     def path(self) -> Trajectory:
-        q = self.arm._set_point
-        return rest_to_rest(np.array([q, q + np.array([0.8, 0.3, -0.2, 0.3, 0.4, 0.5, -0.9])]), self.limits, 0.8)
+        return self.to(np.array([0.8, 0.3, -0.2, 0.3, 0.4, 0.5, -0.9]))
 
 
 class MotomanRig(Rig):
@@ -246,7 +249,7 @@ class Ros2Rig(Rig):
             self.controller.advance(self.period)
 
     def path(self) -> Trajectory:
-        return rest_to_rest(np.array([self.q, self.q + np.array([0.8, -0.6, 0.3])]), self.limits, 0.8)
+        return self.to(np.array([0.8, -0.6, 0.3]))
 
 
 RIGS: dict[str, type[Rig]] = {

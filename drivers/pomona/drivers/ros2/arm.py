@@ -97,8 +97,8 @@ class Ros2Arm(PathArm):
             self._feed.check()
         except DeviceLost as error:
             self._doubt(error)
-            if self._feed.went_back and self._path is not None:
-                self._path.brake()
+            if self._feed.went_back:
+                self._brake()
         if self._path is not None:
             self._tell(self._path)
         self._watch_motion()
@@ -141,7 +141,7 @@ class Ros2Arm(PathArm):
             return
         stepped = self._read_offset() - self._offset
         if abs(stepped) > STEPPED:
-            self._path.brake()
+            self._brake()
             raise DeviceLost(self.name, f"the clock of this computer was stepped by {stepped:+.3g} s in a motion")
 
     def _tell(self, path: RollingPath) -> None:
@@ -189,8 +189,13 @@ class Ros2Arm(PathArm):
         self._doubted = True
         if self._motion is not None:
             self._motion.fail(problem)
-        if self._path is not None:
+        self._brake()
+
+    def _brake(self) -> None:
+        """Brake from the present set-point, and tell the controller at once."""
+        if self._path is not None and not self._path.braking_now:
             self._path.brake()
+            self._say_at = -np.inf
 
     # ---------------------------------------------------------------------------------------- the device
 

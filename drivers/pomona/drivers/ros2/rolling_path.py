@@ -107,9 +107,7 @@ class RollingPath:
             self._promised.popleft()
 
     def brake(self) -> None:
-        """Come to rest from the present set-point on: the fixed ones after it no longer hold."""
-        if self.braking_now:
-            return
+        """Come to rest from the present set-point on: the fixed ones after it no longer hold. Once only."""
         self.braking_now = True
         now = self._clock.now()
         while len(self._promised) > 1 and self._promised[-2].point.due >= now:
@@ -117,6 +115,8 @@ class RollingPath:
         newest = self._promised[-1]
         self._last, self._time = newest.point, newest.time
         self.motion.come_to_rest(newest.stop)
+        if now <= self._last.due:
+            self.go_on()
 
     def window(self) -> list[SetPoint]:
         """Return the set-points from now on; the last ones are at rest.
