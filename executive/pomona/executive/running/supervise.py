@@ -30,9 +30,7 @@ STOPPING = 3.0  # seconds for which each device is tried again: its old connecti
 REPORT = "supervisor.json"  # file in the record's folder: actions of the supervisor and their reasons
 
 LOOKS = 20  # polls within the deadline; a late poll counts once, so a stalled computer misses no heartbeat
-CONTINUED = (
-    12  # polls without a heartbeat after which a stopped run is continued: it then sees a stall of 0.6 deadlines
-)
+CONTINUED = 0.6  # of the deadline, after which a stopped run is continued: late enough for it to detect its stall
 PRIORITY = -10  # requested niceness: stopping devices has priority over computations
 
 
@@ -78,7 +76,7 @@ def _listen(heartbeat: int, deadline: float, run: int) -> str:
         ready, _, _ = select.select([heartbeat], [], [], deadline / LOOKS if watched else None)
         if not ready:
             looks += 1
-            if looks == CONTINUED and is_stopped(run):
+            if looks == round(CONTINUED * LOOKS) and is_stopped(run):
                 os.kill(run, signal.SIGCONT)
             if looks < LOOKS:
                 continue
