@@ -192,13 +192,21 @@ def test_a_stopped_launcher_ends_its_run_in_the_safe_state_and_a_moment_of_it_do
     fingers_stand(gripper_place)
 
 
-@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
-def test_a_stopped_child_of_the_launcher_is_killed_and_its_devices_are_stopped(
-    gripper_place: Place, number: int
-) -> None:
+def test_a_stopped_child_of_the_launcher_is_continued_and_ends_in_the_safe_state(gripper_place: Place) -> None:
     with moving(gripper_place, "launched") as process:
         (run,) = children_of(process.pid)
-        os.kill(run, number)
+        os.kill(run, signal.SIGSTOP)
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == 3, said
+    (record,) = gripper_place.records.iterdir()
+    assert not (record / "supervisor.json").exists()
+    fingers_stand(gripper_place)
+
+
+def test_the_devices_of_a_killed_child_of_the_launcher_are_stopped(gripper_place: Place) -> None:
+    with moving(gripper_place, "launched") as process:
+        (run,) = children_of(process.pid)
+        os.kill(run, signal.SIGKILL)
         assert process.stderr is not None
         said = process.stderr.read()
         assert process.wait(30) == -signal.SIGKILL, said
@@ -221,11 +229,17 @@ def test_a_run_without_its_supervisor_ends_in_the_safe_state(gripper_place: Plac
     fingers_stand(gripper_place)
 
 
-def test_a_run_that_is_stopped_for_most_of_its_heartbeat_and_goes_on_ends_in_the_safe_state(place: Place) -> None:
+@pytest.mark.parametrize("whole", [False, True], ids=["it alone", "with its supervisor and devices"])
+def test_a_stopped_run_ends_in_the_safe_state_with_a_whole_record(place: Place, whole: bool) -> None:
     with moving(place, "go on") as process:
-        process.send_signal(signal.SIGSTOP)
-        time.sleep(2.6)  # of 4 s
-        process.send_signal(signal.SIGCONT)
+        stopped = [process.pid, *children_of(process.pid)]
+        stopped += [pid for pid in children_of(os.getpid()) if b"emulate" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+        for pid in stopped if whole else stopped[:1]:
+            os.kill(pid, signal.SIGSTOP)
+        if whole:
+            time.sleep(5.0)  # the heartbeat's deadline is 4 s
+            for pid in stopped:
+                os.kill(pid, signal.SIGCONT)
         _, said = process.communicate(timeout=60)
     assert process.returncode == 3, said
     (record,) = place.records.iterdir()
@@ -255,7 +269,7 @@ def test_a_run_that_is_stopped_again_and_again_for_a_moment_goes_on(place: Place
     assert is_at_rest(place)[0] < 0.9
 
 
-@pytest.mark.parametrize(("way", "number"), [("hang", None), ("go on", signal.SIGKILL), ("go on", signal.SIGSTOP)])
+@pytest.mark.parametrize(("way", "number"), [("hang", None), ("go on", signal.SIGKILL)])
 def test_arm_and_gripper_are_stopped_from_outside_and_free_for_the_next_run(
     place: Place, way: str, number: int | None
 ) -> None:

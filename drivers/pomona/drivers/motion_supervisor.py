@@ -132,12 +132,14 @@ class MotionSupervisor:
     def look(self, now: float, motion: PathMotion | StreamedMotion, advance: float) -> None:
         """Look after a motion; `advance` is any number that grows while the arm's controller goes along with it.
 
+        A motion that has failed brakes already: only whether it comes to rest is watched.
+
         Raises:
             DeviceFault: the arm does not follow, its controller does not go on, or the motion does not end.
             DeviceLost: the feedback stands still although the arm is moved.
         """
         self._watch_time(now, motion, advance)
-        if self._feedback is not None and self._set_points:
+        if self._feedback is not None and self._set_points and not motion.problem:
             self._watch_frozen(self._feedback)
             self._watch_following(self._feedback)
 

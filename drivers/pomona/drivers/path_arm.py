@@ -102,8 +102,11 @@ class PathArm(Device, ABC):
         """Send nothing more of the motion."""
 
     @abstractmethod
-    def _halt(self) -> None:
-        """Command the controller to stop the arm at its place: it has left its path."""
+    def _halt(self, problem: str) -> None:
+        """Fail the motion and stop the arm at once: it has left its path, or an encoder is wrong.
+
+        The stop depends on no clock and on no reported joint.
+        """
 
     @abstractmethod
     def _release(self) -> None:
@@ -175,8 +178,7 @@ class PathArm(Device, ABC):
                 self._doubt(error)
             except DeviceFault as error:
                 self._blame(error)
-                self._abandon(error.message)
-                self._halt()
+                self._halt(error.message)
 
     def _abandon(self, problem: str) -> None:
         """The arm stops by itself, or will not go on: nothing more is sent."""

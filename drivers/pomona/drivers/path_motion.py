@@ -72,6 +72,10 @@ class PathMotion:
             self._stopping = True
             self._follower.slow_down()
 
+    def come_to_rest(self, follower: PathFollower) -> None:
+        """Brake as `follower` does: an earlier `braking()`, from a set-point that lay further back."""
+        self._stopping, self._follower = True, follower
+
     def fail(self, problem: str) -> None:
         """Stop on the path and end as FAILED."""
         if self.state in (MotionState.RUNNING, MotionState.PAUSED):

@@ -25,11 +25,19 @@ import ctypes, os, signal, sys, time
 from pathlib import Path
 from pomona.executive.running.supervisor import Supervisor
 folder, way = Path(sys.argv[1]), sys.argv[2]
-supervisor = Supervisor({"wheel": ("os:mkdir", [str(folder / "stopped")])}, 0.4, folder)
+deadline = float(sys.argv[3])
+supervisor = Supervisor({"wheel": ("os:mkdir", [str(folder / "stopped")])}, deadline, folder)
 for _ in range(20):
     supervisor.beat()
     time.sleep(0.02)
 print("alive", supervisor._process.pid, flush=True)
+if way == "tick":
+    beaten = time.monotonic()
+    while time.monotonic() - beaten < 0.5 * deadline:
+        beaten = time.monotonic()
+        supervisor.beat()
+        time.sleep(0.02)
+    (folder / "safe").mkdir()
 if way == "hang":
     while True:
         pass
@@ -50,7 +58,7 @@ supervisor.close()
 
 def supervised(folder: Path, way: str, number: int | None = None) -> tuple[int, str, float]:
     """Return a supervised process's exit status, its output, and its duration."""
-    command = [sys.executable, "-c", SUPERVISED, str(folder), way]
+    command = [sys.executable, "-c", SUPERVISED, str(folder), way, "0.4"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         assert process.stderr is not None
@@ -92,7 +100,7 @@ def test_a_process_that_ends_or_rests_is_left_alone(tmp_path: Path, way: str) ->
 
 
 def test_a_computer_that_stalls_as_a_whole_causes_no_fault(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", SUPERVISED, str(tmp_path), "still"]
+    command = [sys.executable, "-c", SUPERVISED, str(tmp_path), "still", "0.4"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         supervisor = int(process.stdout.readline().split()[-1])
@@ -102,6 +110,24 @@ def test_a_computer_that_stalls_as_a_whole_causes_no_fault(tmp_path: Path) -> No
             time.sleep(0.6 if number == signal.SIGSTOP else 0.0)
         _said, complaint = process.communicate()
     assert (process.returncode, complaint) == (0, "")
+    assert not (tmp_path / "stopped").exists()
+
+
+@pytest.mark.parametrize("whole", [False, True], ids=["its group", "its supervisor, too"])
+def test_a_run_that_a_signal_stops_is_continued_and_ends_by_itself(tmp_path: Path, whole: bool) -> None:
+    command = [sys.executable, "-c", SUPERVISED, str(tmp_path), "tick", "2.0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True) as process:
+        assert process.stdout is not None
+        supervisor = int(process.stdout.readline().split()[-1])
+        os.killpg(process.pid, signal.SIGSTOP)  # Ctrl-Z reaches the group, and not its supervisor
+        if whole:
+            os.kill(supervisor, signal.SIGSTOP)
+            time.sleep(2.2)
+            os.kill(supervisor, signal.SIGCONT)
+            os.killpg(process.pid, signal.SIGCONT)
+        _said, complaint = process.communicate(timeout=60)
+    assert (process.returncode, complaint) == (0, b"")
+    assert (tmp_path / "safe").is_dir()
     assert not (tmp_path / "stopped").exists()
 
 

@@ -228,7 +228,9 @@ class MotomanArm(PathArm):
     def _end_stream(self) -> None:
         self._points = None
 
-    def _halt(self) -> None:
+    def _halt(self, problem: str) -> None:
+        """Send the controller's own stop command."""
+        self._abandon(problem)
         if self._session is not None:
             self._session.ask(Control.STOP)
 

@@ -34,7 +34,8 @@ from pomona.tools.ros2.types import coder
 
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 PATIENCE = 0.004  # the wire is waited for no longer than this at a time [s]
-HOLD = 0.05  # time within which an arm that does not follow is commanded to its present position [s]
+REJOIN = 0.05  # time after its arrival at which a stop's first set-point is due [s]: ten times a network's delay
+STEPPED = 0.02  # change between the host's clock and the cell's that counts as a step [s]
 FIRST = 3.0  # deadline of the first joint state [s]
 
 
@@ -69,7 +70,8 @@ class Ros2Arm(PathArm):
         self._feed = JointFeed(name, wire, options.states, options.joints, clock, options.silence, host_time)
         self._coder = coder(TRAJECTORY)
         self._path: RollingPath | None = None
-        self._say_at = -np.inf
+        self._say_at, self._rested = -np.inf, False
+        self._offset = 0.0  # from the cell's time to the host's, of the present motion [s]
 
     # ---------------------------------------------------------------------------------------- connection
 
@@ -88,12 +90,15 @@ class Ros2Arm(PathArm):
     def step(self) -> None:
         """Serve the arm for a moment; its own thread calls this without end."""
         try:
+            self._watch_clock()
             sample = self._feed.newest(PATIENCE)
             if sample is not None:
                 self._believe(sample.stamp, sample.q, sample.qd)
             self._feed.check()
         except DeviceLost as error:
             self._doubt(error)
+            if self._feed.went_back:
+                self._brake()
         if self._path is not None:
             self._tell(self._path)
         self._watch_motion()
@@ -111,13 +116,33 @@ class Ros2Arm(PathArm):
         return self._path
 
     def _begin_stream(self, motion: PathMotion, q_start: Float64, q_arm: Float64) -> None:
-        self._say_at = -np.inf
+        self._say_at, self._rested, self._offset = -np.inf, False, self._read_offset()
         self._path = RollingPath(
             self.name, motion, q_start, q_arm, self._clock, self.options.lead, self._supervisor.command
         )
 
     def _end_stream(self) -> None:
         self._path = None
+
+    def _read_offset(self) -> float:
+        """Return the host's time minus the cell's [s]: of three readings, the one that was interrupted least."""
+        readings = []
+        for _ in range(3):
+            before, wall = self._clock.now(), self._host_time()
+            readings.append((self._clock.now() - before, wall - before))
+        return min(readings)[1]
+
+    def _watch_clock(self) -> None:
+        """Stop a motion when the host's clock steps: its set-points then have the wrong times for the controller.
+
+        Raises DeviceLost: it was stepped.
+        """
+        if self._path is None or self._path.braking_now:
+            return
+        stepped = self._read_offset() - self._offset
+        if abs(stepped) > STEPPED:
+            self._brake()
+            raise DeviceLost(self.name, f"the clock of this computer was stepped by {stepped:+.3g} s in a motion")
 
     def _tell(self, path: RollingPath) -> None:
         now = self._clock.now()
@@ -127,31 +152,50 @@ class Ros2Arm(PathArm):
             self._blame(error)
             self._abandon(error.message)  # the last message brings it to rest
             return
-        if now >= self._say_at and not path.played:
-            # period of repeated set-points [s]: if several get lost, one arrives before the lead is over
-            self._say_at = now + 0.03
-            self._send(path.window())
+        rested, self._rested = self._rested, path.played
+        if rested if path.played else now < self._say_at:
+            return
+        # period of repeated set-points [s]: if several get lost, one arrives before the lead is over
+        self._say_at = now + 0.03
+        points = path.window()
+        if path.braking_now or path.played:  # a plan that has ended would be played again if a clock stepped back
+            left = points[-1].due - now
+            self._send([point for point in points if point.due > now + min(REJOIN, left / 2.0)] or points[-1:], 0.0)
+        else:
+            self._send(points, points[0].due + self._offset)
 
-    def _send(self, points: Sequence[SetPoint]) -> None:
-        """Send a trajectory that begins with the first point, whose time it carries."""
-        now, wall = self._clock.now(), self._host_time()
-        first = points[0].due
+    def _send(self, points: Sequence[SetPoint], stamp: float) -> None:
+        """Send a trajectory.
+
+        Args:
+            stamp: time of the first point on the host's clock. 0: the controller begins at the arrival, on its own.
+        """
+        now = self._clock.now()
+        began = points[0].due if stamp else now if now < points[0].due else points[0].due - REJOIN
         told = [
             {
                 "positions": point.q,
                 "velocities": point.qd,
-                "time_from_start": stamped(point.due - first),
+                "time_from_start": stamped(point.due - began),
             }
             for point in points
         ]
-        header = {"stamp": stamped(wall + first - now), "frame_id": ""}
+        header = {"stamp": stamped(stamp), "frame_id": ""}
         fields = {"header": header, "joint_names": list(self.options.joints), "points": told}
-        self._wire.publish(self.options.commands, TRAJECTORY, self._coder.coded(fields), round(wall * 1e9))
+        self._wire.publish(self.options.commands, TRAJECTORY, self._coder.coded(fields), round(self._host_time() * 1e9))
 
-    def _halt(self) -> None:
-        if self._state is not None:
-            q = self._state.q
-            self._send([SetPoint(self._clock.now() + HOLD, q, np.zeros_like(q))])
+    def _halt(self, problem: str) -> None:
+        """Brake from the present set-point within the limits; where the arm truly is, no joint shows."""
+        self._doubted = True
+        if self._motion is not None:
+            self._motion.fail(problem)
+        self._brake()
+
+    def _brake(self) -> None:
+        """Brake from the present set-point, and tell the controller at once."""
+        if self._path is not None and not self._path.braking_now:
+            self._path.brake()
+            self._say_at = -np.inf
 
     # ---------------------------------------------------------------------------------------- the device
 

@@ -47,7 +47,11 @@ class JointSample:
 
 
 class JointFeed:
-    """Listens to one topic."""
+    """Listens to one topic.
+
+    Attributes:
+        went_back: the newest message carries an earlier stamp than one before: its sender's clock was stepped back.
+    """
 
     def __init__(
         self,
@@ -73,6 +77,7 @@ class JointFeed:
         self._last_taken, self._last_stamp = -1, -np.inf  # nanoseconds since 1970; seconds of the cell's clock
         self._believed_at = clock.now()
         self._instead = ""
+        self.went_back = False
         wire.subscribe(topic, JOINT_STATE, self._take)
 
     def _take(self, raw: bytes) -> None:
@@ -125,6 +130,7 @@ class JointFeed:
             return None
         taken = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
         age = self._host_time() - taken / 1e9
+        self.went_back = taken < self._last_taken
         if not -0.02 <= age <= self._silence:  # stamps ahead of this machine's clock by more than this are wrong [s]
             self._instead = f"was taken {age:.3g} s ago" if age > 0.0 else f"is of the future, by {-age:.3g} s"
             return None

@@ -1,7 +1,7 @@
 """Set-points of a motion for a trajectory controller: a moment ahead of the arm, then a stopping path.
 
 Each message is whole by itself and ends at rest, so an arm that receives no further message comes to rest on its path.
-The next message replaces the previous one after `lead`.
+The next message replaces the previous one after `lead`. A motion that fails brakes from the present set-point instead.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pomona.drivers.errors import DeviceFault
+from pomona.drivers.path_follower import PathFollower
 from pomona.drivers.path_motion import PathMotion
 from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import Float64
@@ -34,8 +35,22 @@ class SetPoint:
     qd: Float64
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Promised:
+    """A fixed set-point, its time since the motion began [s], and how the motion would brake from there."""
+
+    point: SetPoint
+    time: float
+    stop: PathFollower
+
+
 class RollingPath:
-    """The set-points of one motion. All times are the cell's."""
+    """The set-points of one motion. All times are the cell's.
+
+    Attributes:
+        sent: number of fixed set-points.
+        braking_now: the motion brakes from the present set-point, not after the lead.
+    """
 
     def __init__(
         self,
@@ -53,11 +68,11 @@ class RollingPath:
             lead: time by which set-points precede the arm [s]; a stop takes effect after it.
             commanded: called with every set-point, in the order of their times.
         """
-        self.motion, self.sent = motion, 0
+        self.motion, self.sent, self.braking_now = motion, 0, False
         self._device, self._clock, self._lead, self._commanded = device, clock, lead, commanded
         self._offset, self._time = q_arm - q_start, 0.0
         self._last = SetPoint(clock.now(), q_arm, np.zeros_like(q_arm))
-        self._promised: deque[SetPoint] = deque([self._last])
+        self._promised = deque([_Promised(self._last, 0.0, motion.braking())])
 
     @property
     def played(self) -> bool:
@@ -88,8 +103,20 @@ class RollingPath:
                 break
             self._time += PERIOD
             self._promise(self._blended(self._last.due + PERIOD, self._time, q, qd))
-        while len(self._promised) > 2 and self._promised[2].due <= now:
+        while len(self._promised) > 2 and self._promised[2].point.due <= now:
             self._promised.popleft()
+
+    def brake(self) -> None:
+        """Come to rest from the present set-point on: the fixed ones after it no longer hold. Once only."""
+        self.braking_now = True
+        now = self._clock.now()
+        while len(self._promised) > 1 and self._promised[-2].point.due >= now:
+            self._promised.pop()
+        newest = self._promised[-1]
+        self._last, self._time = newest.point, newest.time
+        self.motion.come_to_rest(newest.stop)
+        if now <= self._last.due:
+            self.go_on()
 
     def window(self) -> list[SetPoint]:
         """Return the set-points from now on; the last ones are at rest.
@@ -97,7 +124,7 @@ class RollingPath:
         Velocities are those of the positions, by central differences: a path whose rate changes has others, to first
         order in the period, and cubics through both would swing.
         """
-        points, follower = list(self._promised), self.motion.braking()
+        points, follower = [promised.point for promised in self._promised], self.motion.braking()
         due, time = self._last.due, self._time
         # maximum number of points of a stopping path; five seconds, ten times the need of any arm
         while not follower.at_rest and len(points) < 500:
@@ -112,7 +139,7 @@ class RollingPath:
 
     def _promise(self, point: SetPoint) -> None:
         self._last = point
-        self._promised.append(point)
+        self._promised.append(_Promised(point, self._time, self.motion.braking()))
         self.sent += 1
         self._commanded(point.due, point.q)
 

@@ -182,8 +182,10 @@ class SimArm(FaultyDevice):
                 motion.fail(error.message)  # braking on the path needs no feedback
         except DeviceFault as error:
             self._problem = self._problem or error
-            if motion is not None:
-                motion.abandon(error.message)
+            if motion is not None and not motion.problem:
+                motion.fail(error.message)  # an encoder may be wrong, too
+            elif motion is not None:  # its controller does not brake either
+                motion.abandon(motion.problem)
                 self._hold_here()
 
     def _hold_here(self) -> None:

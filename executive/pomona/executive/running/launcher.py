@@ -58,13 +58,14 @@ class LauncherWatch:
         now = time.monotonic()
         if self._launcher is not None and now - self._looked_at > APART:
             self._looked_at = now
-            self._stopped = self._stopped + 1 if _is_stopped(self._launcher) else 0
+            self._stopped = self._stopped + 1 if is_stopped(self._launcher) else 0
         if self._stopped < LOOKS:
             return "ok"
         return f"the process {self._launcher} that started the run is stopped; a signal to it would not stop the robot"
 
 
-def _is_stopped(process: int) -> bool:
+def is_stopped(process: int) -> bool:
+    """Return True if a signal has stopped the process (SIGSTOP, Ctrl-Z); never known outside Linux."""
     try:
         with open(f"/proc/{process}/stat", encoding="utf-8", errors="replace") as stat:
             return stat.read().rpartition(")")[2].split()[0] == "T"

@@ -1,5 +1,7 @@
 """The supervisor process: receives the run's heartbeat, and stops the devices when it fails.
 
+A run that a signal has stopped is continued: it detects its stall, and ends in the safe state with a whole record.
+
 Standard input brings one line of JSON, then one byte at a time: `.` alive, and the next is due within the deadline; `r`
 at rest, only the process's end counts; `q` orderly end. An end of input without `q` is a run that died. Standard output
 reports `ready`, then answers each message with one byte, so that the run detects a dead supervisor.
@@ -21,6 +23,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from pomona.executive.running.launcher import is_stopped
 from pomona.executive.running.signals import WORDS
 from pomona.executive.values.bounded import within, write_if_read
 
@@ -28,6 +31,7 @@ STOPPING = 3.0  # seconds for which each device is tried again: its old connecti
 REPORT = "supervisor.json"  # file in the record's folder: actions of the supervisor and their reasons
 
 LOOKS = 20  # polls within the deadline; a late poll counts once, so a stalled computer misses no heartbeat
+CONTINUED = 0.6  # of the deadline, after which a stopped run is continued: late enough for it to detect its stall
 PRIORITY = -10  # requested niceness: stopping devices has priority over computations
 
 
@@ -56,7 +60,7 @@ def main() -> int:
     sys.stdout.write("ready\n")
     sys.stdout.flush()
     os.set_blocking(sys.stdout.fileno(), False)
-    reason = _listen(sys.stdin.fileno(), orders.deadline)
+    reason = _listen(sys.stdin.fileno(), orders.deadline, orders.pid)
     if not reason:
         return 0
     began = time.monotonic()
@@ -66,13 +70,15 @@ def main() -> int:
     return 1
 
 
-def _listen(heartbeat: int, deadline: float) -> str:
+def _listen(heartbeat: int, deadline: float, run: int) -> str:
     """Why the devices must be stopped; empty when all ended well."""
     watched, looks = False, 0
     while True:
         ready, _, _ = select.select([heartbeat], [], [], deadline / LOOKS if watched else None)
         if not ready:
             looks += 1
+            if looks == round(CONTINUED * LOOKS) and is_stopped(run):
+                os.kill(run, signal.SIGCONT)
             if looks < LOOKS:
                 continue
             return f"the run's process did not answer for {deadline:g} s"

@@ -53,7 +53,7 @@ class Controller:
         self.refused: list[str] = []
         self.silent = self.stuck = self.closed = self.deaf = False
         self.says: Callable[[np.ndarray], np.ndarray] = lambda q: q
-        self.late = 0.0
+        self.late = self.clock_step = 0.0
         self.fastest = self.hardest = 0.0
         self._plan: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
@@ -65,7 +65,8 @@ class Controller:
         assert (topic, kind) == ("/joint_trajectory_controller/joint_trajectory", TRAJECTORY)
         message = STORE.deserialize_cdr(bytes(coded), kind)  # another reader than the one that wrote it
         self.said.append(message)
-        begin = message.header.stamp.sec + message.header.stamp.nanosec / 1e9
+        stamp = message.header.stamp.sec + message.header.stamp.nanosec / 1e9
+        begin = stamp or self.wall
         t = begin + np.array([p.time_from_start.sec + p.time_from_start.nanosec / 1e9 for p in message.points])
         if list(message.joint_names) != ["shoulder", "elbow", "wrist"]:
             self.refused.append("other joints")
@@ -86,7 +87,7 @@ class Controller:
 
     @property
     def wall(self) -> float:
-        return WALL + self.clock.now()
+        return WALL + self.clock.now() + self.clock_step
 
     def advance(self, seconds: float) -> None:
         before = self.qd
@@ -101,6 +102,9 @@ class Controller:
     def _sample(self, t: np.ndarray, q: np.ndarray, qd: np.ndarray) -> None:
         if len(t) == 1 or self.wall >= t[-1]:
             self.q, self.qd = q[-1], np.zeros(3)
+            return
+        if self.wall < t[0]:  # its clock was stepped back: it holds its position until then
+            self.qd = np.zeros(3)
             return
         k = max(int(np.searchsorted(t, self.wall, side="right")) - 1, 0)
         h = t[k + 1] - t[k]
@@ -131,11 +135,11 @@ class Controller:
 
 class Setting:
     def __init__(self, **options: Any) -> None:
-        self.clock = ManualClock(20.0)
+        self.clock, self.host_step = ManualClock(20.0), 0.0
         self.controller = Controller(self.clock)
         self.arm = Ros2Arm(
             self.controller, self.clock, Path("robot.xml"), LIMITS, Ros2ArmOptions(JOINTS, **options),
-            host_time=lambda: self.controller.wall,
+            host_time=lambda: WALL + self.clock.now() + self.host_step,
         )  # fmt: skip
         self.controller.advance(STEP)
         self.arm.connect()
@@ -312,9 +316,7 @@ def test_after_a_loss_it_goes_on_only_when_somebody_acknowledges_and_starts_anew
 
 
 @pytest.mark.parametrize("how", ["stuck", "deaf"])
-def test_an_arm_that_does_not_follow_is_a_fault_and_is_commanded_to_its_present_place(
-    setting: Setting, how: str
-) -> None:
+def test_an_arm_that_does_not_follow_is_a_fault_and_its_set_points_brake_at_once(setting: Setting, how: str) -> None:
     if how == "stuck":
         motion = setting.moving()
         setting.controller.stuck = True
@@ -327,8 +329,52 @@ def test_an_arm_that_does_not_follow_is_a_fault_and_is_commanded_to_its_present_
         setting.arm.check()
     last = setting.controller.said[-1]
     assert not np.array(last.points[-1].velocities).any()
-    if len(last.points) == 1:
-        assert np.array(last.points[0].positions) == pytest.approx(setting.controller.q)
+    assert (last.header.stamp.sec, last.header.stamp.nanosec) == (0, 0)
+
+
+def test_an_ended_motion_is_not_played_again_when_the_clock_of_both_steps_back(setting: Setting) -> None:
+    motion = setting.arm.follow(swing(START, CHANGE))
+    setting.serve(2.0, lambda: motion.settled)
+    rested = np.array(setting.controller.q)
+    setting.host_step = setting.controller.clock_step = -0.4
+    for _ in range(200):
+        setting.serve(STEP)
+        assert np.abs(setting.controller.q - rested).max() < 1e-6
+
+
+@pytest.mark.parametrize("seconds", [0.5, -0.5, 60.0, -60.0])
+def test_a_step_of_the_controller_s_clock_ends_at_rest_on_the_path(setting: Setting, seconds: float) -> None:
+    motion = setting.moving()
+    setting.controller.clock_step = seconds
+    setting.serve(2.0, lambda: motion.settled)
+    assert motion.state is MotionState.FAILED
+    setting.serve(0.1)
+    rested = np.array(setting.controller.q)
+    setting.serve(65.0)
+    assert np.array_equal(setting.controller.q, rested)
+    done = (rested - START) / CHANGE
+    assert np.ptp(done[:2]) < 1e-6
+    assert done[0] < 0.95
+    with pytest.raises(DeviceLost, match="no joints on"):
+        setting.arm.check()
+
+
+def test_a_stop_that_comes_late_is_no_jolt(setting: Setting) -> None:
+    setting.moving()
+    take, late = setting.controller.publish, STEP
+    waiting: list[tuple[float, tuple[Any, ...]]] = []
+
+    def publish(*message: Any) -> None:
+        waiting.append((setting.clock.now() + late, message))
+
+    setting.controller.publish = publish
+    setting.arm._halt("in doubt")
+    for _ in range(200):
+        setting.serve(STEP)
+        while waiting and waiting[0][0] <= setting.clock.now() + 1e-9:
+            take(*waiting.pop(0)[1])
+    assert not setting.controller.qd.any()
+    assert setting.controller.hardest <= 1.1 * LIMITS.acceleration[0]
 
 
 def test_velocities_may_be_missing(setting: Setting) -> None:

@@ -1,0 +1,260 @@
+"""Every arm driver behind one interface, with the set-points that its controller plays: for tests that hold for all.
+
+A new driver gets these tests by a class here and a line in `RIGS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pomona.drivers.cell import load_cell
+from pomona.drivers.interfaces import ArmLimits, Trajectory
+from pomona.drivers.mock import MockArm, MockClock
+from pomona.drivers.mock.arm import SIA5F_LIMITS
+from tests.drivers.sim.conftest import SIM, rest_to_rest
+
+Says = Callable[[np.ndarray], np.ndarray]
+
+
+class Rig:
+    """An arm, and the set-points that its controller has played.
+
+    Attributes:
+        arm: the driver; limits: of its joints.
+        period: between two set-points [s].
+        played: set-points, (dof,) [rad] each; those after a stop of the controller's own are not the driver's.
+        stamps: whether its messages carry the time of the host's clock.
+        holds_up: whether its controller goes on while the driver's process stands still.
+        shares: largest speed, acceleration and jerk of the set-points, as shares of the limits.
+    """
+
+    arm: Any
+    limits: ArmLimits
+    period: float
+    stamps = holds_up = False
+    shares = (1.01, 1.1, 1.2)
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.played: list[np.ndarray] = []
+
+    @property
+    def q(self) -> np.ndarray:
+        """Where the arm truly is, (dof,) [rad]."""
+        raise NotImplementedError
+
+    def serve(self, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
+        """Let time pass."""
+        raise NotImplementedError
+
+    def lie(self, says: Says) -> None:
+        """Report the joints that `says` makes of the true ones."""
+        raise NotImplementedError
+
+    def step_clocks(self, host: float, controller: float) -> None:
+        """Step the clocks of the two computers [s]."""
+
+    def hold_up(self, seconds: float) -> None:
+        """Let the driver's process stand still; only the controller goes on."""
+
+    def path(self) -> Trajectory:
+        """Return a motion from where the arm is, that comes near to the limits of some joints."""
+        raise NotImplementedError
+
+    def to(self, change: np.ndarray) -> Trajectory:
+        """Return the motion that changes the joints by this, (dof,) [rad]."""
+        return rest_to_rest(np.array([self.q, self.q + change]), self.limits, 0.8)
+
+    def stop_noting(self) -> None:
+        """What follows is the controller's own."""
+        self.played = _Closed(self.played)
+
+    def worst(self) -> tuple[float, float, float]:
+        """Largest speed, acceleration and jerk of the set-points, as shares of the limits."""
+        q = np.array(self.played)
+        shares = []
+        for limit in (self.limits.velocity, self.limits.acceleration, self.limits.jerk):
+            q = np.diff(q, axis=0) / self.period
+            shares.append(float((np.abs(q) / limit).max()))
+        return shares[0], shares[1], shares[2]
+
+
+class _Closed(list[np.ndarray]):
+    def append(self, _q: np.ndarray) -> None:
+        """Nothing more is noted."""
+
+
+class MockRig(Rig):
+    """The mock arm."""
+
+    limits, period = SIA5F_LIMITS, 0.002
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        super().__init__(monkeypatch)
+        self.clock = MockClock()
+        self.arm = MockArm(self.clock)
+        self.clock.each_step.append(lambda: self.played.append(self.arm.q.copy()))
+
+    @property
+    def q(self) -> np.ndarray:
+        return self.arm.q.copy()
+
+    def serve(self, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
+        end = self.clock.now() + seconds
+        while self.clock.now() < end and not until():
+            self.clock.advance(self.period)
+
+    def lie(self, says: Says) -> None:
+        self.arm.says = says
+
+    def path(self) -> Trajectory:
+        return rest_to_rest(
+            np.array([self.q, self.q + np.array([0.8, -0.5, 0.3, 0.3, 0.4, 0.5, -0.9])]), self.limits, 0.8
+        )
+
+
+class SimRig(Rig):
+    """The simulated arm."""
+
+    period = 0.002
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        super().__init__(monkeypatch)
+        self.cell = load_cell(SIM, seed=1, overrides={"distractors": "0"})
+        self.arm = self.cell.devices["arm"]
+        self.limits = self.arm.limits
+        self.arm._world.before_step.append(lambda: self.played.append(self.arm._set_point.copy()))
+
+    @property
+    def q(self) -> np.ndarray:
+        return self.arm._measure().q
+
+    def serve(self, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
+        end = self.cell.clock.now() + seconds
+        while self.cell.clock.now() < end and not until():
+            self.cell.clock.advance(self.period)
+
+    def lie(self, says: Says) -> None:
+        said = self.arm._said
+
+        def wrongly() -> tuple[np.ndarray, np.ndarray]:
+            q, qd = said()
+            return says(q), qd
+
+        self.arm._said = wrongly
+
+    def path(self) -> Trajectory:
+        return self.to(np.array([0.8, 0.3, -0.2, 0.3, 0.4, 0.5, -0.9]))
+
+
+class MotomanRig(Rig):
+    """The driver of MotoROS against the emulated controller."""
+
+    period = 0.001
+    holds_up = True
+    shares = (1.01, 1.5, np.inf)  # cubics between points that are up to 20 ms apart: their acceleration jumps
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        from tests.drivers.devices.motoman import test_driver
+
+        super().__init__(monkeypatch)
+        self.cell = test_driver.Cell()
+        self.limits = test_driver.LIMITS
+        self.arm = test_driver.connected(self.cell)
+        self._serve = test_driver.serve
+        self._measured = self.cell.controller._measured
+        halt = self.cell.controller._halt
+        advance = self.cell.clock.advance
+
+        def advanced(seconds: float) -> None:
+            self.played.append(self.q)
+            advance(seconds)
+
+        def halted() -> None:
+            self.stop_noting()  # it brakes by itself
+            halt()
+
+        self.cell.clock.advance = advanced  # type: ignore[method-assign]
+        self.cell.controller._halt = halted  # type: ignore[method-assign]
+
+    @property
+    def q(self) -> np.ndarray:
+        return self.cell.joints.measured()[0]
+
+    def serve(self, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
+        self._serve(self.arm, self.cell, seconds, until)
+
+    def lie(self, says: Says) -> None:
+        def wrongly() -> tuple[np.ndarray, np.ndarray]:
+            q, qd = self._measured()
+            return says(q), qd
+
+        self.cell.controller._measured = wrongly  # type: ignore[method-assign]
+
+    def hold_up(self, seconds: float) -> None:
+        gaps, played = self.cell.controller.gaps, [*self.played]
+        self.cell.let_pass(seconds)
+        if self.cell.controller.gaps > gaps:  # it ran out of points, and stopped by itself
+            self.played = _Closed(played)
+
+    def path(self) -> Trajectory:
+        return rest_to_rest(
+            np.array([self.q, self.q + np.array([0.5, -0.4, 0.3, 0.2, -0.1, 0.6, -0.7])]), self.limits, 0.8
+        )
+
+
+class Ros2Rig(Rig):
+    """The driver of ROS 2 against a joint_trajectory_controller."""
+
+    stamps = holds_up = True
+    shares = (1.01, 1.1, 6.0)  # of cubics between points 10 ms apart, and 50 ms to a stop
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        pytest.importorskip("rosbags", reason="the extra ros2 is not installed")
+        pytest.importorskip("zenoh", reason="the extra ros2 is not installed")
+        from tests.drivers.devices.ros2 import test_ros2_arm
+
+        super().__init__(monkeypatch)
+        monkeypatch.setattr(test_ros2_arm.module, "PATIENCE", 0.0)
+        self.setting = test_ros2_arm.Setting()
+        self.arm, self.limits, self.period = self.setting.arm, test_ros2_arm.LIMITS, test_ros2_arm.STEP
+        self.controller = self.setting.controller
+        advance = self.controller.advance
+
+        def advanced(seconds: float) -> None:
+            advance(seconds)
+            self.played.append(self.q)
+
+        self.controller.advance = advanced  # type: ignore[method-assign]
+
+    @property
+    def q(self) -> np.ndarray:
+        return np.array(self.controller.q)
+
+    def serve(self, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
+        self.setting.serve(seconds, until)
+
+    def lie(self, says: Says) -> None:
+        self.controller.says = says
+
+    def step_clocks(self, host: float, controller: float) -> None:
+        self.setting.host_step += host
+        self.controller.clock_step += controller
+
+    def hold_up(self, seconds: float) -> None:
+        for _ in range(round(seconds / self.period)):
+            self.controller.advance(self.period)
+
+    def path(self) -> Trajectory:
+        return self.to(np.array([0.8, -0.6, 0.3]))
+
+
+RIGS: dict[str, type[Rig]] = {
+    "mock": MockRig,
+    "sim": SimRig,
+    "motoman": MotomanRig,
+    "ros2": Ros2Rig,
+}

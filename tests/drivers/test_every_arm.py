@@ -1,0 +1,127 @@
+"""Every arm comes to rest on its path within its limits, whatever its joints report and whatever a clock does."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from pomona.drivers.errors import DeviceError
+from pomona.drivers.interfaces import Motion, MotionState
+from tests.drivers.arm_rigs import RIGS, Rig, Says
+
+LIES: dict[str, Callable[[np.ndarray], Says]] = {
+    "nan": lambda _now: lambda q: q * np.nan,
+    "frozen": lambda now: lambda _q: now,
+    "joint 1 frozen": lambda now: lambda q: np.concatenate([now[:1], q[1:]]),
+    "joint 2 jumps": lambda _now: lambda q: q + 0.6 * (np.arange(q.size) == 1),
+    "joints 1 and 2 exchanged": lambda _now: lambda q: np.concatenate([q[1::-1], q[2:]]),
+}
+"""Maps the joints at the beginning of a fault to the reported ones."""
+
+
+PHASES = ("motion", "pause", "halt")
+
+
+@pytest.fixture(params=RIGS)
+def rig(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Rig:
+    return RIGS[request.param](monkeypatch)
+
+
+def begun(rig: Rig, phase: str) -> Motion:
+    """Return a motion on its way, paused at rest, or braking for a safe stop."""
+    motion: Motion = rig.arm.follow(rig.path())
+    rig.serve(0.35)
+    if phase == "pause":
+        rig.arm.pause()
+        rig.serve(1.0)
+        assert rig.arm.settled()
+    elif phase == "halt":
+        rig.arm.safe_stop("by hand")
+        rig.serve(0.01)
+    assert not motion.settled
+    return motion
+
+
+def assert_rests(rig: Rig, motion: Motion, start: np.ndarray, end: np.ndarray, eased: bool = True) -> None:
+    """The set-points keep the limits, end on the path, and nothing moves any more.
+
+    `eased`: the jerk is limited, too. A stop that comes while the arm speeds up again does not wait for that.
+    """
+    rig.serve(5.0, lambda: motion.settled)
+    assert motion.settled
+    rig.serve(0.1)
+    rested = rig.q
+    rig.serve(0.5)
+    assert np.abs(rig.q - rested).max() < 1e-3
+    assert (np.array(rig.worst()) <= (*rig.shares[:2], rig.shares[2] if eased else np.inf)).all(), rig.worst()
+    done = (rested - start) / (end - start)
+    assert done.min() > -0.01
+    assert done.max() < 1.01
+    assert np.ptp(done) < 0.05
+
+
+def assert_reported(rig: Rig, motion: Motion) -> None:
+    assert motion.state in (MotionState.FAILED, MotionState.STOPPED)
+    if not motion.problem:
+        with pytest.raises(DeviceError):
+            rig.arm.check()
+
+
+@pytest.mark.parametrize("phase", PHASES)
+@pytest.mark.parametrize("lie", LIES)
+def test_joints_that_report_what_is_not_true_move_the_arm_nowhere(rig: Rig, lie: str, phase: str) -> None:
+    path = rig.path()
+    motion = begun(rig, phase)
+    rig.lie(LIES[lie](rig.q))
+    rig.serve(0.3)
+    if phase == "pause":  # joints that rest are as they were: a frozen one shows when it is to move
+        rig.arm.resume()
+    assert_rests(rig, motion, path.q[0], path.q[-1], eased=phase != "pause")
+    if phase != "halt" or "frozen" not in lie:  # a short way to the stop may be within the tolerance
+        assert_reported(rig, motion)
+
+
+@pytest.mark.parametrize("phase", PHASES)
+@pytest.mark.parametrize(
+    ("rig", "seconds"),
+    [(name, s) for name, of in RIGS.items() for s in ((0.5, -0.5, 5.0, -5.0, 60.0, -60.0) if of.stamps else (-60.0,))],
+    indirect=["rig"],
+)
+def test_a_step_of_the_host_s_clock_stops_an_arm_that_depends_on_it_and_no_other(
+    rig: Rig, seconds: float, phase: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = rig.path()
+    motion = begun(rig, phase)
+    now = time.time
+    monkeypatch.setattr(time, "time", lambda: now() + seconds)
+    rig.step_clocks(seconds, 0.0)
+    rig.serve(0.05)
+    if phase == "pause":
+        rig.arm.resume()
+    assert_rests(rig, motion, path.q[0], path.q[-1])
+    if rig.stamps:
+        assert_reported(rig, motion)
+        assert motion.progress < 0.95
+    else:
+        assert motion.state is (MotionState.STOPPED if phase == "halt" else MotionState.DONE)
+        rig.arm.check()
+
+
+@pytest.mark.parametrize("phase", PHASES)
+@pytest.mark.parametrize("seconds", [0.5, 5.0])
+@pytest.mark.parametrize("rig", [name for name, of in RIGS.items() if of.holds_up], indirect=True)
+def test_a_process_that_stood_still_does_not_start_the_arm_again(rig: Rig, seconds: float, phase: str) -> None:
+    path = rig.path()
+    motion = begun(rig, phase)
+    rig.hold_up(seconds)
+    rested = rig.q
+    rig.serve(0.5)
+    if phase == "pause":
+        assert np.abs(rig.q - rested).max() < 1e-3
+        rig.arm.resume()
+    assert_rests(rig, motion, path.q[0], path.q[-1])
+    if phase != "pause":
+        assert np.abs(rig.q - rested).max() < 1e-3
