@@ -214,7 +214,9 @@ class HoldWatch:
         why = may_hold(gripper, self._gripper.limits, last, force)
         if why:
             self._hand = self._unfelt = f"something may be between the fingers: {why}"
-            self._held_at = last.width if last is not None and last.held else gripper.width
+            there = last is not None and last.width is not None and abs(gripper.width - last.width) <= GIVE
+            known = last is not None and last.held and (force is not None or there)
+            self._held_at = last.width if last is not None and known else gripper.width
 
     def _keep(self, gripper: GripperState) -> None:
         """Keep a new state of the hand at once, and a new opening as soon as the fingers stand."""
