@@ -77,7 +77,7 @@ class MockGripper(Device):
         require_move(self.name, self.limits, width, speed)
         self._end_move()
         self._supervisor.move(self._clock.now(), self.width, width, speed)
-        self.moves.append(DirectMotion(width, speed, self.width))
+        self.moves.append(DirectMotion(width, speed, self.width, lambda: self._supervisor.rest(self._clock.now())))
         self._aim = width
         return self.moves[-1]
 
@@ -127,7 +127,6 @@ class MockGripper(Device):
     def _end_move(self) -> None:
         if self._move is not None:
             self._move.stop()
-            self._supervisor.rest(self._clock.now())
 
     def _step(self) -> None:
         move = self._move

@@ -100,7 +100,7 @@ class SimGripper(FaultyDevice):
         self._speed, self._aim = 0.0, width
         now, start = self._world.clock.now(), self._measure().width
         self._supervisor.move(now, start, width, speed)
-        self._move = DirectMotion(width, speed, start)
+        self._move = DirectMotion(width, speed, start, lambda: self._supervisor.rest(self._world.clock.now()))
         return self._move
 
     def set_speed(self, speed: float) -> None:
@@ -161,7 +161,6 @@ class SimGripper(FaultyDevice):
     def _end_move(self) -> None:
         if self._move is not None and not self._move.settled:
             self._move.stop()
-            self._supervisor.rest(self._world.clock.now())
 
     def _command(self) -> None:
         """The opening's rate for this step, shared between the fingers."""
