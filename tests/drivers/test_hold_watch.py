@@ -9,9 +9,10 @@ import pytest
 
 from pomona.drivers.errors import DeviceFault, DeviceLost
 from pomona.drivers.hand_memory import HandMemory, HandRecord
-from pomona.drivers.hold_watch import GIVE, HELD_FORCE, MOTOR_FORCE, NO_ROOM, STOOD, HoldWatch, may_hold
+from pomona.drivers.hold_watch import HELD_FORCE, STOOD, HoldWatch, may_hold
 from pomona.drivers.interfaces import GripperLimits, GripperState
 from pomona.drivers.mock import MockClock, MockForceSensor, MockGripper
+from pomona.drivers.plain_hand import GIVE, MOTOR_FORCE, NO_ROOM
 
 HELD_AT = 0.087
 SURE, NOTHING = "something is between the fingers", ""

@@ -2,7 +2,7 @@
 
 `may_hold` decides it before the fingers are calibrated; `HoldWatch` follows it while a cell is connected, keeps it for
 the next connection, and compares arm and grip after a pause. Where no finger measures a force, width and motor decide:
-`between` describes the evidence of an object, and a hand whose state is unknown may hold something.
+`pomona.drivers.plain_hand` has the evidence of an object, and a hand whose state is unknown may hold something.
 """
 
 from __future__ import annotations
@@ -14,24 +14,16 @@ import numpy as np
 from pomona.drivers.errors import DeviceError, DeviceFault
 from pomona.drivers.hand_memory import HandMemory, HandRecord
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, GripperLimits, GripperState
+from pomona.drivers.plain_hand import GIVE, MOTOR_FORCE, NO_ROOM, SHORT, between, gone, has_room, presses
 from pomona.executive.values.arrays import Float64
 
 MOVED = 0.01  # change of a joint while paused from which the arm counts as moved from outside [rad]
 HELD_FORCE, LOST_FORCE = 0.5, 0.2  # grasp force of a finger at the pause that holds, and below which it is lost [N]
-GIVE = 0.01  # change of the opening that releases a fruit [m]: skin and pads yield at 14 N with 1.5 N/mm
-NO_ROOM = 2e-3  # fingers this near to an end of their travel hold nothing [m]: no fruit is so thin
 STOOD = 1e-3  # change of the width below which the fingers have not been moved [m]; an encoder repeats to 0.1 mm
-MOTOR_FORCE = 1.0  # grasp force by the motor's current that presses on something [N]: twice a WSG's friction
-SHORT = 2e-3  # distance to the commanded width from which closing fingers were stopped [m]: a WSG ends a move within it
 SLOW = 2e-3  # fingers slower than this rest [m/s], as for a gripper's supervisor
 SURE = "something is between the fingers"
 HARDLY = f"the grip force fell below {LOST_FORCE:g} N: the fruit may have been lost"
 LOOSE = "the gripper's motor presses no more: the fruit may have been lost"
-
-
-def _has_room(width: float, limits: GripperLimits) -> bool:
-    """Return True at an opening [m] at which fingers can hold something, and for one that is not finite."""
-    return not (width <= limits.width_min + NO_ROOM or width >= limits.width_max - NO_ROOM)
 
 
 def may_hold(state: GripperState, limits: GripperLimits, last: HandRecord | None, force: float | None) -> str:
@@ -44,7 +36,7 @@ def may_hold(state: GripperState, limits: GripperLimits, last: HandRecord | None
         return "the gripper has no reference, so its opening is unknown"
     if state.motor_force is not None and state.motor_force > MOTOR_FORCE:
         return f"the gripper's motor presses with {state.motor_force:.1f} N"
-    if not _has_room(state.width, limits):
+    if not has_room(state.width, limits):
         return ""
     if force is not None and force > HELD_FORCE:
         return f"each finger presses with {force:.1f} N or more, measured from the last bias"
@@ -54,39 +46,6 @@ def may_hold(state: GripperState, limits: GripperLimits, last: HandRecord | None
     if last.width is not None and not abs(state.width - last.width) <= (GIVE if last.held else STOOD):
         return f"{here}, and stood at {1e3 * last.width:.1f} mm when the hand was last known"
     return f"{here}, where they may hold something" if last.held else ""
-
-
-def between(state: GripperState, limits: GripperLimits) -> str:
-    """Return the evidence of an object between fingers at rest, without a measured force; empty without evidence.
-
-    A motor that presses, and fingers that were stopped before the width of their move. Closed fingers press on each
-    other.
-    """
-    if state.width <= limits.width_min + NO_ROOM:
-        return ""
-    if _presses(state):
-        return f"the gripper's motor presses with {state.motor_force:.1f} N at {1e3 * state.width:.1f} mm"
-    if state.aim is not None and state.width > state.aim + SHORT and _has_room(state.width, limits):
-        return f"the fingers stopped at {1e3 * state.width:.1f} mm on their way to {1e3 * state.aim:.1f} mm"
-    return ""
-
-
-def gone(before: GripperState, now: GripperState, limits: GripperLimits, give: float = GIVE) -> str:
-    """Return why an object that was held `before` may not be there `now`; empty while nothing indicates it.
-
-    `give` is the change of the width that shows it [m].
-    """
-    if not abs(now.width - before.width) <= give:  # so that a width that is no number shows it
-        return f"the fingers moved from {1e3 * before.width:.1f} to {1e3 * now.width:.1f} mm"
-    if now.width <= limits.width_min + NO_ROOM:
-        return "the fingers are closed"
-    if _presses(before) and not _presses(now):
-        return f"the gripper's motor pressed with {before.motor_force:.1f} N and presses no more"
-    return ""
-
-
-def _presses(state: GripperState) -> bool:
-    return state.motor_force is not None and state.motor_force > MOTOR_FORCE
 
 
 class HoldWatch:
@@ -184,10 +143,10 @@ class HoldWatch:
         if state.moving or abs(state.speed) > SLOW or not state.referenced:
             return
         evidence = between(state, limits)
-        if not evidence and state.aim is None and state.width < self._stood - SHORT and _has_room(state.width, limits):
+        if not evidence and state.aim is None and state.width < self._stood - SHORT and has_room(state.width, limits):
             evidence = f"the fingers closed to {1e3 * state.width:.1f} mm, and no move ended there"
-        if evidence and (_presses(state) or not self._hand):
-            self._hand, self._held_at = SURE if _presses(state) else evidence, state.width
+        if evidence and (presses(state) or not self._hand):
+            self._hand, self._held_at = SURE if presses(state) else evidence, state.width
         elif self._hand == SURE:
             self._hand = LOOSE
         elif not self._hand:
@@ -200,7 +159,7 @@ class HoldWatch:
         """
         if state.width <= limits.width_min + NO_ROOM:
             return True
-        if _presses(state) or self._held_at is None:
+        if presses(state) or self._held_at is None:
             return False
         reached = state.motor_force is not None and state.aim is not None and abs(state.width - state.aim) <= SHORT
         return state.width - self._held_at > GIVE or (reached and self._held_at - state.width > GIVE)

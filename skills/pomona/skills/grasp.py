@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
 
 from pomona.drivers.errors import MotionRefused
-from pomona.drivers.hold_watch import between, gone
 from pomona.drivers.interfaces import ForceSensor, Gripper, GripperState, MotionState
+from pomona.drivers.plain_hand import between, gone
 from pomona.executive.ports import FORCE, LENGTH, SPEED, TIME, Force, Length, Port, Speed, Time
 from pomona.executive.skill import CellFacts, Work
 from pomona.executive.values.sections import Problem

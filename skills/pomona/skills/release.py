@@ -7,8 +7,8 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from pomona.drivers.hold_watch import between
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Hand, Workspace
+from pomona.drivers.plain_hand import between
 from pomona.executive.ports import ANGLE, FORCE, LENGTH, SPEED, Acceleration, Angle, Force, Length, Port, Speed
 from pomona.executive.skill import SkillFailure, Work
 from pomona.executive.values.arrays import Float64

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from pomona.drivers.hold_watch import between, gone
 from pomona.drivers.interfaces import ForceSensor, Gripper, Hand
+from pomona.drivers.plain_hand import between, gone
 from pomona.skills.grip.hold import Hold, current_hold
 from pomona.skills.shared.following import MovingSkill
 from pomona.skills.shared.touch import HELD_FORCE, pressing_forces, something_between
