@@ -541,17 +541,18 @@ def test_without_a_force_sensor_it_opens_within_millimetres_of_the_known_table(m
     assert scene.tcp[2, 3] == pytest.approx(before, abs=1e-3)
 
 
-def test_without_a_force_sensor_and_grasp_the_fruit_counts_as_a_ball_as_wide_as_the_opening():
-    scene, heights = plainly_held(0.07), list[float]()
-    outcome = put_down(scene, heights, depth=0.3)
-    assert outcome.status is Status.SUCCESS, outcome.reason
-    assert -0.12 + 0.035 - 1e-3 < heights[0] < -0.12 + 0.035 + BESIDE + STEP + 1e-3
+def test_without_a_force_sensor_and_a_grasp_the_fruit_stays_held():
+    scene = plainly_held(0.07)
+    outcome = drive(Release(), {"depth": 0.3}, scene.without_sensor, clock=scene.clock)
+    assert outcome.reason.code == "NO_CONTACT"
+    assert scene.arm.followed == []
+    assert len(scene.gripper.moves) == 1
 
 
 @pytest.mark.parametrize("inputs", [{}, {"raise_again": True}])
 def test_without_a_force_sensor_and_a_known_object_below_the_fruit_stays_held(inputs: dict[str, Any]):
     scene = plainly_held()
-    outcome = drive(Release(), {"depth": 0.03, **inputs}, scene.without_sensor, clock=scene.clock)
+    outcome = drive(Release(), {"depth": 0.03, "grasp": a_grasp(), **inputs}, scene.without_sensor, clock=scene.clock)
     assert outcome.reason.code == "NO_CONTACT"
     assert "no force sensor" in outcome.reason.message
     assert scene.arm.followed == []
@@ -568,7 +569,7 @@ def test_without_a_force_sensor_a_fruit_lost_on_the_way_down_is_reported():
     scene = plainly_held()
     devices = scene.without_sensor
     outcome = drive(
-        Release(), {"depth": 0.3}, devices, clock=scene.clock,
+        Release(), {"depth": 0.3, "grasp": a_grasp()}, devices, clock=scene.clock,
         each_tick=lambda tick: scene.drop_plainly() if tick == 20 else None,
     )  # fmt: skip
     assert outcome.reason.code == "LOST"
@@ -584,21 +585,25 @@ def test_without_a_force_sensor_pushed_fingers_end_the_way_down_and_hold():
             scene.gripper.blocked_at -= 1e-3
             scene.gripper.width -= 1e-3
 
-    outcome = drive(Release(), {"depth": 0.3}, scene.without_sensor, clock=scene.clock, each_tick=push)
+    outcome = drive(
+        Release(), {"depth": 0.3, "grasp": a_grasp()}, scene.without_sensor, clock=scene.clock, each_tick=push
+    )
     assert outcome.reason.code == "LOWERING_BLOCKED"
     assert len(scene.gripper.moves) == 1
 
 
 def test_without_a_force_sensor_a_motor_that_still_presses_after_opening_is_not_called_released():
     scene = plainly_held()
-    outcome = drive(Release(), {"depth": 0.3}, scene.without_sensor, clock=scene.clock)
+    outcome = drive(Release(), {"depth": 0.3, "grasp": a_grasp()}, scene.without_sensor, clock=scene.clock)
     assert outcome.reason.code == "HAND_UNCLEAR"
     assert scene.tcp[2, 3] < -0.06  # it stays there
 
 
 def test_without_a_force_sensor_an_interrupted_release_stays_held():
     scene = plainly_held()
-    outcome = drive(Release(), {"depth": 0.3}, scene.without_sensor, clock=scene.clock, interrupt_after=30)
+    outcome = drive(
+        Release(), {"depth": 0.3, "grasp": a_grasp()}, scene.without_sensor, clock=scene.clock, interrupt_after=30
+    )
     assert outcome.status is Status.INVALID
     assert scene.arm.settled()
     assert len(scene.gripper.moves) == 1

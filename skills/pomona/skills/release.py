@@ -14,7 +14,6 @@ from pomona.executive.skill import SkillFailure, Work
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.hold import Hold, current_hold, take_over
 from pomona.skills.motion.collision import Margins
-from pomona.skills.motion.collision.cover import fibonacci_sphere
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import ArmSpace, arm_space
@@ -34,7 +33,6 @@ OPENING_SPEED = 0.05  # of the fingers while they release the fruit [m/s]
 BESIDE = 0.005  # distance to the path below which an obstacle is the first contact [m]; farther walls are passed
 JOLTS = 3  # jolts after which lowering goes on; with more the load is too restless to show a contact
 RESUMED = 2e-3  # distance that is left below which lowering does not go on after a jolt [m]
-BALL = 200  # points on a ball that stands for a fruit of unknown shape
 UNFELT = "the cell has no force sensor, so a contact would not be measured; the fruit is still held"
 RELEASED_WIDTH = 0.02  # width by which the fingers open beyond the fruit before they rise [m]
 
@@ -46,7 +44,7 @@ class Release(PoseSkill):
     `raise_again` it is raised first.
 
     Without a force sensor no contact is measured: the fruit is lowered to the known object below it and falls the last
-    `BESIDE`. Without a `grasp` it counts as a ball as wide as the opening.
+    `BESIDE`. Without a `grasp` its shape is unknown, and it stays held.
     """
 
     devices = (Arm, Gripper, Workspace)
@@ -109,10 +107,12 @@ class Release(PoseSkill):
         space = self._space(map, clearance)
         way = vertical_way(self, -depth, "LOWERING_BLOCKED", space)
         ends_on = self.optional_device(ForceSensor) is None
-        met = self._met(way, grasp, map, clearance) if ends_on or grasp is not None else None
+        met = self._met(way, grasp, map, clearance)
         if ends_on:
             if met is None:
-                raise self.failure("NO_CONTACT", f"no known object within {1e3 * depth:.0f} mm below; {UNFELT}")
+                raise self.failure(
+                    "NO_CONTACT", f"no known fruit and object within {1e3 * depth:.0f} mm below; {UNFELT}"
+                )
             way = way[: met + 1]
         slow_from = self._near(way, met, slow_within)
         legs = Leg(way[: slow_from + 1], Manner(fast, *LOWERING)), Leg(way[slow_from:], Manner(speed, *TOUCHING))
@@ -175,8 +175,9 @@ class Release(PoseSkill):
 
     def _met(self, way: Float64, grasp: Grasp | None, map: OccupancyMap | None, clearance: float) -> int | None:
         """Return the first posture at which the fruit is within `BESIDE` of an object; None if there is none."""
-        ball = 0.5 * self.device(Gripper).state().width * fibonacci_sphere(BALL)
-        space = self._space(map, clearance, ball if grasp is None else grasp)
+        if grasp is None:
+            return None
+        space = self._space(map, clearance, grasp)
         world = space.world.with_margins(Margins(0.0, 0.0, 0.0, BESIDE, 0.0))
         met = np.flatnonzero(~world.free(way, space.width))
         return int(met[0]) if len(met) else None
@@ -207,6 +208,6 @@ class Release(PoseSkill):
         space = self._space(map, clearance)
         return next((width for width in widths if space.at_width(width).free(q)), widths[-1])
 
-    def _space(self, map: OccupancyMap | None, clearance: float, held: Grasp | Float64 | None = None) -> ArmSpace:
+    def _space(self, map: OccupancyMap | None, clearance: float, held: Grasp | None = None) -> ArmSpace:
         field, width = usable_field(self, map), self.device(Gripper).state().width
         return arm_space(self.device(Arm), self.device(Workspace), field, width, clearance, held=held)
