@@ -7,16 +7,21 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from pomona.drivers.errors import DeviceLost
+from pomona.drivers.errors import DeviceFault, DeviceLost
 from pomona.drivers.hand_memory import HandMemory, HandRecord
-from pomona.drivers.hold_watch import GIVE, HELD_FORCE, MOTOR_FORCE, NO_ROOM, STOOD, HoldWatch, may_hold
+from pomona.drivers.hold_watch import HELD_FORCE, STOOD, HoldWatch, may_hold
 from pomona.drivers.interfaces import GripperLimits, GripperState
 from pomona.drivers.mock import MockClock, MockForceSensor, MockGripper
+from pomona.drivers.plain_hand import GIVE, MOTOR_FORCE, NO_ROOM
 
 HELD_AT = 0.087
 SURE, NOTHING = "something is between the fingers", ""
 HARDLY = "the grip force fell below 0.2 N: the fruit may have been lost"
 Feel = Callable[[float, float], str | None]
+
+
+def lose() -> GripperState:
+    raise DeviceLost("gripper", "does not answer")
 
 
 @pytest.fixture
@@ -73,16 +78,25 @@ def test_fingers_that_close_and_press_again_hold_something_where_they_are_now(fe
 def test_without_a_gripper_that_answers_only_the_force_decides(
     clock: MockClock, gripper: MockGripper, felt: Feel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def lost() -> GripperState:
-        raise DeviceLost("gripper", "does not answer")
-
-    monkeypatch.setattr(gripper, "state", lost)
+    monkeypatch.setattr(gripper, "state", lose)
     assert [felt(3.0, HELD_AT), felt(0.1, HELD_AT)] == [SURE, NOTHING]
 
 
-def test_fingers_without_samples_measure_nothing(clock: MockClock, gripper: MockGripper) -> None:
-    assert HoldWatch(None, MockForceSensor(clock), gripper).in_hand() is None
-    assert HoldWatch(None, None, gripper).in_hand() is None
+def test_a_hand_that_has_sent_nothing_yet_is_unknown_and_not_called_empty(
+    clock: MockClock, gripper: MockGripper, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fingers = MockForceSensor(clock)
+    watch = HoldWatch(None, fingers, gripper)
+    assert watch.in_hand() == "the force sensor has sent nothing yet, so the state of the hand is unknown"
+    clock.advance(0.01)
+    assert watch.in_hand() == NOTHING
+    monkeypatch.setattr(gripper, "state", lose)
+    silent = HoldWatch(None, None, gripper, HandMemory(None, HandRecord()))
+    assert silent.in_hand() == "the gripper has sent nothing yet, so the state of the hand is unknown"
+
+
+def test_a_cell_without_a_hand_has_no_state_of_it() -> None:
+    assert HoldWatch(None, None, None).in_hand() is None
 
 
 # --------------------------------------------------------------------- from one connection to the next
@@ -90,6 +104,7 @@ def test_fingers_without_samples_measure_nothing(clock: MockClock, gripper: Mock
 LIMITS = GripperLimits(width_min=0.035, width_max=0.103, speed_max=0.2, force_max=20.0)
 LATER = "and stood at 80.0 mm when the hand was last known"
 EMPTY, HELD = HandRecord("", 0.08), HandRecord(SURE, 0.08)
+EMPTY_ANYWHERE = HandRecord()
 
 
 def doubt(width: float, last: HandRecord | None, force: float | None = 0.0, **state: object) -> str:
@@ -174,3 +189,142 @@ def test_a_hand_that_is_not_remembered_is_judged_by_force_alone_at_first(clock: 
     gripper, fingers = MockGripper(clock, 0.08), MockForceSensor(clock)
     clock.advance(0.01)
     assert HoldWatch(None, fingers, gripper).in_hand() == NOTHING
+
+
+# ------------------------------------------------------------------------------------ without a force sensor
+
+STOPPED = "the fingers stopped at 80.0 mm on their way to 50.0 mm"
+
+
+class Plain:
+    """A hand without force sensor; `close` meets an object of 80 mm."""
+
+    def __init__(self, clock: MockClock, width: float = 0.1, last: HandRecord | None = EMPTY_ANYWHERE) -> None:
+        self.clock, self.gripper, self.memory = clock, MockGripper(clock, width), HandMemory(None, last)
+        self.watch = self.connected()
+
+    def connected(self) -> HoldWatch:
+        return HoldWatch(None, None, self.gripper, self.memory)
+
+    def move(self, width: float, blocked_at: float = 0.0, for_: float = 1.0) -> str | None:
+        self.gripper.blocked_at = blocked_at
+        self.gripper.move(width, 0.1)
+        self.clock.advance(for_)
+        return self.watch.in_hand()
+
+    def at(self, width: float) -> str | None:
+        self.gripper.width = width
+        self.clock.advance(0.01)
+        return self.watch.in_hand()
+
+
+@pytest.fixture
+def plain(clock: MockClock) -> Plain:
+    return Plain(clock)
+
+
+def test_plain_fingers_that_reach_the_width_of_their_move_hold_nothing(plain: Plain) -> None:
+    assert [plain.move(0.08), plain.move(0.06), plain.move(0.1), plain.move(0.035)] == [NOTHING] * 4
+
+
+def test_plain_fingers_that_were_stopped_before_the_width_of_their_move_hold_something(plain: Plain) -> None:
+    assert [plain.watch.in_hand(), plain.move(0.05, blocked_at=0.08)] == [NOTHING, STOPPED]
+    assert plain.memory.record == HandRecord(STOPPED, pytest.approx(0.08))
+    assert plain.connected().in_hand() == (
+        "something may be between the fingers: the fingers stand at 80.0 mm, where they may hold something"
+    )
+
+
+def test_a_move_that_is_stopped_on_its_way_leaves_the_hand_unknown_until_the_fingers_open(plain: Plain) -> None:
+    motion = plain.gripper.move(0.05, 0.1)
+    plain.clock.advance(0.2)
+    assert plain.watch.in_hand() == NOTHING
+    motion.stop()
+    plain.clock.advance(0.1)
+    assert plain.watch.in_hand() == STOPPED
+    assert plain.move(0.08 + 0.9 * GIVE) == STOPPED
+    assert plain.move(0.08 + 1.1 * GIVE) == NOTHING
+
+
+def test_what_plain_fingers_hold_is_still_there_when_they_close_further_without_a_motor_that_tells(
+    plain: Plain,
+) -> None:
+    assert plain.move(0.05, blocked_at=0.08) == STOPPED
+    assert plain.move(0.06) == STOPPED
+    assert plain.move(0.035) == NOTHING  # closed
+
+
+def test_the_motors_force_shows_a_fruit_and_its_end_leaves_a_doubt(plain: Plain) -> None:
+    plain.gripper.motor_force = 0.0
+    assert plain.move(0.08) == NOTHING
+    plain.gripper.motor_force = 1.1 * MOTOR_FORCE
+    assert plain.at(0.08) == SURE
+    plain.gripper.motor_force = 0.9 * MOTOR_FORCE
+    assert plain.at(0.08) == "the gripper's motor presses no more: the fruit may have been lost"
+    assert plain.move(0.06) == NOTHING  # the fingers have closed where it was, and the motor presses on nothing
+
+
+def test_a_fruit_that_the_motor_squeezes_by_more_than_a_release_opens_is_still_held(plain: Plain) -> None:
+    plain.gripper.motor_force = 5.0
+    assert plain.move(0.05, blocked_at=0.08) == SURE
+    assert plain.move(0.05, blocked_at=0.065) == SURE
+    plain.gripper.motor_force = 0.0
+    assert plain.move(0.073) == "the gripper's motor presses no more: the fruit may have been lost"
+    assert plain.move(0.08) == NOTHING
+
+
+def test_closed_fingers_press_on_each_other_and_hold_nothing(plain: Plain) -> None:
+    plain.gripper.motor_force = 10.0
+    assert plain.move(0.035) == NOTHING
+
+
+@pytest.mark.parametrize(
+    ("speed", "said"), [(-0.05, "the fingers closed to 75.0 mm, and no move ended there"), (0.02, NOTHING)]
+)
+def test_fingers_that_closed_by_streamed_speeds_may_hold_something(clock: MockClock, speed: float, said: str) -> None:
+    plain = Plain(clock, 0.08)
+    assert plain.watch.in_hand() == NOTHING
+    plain.gripper.set_speed(speed)
+    clock.advance(0.3)
+    assert plain.watch.in_hand() == said
+
+
+def test_a_plain_hand_without_memory_is_unknown(clock: MockClock) -> None:
+    hand = Plain(clock, 0.08, None).watch.in_hand()
+    assert hand == (
+        "something may be between the fingers: the fingers stand at 80.0 mm, and the last state of the hand is unknown"
+    )
+
+
+def test_a_width_that_is_no_number_empties_no_hand(plain: Plain) -> None:
+    assert plain.move(0.05, blocked_at=0.08) == STOPPED
+    assert plain.at(float("nan")) == STOPPED
+
+
+@pytest.mark.parametrize(
+    ("motor", "width", "now", "why"),
+    [
+        (None, 0.08 - 1.1 * STOOD, None, "the fingers moved from 80.0 to 78.9 mm while the run was paused"),
+        (None, 0.08 + 1.1 * STOOD, None, "the fingers moved from 80.0 to 81.1 mm while the run was paused"),
+        (5.0, 0.08, 0.5, "the gripper's motor pressed with 5.0 N and presses no more while the run was paused"),
+        (5.0, float("nan"), 5.0, "the fingers moved from 80.0 to nan mm while the run was paused"),
+    ],
+)
+def test_a_fruit_that_was_taken_out_in_a_pause_is_noticed_without_a_force_sensor(
+    plain: Plain, motor: float | None, width: float, now: float | None, why: str
+) -> None:
+    plain.gripper.motor_force = motor
+    assert plain.move(0.05, blocked_at=0.08)
+    plain.watch.note()
+    plain.watch.compare()
+    plain.gripper.width, plain.gripper.motor_force = width, now
+    with pytest.raises(DeviceFault, match=f"gripper: {why}: the fruit may be gone"):
+        plain.watch.compare()
+    plain.watch.forget()
+    plain.watch.compare()
+
+
+def test_empty_plain_fingers_may_be_moved_in_a_pause(plain: Plain) -> None:
+    plain.watch.note()
+    plain.gripper.width = 0.05
+    plain.watch.compare()

@@ -45,6 +45,20 @@ def test_an_apple_is_picked_and_the_record_repeats_it(tmp_path: Path) -> None:
     assert {"detection", "refine", "grip"} <= {topic.split("/")[0] for topic in topics}
 
 
+@pytest.mark.parametrize(("seed", "fruit", "place"), [(1, "apple_1", "3"), (5, "apple_5", "5")])
+def test_an_apple_is_picked_without_a_force_sensor(seed: int, fruit: str, place: str) -> None:
+    received: list[Event] = []
+    order = RunOrder(find_tree("pick_apple_plain"), find_cell("sim_plain"), seed, {"fruit": fruit, "place": place})
+    executed = execute(order, [received.append])
+    assert executed.result.outcome == "success", executed.result.reason
+    truth = executed.result.truth
+    assert truth is not None
+    assert (truth["lifted"], truth["drops"]) == (True, 0)
+    hands = [event.what for event in received if isinstance(event, HandChanged)]
+    assert hands[0] == ""
+    assert hands[-1] == "something is between the fingers"
+
+
 def test_another_fruit_is_picked_by_the_same_tree_with_its_own_weights() -> None:
     truth = pick(0, None, kind="lemon", fruit="lemon", place="5").result.truth
     assert truth is not None

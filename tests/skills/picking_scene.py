@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from pomona.drivers.interfaces import Arm, Box, ForceSensor, Frame, Gripper, Intrinsics, Workspace
+from pomona.drivers.hand_memory import HandMemory, HandRecord
+from pomona.drivers.hold_watch import HoldWatch
+from pomona.drivers.interfaces import Arm, Box, ForceSensor, Frame, Gripper, Hand, Intrinsics, Workspace
 from pomona.drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
 from pomona.drivers.mock.arm import ROBOT
 from pomona.skills.geometry import rot_z, transform
@@ -99,6 +101,23 @@ class PickingScene:
     @property
     def tcp(self) -> np.ndarray:
         return ROBOT_MODEL.tcp(self.arm.q)
+
+    @property
+    def without_sensor(self) -> dict[type, object]:
+        """The devices of a cell without force sensor, in which the state of the hand is followed."""
+        hand = HoldWatch(None, None, self.gripper, HandMemory(None, HandRecord()))
+        return {**{kind: device for kind, device in self.devices.items() if kind is not ForceSensor}, Hand: hand}
+
+    def grip_plainly(self, motor_force: float | None = 5.0) -> None:
+        """Let the fingers be stopped by something that is as wide as the present opening, without force sensor."""
+        self.gripper.blocked_at, self.gripper.motor_force = self.gripper.width, motor_force
+        self.gripper.move(self.gripper.limits.width_min, 0.05)
+        self.clock.advance(0.02)
+
+    def drop_plainly(self) -> None:
+        """Let what plain fingers hold fall out: the motor presses on nothing."""
+        self.gripper.motor_force = 0.0
+        self.gripper.blocked_at = 0.0
 
     def hold_fruit(self, force: float = 2.0) -> None:
         """Let both fingers press something that is as wide as the present opening."""

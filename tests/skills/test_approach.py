@@ -231,3 +231,34 @@ def test_a_camera_that_shows_the_table_elsewhere_starts_no_motion(code):
     assert outcome.reason.data["tilt_rad"] > 0.08
     assert "above: " in outcome.reason.message
     assert scene.arm.followed == []
+
+
+# ------------------------------------------------------------------------------------ without a force sensor
+
+
+def test_without_a_force_sensor_it_opens_and_goes_straight_to_the_grasp():
+    scene = at_pre_grasp()
+    outcome = drive(Approach(), {"grasp": GRASP}, scene.without_sensor, clock=scene.clock)
+    assert outcome.status is Status.SUCCESS
+    np.testing.assert_allclose(scene.tcp, GRASP.T_base_grasp, atol=1e-6)
+
+
+def test_without_a_force_sensor_a_push_on_the_fingers_is_a_contact():
+    scene = at_pre_grasp()
+
+    def push() -> None:
+        if scene.clock.now() > 0.7:
+            scene.gripper.width = max(scene.gripper.width - 0.1e-3, GRASP.width - 0.003)
+
+    scene.clock.each_step.append(push)
+    outcome = drive(Approach(), {"grasp": GRASP}, scene.without_sensor, clock=scene.clock)
+    assert outcome.reason.code == "CONTACT"
+    assert "pushed the fingers" in outcome.reason.message
+    assert scene.arm.settled()
+
+
+def test_without_a_force_sensor_an_interruption_stops_the_arm():
+    scene = at_pre_grasp()
+    outcome = drive(Approach(), {"grasp": GRASP}, scene.without_sensor, clock=scene.clock, interrupt_after=40)
+    assert outcome.status is Status.INVALID
+    assert scene.arm.settled()

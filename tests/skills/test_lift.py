@@ -374,3 +374,62 @@ def test_interrupted_while_it_is_put_back_it_stops_and_holds():
     assert outcome.status is Status.INVALID
     assert fruit.scene.arm.settled()
     assert fruit.hold.holds
+
+
+# ------------------------------------------------------------------------------------ without a force sensor
+
+
+@pytest.mark.parametrize("motor_force", [5.0, None])
+def test_plain_fingers_lift_what_stopped_them(motor_force: float | None):
+    scene = PickingScene(q=q_at_grasp().copy(), width=0.085)
+    scene.grip_plainly(motor_force)
+    before = scene.tcp
+    outcome = drive(Lift(), {"height": 0.15, "hold_time": 0.5}, scene.without_sensor, clock=scene.clock)
+    assert outcome.status is Status.SUCCESS
+    np.testing.assert_allclose(scene.tcp[:3, 3], before[:3, 3] + [0.0, 0.0, 0.15], atol=1e-6)
+
+
+def test_plain_fingers_that_nothing_stopped_lift_nothing():
+    scene = PickingScene(q=q_at_grasp().copy(), width=0.085)
+    outcome = drive(Lift(), {}, scene.without_sensor, clock=scene.clock)
+    assert outcome.reason.code == "NOT_HELD"
+    assert outcome.reason.data["width_m"] == 0.085
+    assert scene.arm.followed == []
+
+
+def test_a_fruit_that_falls_from_plain_fingers_is_lost_as_soon_as_the_motor_presses_no_more():
+    scene = PickingScene(q=q_at_grasp().copy(), width=0.085)
+    scene.grip_plainly()
+    devices = scene.without_sensor
+    outcome = drive(
+        Lift(), {}, devices, clock=scene.clock, each_tick=lambda tick: scene.drop_plainly() if tick == 20 else None
+    )
+    assert outcome.reason.code == "LOST"
+    assert "the gripper's motor pressed with 5.0 N and presses no more" in outcome.reason.message
+    assert outcome.reason.data["motor_force_n"] == 0.0
+    assert scene.arm.settled()
+    assert scene.tcp[2, 3] < ROBOT_MODEL.tcp(q_at_grasp())[2, 3] + 0.14
+
+
+@pytest.mark.parametrize("width", [0.085 - 0.011, 0.085 + 0.011, 0.036, float("nan")])
+def test_a_fruit_that_leaves_plain_fingers_without_a_motor_force_is_lost_by_their_width(width: float):
+    scene = PickingScene(q=q_at_grasp().copy(), width=0.085)
+    scene.grip_plainly(None)
+    devices = scene.without_sensor
+
+    def lose(tick: int) -> None:
+        if tick == 20:
+            scene.gripper.blocked_at, scene.gripper.width = 0.0, width
+
+    outcome = drive(Lift(), {}, devices, clock=scene.clock, each_tick=lose)
+    assert outcome.reason.code == "LOST"
+
+
+def test_interrupted_with_plain_fingers_the_arm_stops_and_nothing_opens():
+    scene = PickingScene(q=q_at_grasp().copy(), width=0.085)
+    scene.grip_plainly()
+    moves = len(scene.gripper.moves)
+    outcome = drive(Lift(), {}, scene.without_sensor, clock=scene.clock, interrupt_after=20)
+    assert outcome.status is Status.INVALID
+    assert scene.arm.settled()
+    assert len(scene.gripper.moves) == moves

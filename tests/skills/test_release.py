@@ -9,7 +9,8 @@ from pomona.drivers.interfaces import Hand, MotionState
 from pomona.drivers.mock.fingers import spring_fruit
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.skills.grip.hold import Hold, current_hold
-from pomona.skills.release import Release
+from pomona.skills.motion.straight_line import STEP
+from pomona.skills.release import BESIDE, Release
 from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
 from tests.skills.overhead import comes_near, watched
 from tests.skills.picking_scene import HOME, ROBOT_MODEL, WORKSPACE, PickingScene, a_grasp, scene_with_pose, seen_map
@@ -508,3 +509,101 @@ def test_a_pose_that_would_tilt_the_fruit_is_reported_and_it_stays_held():
     assert outcome.reason.code == "WOULD_TILT"
     assert scene.arm.followed == []
     assert scene.gripper.moves == []
+
+
+# ------------------------------------------------------------------------------------ without a force sensor
+
+
+def plainly_held(width: float = 0.085, motor_force: float | None = 5.0) -> PickingScene:
+    scene = PickingScene(q=a_grasp().q_pre_grasp[0].copy(), width=width)
+    scene.grip_plainly(motor_force)
+    return scene
+
+
+def put_down(scene: PickingScene, heights: list[float], **inputs: Any) -> SkillEnd:
+    def watch(_tick: int) -> None:
+        if len(scene.gripper.moves) > 1 and not heights:
+            heights.append(scene.tcp[2, 3])
+            scene.drop_plainly()
+
+    return drive(Release(), inputs, scene.without_sensor, clock=scene.clock, each_tick=watch)
+
+
+@pytest.mark.parametrize("motor_force", [5.0, None])
+def test_without_a_force_sensor_it_opens_within_millimetres_of_the_known_table(motor_force: float | None):
+    scene, heights = plainly_held(motor_force=motor_force), list[float]()
+    before = scene.tcp[2, 3]
+    outcome = put_down(scene, heights, depth=0.3, grasp=a_grasp())
+    assert outcome.status is Status.SUCCESS, outcome.reason
+    stood = a_grasp().T_base_grasp[2, 3]  # where it stood on the table
+    assert stood - 1e-3 < heights[0] < stood + BESIDE + STEP
+    assert scene.gripper.width == pytest.approx(0.103, abs=2.1e-3)
+    assert scene.tcp[2, 3] == pytest.approx(before, abs=1e-3)
+
+
+def test_without_a_force_sensor_and_a_grasp_the_fruit_stays_held():
+    scene = plainly_held(0.07)
+    outcome = drive(Release(), {"depth": 0.3}, scene.without_sensor, clock=scene.clock)
+    assert outcome.reason.code == "NO_CONTACT"
+    assert scene.arm.followed == []
+    assert len(scene.gripper.moves) == 1
+
+
+@pytest.mark.parametrize("inputs", [{}, {"raise_again": True}])
+def test_without_a_force_sensor_and_a_known_object_below_the_fruit_stays_held(inputs: dict[str, Any]):
+    scene = plainly_held()
+    outcome = drive(Release(), {"depth": 0.03, "grasp": a_grasp(), **inputs}, scene.without_sensor, clock=scene.clock)
+    assert outcome.reason.code == "NO_CONTACT"
+    assert "no force sensor" in outcome.reason.message
+    assert scene.arm.followed == []
+    assert len(scene.gripper.moves) == 1
+
+
+def test_without_a_force_sensor_empty_fingers_have_nothing_to_release():
+    scene = PickingScene(q=a_grasp().q_pre_grasp[0].copy(), width=0.08)
+    assert drive(Release(), {}, scene.without_sensor, clock=scene.clock).reason.code == "NOT_HELD"
+    assert scene.arm.followed == []
+
+
+def test_without_a_force_sensor_a_fruit_lost_on_the_way_down_is_reported():
+    scene = plainly_held()
+    devices = scene.without_sensor
+    outcome = drive(
+        Release(), {"depth": 0.3, "grasp": a_grasp()}, devices, clock=scene.clock,
+        each_tick=lambda tick: scene.drop_plainly() if tick == 20 else None,
+    )  # fmt: skip
+    assert outcome.reason.code == "LOST"
+    assert "presses no more" in outcome.reason.message
+    assert len(scene.gripper.moves) == 1
+
+
+def test_without_a_force_sensor_pushed_fingers_end_the_way_down_and_hold():
+    scene = plainly_held(motor_force=None)
+
+    def push(tick: int) -> None:
+        if tick == 20:
+            scene.gripper.blocked_at -= 1e-3
+            scene.gripper.width -= 1e-3
+
+    outcome = drive(
+        Release(), {"depth": 0.3, "grasp": a_grasp()}, scene.without_sensor, clock=scene.clock, each_tick=push
+    )
+    assert outcome.reason.code == "LOWERING_BLOCKED"
+    assert len(scene.gripper.moves) == 1
+
+
+def test_without_a_force_sensor_a_motor_that_still_presses_after_opening_is_not_called_released():
+    scene = plainly_held()
+    outcome = drive(Release(), {"depth": 0.3, "grasp": a_grasp()}, scene.without_sensor, clock=scene.clock)
+    assert outcome.reason.code == "HAND_UNCLEAR"
+    assert scene.tcp[2, 3] < -0.06  # it stays there
+
+
+def test_without_a_force_sensor_an_interrupted_release_stays_held():
+    scene = plainly_held()
+    outcome = drive(
+        Release(), {"depth": 0.3, "grasp": a_grasp()}, scene.without_sensor, clock=scene.clock, interrupt_after=30
+    )
+    assert outcome.status is Status.INVALID
+    assert scene.arm.settled()
+    assert len(scene.gripper.moves) == 1

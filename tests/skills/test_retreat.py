@@ -183,3 +183,44 @@ def test_something_fixed_on_the_way_back_stops_it_before_it_moves():
     assert outcome.reason.code == "RETREAT_BLOCKED"
     assert outcome.reason.data["obstacle"] == "lamp"
     assert scene.arm.followed == []
+
+
+# ------------------------------------------------------------------------------------ without a force sensor
+
+
+def plain(height: float, width: float = 0.084, motor_force: float | None = 5.0) -> PickingScene:
+    scene = PickingScene(q=lifted(height) if height else LINE[-1].copy(), width=width)
+    scene.grip_plainly(motor_force)
+    return scene
+
+
+@pytest.mark.parametrize("motor_force", [5.0, None])
+def test_without_a_force_sensor_a_lifted_fruit_is_put_back_to_its_height_before_the_fingers_open(
+    motor_force: float | None,
+):
+    scene, opened_at = plain(0.10, motor_force=motor_force), []
+
+    def watch(_tick: int) -> None:
+        if len(scene.gripper.moves) > 1 and not opened_at:
+            opened_at.append(scene.tcp[2, 3])
+            scene.drop_plainly()
+
+    outcome = drive(Retreat(), {"grasp": GRASP}, scene.without_sensor, clock=scene.clock, each_tick=watch)
+    assert outcome.status is Status.SUCCESS
+    assert opened_at[0] == pytest.approx(GRASP.T_base_grasp[2, 3], abs=1e-3)
+    np.testing.assert_allclose(scene.tcp, GRASP.T_base_pre_grasp, atol=1e-6)
+
+
+def test_without_a_force_sensor_above_the_grasp_with_empty_fingers_nothing_moves():
+    scene = PickingScene(q=lifted(0.15), width=0.05)
+    assert drive(Retreat(), {"grasp": GRASP}, scene.without_sensor, clock=scene.clock).status is Status.SUCCESS
+    assert scene.arm.followed == []
+    assert scene.gripper.moves == []
+
+
+def test_without_a_force_sensor_an_interrupted_retreat_opens_nothing():
+    scene = plain(0.10)
+    outcome = drive(Retreat(), {"grasp": GRASP}, scene.without_sensor, clock=scene.clock, interrupt_after=20)
+    assert outcome.status is Status.INVALID
+    assert scene.arm.settled()
+    assert len(scene.gripper.moves) == 1

@@ -22,10 +22,11 @@ from pomona.drivers.device import ConnectContext, Device, World
 from pomona.drivers.errors import CellFileError, DeviceFault, DriverError
 from pomona.drivers.estimate import estimate_errors
 from pomona.drivers.faults import FaultSwitch
+from pomona.drivers.hand_memory import HandMemory, HandRecord
 from pomona.drivers.hold_watch import HoldWatch
 from pomona.drivers.interfaces import Arm, Camera, Cameras, DepthCamera, ForceSensor, Gripper, Hand, Workspace
 from pomona.drivers.readings import Readings
-from pomona.drivers.registration import Settings
+from pomona.drivers.registration import Settings, Wired
 from pomona.executive.clock import Clock, ManualClock, SystemClock
 from pomona.executive.lease import viewed
 from pomona.executive.values.arrays import UInt8
@@ -78,9 +79,12 @@ class Cell:
         self._lock = threading.Lock()
         self._paused = False
         self._checked_at = clock.now()
-        fingers = self._find(ForceSensor)
-        memory = None if fingers is None else fingers.hand_memory
-        self._watch = HoldWatch(self._find(Arm), fingers, self._find(Gripper), memory)
+        fingers, gripper = self._find(ForceSensor), self._find(Gripper)
+        hand = gripper if fingers is None else fingers
+        memory = None if hand is None else hand.hand_memory
+        if memory is None and gripper is not None and not gripper.outlives:
+            memory = HandMemory(None, HandRecord())  # of a new world, which ends with this process
+        self._watch = HoldWatch(self._find(Arm), fingers, gripper, memory)
         self._readings: Readings | None = None
 
     @property
@@ -268,7 +272,7 @@ class Cell:
         return {**within, **devices}
 
     def in_hand(self) -> str | None:
-        """Describe a contact between the fingers: an empty text without contact, None if it cannot be measured."""
+        """Describe what may be between the fingers: an empty text for nothing, None in a cell without a hand."""
         return self._watch.in_hand()
 
     def outside_stops(self) -> Mapping[str, tuple[str, Sequence[Any]]]:
@@ -363,6 +367,7 @@ def connect_cell(
                 if missing is None:
                     raise
                 missing(name, error)
+        _remember_hand(file, context)
         return Cell(
             file.name,
             file.kind,
@@ -385,6 +390,18 @@ def _close(devices: Mapping[str, Device]) -> None:
             device.close()
         except BaseException as error:
             warn(logger, "%s could not be closed: %s", name, sentence_of(error))
+
+
+def _remember_hand(file: CellFile, context: ConnectContext) -> None:
+    """Give a gripper without force sensor the memory of its hand; an operator who cleared the cell knows it empty."""
+    gripper: Any = context.find(Gripper)
+    if gripper is None or context.find(ForceSensor) is not None or not gripper.outlives:
+        return
+    said = file.section.devices[gripper.name].values
+    wires = said.wires if isinstance(said, Wired) else (str(file.path.resolve()), gripper.name)
+    gripper.hand_memory = context.hand_memory(wires)
+    if context.cleared:
+        gripper.hand_memory.keep_hand("", gripper.state().width)
 
 
 def _connect(settings: Settings[Any], context: ConnectContext) -> Device:

@@ -22,7 +22,7 @@ from pomona.drivers.interfaces import ArmLimits, Workspace
 from pomona.drivers.registration import DriverSection, Emulating, Fitting, Settings, Surroundings, TellsOfCell, Wired
 from pomona.drivers.workspace import WorkspaceSection
 from pomona.executive.values.documents import Option, Outline, ValueFile, read_value_file
-from pomona.executive.values.findings import Findings, few_hints
+from pomona.executive.values.findings import Findings, Located, few_hints
 from pomona.executive.values.kinds import MappingOf, Measure, Text
 from pomona.executive.values.reading import Refused
 from pomona.executive.values.scoring import Score
@@ -107,6 +107,11 @@ class CellFile:
         if what is Workspace:
             return self.workspace  # type: ignore[return-value]
         return next((fact for fact in _facts(self.section) if isinstance(fact, what)), None)
+
+    def place(self, interface: type) -> Located | None:
+        """Return where the file describes the device with this interface, or None where it has none."""
+        devices = self.section.devices.values()
+        return next((said.placed.node for said in devices if interface in said.driver.device.interfaces), None)
 
 
 def read_cell_file(

@@ -31,7 +31,7 @@ class Device:
     emulated: the checks before a run depend on that."""
     distrusted = ""
     hand_memory: HandMemory | None = None
-    """Of fingers that measure from a bias: where the last one and the last state of the hand are kept."""
+    """Where the last state of the hand is kept: of fingers with a bias, or of a gripper in a cell without fingers."""
     outside_stop: tuple[str, tuple[Any, ...]] | None = None
     """How another process stops the device when this one is gone: the function `module:name` and its arguments."""
 

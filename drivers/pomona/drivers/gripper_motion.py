@@ -44,8 +44,18 @@ class GripperMotion:
 class DirectMotion(GripperMotion):
     """A move whose end is its rest, as of fingers without a wire and an owner thread."""
 
-    def __init__(self, width: float, speed: float, start: float) -> None:
-        super().__init__(width, speed, start, lambda move: move.end(MotionState.STOPPED))
+    def __init__(self, width: float, speed: float, start: float, stopped: Callable[[], None] = lambda: None) -> None:
+        """
+        Args:
+            stopped: called when the move is stopped, by its skill or its driver; tells the supervisor.
+        """
+        super().__init__(width, speed, start, self._stop_now)
+        self._stopped = stopped
+
+    def _stop_now(self, _move: GripperMotion) -> None:
+        if not self.settled:
+            self.end(MotionState.STOPPED)
+            self._stopped()
 
     def end(self, state: MotionState, problem: str = "") -> None:
         super().end(state, problem)

@@ -1,7 +1,8 @@
-"""State of the hand: contact between the fingers, by force, width and the last known state.
+"""State of the hand: contact between the fingers, by force, width, the motor's force and the last known state.
 
 `may_hold` decides it before the fingers are calibrated; `HoldWatch` follows it while a cell is connected, keeps it for
-the next connection, and compares arm and grip after a pause.
+the next connection, and compares arm and grip after a pause. Where no finger measures a force, width and motor decide:
+`pomona.drivers.plain_hand` has the evidence of an object, and a hand whose state is unknown may hold something.
 """
 
 from __future__ import annotations
@@ -13,20 +14,16 @@ import numpy as np
 from pomona.drivers.errors import DeviceError, DeviceFault
 from pomona.drivers.hand_memory import HandMemory, HandRecord
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, GripperLimits, GripperState
+from pomona.drivers.plain_hand import GIVE, MOTOR_FORCE, NO_ROOM, SHORT, between, gone, has_room, presses
 from pomona.executive.values.arrays import Float64
 
 MOVED = 0.01  # change of a joint while paused from which the arm counts as moved from outside [rad]
 HELD_FORCE, LOST_FORCE = 0.5, 0.2  # grasp force of a finger at the pause that holds, and below which it is lost [N]
-GIVE = 0.01  # change of the opening that releases a fruit [m]: skin and pads yield at 14 N with 1.5 N/mm
-NO_ROOM = 2e-3  # fingers this near to an end of their travel hold nothing [m]: no fruit is so thin
 STOOD = 1e-3  # change of the width below which the fingers have not been moved [m]; an encoder repeats to 0.1 mm
-MOTOR_FORCE = 1.0  # grasp force by the motor's current that presses on something [N]: twice a WSG's friction
+SLOW = 2e-3  # fingers slower than this rest [m/s], as for a gripper's supervisor
+SURE = "something is between the fingers"
 HARDLY = f"the grip force fell below {LOST_FORCE:g} N: the fruit may have been lost"
-
-
-def _has_room(width: float, limits: GripperLimits) -> bool:
-    """Return True at an opening [m] at which fingers can hold something, and for one that is not finite."""
-    return not (width <= limits.width_min + NO_ROOM or width >= limits.width_max - NO_ROOM)
+LOOSE = "the gripper's motor presses no more: the fruit may have been lost"
 
 
 def may_hold(state: GripperState, limits: GripperLimits, last: HandRecord | None, force: float | None) -> str:
@@ -39,7 +36,7 @@ def may_hold(state: GripperState, limits: GripperLimits, last: HandRecord | None
         return "the gripper has no reference, so its opening is unknown"
     if state.motor_force is not None and state.motor_force > MOTOR_FORCE:
         return f"the gripper's motor presses with {state.motor_force:.1f} N"
-    if not _has_room(state.width, limits):
+    if not has_room(state.width, limits):
         return ""
     if force is not None and force > HELD_FORCE:
         return f"each finger presses with {force:.1f} N or more, measured from the last bias"
@@ -71,10 +68,12 @@ class HoldWatch:
         self._hand, self._unfelt = "", HARDLY
         self._held_at: float | None = None
         self._begun = False
+        self._stood = math.inf  # widest opening since the empty fingers last reached the width of a move [m]
+        self._noted: GripperState | None = None  # of a hand without force sensor that holds something
 
     def forget(self) -> None:
         """Nothing is remembered any more."""
-        self._q = self._force = None
+        self._q = self._force = self._noted = None
 
     def note(self) -> None:
         """Keep the state at rest; later calls change nothing until `forget`."""
@@ -82,6 +81,8 @@ class HoldWatch:
             self._q = self._arm.state().q.copy()
         if self._force is None:
             self._force = self._least_force()
+        if self._force is None and self._noted is None and self.in_hand():
+            self._noted = self._state()
 
     def compare(self) -> None:
         """Compare with the noted state. Raises DeviceFault: the arm was moved, or the fruit is gone."""
@@ -93,38 +94,88 @@ class HoldWatch:
         if self._force is not None and self._force > HELD_FORCE and (force is None or not force >= LOST_FORCE):
             now = "nothing is felt" if force is None else f"now {force:.1f} N"
             raise DeviceFault("fingers", f"the fruit that was held with {self._force:.1f} N is gone ({now})")
+        if self._noted is not None and self._gripper is not None:
+            why = gone(self._noted, self._gripper.state(), self._gripper.limits, STOOD)
+            if why:
+                raise DeviceFault("gripper", f"{why} while the run was paused: the fruit may be gone")
 
     def in_hand(self) -> str | None:
-        """Describe a contact between the fingers: an empty text without contact, None if it cannot be measured.
+        """Describe what may be between the fingers: an empty text for nothing, None in a cell without a hand.
 
         Force and opening decide together. If the force is below the threshold and the opening is still that of a grip,
-        the fingers may hold the fruit: a small force suffices, and a bias may have been taken under load.
+        the fingers may hold the fruit: a small force suffices, and a bias may have been taken under load. Without a
+        measured force the motor's force and the width of the last move decide.
         """
         force, gripper = self._least_force(), self._state()
-        if force is None:
+        if force is None and self._gripper is None:
             return None
+        if force is None and not self._begun and (gripper is None or (self._fingers is not None and not self._memory)):
+            silent = "gripper" if gripper is None else "force sensor"
+            return f"the {silent} has sent nothing yet, so the state of the hand is unknown"
         if gripper is not None and not self._begun:
             self._begin(gripper, force)
-        width = None if gripper is None else gripper.width
-        if force > HELD_FORCE:
-            self._hand, self._unfelt, self._held_at = "something is between the fingers", HARDLY, width
-        elif force < LOST_FORCE and self._hand:
-            away = width is None or self._held_at is None or abs(width - self._held_at) > GIVE
-            self._hand = "" if away else self._unfelt
+        if force is not None:
+            self._feel(force, None if gripper is None else gripper.width)
+        elif gripper is not None:
+            self._infer(gripper)
         if gripper is not None:
             self._keep(gripper)
         return self._hand
 
-    def _begin(self, gripper: GripperState, force: float) -> None:
-        """Continue from the state of the hand before this connection."""
-        self._begun = True
-        if self._memory is None or self._gripper is None:
+    def _feel(self, force: float, width: float | None) -> None:
+        """Decide by the smaller force of both fingers [N] and their opening [m]."""
+        if force > HELD_FORCE:
+            self._hand, self._unfelt, self._held_at = SURE, HARDLY, width
+        elif force < LOST_FORCE and self._hand:
+            away = width is None or self._held_at is None or abs(width - self._held_at) > GIVE
+            self._hand = "" if away else self._unfelt
+
+    def _infer(self, state: GripperState) -> None:
+        """Decide by the motor's force and the width where no finger measures a force.
+
+        What was held is there until the fingers have let go. Empty fingers at rest may hold something if they were
+        stopped before the width of their move, or have closed without one.
+        """
+        assert self._gripper is not None
+        limits = self._gripper.limits
+        if self._hand and self._let_go(state, limits):
+            self._hand, self._stood = "", state.width
+        if state.moving or abs(state.speed) > SLOW or not state.referenced:
             return
-        last = self._memory.record
+        evidence = between(state, limits)
+        if not evidence and state.aim is None and state.width < self._stood - SHORT and has_room(state.width, limits):
+            evidence = f"the fingers closed to {1e3 * state.width:.1f} mm, and no move ended there"
+        if evidence and (presses(state) or not self._hand):
+            self._hand, self._held_at = SURE if presses(state) else evidence, state.width
+        elif self._hand == SURE:
+            self._hand = LOOSE
+        elif not self._hand:
+            self._stood = state.width if state.aim is not None else max(state.width, self._stood)
+
+    def _let_go(self, state: GripperState, limits: GripperLimits) -> bool:
+        """Return True if fingers that held something are closed, have opened, or have closed to the width of a move.
+
+        A motor that does not report its force may press at that width.
+        """
+        if state.width <= limits.width_min + NO_ROOM:
+            return True
+        if presses(state) or self._held_at is None:
+            return False
+        reached = state.motor_force is not None and state.aim is not None and abs(state.width - state.aim) <= SHORT
+        return state.width - self._held_at > GIVE or (reached and self._held_at - state.width > GIVE)
+
+    def _begin(self, gripper: GripperState, force: float | None) -> None:
+        """Continue from the state of the hand before this connection."""
+        self._begun, self._stood = True, gripper.width
+        if self._gripper is None or (self._memory is None and force is not None):
+            return
+        last = None if self._memory is None else self._memory.record
         why = may_hold(gripper, self._gripper.limits, last, force)
         if why:
             self._hand = self._unfelt = f"something may be between the fingers: {why}"
-            self._held_at = last.width if last is not None and last.held else gripper.width
+            there = last is not None and last.width is not None and abs(gripper.width - last.width) <= GIVE
+            known = last is not None and last.held and (force is not None or there)
+            self._held_at = last.width if last is not None and known else gripper.width
 
     def _keep(self, gripper: GripperState) -> None:
         """Keep a new state of the hand at once, and a new opening as soon as the fingers stand."""

@@ -284,6 +284,8 @@ class GripperState:
         motor_force: estimated from the motor's current, both fingers together, negative pushes outwards [N]; rough.
             None where the gripper does not report it. A cross-check for force sensors that read nothing.
         referenced: False while the gripper has not found its reference, and `width` means nothing.
+        aim: opening of the newest move [m]; None before one, and after a streamed speed. Fingers that rest wider than
+            that were stopped, perhaps by something between them.
     """
 
     stamp: float
@@ -292,6 +294,7 @@ class GripperState:
     moving: bool
     motor_force: float | None = None
     referenced: bool = True
+    aim: float | None = None
 
 
 @runtime_checkable
@@ -376,10 +379,10 @@ class ForceSensor(Protocol):
 
 @runtime_checkable
 class Hand(Protocol):
-    """State of the hand, which a cell with fingers follows from its connection on."""
+    """State of the hand, which a cell with a gripper or fingers follows from its connection on."""
 
     def in_hand(self) -> str | None:
-        """Describe a contact between the fingers: an empty text without contact, None if it cannot be measured."""
+        """Describe what may be between the fingers: an empty text for nothing, None in a cell without a hand."""
 
 
 # ----------------------------------------------------------------------------------------------------- hands

@@ -66,6 +66,7 @@ def judge(
             said[alike] = list(use.skill.judge(known, file))
         for problem in said[alike]:
             where: Located = use.known[problem.key].where if problem.key in use.known else use.node.key
+            where = problem.where or where
             report = findings.warning if problem.warning else findings.error
             report(where, "unfit", f"{use.node.label}: {problem.message}", problem.hint)
     return Judged(file, findings, analysis)

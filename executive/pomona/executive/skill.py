@@ -36,6 +36,7 @@ from pomona.executive.errors import SkillError
 from pomona.executive.one_process import leave_if_forked
 from pomona.executive.ports import Outputs, Ports
 from pomona.executive.signature import ports_of
+from pomona.executive.values.findings import Located
 from pomona.executive.values.sections import Problem
 from pomona.executive.values.sentences import shortened
 
@@ -89,6 +90,9 @@ class CellFacts(Protocol):
 
     def known(self, what: type[T]) -> T | None:
         """Return an object that its file describes (`pomona.drivers.interfaces.Workspace`), or None."""
+
+    def place(self, interface: type) -> Located | None:
+        """Return where its file describes the device with this interface, or None where it has none."""
 
 
 class SkillContext(Protocol):

@@ -50,7 +50,8 @@ class Approach(MovingSkill):
     touched before they close.
     """
 
-    devices = (Arm, Gripper, ForceSensor, Workspace)
+    devices = (Arm, Gripper, Workspace)
+    optional_devices = (*MovingSkill.optional_devices, ForceSensor)
     moves = (Arm, Gripper)
     failures = (
         *MOTION_FAILURES,
@@ -95,7 +96,7 @@ class Approach(MovingSkill):
         jerk = acceleration / JERK_TIME
         trajectory = time_curve(line.q, line.length, arm.limits, speed, acceleration, jerk, slow_end=slow_end)
         opened, fingers = gripper.state().width, YieldingFingers(gripper)
-        with Touch(self.device(ForceSensor)) as touch:
+        with Touch(self.optional_device(ForceSensor)) as touch:
 
             def feel() -> None:
                 self._feel(touch, contact, opened, robot, grasp)

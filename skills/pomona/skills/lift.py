@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, ClassVar
 
-from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
+from pomona.drivers.interfaces import Arm, Gripper, Workspace
 from pomona.executive.ports import ACCELERATION, LENGTH, SPEED, TIME, Acceleration, Length, Port, Speed, Time
 from pomona.executive.skill import Work
 from pomona.skills.grip.grip import GripProblem
@@ -20,12 +20,12 @@ from pomona.skills.shared.carrying import (
     GripOverloaded,
     OverloadMonitor,
     grip_failure,
-    is_held,
     put_back,
 )
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.grip_view import show_grip
 from pomona.skills.shared.hanging import Hanging
+from pomona.skills.shared.held_fruit import HAND_DEVICES, is_held, watch_fruit
 from pomona.skills.shared.straight_travel import free_line, tool_pose
 from pomona.skills.shared.usable_map import usable_field
 from pomona.skills.shared.warm_motion import prepare_moving
@@ -39,14 +39,16 @@ time in which a fruit that slides at 1 mm/s exceeds it.
 class Lift(MovingSkill):
     """Lift straight up with a smooth profile while the grip is controlled, and verify that the fruit came along.
 
-    With a `hold` its controller monitors the fruit; without one, the force and the opening of the fingers do.
+    With a `hold` its controller monitors the fruit; without one, the force and the opening of the fingers do, and
+    without a force sensor the opening and the gripper's motor.
     `settle_within` and `hold_time` watch the fruit at the top, since a fruit that creeps falls later.
     If the grip cannot hold the fruit, the fruit is put back before it falls. The code is TOO_HEAVY if the weight alone
     needs more than the allowed force, FORCE_LIMIT if the moment does, otherwise SLIPPED.
     After an interruption the arm stops on its line and the grip goes on holding.
     """
 
-    devices = (Arm, Gripper, ForceSensor, Workspace)
+    devices = (Arm, Gripper, Workspace)
+    optional_devices = (*MovingSkill.optional_devices, *HAND_DEVICES)
     moves = (Arm, Gripper)
     failures = (
         *MOTION_FAILURES,
@@ -104,7 +106,7 @@ class Lift(MovingSkill):
         trajectory = time_curve(line.q, height, arm.limits, speed, acceleration, jerk, deceleration=braking)
         active = None if hold is None or hold.ended else hold
         hanging = None if active is None else Hanging(active)
-        overload = None if active is None else OverloadMonitor(active)
+        overload, lost = None if active is None else OverloadMonitor(active), watch_fruit(self, hold)
 
         def risen() -> float:
             return float(tool_pose(self)[2, 3] - T_base_start[2, 3])
@@ -117,9 +119,8 @@ class Lift(MovingSkill):
                 overload.require_bearable()
             if hanging is not None:
                 gone = hanging.look()
-            if gone or not is_held(self, hold):
-                words = f"the fruit was lost {1e3 * risen():.0f} mm up"
-                raise grip_failure(self, "LOST", f"{words}: {gone}" if gone else words, hold)
+            if gone := gone or lost():
+                raise grip_failure(self, "LOST", f"the fruit was lost {1e3 * risen():.0f} mm up: {gone}", hold)
 
         try:
             yield from self.travel(trajectory, watch, carrying=grasp)

@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Hand, Workspace
+from pomona.drivers.plain_hand import between
 from pomona.executive.ports import ANGLE, FORCE, LENGTH, SPEED, Acceleration, Angle, Force, Length, Port, Speed
 from pomona.executive.skill import SkillFailure, Work
 from pomona.executive.values.arrays import Float64
@@ -17,9 +18,9 @@ from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import ArmSpace, arm_space
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.shared.carrying import is_held
 from pomona.skills.shared.contact_check import Jolted, Leg, lower_to_support
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
+from pomona.skills.shared.held_fruit import HAND_DEVICES, is_held
 from pomona.skills.shared.moving import CARRIED_ACCELERATION, POSE_FAILURES, PoseSkill, move_to_pose
 from pomona.skills.shared.straight_travel import Manner, follow_way, tool_pose, vertical_way
 from pomona.skills.shared.usable_map import usable_field
@@ -32,6 +33,7 @@ OPENING_SPEED = 0.05  # of the fingers while they release the fruit [m/s]
 BESIDE = 0.005  # distance to the path below which an obstacle is the first contact [m]; farther walls are passed
 JOLTS = 3  # jolts after which lowering goes on; with more the load is too restless to show a contact
 RESUMED = 2e-3  # distance that is left below which lowering does not go on after a jolt [m]
+UNFELT = "the cell has no force sensor, so a contact would not be measured; the fruit is still held"
 RELEASED_WIDTH = 0.02  # width by which the fingers open beyond the fruit before they rise [m]
 
 
@@ -40,10 +42,13 @@ class Release(PoseSkill):
 
     Without a support within `depth`, or with an obstacle too near, the fruit stays held and the skill fails; with
     `raise_again` it is raised first.
+
+    Without a force sensor no contact is measured: the fruit is lowered to the known object below it and falls the last
+    `BESIDE`. Without a `grasp` its shape is unknown, and it stays held.
     """
 
-    devices = (Arm, Gripper, ForceSensor, Workspace)
-    optional_devices = (*MovingSkill.optional_devices, Hand)
+    devices = (Arm, Gripper, Workspace)
+    optional_devices = (*MovingSkill.optional_devices, *HAND_DEVICES)
     moves = (Arm, Gripper)
     pose_port = "into"
     failures = (*MOTION_FAILURES, *POSE_FAILURES, "NOT_HELD", "HAND_UNCLEAR", "LOST", "NO_CONTACT", "LOWERING_BLOCKED")
@@ -101,10 +106,18 @@ class Release(PoseSkill):
         gripper, before = self.device(Gripper), tool_pose(self)[2, 3]
         space = self._space(map, clearance)
         way = vertical_way(self, -depth, "LOWERING_BLOCKED", space)
-        slow_from = self._near(way, grasp, map, clearance, slow_within)
+        ends_on = self.optional_device(ForceSensor) is None
+        met = self._met(way, grasp, map, clearance)
+        if ends_on:
+            if met is None:
+                raise self.failure(
+                    "NO_CONTACT", f"no known fruit and object within {1e3 * depth:.0f} mm below; {UNFELT}"
+                )
+            way = way[: met + 1]
+        slow_from = self._near(way, met, slow_within)
         legs = Leg(way[: slow_from + 1], Manner(fast, *LOWERING)), Leg(way[slow_from:], Manner(speed, *TOUCHING))
         try:
-            yield from self._lower(legs, depth, space, hold, grasp, contact)
+            yield from self._lower(legs, depth, space, hold, grasp, contact, ends_on)
         except SkillFailure as failed:
             lowered = before - tool_pose(self)[2, 3]
             if raise_again and lowered > RESUMED and failed.failure.code in ("NO_CONTACT", "LOWERING_BLOCKED"):
@@ -114,6 +127,8 @@ class Release(PoseSkill):
         width = self._opening(map, clearance)
         take_over(gripper)
         yield from self._open(width)
+        if ends_on and (left := between(gripper.state(), gripper.limits)):
+            raise self.failure("HAND_UNCLEAR", f"after the fingers opened, {left}; the fruit may still be held")
         way_up = vertical_way(self, before - tool_pose(self)[2, 3], "LOWERING_BLOCKED")
         yield from follow_way(self, way_up, RISING)
         return None
@@ -127,13 +142,22 @@ class Release(PoseSkill):
         return self.failure("NOT_HELD", "there is nothing between the fingers to put down")
 
     def _lower(
-        self, legs: Sequence[Leg], depth: float, space: ArmSpace, hold: Hold | None, grasp: Grasp | None, contact: float
+        self,
+        legs: Sequence[Leg],
+        depth: float,
+        space: ArmSpace,
+        hold: Hold | None,
+        grasp: Grasp | None,
+        contact: float,
+        ends_on: bool,
     ) -> Watching:
         """Go down along legs until a support carries the fruit; after a jolt it goes on."""
         before, opened = float(tool_pose(self)[2, 3]), self.device(Gripper).state().width
         for jolts in range(1, JOLTS + 2):
             try:
-                words = yield from lower_to_support(self, legs, hold, grasp, contact, "LOWERING_BLOCKED", opened)
+                words = yield from lower_to_support(
+                    self, legs, hold, grasp, contact, "LOWERING_BLOCKED", opened, ends_on
+                )
             except Jolted:
                 words = f"the change of load on the way down has gone again {jolts} times, as after jolts"
                 if (left := depth - before + float(tool_pose(self)[2, 3])) < RESUMED:
@@ -149,19 +173,21 @@ class Release(PoseSkill):
         message = f"{words} ({1e3 * lowered:.0f} mm down); the fruit is still held"
         raise self.failure("NO_CONTACT", message, lowered_m=lowered)
 
-    def _near(
-        self, way: Float64, grasp: Grasp | None, map: OccupancyMap | None, clearance: float, within: float
-    ) -> int:
-        """Return the first posture at which the fruit is so near to its first contact [m]; 0 if that is unknown."""
+    def _met(self, way: Float64, grasp: Grasp | None, map: OccupancyMap | None, clearance: float) -> int | None:
+        """Return the first posture at which the fruit is within `BESIDE` of an object; None if there is none."""
         if grasp is None:
-            return 0
+            return None
         space = self._space(map, clearance, grasp)
         world = space.world.with_margins(Margins(0.0, 0.0, 0.0, BESIDE, 0.0))
         met = np.flatnonzero(~world.free(way, space.width))
-        if not len(met):
+        return int(met[0]) if len(met) else None
+
+    def _near(self, way: Float64, met: int | None, within: float) -> int:
+        """Return the first posture at which the fruit is so near to its first contact [m]; 0 if that is unknown."""
+        if met is None:
             return 0
         robot = RobotModel.load(self.device(Arm).description)
-        heights = np.array([robot.tcp(q)[2, 3] for q in way[: met[0] + 1]])
+        heights = np.array([robot.tcp(q)[2, 3] for q in way[: met + 1]])
         return int(np.flatnonzero(heights <= heights[-1] + within)[0])
 
     def _open(self, width: float) -> Watching:

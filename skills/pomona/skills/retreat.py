@@ -18,10 +18,11 @@ from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.straight_line import StraightLine
-from pomona.skills.shared.carrying import JERK_TIME, TouchedDown, is_held, lower_until_contact
+from pomona.skills.shared.carrying import JERK_TIME, TouchedDown, lower_until_contact
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
+from pomona.skills.shared.held_fruit import HAND_DEVICES, is_between, is_held
 from pomona.skills.shared.straight_travel import free_line, tool_pose
-from pomona.skills.shared.touch import Touch, load, something_between
+from pomona.skills.shared.touch import Touch, load
 from pomona.skills.shared.warm_motion import prepare_moving
 from pomona.skills.shared.yielding import YieldingFingers
 
@@ -49,7 +50,8 @@ class Retreat(MovingSkill):
     are those of the attempt; they are still checked against fixed obstacles and the arm itself.
     """
 
-    devices = (Arm, Gripper, ForceSensor, Workspace)
+    devices = (Arm, Gripper, Workspace)
+    optional_devices = (*MovingSkill.optional_devices, *HAND_DEVICES)
     moves = (Arm, Gripper)
     failures = (*MOTION_FAILURES, "RETREAT_BLOCKED")
     renamed_failures: ClassVar = {"NO_WAY_BACK": "RETREAT_BLOCKED"}
@@ -68,7 +70,7 @@ class Retreat(MovingSkill):
             return None
         arm, gripper = self.device(Arm), self.device(Gripper)
         place, height = where(tool_pose(self), grasp)
-        held = is_held(self) or something_between(gripper, self.device(ForceSensor))
+        held = is_held(self) or is_between(self)
         if place is StoppedAt.ELSEWHERE or (place is StoppedAt.ABOVE and not held):
             return None
         if held and height > SUPPORTED:
@@ -97,7 +99,7 @@ class Retreat(MovingSkill):
         T_base_goal = tool_pose(self)
         T_base_goal[2, 3] -= height
         line = self._line(T_base_goal)
-        with Touch(self.device(ForceSensor), load) as touch:
+        with Touch(self.optional_device(ForceSensor), load) as touch:
 
             def watch() -> None:
                 if touch.change > contact:

@@ -163,3 +163,14 @@ def test_a_camera_shows_its_frames_in_order():
     assert camera.latest().label == "c"
     assert camera.looks == 5
     assert MockCamera().latest() is None
+
+
+def test_a_move_that_its_skill_stopped_is_not_awaited_any_more():
+    clock = MockClock()
+    gripper = MockGripper(clock, 0.1)
+    motion = gripper.move(0.05, 0.02)
+    clock.advance(0.5)
+    motion.stop()
+    for _ in range(100):
+        clock.advance(0.1)
+        gripper.check()

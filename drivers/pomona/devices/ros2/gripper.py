@@ -85,6 +85,7 @@ class Ros2Gripper(Device):
         self._set_point: float | None = None  # None: nothing was commanded yet, or the last command is no longer known
         self._move: GripperMotion | None = None
         self._speed = 0.0
+        self._aim: float | None = None
         self._watchdog = Watchdog(options.watchdog)
         self._stepped_at = self._sent_at = clock.now()
         self._sent: float | None = None
@@ -146,7 +147,8 @@ class Ros2Gripper(Device):
             then, before = self._widths[0]
             elapsed = sample.stamp - then
             speed = (width - before) / elapsed if elapsed > 0.5 * SPEED_WINDOW else 0.0
-        state = GripperState(sample.stamp, width, speed, self._move is not None and not self._move.settled)
+        moving = self._move is not None and not self._move.settled
+        state = GripperState(sample.stamp, width, speed, moving, aim=self._aim)
         wrong = self._supervisor.look(self._clock.now(), state)
         if wrong:
             self._fail(wrong)
@@ -198,6 +200,7 @@ class Ros2Gripper(Device):
             self._move.end(MotionState.STOPPED)
             self._move.settled = True
         self._move, self._speed, self._off_target_since = move, 0.0, math.inf
+        self._aim = move.width
         self._set_point = state.width if self._set_point is None else self._set_point
         self._supervisor.move(self._clock.now(), state.width, move.width, move.speed)
 
@@ -224,6 +227,7 @@ class Ros2Gripper(Device):
         wanted = allowed_speed(speed, self.limits, self._latched is not None)
         if self._move is not None and not self._move.ended:
             self._stop(self._move)
+        self._aim = None
         self._set_point = self._state.width if self._set_point is None else self._set_point
         self._watchdog.renew(self._clock.now())
         self._stream(wanted)

@@ -71,6 +71,7 @@ class Jaws:
         self._device, self._open_link, self._clock = device, open_link, clock
         self._retry_at = 0.0
         self._rate = 0.0
+        self._aim: float | None = None
         self._updated: dict[Command, float] = {}
         self._motion: GripperMotion | None = None
         self._waiting: GripperMotion | None = None  # to be started when the stop before it is answered
@@ -167,7 +168,7 @@ class Jaws:
         if self._motion is not None and self._motion is not motion:
             self._motion.end(MotionState.STOPPED)
             self._motion.settled = True
-        self._motion = motion
+        self._motion, self._aim = motion, motion.width
         self._wanted = self._sent = 0.0
         self._waiting, self._arriving = motion, None
         self.supervisor.move(self._clock.now(), self.state.width, motion.width, motion.speed)
@@ -189,7 +190,7 @@ class Jaws:
         if self._motion is not None and not self._motion.ended:
             self.stop_motion(self._motion)
         now = self._clock.now()
-        self._wanted = wanted
+        self._wanted, self._aim = wanted, None
         self._watchdog.renew(now)
         if now - self._sent_at >= STREAM_PERIOD or (wanted == 0.0 and self._sent != 0.0):
             self._send_speed(wanted)
@@ -374,7 +375,8 @@ class Jaws:
         width = jaw + self.options.finger_offset
         moving = bool(self.bits & SystemState.MOVING) or abs(self._rate) > 5e-4
         referenced = bool(self.bits & SystemState.REFERENCED)
-        self.state = GripperState(self._clock.now(), width, self._rate, moving, referenced=referenced)
+        now = self._clock.now()
+        self.state = GripperState(now, width, self._rate, moving, referenced=referenced, aim=self._aim)
         if self._motion is not None:
             self._motion.measured = width
 

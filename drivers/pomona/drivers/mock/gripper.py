@@ -43,6 +43,7 @@ class MockGripper(Device):
         self.speeds: list[tuple[float, float]] = []
         self.moves: list[DirectMotion] = []
         self._rate = 0.0
+        self._aim: float | None = None
         self._paused = False
         self._latched: str | None = None
         self._refusal: str | None = None
@@ -64,7 +65,8 @@ class MockGripper(Device):
     # ----------------------------------------------------------------------------------------------- device
 
     def state(self) -> GripperState:
-        return GripperState(self._clock.now(), self.width, self._rate, not self.settled(), self.motor_force)
+        moving = not self.settled()
+        return GripperState(self._clock.now(), self.width, self._rate, moving, self.motor_force, aim=self._aim)
 
     def move(self, width: float, speed: float) -> Motion:
         refusal, self._refusal = self._refusal, None
@@ -75,11 +77,13 @@ class MockGripper(Device):
         require_move(self.name, self.limits, width, speed)
         self._end_move()
         self._supervisor.move(self._clock.now(), self.width, width, speed)
-        self.moves.append(DirectMotion(width, speed, self.width))
+        self.moves.append(DirectMotion(width, speed, self.width, lambda: self._supervisor.rest(self._clock.now())))
+        self._aim = width
         return self.moves[-1]
 
     def set_speed(self, speed: float) -> None:
         self._end_move()
+        self._aim = None
         self.speeds.append((self._clock.now(), speed))
         self._supervisor.stream(self._clock.now(), speed if math.isfinite(speed) else 0.0, WATCHDOG)
 
@@ -123,7 +127,6 @@ class MockGripper(Device):
     def _end_move(self) -> None:
         if self._move is not None:
             self._move.stop()
-            self._supervisor.rest(self._clock.now())
 
     def _step(self) -> None:
         move = self._move

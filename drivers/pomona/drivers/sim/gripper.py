@@ -60,6 +60,7 @@ class SimGripper(FaultyDevice):
         self._address = [int(finger.qposadr[0]) for finger in self._fingers]
         self._dof = [int(finger.dofadr[0]) for finger in self._fingers]
         self._speed, self._rate = 0.0, 0.0
+        self._aim: float | None = None
         self._move: DirectMotion | None = None
         self._blocked_for = 0.0
         self._paused = False
@@ -87,7 +88,7 @@ class SimGripper(FaultyDevice):
             width = self._closed + float(state.qpos[self._address[0]] + state.qpos[self._address[1]])
             speed = float(state.qvel[self._dof[0]] + state.qvel[self._dof[1]])
         motor_force = MOTOR_STEP * round(-float(state.actuator_force[self._actuator]) / MOTOR_STEP)
-        return GripperState(self._world.clock.now(), width, speed, not self.settled(), motor_force)
+        return GripperState(self._world.clock.now(), width, speed, not self.settled(), motor_force, aim=self._aim)
 
     def move(self, width: float, speed: float) -> Motion:
         if self._latched is not None:
@@ -96,16 +97,17 @@ class SimGripper(FaultyDevice):
             raise MotionRefused(self.name, "does not answer" if self.fault == "lost" else ESTRANGED)
         require_move(self.name, self.limits, width, speed)
         self._end_move()
-        self._speed = 0.0
+        self._speed, self._aim = 0.0, width
         now, start = self._world.clock.now(), self._measure().width
         self._supervisor.move(now, start, width, speed)
-        self._move = DirectMotion(width, speed, start)
+        self._move = DirectMotion(width, speed, start, lambda: self._supervisor.rest(self._world.clock.now()))
         return self._move
 
     def set_speed(self, speed: float) -> None:
         if self._lost_since_ack:
             raise DeviceLost(self.name, "does not answer" if self.fault == "lost" else ESTRANGED)
         self._end_move()
+        self._aim = None
         now = self._world.clock.now()
         self._speed = allowed_speed(speed, self.limits, self._latched is not None)
         self._watchdog.renew(now)
@@ -159,7 +161,6 @@ class SimGripper(FaultyDevice):
     def _end_move(self) -> None:
         if self._move is not None and not self._move.settled:
             self._move.stop()
-            self._supervisor.rest(self._world.clock.now())
 
     def _command(self) -> None:
         """The opening's rate for this step, shared between the fingers."""

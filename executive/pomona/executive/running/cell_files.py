@@ -10,7 +10,7 @@ from typing import Protocol, TypeVar
 
 from pomona.executive.running.cell import Cell
 from pomona.executive.values.documents import Outline
-from pomona.executive.values.findings import Findings
+from pomona.executive.values.findings import Findings, Located
 from pomona.executive.values.scoring import Score
 from pomona.executive.values.yaml_nodes import YamlScalar
 
@@ -46,6 +46,9 @@ class CellFile(Protocol):
 
     def known(self, what: type[T]) -> T | None:
         """Return an object that the file describes, before any connection."""
+
+    def place(self, interface: type) -> Located | None:
+        """Return where the file describes the device with this interface, or None where it has none."""
 
 
 class CellFiles(Protocol):

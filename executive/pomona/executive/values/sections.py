@@ -17,7 +17,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
 
-from pomona.executive.values.findings import did_you_mean
+from pomona.executive.values.findings import Located, did_you_mean
 from pomona.executive.values.kinds import Kind, ScalarKind, Schema
 from pomona.executive.values.reading import Reader, Refused
 from pomona.executive.values.shape import shape_of
@@ -29,12 +29,16 @@ _REQUIRED = dataclasses.MISSING
 
 
 class Problem(NamedTuple):
-    """A conflict between valid values; `key` is the one to change. A warning does not stop the command."""
+    """A conflict between valid values; `key` is the one to change. A warning does not stop the command.
+
+    `where` is its place in another file, such as the section of a device in the cell file.
+    """
 
     key: str
     message: str
     hint: str = ""
     warning: bool = False
+    where: Located | None = None
 
 
 @runtime_checkable

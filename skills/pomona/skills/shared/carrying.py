@@ -1,4 +1,4 @@
-"""Steps of the skills that carry a fruit: is it held, is the load too much, put it down, put it back."""
+"""Steps of the skills that carry a fruit: is the load too much, put it down, put it back."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from pomona.skills.motion.straight_line import StraightLine, straight_line
 from pomona.skills.shared.following import MovingSkill, Watching
 from pomona.skills.shared.grip_view import show_grip
 from pomona.skills.shared.hanging import LEAST, require_truth
-from pomona.skills.shared.touch import HELD_FORCE, Touch, load, pressing_forces, something_between
+from pomona.skills.shared.held_fruit import is_held, is_pressed
+from pomona.skills.shared.touch import Touch, load, pressing_forces
 
 JERK_TIME = 0.1  # time in which the arm reaches its acceleration [s]
 NEAR = 0.015  # height above the support below which a fruit may touch down [m]: it may have slid down in the fingers
@@ -87,16 +88,6 @@ class OverloadMonitor:
             raise GripOverloaded(problem, PadLoad(self._hold))
 
 
-def is_held(skill: MovingSkill, hold: Hold | None = None) -> bool:
-    """Return True while the fruit is held.
-
-    The given grip decides, or the one that has the fingers. Without a grip, force and opening show an object between
-    the fingers.
-    """
-    grip = hold if hold is not None and not hold.ended else current_hold(skill.device(Gripper))
-    return grip.holds if grip is not None else something_between(skill.device(Gripper), skill.device(ForceSensor))
-
-
 def grip_failure(
     skill: MovingSkill, code: str, message: str, hold: Hold | None, problem: GripProblem | None = None
 ) -> SkillFailure:
@@ -106,12 +97,13 @@ def grip_failure(
     """
     if problem is None and hold is not None:
         problem = hold.problem
-    left, right = pressing_forces(skill.device(ForceSensor))
-    now = {
-        "width_m": float(np.round(skill.device(Gripper).state().width, 5)),
-        "left_force_n": round(left, 3),
-        "right_force_n": round(right, 3),
-    }
+    state, sensor = skill.device(Gripper).state(), skill.optional_device(ForceSensor)
+    now = {"width_m": float(np.round(state.width, 5))}
+    if sensor is not None:
+        left, right = pressing_forces(sensor)
+        now |= {"left_force_n": round(left, 3), "right_force_n": round(right, 3)}
+    elif state.motor_force is not None:
+        now["motor_force_n"] = round(state.motor_force, 3)
     if problem is None:
         return skill.failure(code, message, grip="", **now)
     return skill.failure(code, f"{message}: {problem.message}", **{**now, **problem.data, "grip": problem.code})
@@ -145,7 +137,7 @@ def lower_until_contact(
     height = (steps - split) / steps * line.length
     # speed of the tool near the support [m/s]
     gently = time_curve(line.q[split:], height, limits, 0.03, GENTLE, GENTLE / JERK_TIME)
-    with Touch(skill.device(ForceSensor), load) as touch:
+    with Touch(skill.optional_device(ForceSensor), load) as touch:
         contact = max(CONTACT, CARRIED * touch.at_first())
 
         def feel() -> None:
@@ -194,6 +186,6 @@ def put_back(
         yield from lower_until_contact(skill, line, LOWERING, acceleration, watch)
     except TouchedDown:
         yield from skill.wait(RESTING)
-        if max(pressing_forces(skill.device(ForceSensor))) <= HELD_FORCE:
+        if not is_pressed(skill):
             raise grip_failure(skill, "LOST", LOST_PUT_BACK, hold) from None
     return True

@@ -10,11 +10,12 @@ from pomona.executive.skill import Work
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.hold import Hold, current_hold
 from pomona.skills.motion.grasp import Grasp
-from pomona.skills.shared.carrying import RESTING, TouchedDown, is_held, rest_on_contact
+from pomona.skills.shared.carrying import RESTING, TouchedDown, rest_on_contact
 from pomona.skills.shared.following import MovingSkill
 from pomona.skills.shared.grip_view import show_grip
+from pomona.skills.shared.held_fruit import is_pressed, watch_fruit
 from pomona.skills.shared.straight_travel import Manner, follow_way, vertical_way
-from pomona.skills.shared.touch import HELD_FORCE, Touch, load, pressing_forces
+from pomona.skills.shared.touch import Touch, load
 
 RAISED = 0.002
 """Height of raising the fruit from its support [m]: a fruit that hangs again loads the pads as before, while a drift
@@ -29,7 +30,7 @@ PUSHED = 0.8e-3
 """Motion of fingers that no grip controls which shows something beside them [m]: a supervisor allows 3 mm, and the
 arm stops within a millimetre of it."""
 
-LOST = "the fruit was lost on the way down: it presses on neither finger"
+LOST = "the fruit was lost on the way down"
 
 
 class Leg(NamedTuple):
@@ -51,26 +52,27 @@ def lower_to_support(
     contact: float,
     code: str,
     opened: float,
+    ends_on: bool = False,
 ) -> Work[str]:
     """Go down along legs until a support carries the fruit.
 
     Returns an empty text then, or why none does. `contact` [N] is the change of load that shows contact; a leg with
     a higher acceleration than `GENTLE` adds the inertia of the fruit. Fingers that something beside the fruit pushes
-    end the way down with `code`; `opened` is their width before it [m].
+    end the way down with `code`; `opened` is their width before it [m]. `ends_on`: the legs end on a known support.
 
     Raises:
         Jolted, SkillFailure: as `contact_doubt`.
     """
-    limit, gripper = contact, skill.device(Gripper)
-    with Touch(skill.device(ForceSensor), load) as touch:
+    limit, gripper, lost = contact, skill.device(Gripper), watch_fruit(skill)
+    with Touch(skill.optional_device(ForceSensor), load) as touch:
 
         def watch() -> None:
             if hold is not None:
                 show_grip(skill, hold)
             if touch.change > limit:  # first: the support's push may unload a finger
                 raise TouchedDown
-            if not is_held(skill):
-                raise skill.failure("LOST", LOST)
+            if why := lost():
+                raise skill.failure("LOST", f"{LOST}: {why}")
             width = gripper.state().width
             if current_hold(gripper) is None and abs(width - opened) > PUSHED:
                 words = f"something pushes the fingers from {1e3 * opened:.1f} to {1e3 * width:.1f} mm"
@@ -84,7 +86,7 @@ def lower_to_support(
                 yield from follow_way(skill, leg.way, leg.manner, watch, grasp)
         except TouchedDown:
             return (yield from contact_doubt(skill, touch, contact, code))
-    return "the fruit met nothing"
+    return "" if ends_on else "the fruit met nothing"
 
 
 def contact_doubt(skill: MovingSkill, touch: Touch, contact: float, code: str) -> Work[str]:
@@ -106,8 +108,8 @@ def contact_doubt(skill: MovingSkill, touch: Touch, contact: float, code: str) -
 
 
 def _require_fruit(skill: MovingSkill) -> None:
-    if max(pressing_forces(skill.device(ForceSensor))) <= HELD_FORCE:
-        raise skill.failure("LOST", LOST) from None
+    if not is_pressed(skill):
+        raise skill.failure("LOST", f"{LOST}: it presses on neither finger") from None
 
 
 def _hangs_when_raised(skill: MovingSkill, touch: Touch, contact: float, code: str) -> Work[bool]:

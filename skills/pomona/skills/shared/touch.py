@@ -34,30 +34,32 @@ class Touch:
     """Listens to both fingers and remembers how much their force has changed since the beginning.
 
     The first sample is the reference: an offset of the sensors, or the weight of a held fruit, does not count. Use it
-    as a context manager; the subscription ends with it.
+    as a context manager; the subscription ends with it. Without a sensor nothing changes.
 
     Attributes:
         change: largest lasting change so far [N].
         finger: the finger with the change: left or right; empty before any, and when both are evaluated together.
     """
 
-    def __init__(self, sensor: ForceSensor, of: Callable[[Float64], Float64] = each_finger) -> None:
+    def __init__(self, sensor: ForceSensor | None, of: Callable[[Float64], Float64] = each_finger) -> None:
         """Start listening; `of` maps forces (finger, axis) to the vectors (n, k) whose norms are compared."""
         self._sensor, self._of = sensor, of
-        first = sensor.latest()
+        first = None if sensor is None else sensor.latest()
         self._reference = None if first is None else of(first.wrenches[:, :3])
         self._recent: deque[Float64] = deque(maxlen=SPIKE)
-        self._felt: deque[Float64] = deque(maxlen=max(1, round(0.1 * sensor.rate)))  # time of an average [s]
+        rate = 1.0 if sensor is None else sensor.rate
+        self._felt: deque[Float64] = deque(maxlen=max(1, round(0.1 * rate)))  # time of an average [s]
         self.change = 0.0
         self.finger = ""
         self._limit, self._act = np.inf, _nothing
-        self._subscription = sensor.subscribe(self._on_sample)
+        self._subscription = None if sensor is None else sensor.subscribe(self._on_sample)
 
     def __enter__(self) -> Touch:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._subscription.close()
+        if self._subscription is not None:
+            self._subscription.close()
 
     def at_change(self, limit: float, act: Callable[[], None]) -> None:
         """Call `act` once in the sensor's own loop when a lasting change exceeds a limit [N].
@@ -93,6 +95,8 @@ class Touch:
 
     def stale_for(self, now: float) -> float:
         """Age of the newest sample [s] when that is more than `STALE_AFTER`; 0 while the stream flows."""
+        if self._sensor is None:
+            return 0.0
         newest = self._sensor.latest()
         age = np.inf if newest is None else now - newest.stamp
         return float(age) if age > STALE_AFTER else 0.0

@@ -1,0 +1,110 @@
+"""The skill Grasp."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any
+
+from pomona.drivers.errors import MotionRefused
+from pomona.drivers.interfaces import ForceSensor, Gripper, GripperState, MotionState
+from pomona.drivers.plain_hand import between, gone
+from pomona.executive.ports import FORCE, LENGTH, SPEED, TIME, Force, Length, Port, Speed, Time
+from pomona.executive.skill import CellFacts, Work
+from pomona.executive.values.sections import Problem
+from pomona.skills.grip.hold import take_over
+from pomona.skills.perception.measured_fruit import MeasuredFruit
+from pomona.skills.shared.following import MOTION_FAILURES, MotionEnded, MovingSkill, Watching, follow_motion
+
+NARROWEST = 0.5  # smallest width of a fruit between the fingers, relative to its smallest dimension
+WIDEST = 8e-3  # width over the fruit's largest dimension at which something else is between the fingers [m]
+LEAST_WAY = 1e-3  # distance that the fingers must be able to close before they meet the fruit [m]
+AIMED = 4e-3  # distance of the aim to the closed gripper [m]: twice that of fingers that hold nothing
+CREEP = 2e-3  # change of the width in `settle` after which the fruit may slip out [m]
+
+UNMEASURED = (
+    "the cell has no force sensor: no minimum grip force and no slip detection; the gripper's own force limit and the "
+    "port `force` bound the force on the fruit"
+)
+
+
+class PressedEnough(Exception):
+    """The motor presses with the force that was asked for."""
+
+
+class Grasp(MovingSkill):
+    """Close a plain gripper on the fruit until it is stopped or its motor presses with `force`, and verify the grip.
+
+    A fruit is gripped if the fingers were stopped before their aim, or the motor presses, and both still hold after
+    `settle`. The force on the fruit is not controlled, and slip is not measured.
+    """
+
+    devices = (Gripper,)
+    moves = (Gripper,)
+    failures = (*MOTION_FAILURES, "NO_CONTACT", "TOO_WIDE", "LOST")
+
+    @classmethod
+    def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
+        """Warn about the measurements that a cell without force sensor does not have."""
+        if cell is not None and cell.place(ForceSensor) is None:
+            yield Problem("", UNMEASURED, "SlipAvoidGrasp needs `fingers:` in the cell file", True, cell.place(Gripper))
+
+    def run(
+        self,
+        fruit: Annotated[MeasuredFruit | None, Port(help="measured fruit; its size bounds the width of a grip")] = None,
+        width: Annotated[
+            Length, Port(min="0 mm", help="aim of the fingers; 0: half the fruit's least dimension")
+        ] = LENGTH("0 mm"),
+        force: Annotated[
+            Force, Port(min="1 N", max="100 N", help="grasp force by the motor's current at which the fingers stop")
+        ] = FORCE("10 N"),
+        speed: Annotated[Speed, Port(min="1 mm/s", max="0.2 m/s", help="speed of closing")] = SPEED("0.02 m/s"),
+        settle: Annotated[Time, Port(min="0 s", max="5 s", help="time before the grip is verified")] = TIME("0.3 s"),
+    ) -> Work[None]:
+        gripper = self.device(Gripper)
+        take_over(gripper)
+        start, limits = gripper.state(), gripper.limits
+        narrowest = 0.0 if fruit is None else NARROWEST * float(fruit.dimensions.min())
+        aim = max(width or narrowest, limits.width_min + AIMED)
+        if start.width - aim < LEAST_WAY:
+            raise self._fail("NO_CONTACT", f"the fingers stand at {1e3 * start.width:.1f} mm already", start)
+        yield from self._close(aim, min(speed, limits.speed_max), force)
+        met = gripper.state()
+        if start.width - met.width < LEAST_WAY:
+            raise self._fail("TOO_WIDE", f"the fingers met something after {1e3 * LEAST_WAY:g} mm or less", met)
+        if fruit is not None and met.width > float(fruit.dimensions.max()) + WIDEST:
+            raise self._fail("TOO_WIDE", f"the fruit measures {1e3 * float(fruit.dimensions.max()):.0f} mm", met)
+        yield from self.wait(settle)
+        now = gripper.state()
+        if not (evidence := between(now, limits)):
+            raise self._fail("NO_CONTACT", "the fingers met nothing, and the motor does not press", now)
+        if lost := gone(met, now, limits, CREEP):
+            raise self._fail("LOST", f"{lost} after the grip", now)
+        yield evidence
+        return None
+
+    def _close(self, aim: float, speed: float, force: float) -> Watching:
+        """Close until the fingers are at their aim, are stopped by something, or press with a force [N]."""
+        gripper = self.device(Gripper)
+
+        def watch() -> str:
+            state = gripper.state()
+            if state.motor_force is not None and state.motor_force >= force:
+                raise PressedEnough
+            return f"{1e3 * state.width:.0f} mm"
+
+        try:
+            yield from follow_motion(gripper.move(aim, speed), watch)
+        except MotionRefused as refused:
+            raise self.failure("REFUSED", f"{refused}; nothing has moved", device=refused.device) from refused
+        except PressedEnough:
+            pass
+        except MotionEnded as ended:
+            if ended.state is MotionState.STOPPED:
+                raise self.failure("STOPPED", str(ended)) from ended
+            if not between(gripper.state(), gripper.limits):
+                raise self.failure("MOTION_FAILED", str(ended)) from ended
+
+    def _fail(self, code: str, why: str, state: GripperState) -> Exception:
+        force = {} if state.motor_force is None else {"motor_force_n": round(state.motor_force, 3)}
+        message = f"nothing is gripped: {why}, at {1e3 * state.width:.1f} mm"
+        return self.failure(code, message, width_m=round(state.width, 5), **force)

@@ -1,0 +1,55 @@
+"""Is a fruit between the fingers, and is it still there: by the grip, by a force sensor, or by width and motor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from pomona.drivers.interfaces import ForceSensor, Gripper, Hand
+from pomona.drivers.plain_hand import between, gone
+from pomona.skills.grip.hold import Hold, current_hold
+from pomona.skills.shared.following import MovingSkill
+from pomona.skills.shared.touch import HELD_FORCE, pressing_forces, something_between
+
+HAND_DEVICES = (ForceSensor, Hand)  # that show a held fruit, where the cell has them: a skill's `optional_devices`
+
+
+def is_held(skill: MovingSkill, hold: Hold | None = None) -> bool:
+    """Return True while the fruit is held.
+
+    The given grip decides, or the one that has the fingers; without a grip, see `is_between`.
+    """
+    grip = _grip(skill, hold)
+    return grip.holds if grip is not None else is_between(skill)
+
+
+def is_between(skill: MovingSkill) -> bool:
+    """Return True if force and opening show an object between the fingers.
+
+    Without a force sensor the state of the hand decides, with every doubt; without that, width and motor now.
+    """
+    gripper, sensor, hand = skill.device(Gripper), skill.optional_device(ForceSensor), skill.optional_device(Hand)
+    if sensor is not None:
+        return something_between(gripper, sensor)
+    return bool(between(gripper.state(), gripper.limits) if hand is None else hand.in_hand())
+
+
+def is_pressed(skill: MovingSkill) -> bool:
+    """Return True while a finger of a cell with force sensor is pressed."""
+    sensor = skill.optional_device(ForceSensor)
+    return sensor is not None and max(pressing_forces(sensor)) > HELD_FORCE
+
+
+def watch_fruit(skill: MovingSkill, hold: Hold | None = None) -> Callable[[], str]:
+    """Return a function that describes why the fruit that is held now is held no more; empty while it is held.
+
+    Without a force sensor it compares width and motor with those of now.
+    """
+    gripper = skill.device(Gripper)
+    if _grip(skill, hold) is None and skill.optional_device(ForceSensor) is None:
+        before = gripper.state()
+        return lambda: gone(before, gripper.state(), gripper.limits)
+    return lambda: "" if is_held(skill, hold) else "it presses on neither finger"
+
+
+def _grip(skill: MovingSkill, hold: Hold | None) -> Hold | None:
+    return hold if hold is not None and not hold.ended else current_hold(skill.device(Gripper))
