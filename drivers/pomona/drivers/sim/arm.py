@@ -76,12 +76,12 @@ class SimArm(FaultyDevice):
     def follow(self, trajectory: Trajectory) -> Motion:
         self._need_ready()
         try:
-            check_trajectory(trajectory, self.limits, self._set_point)
+            check_trajectory(trajectory, self.limits, self.state().q)
         except BadTrajectory as bad:
             raise MotionRefused(self.name, bad.problem) from bad
         self._supervisor.end()
         self._gives_way = False
-        self._motion = PathMotion(trajectory, self.limits, TIMESTEP, self._speed)
+        self._motion = PathMotion(trajectory, self.limits, TIMESTEP, self._speed, self._set_point)
         return self._motion
 
     def stream(self, watchdog: float) -> SetPoints:
