@@ -73,8 +73,8 @@ HOME = 0.01
 """An arm this near to a pose is there [rad]."""
 SHOWING: dict[str, type[Any]] = {"arm": Arm, "gripper": Gripper}
 """Devices whose faults show when they move; every other word of `shows` is a node's name."""
-HANGS = 600.0
-"""Time after which a case is given up [s]; a pause of a minute is simulated in less."""
+HANGS = 1200.0
+"""Time after which a case is given up [s]: a pause of a minute, or an arm at a tenth of its speed, takes less."""
 
 
 class Killed(BaseException):

@@ -188,4 +188,4 @@ def _quintic_time(way: Float64, limits: ArmLimits) -> float:
         10.0 / np.sqrt(3.0) * way / limits.acceleration,
         60.0 * way / limits.jerk,
     )
-    return max(float(peak.max()) ** (1.0 / power) for power, peak in enumerate(peaks, 1))
+    return max(float(np.power(peak.max(), 1.0 / power)) for power, peak in enumerate(peaks, 1))
