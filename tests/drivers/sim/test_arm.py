@@ -130,6 +130,19 @@ def test_an_arm_that_a_branch_holds_beside_its_set_point_begins_the_next_path_wi
     assert np.abs(arm.state().q - THERE).max() < 3e-3
 
 
+def test_a_loaded_arm_whose_feedback_has_jumped_stands_still(cell, arm, plan_rest_to_rest):
+    world = cell.devices["world"]
+    dofs = world.model.jnt_dofadr[world.arm_joints]
+    world.state.qfrc_applied[dofs] = 1.0  # N·m, of a fruit in the hand
+    advance(cell, 0.3)
+    motion = arm.follow(plan_rest_to_rest([arm.state().q, THERE], arm.limits, share=0.9))
+    advance(cell, 0.3)
+    arm.inject_fault("jump")
+    advance(cell, 1.0)
+    assert motion.settled
+    assert np.abs(world.state.qvel[dofs]).max() < 2e-3
+
+
 def test_pause_holds_and_resume_finishes_the_path(cell, arm, plan_rest_to_rest):
     path = plan_rest_to_rest([HERE, THERE], arm.limits)
     motion = arm.follow(path)
