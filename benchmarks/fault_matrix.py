@@ -2,6 +2,7 @@
 
     python -m benchmarks.fault_matrix [--cell sim] [--only fingers.stuck …] [--phases lifting …] [--seed 3] [--jobs 2]
     python -m benchmarks.fault_matrix --cases fingers.zero@closing arm.frozen@following
+    python -m benchmarks.fault_matrix --cell orchard [--phases rolling …]        # trees/experimental/pick_tree.yaml
 
 For each case: the run ends as its row says, within its deadline; the device is named; the arm comes to rest within its
 limits; a grip that held is never opened; no force above the limit; the record can be read and agrees; nothing resumes;
@@ -54,7 +55,7 @@ def run(cases: list[Case], cell: str, seed: int, jobs: int, alone: bool = False)
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cell", default="sim", choices=("sim", "emulated"))
+    parser.add_argument("--cell", default="sim", choices=("sim", "emulated", "orchard"))
     parser.add_argument("--only", nargs="*", help="faults, as switch.fault")
     parser.add_argument("--phases", nargs="*")
     parser.add_argument("--cases", nargs="*", help="as switch.fault@phase")

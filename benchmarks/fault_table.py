@@ -12,6 +12,8 @@ import yaml
 from pomona.executive.values.units import TIME
 
 TABLE = Path(__file__).with_name("fault_matrix.yaml")
+WALL = "orchard"
+"""The cell whose phases are those of trees/experimental/pick_tree.yaml."""
 ENDS = ("safe", "failure", "success", "harmless", "recovered")
 
 
@@ -68,9 +70,9 @@ class CaseVerdict:
     Attributes:
         noticed: from when the fault can show to the safe state, or to the failure of a skill [s]; NaN without either.
         rested: from the safe state to an arm that stands [s].
-        peak: the largest force of both pads together [N].
+        peak: the largest force of both pads together, on the wall of one pad on an apple [N].
         contact: the largest force between the robot and the table, a fruit or a fixed thing [N], and its name.
-        hung: whether the fruit hung when Lift reported it; None without a report.
+        true: whether the fruit was where the nodes reported it; None without a report.
     """
 
     case: Case
@@ -80,7 +82,7 @@ class CaseVerdict:
     rested: float = np.nan
     peak: float = 0.0
     contact: tuple[float, str] = (0.0, "")
-    hung: bool | None = None
+    true: bool | None = None
     wrong: list[str] = field(default_factory=list)
 
 
@@ -91,16 +93,17 @@ def read_table(cell: str, path: Path = TABLE) -> list[Case]:
         ValueError: a row names no phase, or no way to end.
     """
     table = yaml.safe_load(path.read_text())
+    own = table["wall"] if cell == WALL else table["phases"]
     phases = {
         name: FaultPhase(
             name, said["node"], TIME(said["after"]), **{key: said[key] for key in ("operator", "tree") if key in said}
         )
-        for name, said in {**table["phases"], **table["moments"]}.items()
+        for name, said in {**own, **({} if cell == WALL else table["moments"])}.items()
     }
     cases = []
     for row in table[cell]:
         switch, kind = row["fault"].rsplit(".", 1)
-        names = list(table["phases"]) if row["phases"] == "all" else row["phases"]
+        names = list(own) if row["phases"] == "all" else row["phases"]
         if unknown := [name for name in names if name not in phases]:
             raise ValueError(f"{row['fault']}: there is no phase {', '.join(unknown)}")
         if row["ends"] not in ENDS:
@@ -135,7 +138,7 @@ def report(verdicts: Sequence[CaseVerdict]) -> str:
     bad = sum(bool(v.wrong) for v in verdicts)
     lines.append(
         f"{len(verdicts)} cases: {len(verdicts) - bad} as they must be, {bad} wrong, "
-        f"{sum(v.hung is False for v in verdicts)} false successes, "
+        f"{sum(v.true is False for v in verdicts)} false successes, "
         f"pads at most {max((v.peak for v in verdicts if not v.case.spoils), default=0.0):.1f} N, "
         f"contact at most {max((v.contact[0] for v in verdicts if not v.case.spoils), default=0.0):.1f} N"
     )

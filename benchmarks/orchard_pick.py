@@ -49,6 +49,7 @@ GROUPS = {
     "cannot roll": "no room for the roll",
     "into a neighbour": "no room for the roll",
     "touched something": "touched on the approach",
+    "something holds it": "touched on the approach",
     "was lost": "lost",
     "the fruit left the pads": "slipped or lost",
     "the opening fell": "slipped or lost",

@@ -149,3 +149,31 @@ def test_a_stopped_path_keeps_the_new_speed_for_when_it_goes_on():
         follower.step()
     assert follower.rate == pytest.approx(0.4)
     assert follower.time_left == pytest.approx((path.duration - follower.path_time) / 0.4)
+
+
+@settings(max_examples=60)
+@given(
+    st.lists(st.floats(-0.1, 0.1), min_size=3, max_size=3),
+    st.sampled_from([1e-3, 0.05, 1.0]),
+    st.sampled_from([1.0, 0.1]),
+)
+def test_a_path_begins_at_the_last_set_point_and_comes_to_its_end_without_a_jump(away, way, speed):
+    path = sweep(np.multiply([1.0, -0.5, 0.3], way))
+    follower = PathFollower(path, LIMITS, PERIOD, speed, path.q[0] + away)
+    points = np.vstack([path.q[0] + away, run(follower, {})])
+    reached = (
+        np.abs(np.diff(points, axis=0)).max(axis=0) / PERIOD,
+        np.abs(np.diff(points, 2, axis=0)).max(axis=0) / PERIOD**2,
+    )
+    assert (reached[0] < 1.11 * LIMITS.velocity).all()
+    assert (reached[1] < 1.11 * LIMITS.acceleration).all()
+    assert points[-1] == pytest.approx(path.q[-1])
+
+
+def test_a_distance_to_the_last_set_point_is_taken_up_in_the_first_third_of_a_second():
+    path = sweep([1.0, -0.5, 0.3])
+    plain, offset = PathFollower(path, LIMITS, PERIOD), PathFollower(path, LIMITS, PERIOD, q_from=path.q[0] + 1e-3)
+    apart = np.abs(run(plain, {}) - run(offset, {})).max(axis=1)
+    assert apart[0] == pytest.approx(1e-3, rel=1e-3)
+    assert (np.diff(apart) < 1e-9).all()
+    assert apart[round(0.31 / PERIOD) :].max() < 1e-9

@@ -1,9 +1,12 @@
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from py_trees.common import Status
 
+from pomona.drivers.cell import load_cell
+from pomona.drivers.interfaces import Arm, Gripper, Workspace
 from pomona.executive.skill_testing import drive
 from pomona.skills.motion.collision import CollisionWorld, Convex
 from pomona.skills.move_to import MoveTo
@@ -27,6 +30,26 @@ def test_it_moves_to_the_named_pose():
     outcome = drive(MoveTo(), {"pose": "home"}, scene.devices, clock=scene.clock)
     assert outcome.status is Status.SUCCESS
     np.testing.assert_allclose(scene.arm.q, HOME, atol=1e-6)
+
+
+def test_an_arm_that_a_branch_holds_beside_its_set_point_moves_on():
+    cell = load_cell(Path(__file__).resolve().parents[2] / "trees" / "cells" / "sim.yaml", seed=1)
+    world = cell.devices["world"]
+    devices = {kind: cell.device(kind) for kind in (Arm, Gripper)} | {Workspace: cell.workspace}
+    stood = cell.device(Arm).state().q[5]
+    world.state.qfrc_applied[world.model.jnt_dofadr[world.arm_joints][5]] = 9.0  # N·m, from a branch at the hand
+    cell.clock.advance(0.5)
+    assert 0.1 < np.degrees(abs(cell.device(Arm).state().q[5] - stood)) < 0.3
+    moved = []
+
+    def let_go(tick):
+        moved.append(cell.device(Arm).state().moving)
+        if sum(moved) > 10:
+            world.state.qfrc_applied[:] = 0.0
+
+    outcome = drive(MoveTo(), {"pose": "observe"}, devices, clock=cell.clock, each_tick=let_go)
+    assert outcome.status is Status.SUCCESS, outcome.reason
+    cell.close()
 
 
 def test_at_the_pose_nothing_moves():

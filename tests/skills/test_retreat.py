@@ -47,6 +47,14 @@ def test_halfway_on_the_approach_the_open_fingers_stay_as_they_are():
     np.testing.assert_allclose(scene.tcp, GRASP.T_base_pre_grasp, atol=1e-6)
 
 
+def test_a_hand_that_a_branch_holds_beside_the_pre_grasp_does_not_go_back_there():
+    T = GRASP.T_base_pre_grasp.copy()
+    T[:3, 3] += [2e-3, 0.0, 2e-3]
+    scene = PickingScene(q=straight_line(ROBOT_MODEL, LINE[0], T).q[-1], width=GRASP.width)
+    assert retreat(scene).status is Status.SUCCESS
+    assert scene.arm.followed == []
+
+
 def test_empty_fingers_that_something_blocks_from_outside_still_go_back():
     scene = PickingScene(q=LINE[len(LINE) // 2].copy(), width=GRASP.width - 0.004)
 

@@ -15,19 +15,41 @@ import numpy as np
 from pomona.drivers.interfaces import ArmLimits, Trajectory
 from pomona.executive.values.arrays import Float64
 
+BLEND = 0.3
+"""Time over which the distance from the last set-point to the path's start is taken up [s]: a choice. It is longer for
+a distance that needs more than `SHARE` of the joints' limits then."""
+SHARE = 0.1
+
 
 class PathFollower:
     """The set-point on a trajectory, stepped at a fixed period."""
 
-    def __init__(self, trajectory: Trajectory, limits: ArmLimits, period: float, speed: float = 1.0) -> None:
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        limits: ArmLimits,
+        period: float,
+        speed: float = 1.0,
+        q_from: Float64 | None = None,
+    ) -> None:
         """
         Args:
             period: of the steps [s].
             speed: share of the path's own pace at which it is followed, above 0 to 1.
+            q_from: the last set-point, shape (dof,) [rad]. When something holds the arm beside it, it differs from the
+                path's start, and the set-point moves smoothly onto the path. None: it begins at the path's start.
         """
         self._period, self._limits = period, limits
+        away = np.zeros_like(trajectory.q[0]) if q_from is None else q_from - trajectory.q[0]
+        needed = _quintic_time(away, limits)
+        trajectory = stretched(trajectory, max(needed / trajectory.duration, 1.0))
         self._duration = trajectory.duration
         self._q, self._qd, self._qdd = _resample(trajectory, period)
+        if away.any():
+            blend = max(min(BLEND, self._duration), needed)
+            t = np.minimum(np.arange(len(self._q)) * period, self._duration)
+            for part, left in zip((self._q, self._qd, self._qdd), _quintic(t, blend), strict=True):
+                part += np.outer(left, away)
         self.path_time = 0.0
         self.speed = speed
         self.rate = speed  # at once: a path begins at rest
@@ -130,6 +152,11 @@ class PathFollower:
         return q, qd, self._qdd[i] + s * (self._qdd[i + 1] - self._qdd[i])
 
 
+def stretched(trajectory: Trajectory, factor: float) -> Trajectory:
+    """Return the same path, slower by a factor >= 1: rates fall with it, accelerations with its square."""
+    return Trajectory(trajectory.t * factor, trajectory.q, trajectory.qd / factor, trajectory.qdd / factor**2)
+
+
 def _resample(trajectory: Trajectory, period: float) -> tuple[Float64, Float64, Float64]:
     """Return the trajectory at multiples of the period (and once beyond its end), by cubic Hermite interpolation."""
     t = np.arange(math.ceil(trajectory.duration / period - 1e-9) + 2) * period
@@ -143,3 +170,22 @@ def _resample(trajectory: Trajectory, period: float) -> tuple[Float64, Float64, 
     qd = (v0 + s * (2.0 * b + s * 3.0 * a)) / h
     qdd = trajectory.qdd[i] + s * (trajectory.qdd[i + 1] - trajectory.qdd[i])
     return q, qd, qdd
+
+
+def _quintic(t: Float64, duration: float) -> tuple[Float64, Float64, Float64]:
+    """Return a share that falls from 1 to 0 from rest to rest, and its two rates, at the times `t`, shape (n,) each."""
+    x = np.minimum(t / duration, 1.0)
+    share = 1.0 - x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+    rate = -30.0 * (x * (1.0 - x)) ** 2 / duration
+    return share, rate, -60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / duration**2
+
+
+def _quintic_time(way: Float64, limits: ArmLimits) -> float:
+    """Return the time in which a quintic covers a way, shape (dof,), within `SHARE` of the joints' limits [s]."""
+    way = np.abs(way) / SHARE
+    peaks = (
+        15.0 / 8.0 * way / limits.velocity,
+        10.0 / np.sqrt(3.0) * way / limits.acceleration,
+        60.0 * way / limits.jerk,
+    )
+    return max(float(np.power(peak.max(), 1.0 / power)) for power, peak in enumerate(peaks, 1))

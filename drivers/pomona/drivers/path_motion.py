@@ -23,8 +23,16 @@ class Phase(Enum):
 class PathMotion:
     """A `Motion` over a trajectory, stepped by the arm's driver at a fixed period."""
 
-    def __init__(self, trajectory: Trajectory, limits: ArmLimits, period: float, speed: float = 1.0) -> None:
-        self._follower = PathFollower(trajectory, limits, period, speed)
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        limits: ArmLimits,
+        period: float,
+        speed: float = 1.0,
+        q_from: Float64 | None = None,
+    ) -> None:
+        """The arguments are those of `PathFollower`."""
+        self._follower = PathFollower(trajectory, limits, period, speed, q_from)
         self.state = MotionState.RUNNING
         self.settled = False
         self.problem = ""

@@ -106,6 +106,43 @@ def test_an_arm_that_is_stopped_against_something_presses_on_it_no_longer_and_ca
     assert again.state is MotionState.DONE
 
 
+def test_an_arm_that_a_branch_holds_beside_its_set_point_begins_the_next_path_without_a_jump(
+    cell, arm, plan_rest_to_rest
+):
+    world, joint = cell.devices["world"], 5
+    dof = world.model.jnt_dofadr[world.arm_joints][joint]
+    stood = world.state.ctrl[world.arm_actuators].copy()
+    world.state.qfrc_applied[dof] = 12.0  # N·m: 25 N at the hand
+    advance(cell, 0.5)
+    held = arm.state().q
+    assert START_TOLERANCE < abs(held[joint] - stood[joint]) < 3.0 * START_TOLERANCE
+    motion = arm.follow(plan_rest_to_rest([held, THERE], arm.limits, share=0.8))
+    commanded = [stood]
+    while not motion.settled:
+        cell.clock.advance(0.002)
+        commanded.append(arm._set_point.copy())
+        if motion.progress > 0.5:
+            world.state.qfrc_applied[dof] = 0.0
+    assert motion.state is MotionState.DONE
+    steps = np.diff(commanded, axis=0) / 0.002
+    assert (np.abs(steps).max(axis=0) < arm.limits.velocity).all()
+    assert (np.abs(np.diff(steps, axis=0)).max(axis=0) / 0.002 < arm.limits.acceleration).all()
+    assert np.abs(arm.state().q - THERE).max() < 3e-3
+
+
+def test_a_loaded_arm_whose_feedback_has_jumped_stands_still(cell, arm, plan_rest_to_rest):
+    world = cell.devices["world"]
+    dofs = world.model.jnt_dofadr[world.arm_joints]
+    world.state.qfrc_applied[dofs] = 1.0  # N·m, of a fruit in the hand
+    advance(cell, 0.3)
+    motion = arm.follow(plan_rest_to_rest([arm.state().q, THERE], arm.limits, share=0.9))
+    advance(cell, 0.3)
+    arm.inject_fault("jump")
+    advance(cell, 1.0)
+    assert motion.settled
+    assert np.abs(world.state.qvel[dofs]).max() < 2e-3
+
+
 def test_pause_holds_and_resume_finishes_the_path(cell, arm, plan_rest_to_rest):
     path = plan_rest_to_rest([HERE, THERE], arm.limits)
     motion = arm.follow(path)

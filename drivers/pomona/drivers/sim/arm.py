@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pomona.drivers.errors import BadTrajectory, DeviceError, DeviceFault, DeviceLost, MotionRefused
-from pomona.drivers.interfaces import Arm, ArmLimits, ArmState, Motion, SetPoints, StreamedArm, Trajectory
+from pomona.drivers.interfaces import Arm, ArmLimits, ArmState, Motion, MotionState, SetPoints, StreamedArm, Trajectory
 from pomona.drivers.motion_supervisor import MotionSupervisor, Supervision
 from pomona.drivers.path_motion import PathMotion, Phase
 from pomona.drivers.sim.scene import TIMESTEP
@@ -76,12 +76,12 @@ class SimArm(FaultyDevice):
     def follow(self, trajectory: Trajectory) -> Motion:
         self._need_ready()
         try:
-            check_trajectory(trajectory, self.limits, self._set_point)
+            check_trajectory(trajectory, self.limits, self.state().q)
         except BadTrajectory as bad:
             raise MotionRefused(self.name, bad.problem) from bad
         self._supervisor.end()
         self._gives_way = False
-        self._motion = PathMotion(trajectory, self.limits, TIMESTEP, self._speed)
+        self._motion = PathMotion(trajectory, self.limits, TIMESTEP, self._speed, self._set_point)
         return self._motion
 
     def stream(self, watchdog: float) -> SetPoints:
@@ -173,7 +173,7 @@ class SimArm(FaultyDevice):
         now = self._world.clock.now()
         try:
             self._supervisor.on_feedback(now, *self._said())
-            if motion is not None and not motion.settled:
+            if motion is not None and not motion.settled and motion.state is not MotionState.FAILED:
                 self._supervisor.command(now, self._set_point)
                 self._supervisor.look(now, motion, self._steps)
         except DeviceLost as error:

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pomona.drivers.interfaces import Arm, Gripper, Trajectory, Workspace
+from pomona.drivers.path_follower import stretched
 from pomona.executive.skill import CellFacts
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.kinds import choose
@@ -19,7 +20,6 @@ from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.occupancy.integrate import without_robot
 from pomona.skills.motion.planning.arm_space import ArmSpace, arm_space
 from pomona.skills.motion.planning.plan import PlanRequest
-from pomona.skills.motion.planning.timing import stretched
 from pomona.skills.motion.planning.upright_space import UprightSpace
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.perception.measured_fruit import MeasuredFruit

@@ -235,11 +235,6 @@ def _slowing_profile(
     return _sampled(motion, np.zeros(1), np.array([length]), period)
 
 
-def stretched(trajectory: Trajectory, factor: float) -> Trajectory:
-    """Return the same path, slower by a factor >= 1: rates fall with it, accelerations with its square."""
-    return Trajectory(trajectory.t * factor, trajectory.q, trajectory.qd / factor, trajectory.qdd / factor**2)
-
-
 def _sample_times(duration: float, period: float) -> Float64:
     """Equal steps of at most `period` that end exactly at `duration`."""
     return np.linspace(0.0, duration, max(2, int(np.ceil(duration / period)) + 1))

@@ -1,0 +1,197 @@
+"""The truth of a case of the fault matrix: of the fruit on the table, or of an apple on the wall.
+
+No word of a skill is used. A claim is the success of a node: Lift that the fruit hangs, Detach that the apple is in the
+hand, Release that it lies in the bin. The truth judges it in the tick in which it is made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Protocol
+
+import numpy as np
+
+from pomona.applications.harvest.stems import HANGS
+from pomona.applications.harvest.world import FruitWallWorld
+from pomona.drivers.sim.robot import PADS
+from pomona.drivers.sim.world import SimWorld
+from pomona.executive.values.arrays import Float64
+
+FORCE_MAX = 14.0
+"""Limit of the table's tree for both fingers together [N]: SlipAvoidGrasp's default."""
+PAD_MAX = 20.0
+"""Largest force of one pad on an apple of the wall [N]: the gripper's own, `force_max` in orchard.yaml. More than that
+is the arm, which presses the apple with a pad."""
+OVERSHOOT = 1.05
+"""The arm's deceleration and the grip's force, as measured in the world, over their limits."""
+HUNG = 0.05
+"""A fruit this far above where it stood hangs [m]."""
+PRESSED = 0.3
+"""A fruit that both pads press with more is held [N]."""
+ROLLED = np.radians(20.0)
+"""A hand that has turned so far since the grip rolls: an undisturbed stem breaks from 57° on [rad]."""
+BIN = "bin"
+"""Where the cell's apples belong."""
+
+
+class Truth(Protocol):
+    """Truth of a case.
+
+    Attributes:
+        force_max: limit of `force` [N]; contact: largest other force so far, and on what [N].
+        failing: nodes whose failure ends the case; empty: any.
+        kept_from_stop: a grip must be kept from the safe stop on, not from the fault on.
+        claimed: whether the claims so far were true; None without one.
+    """
+
+    force_max: float
+    contact: tuple[float, str]
+    failing: frozenset[str]
+    kept_from_stop: bool
+    claimed: bool | None
+
+    @property
+    def forces(self) -> list[float]:
+        """Of the pads [N]."""
+
+    @property
+    def force(self) -> float:
+        """Present force that the limit holds for [N]."""
+
+    def look(self, detaching: bool) -> Iterator[str]:
+        """Note a step of the world; yield the names of the moments that have come."""
+
+    def judge_claim(self, node: str) -> None:
+        """Compare the success of a node with the truth."""
+
+    def is_over(self, node: str) -> bool:
+        """Whether nothing more is asked of the run once this node has succeeded."""
+
+    def troubles(self, told: Mapping[str, Any]) -> Iterator[str]:
+        """Yield all that must not have happened to fruit; `told` is the world's score at the end of the run."""
+
+
+class TableTruth:
+    """The fruit on the table."""
+
+    force_max = OVERSHOOT * FORCE_MAX
+    failing = frozenset[str]()
+    kept_from_stop = False
+
+    def __init__(self, world: SimWorld) -> None:
+        self._world = world
+        self._wrenches = [world.sensor(f"wrench_{pad}") for pad in PADS]
+        names = [world.model.sensor(i).name for i in range(world.model.nsensor)]
+        touched = [name for name in names if name.startswith("robot_") and name != "robot_robot"]
+        self._contacts = {name.removeprefix("robot_"): world.sensor(name) for name in touched}
+        self.contact = 0.0, ""
+        self.claimed: bool | None = None
+        self.rest_z = self._height()
+
+    def _height(self) -> float:
+        return float(self._world.state.body("fruit_0").xpos[2])
+
+    @property
+    def raised(self) -> float:
+        """Height of the fruit above where it stood [m]."""
+        return self._height() - self.rest_z
+
+    @property
+    def forces(self) -> list[float]:
+        return [float(np.linalg.norm(view[:3])) for view in self._wrenches]
+
+    @property
+    def force(self) -> float:
+        return sum(self.forces)
+
+    def look(self, detaching: bool) -> Iterator[str]:
+        for name, view in self._contacts.items():
+            if view[0] > 0.0:
+                self.contact = max(self.contact, (float(np.linalg.norm(view[1:4])), name))
+        return iter(())
+
+    def judge_claim(self, node: str) -> None:
+        if node == "Lift":
+            self.claimed = self.raised > HUNG
+
+    def is_over(self, node: str) -> bool:
+        return False
+
+    def troubles(self, told: Mapping[str, Any]) -> Iterator[str]:
+        if told.get("drops", 0):
+            yield "dropped the fruit"
+
+
+class WallTruth:
+    """The first apple of a wall that both pads hold, its stem and its neighbours."""
+
+    force_max = PAD_MAX
+    failing = frozenset({"Detach", "Release"})
+    kept_from_stop = True
+
+    def __init__(self, world: FruitWallWorld) -> None:
+        self._world = world
+        count = len(world.built.fruit_bodies)
+        world._reachable = (False,) * count  # which apples are in reach is asked by no case, and takes seconds
+        self._R: Float64 = world.state.site_xmat[world.model.site(PADS[0]).id].reshape(3, 3)
+        self._R_gripped = np.eye(3)
+        self.contact = 0.0, ""
+        self.claimed: bool | None = None
+        self.apple: int | None = None
+        self._left_in_hand = False
+
+    @property
+    def forces(self) -> list[float]:
+        return [0.0, 0.0] if self.apple is None else [float(f) for f in self._pads[self.apple]]
+
+    @property
+    def force(self) -> float:
+        return float(self._pads.max())
+
+    @property
+    def _pads(self) -> Float64:
+        pads: Float64 = self._world.score.touches.pads
+        return pads
+
+    @property
+    def _off(self) -> bool:
+        return self.apple is not None and bool(self._world.stems.state[self.apple] != HANGS)
+
+    def look(self, detaching: bool) -> Iterator[str]:
+        self.contact = max(self.contact, (self._world.score.touches.fixed, "a fixed object"))
+        if self.apple is None and detaching and (least := self._pads.min(axis=1)).max() > PRESSED:
+            self.apple, self._R_gripped = int(least.argmax()), self._R.copy()
+        if self.apple is not None:
+            yield "gripped"
+            if np.trace(self._R_gripped.T @ self._R) < 1.0 + 2.0 * np.cos(ROLLED):
+                yield "rolled"
+        if self._off:
+            yield "broken"
+
+    def judge_claim(self, node: str) -> None:
+        if node == "KeepTally":
+            self._left_in_hand |= self._off and self._place() == "hand"
+        if node not in ("Detach", "Release"):
+            return
+        true = self._place() == ("hand" if node == "Detach" else BIN)
+        self.claimed = true and self.claimed is not False
+
+    def _place(self) -> str:
+        return "" if self.apple is None else self._world.score.place(self.apple)
+
+    def is_over(self, node: str) -> bool:
+        return node == "KeepTally" and self._place() != BIN
+
+    def troubles(self, told: Mapping[str, Any]) -> Iterator[str]:
+        now: Any = self._world.score.report()  # an apple may have fallen since
+        if now["dropped"]:
+            yield "dropped the apple"
+        if now["knocked_off"] or now["fell"]:
+            yield "knocked an apple off"
+        if self._left_in_hand:
+            yield "goes on with the apple in the hand: the fingers open before the next one"
+
+
+def truth_of(world: Any) -> TableTruth | WallTruth:
+    """Return the truth of a simulated world."""
+    return WallTruth(world) if isinstance(world, FruitWallWorld) else TableTruth(world)
