@@ -168,8 +168,14 @@ def test_a_pad_that_meets_wood_is_a_jam() -> None:
     rig = Rig()
 
     def jam() -> None:
-        rig.fingers.feel = lambda _now: np.array([[0, 0, -9.0, 0, 0, 0], [0.0, 0, -1.0, 0, 0, 0]])
-        rig.fingers.saturated = (True, False)
+        wood = np.array([[0, 0, -4.5, 0, 0, 0], [0.0] * 6])
+
+        def feel(_now: float) -> np.ndarray:
+            meets = abs(rig.stem.roll) > 0.5
+            rig.fingers.saturated = (meets, False)
+            return rig.stem.wrenches() + wood * meets
+
+        rig.fingers.feel = feel
 
     assert code(drive_until(rig, "rolling", jam)) == "JAMMED"
 

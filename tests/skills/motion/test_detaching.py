@@ -26,7 +26,7 @@ def detach(stem, rolls=(2.4, -2.4), limit=20.0, each=lambda control: None):
     control = controller(stem, rolls)
     while control.phase is not DetachPhase.DONE and stem.time < limit:
         each(control)
-        stem.move(control.step(DT, stem.wrenches(), stem.saturated, stem.T, stem.width))
+        stem.step(control)
     assert control.phase is DetachPhase.DONE
     return control
 
@@ -76,9 +76,9 @@ def test_a_strong_stem_is_rolled_both_ways_and_let_back_slowly():
 
 def test_fingers_that_wood_blocks_while_they_close_are_a_jam_before_the_supervisor_ends_the_run():
     class Blocked(Stem):
-        def move(self, command):
+        def move(self, command, dt=DT):
             before = self.width
-            super().move(command)
+            super().move(command, dt)
             self.width = max(self.width, min(before, DIAMETER + 0.01))
 
     stem, closed = Blocked(), []
@@ -189,7 +189,7 @@ def test_wood_that_presses_fruit_harder_than_it_can_bear_is_a_jam():
     pressed[:, 2] = -1.3 * BRUISE_FORCE
     while control.phase is not DetachPhase.DONE and stem.time < 20.0:
         wood = control.phase is DetachPhase.ROLL and control.roll > 0.5
-        stem.move(control.step(DT, pressed if wood else stem.wrenches(), False, stem.T, stem.width))
+        stem.move(control.step(DT, pressed if wood else stem.wrenches(), False, stem.T, stem.width, stem.T_aimed))
         rolls.append(control.roll)
     assert max(rolls) < 0.9
 
@@ -201,7 +201,7 @@ def test_a_light_fruit_that_leaves_the_pads_is_not_taken_for_a_break():
     control = DetachController(light, (2.4, -2.4))
     while control.phase is not DetachPhase.DONE and stem.time < 20.0:
         stem.gone = control.phase is DetachPhase.ROLL and control.roll > 1.0
-        stem.move(control.step(DT, stem.wrenches(), False, stem.T, stem.width))
+        stem.move(control.step(DT, stem.wrenches(), False, stem.T, stem.width, stem.T_aimed))
     assert control.broke_at is None
     assert control.problem.code == "SLIPPED"
 
@@ -327,7 +327,7 @@ def test_a_pad_that_meets_wood_is_a_jam_within_a_tenth_of_a_second(pads, saturat
         rolling = control.phase is DetachPhase.ROLL
         if rolling:
             began.append(stem.time)
-        stem.move(control.step(DT, wood if rolling else stem.wrenches(), rolling and saturated, stem.T, stem.width))
+        stem.move(control.step(DT, wood if rolling else stem.wrenches(), rolling and saturated, stem.T, stem.width, stem.T_aimed))
     assert control.phase is (DetachPhase.ROLL if code is None else DetachPhase.LET_BACK)
 
 
