@@ -49,6 +49,8 @@ LONGEST = 0.06
 JUMP, BEYOND = 0.3, 0.4
 """Largest step of a joint [rad], and time without a step that the arm can follow after which the motion is given up
 [s]: at the edge of the arm's reach the hand turns without moving, moves without turning, or waits for the way back."""
+WITHIN = 0.9
+"""Share of the joints' speeds within which set-points stay: joints that all follow keep the hand on its path."""
 TARE = 0.06
 """Time over which the sensors' offset is averaged before the pads touch anything [s]."""
 BEARS = 2.0
@@ -197,12 +199,10 @@ class Detach(MovingSkill):
             dt, before = min(now - before, LONGEST), now
             state, T = gripper.state(), robot.tcp(arm.state().q)
             with pads.lock:
-                command = controller.step(
-                    dt, felt.wrenches, felt.saturated, T, state.width, aim.T, state.motor_force
-                )
+                command = controller.step(dt, felt.wrenches, felt.saturated, T, state.width, aim.T, state.motor_force)
                 fingers.holds = controller.broke_at is not None  # a detached fruit is not given up to a push
                 fingers.set_speed(command.opening, felt.press, BEARS)
-            aim.follow(command, dt)
+            controller.slowed(aim.follow(command, dt, WITHIN * motion.speed * arm.limits.velocity))
             if aim.unturned > BEYOND:
                 controller.end_roll()
             if aim.beyond > BEYOND:
@@ -265,20 +265,26 @@ class SetPoint:
         self.beyond = self.unturned = 0.0
         self._robot = robot
 
-    def follow(self, command: DetachCommand, dt: float) -> None:
-        """Move by a command for `dt` [s]: turn and move, else turn alone, else move alone, else stay."""
+    def follow(self, command: DetachCommand, dt: float, most: Float64) -> float:
+        """Move by a command for `dt` [s]: turn and move, else turn alone, else move alone, else stay.
+
+        Returns the share of the time that was used, 1 unless a joint would move faster than `most`, shape (dof,) [rad/s].
+        """
         turned, moved = command.roll_rate != 0.0, bool(command.velocity.any())
         self.beyond = self.beyond + dt if turned or moved else 0.0
         self.unturned = self.unturned + dt if turned else 0.0
         for turns, moves in ((turned, moved), (True, False), (False, True)):
             if not (turns and turned) and not (moves and moved):
                 continue  # no step at all
-            T = command.moved(self.T, dt, turns, moves)
-            q = nearest_solution(self._robot, T, self.q)
+            q, share = nearest_solution(self._robot, command.moved(self.T, dt, turns, moves), self.q), 1.0
+            if q is not None and (fastest := float((np.abs(q - self.q) / (dt * most)).max())) > 1.0:
+                share = 1.0 / fastest
+                q = nearest_solution(self._robot, command.moved(self.T, share * dt, turns, moves), self.q)
             if q is not None and np.abs(q - self.q).max() < JUMP:
-                self.q, self.T, self.beyond = q, T, 0.0
+                self.q, self.T, self.beyond = q, command.moved(self.T, share * dt, turns, moves), 0.0
                 self.unturned = 0.0 if turns else self.unturned
-                return
+                return share
+        return 1.0
 
 
 def inner_robot(arm: Arm) -> RobotModel:

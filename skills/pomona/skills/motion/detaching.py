@@ -241,7 +241,7 @@ class DetachController:
         self.roll_at_break = 0.0
         self._fruit, self._rolls = fruit, list(rolls)
         self._time = self._path = self._since = 0.0  # clock of forces; clock of the path, and when the phase began
-        self._pace = 1.0  # of the path's clock
+        self._pace = self._share = 1.0  # of the path's clock: while the hand is behind, and as the arm's speed allows
         self._rate = self._aimed = 0.0  # of the roll's set-point [rad/s], and the set-point [rad]
         self._T: Float64 | None = None  # measured pose of the hand, shape (4, 4)
         self._R_start = self._p_aimed = self._p_phase = np.zeros(0)  # at first; set-point now, and when the phase began
@@ -299,7 +299,7 @@ class DetachController:
             motor_force: as in `GripperState` [N].
         """
         self._note_pose(dt, T_base_tcp, T_base_tcp if T_base_aimed is None else T_base_aimed)
-        self._time, self._path = self._time + dt, self._path + self._pace * dt
+        self._time, self._path = self._time + dt, self._path + self._share * self._pace * dt
         self._motor = motor_force
         press = self._press = -wrenches[:, 2]
         force = _on_fruit(wrenches, T_base_tcp[:3, :3])
@@ -334,6 +334,10 @@ class DetachController:
         """Go on after a pause: what the fingers did meanwhile is not compared with commands."""
         self._width, self._opening = np.nan, 0.0
         self._rate = self._speed_back = 0.0
+
+    def slowed(self, share: float) -> None:
+        """Note which share of the last command the arm's speed allows."""
+        self._share = share
 
     def end_roll(self) -> None:
         """Take the present roll for the end of this way: the arm reaches no further."""
@@ -388,7 +392,11 @@ class DetachController:
         s = self.settings
         beside = saturated and abs(press[0] - press[1]) > s.jam_force_saturated
         over = press.max() > s.jam_press * self._fruit.bruise_force
-        jams = self.broke_at is None and self.phase is not DetachPhase.TEST and (beside or over or np.linalg.norm(force) > s.jam_force)
+        jams = (
+            self.broke_at is None
+            and self.phase is not DetachPhase.TEST
+            and (beside or over or np.linalg.norm(force) > s.jam_force)
+        )
         if self.phase in DRAWING:
             self.stem_peak = max(self.stem_peak, self.stem_force)
         self._jammed = self._jammed + dt if jams and self._path > self._relieved_until else 0.0
@@ -423,7 +431,9 @@ class DetachController:
     def _is_free(self, dt: float, press: Float64) -> bool:
         """Return True if the pads bear the whole fruit: a stem that holds would bear the weight or the pull."""
         s = self.settings
-        in_time = max(self._path, s.slowest * self._time) < 2.0 * s.patience  # a load that comes and goes would be judged for ever
+        in_time = (
+            max(self._path, s.slowest * self._time) < 2.0 * s.patience
+        )  # a load that comes and goes would be judged for ever
         turned = self._furthest > s.first_break
         unloaded = in_time and turned and press.min() > s.touch and self.stem_force < self._broken_force
         self._quiet = self._quiet + dt if unloaded else 0.0
@@ -550,7 +560,9 @@ class DetachController:
         speed = self._test.step(dt, float(force @ outwards), moved)
         if self._test.holds is not None and self._ending is not None:
             if not self._test.holds:
-                words = f"{self._ending.message}, but a pull of {1e3 * self._test.furthest:.0f} mm changed the force by "
+                words = (
+                    f"{self._ending.message}, but a pull of {1e3 * self._test.furthest:.0f} mm changed the force by "
+                )
                 words += f"{self._test.rise:.1f} N alone: the fruit may be off the tree; the grip is kept"
                 self._ending = DetachProblem("STEM_UNCLEAR", words)
             self._finish(self._ending)
@@ -590,7 +602,8 @@ class DetachController:
     def _grip(self, dt: float, wrenches: Float64) -> float:
         """Rate of the opening that brings the mean of the pads to the force that holds the larger load.
 
-        Pads that feel nothing are not closed, nor pads that the motor already presses as hard as the fruit may bear.
+        Pads that feel nothing are not closed, nor pads that the motor already presses as hard as the fruit may bear. Pads
+        that the motor presses with less than the first grip are not opened.
         """
         s, press = self.settings, -wrenches[:, 2]
         sideways = float(np.hypot(wrenches[:, 0], wrenches[:, 1]).max())
@@ -604,7 +617,9 @@ class DetachController:
         missing = min(self._target - press.mean(), most - press.max())
         felt = press.mean() > s.lost_force and (self._motor is None or 0.5 * self._motor < most)
         stuck = self.phase is DetachPhase.TEST and abs(self._behind) > s.stuck  # wood holds the fingers
-        return -float(np.clip(s.grip_gain * missing, -s.closing, s.closing if felt else 0.0)) * (not stuck)
+        loose = self._motor is not None and 0.0 <= 0.5 * self._motor < s.first_grip
+        least, most = 0.0 if loose else -s.closing, s.closing if felt else 0.0
+        return -float(np.clip(s.grip_gain * missing, least, most)) * (not stuck)
 
     # ---------------------------------------------------------------------------------------------- phases
 
