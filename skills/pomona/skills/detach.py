@@ -78,9 +78,9 @@ class Detach(MovingSkill):
     """Close on a hanging fruit, draw it out lightly and roll the hand until its stem breaks; then move back.
 
     The hand rolls away from neighbours first. A stem that holds is rolled the other way, then the branch is let back
-    slowly and the fruit is released, if a small pull shows that the stem still holds it. Interrupted, the arm decelerates
-    and the grip is kept. Set-points are streamed under a watchdog: without them the arm comes to rest. In a pause the
-    force control of the grip goes on.
+    slowly and the fruit is released, if a small pull shows that the stem still holds it. Interrupted, the arm
+    decelerates and the grip is kept. Set-points are streamed under a watchdog: without them the arm comes to rest.
+    In a pause the force control of the grip goes on.
     """
 
     devices = (Arm, StreamedArm, Gripper, ForceSensor, Workspace)
@@ -268,7 +268,7 @@ class SetPoint:
     def follow(self, command: DetachCommand, dt: float, most: Float64) -> float:
         """Move by a command for `dt` [s]: turn and move, else turn alone, else move alone, else stay.
 
-        Returns the share of the time that was used, 1 unless a joint would move faster than `most`, shape (dof,) [rad/s].
+        Returns the share of the time that was used: 1 unless a joint would pass `most`, shape (dof,) [rad/s].
         """
         turned, moved = command.roll_rate != 0.0, bool(command.velocity.any())
         self.beyond = self.beyond + dt if turned or moved else 0.0

@@ -380,7 +380,7 @@ def test_a_fruit_that_is_taken_after_the_break_is_lost_and_not_slipped():
 
         def force(self):
             force, moment = super().force()
-            return (force + [0.0, -3.0, 0.0], moment) if self.pulled else (force, moment)
+            return (force + np.array([0.0, -3.0, 0.0]), moment) if self.pulled else (force, moment)
 
     stem, back = Taken(), []
 

@@ -255,7 +255,8 @@ class DetachController:
         self._ending: DetachProblem | None = None
         self._test = StemTest()
         self._seemed_free = False
-        self._press, self._motor = np.zeros(2), None
+        self._press = np.zeros(2)
+        self._motor: float | None = None
         self._opening = self._behind = 0.0  # commanded rate; commanded motion that the opening did not follow
         self._width = np.nan
         self._relieved_until = self._furthest = 0.0
@@ -602,8 +603,8 @@ class DetachController:
     def _grip(self, dt: float, wrenches: Float64) -> float:
         """Rate of the opening that brings the mean of the pads to the force that holds the larger load.
 
-        Pads that feel nothing are not closed, nor pads that the motor already presses as hard as the fruit may bear. Pads
-        that the motor presses with less than the first grip are not opened.
+        Pads that feel nothing are not closed, nor pads that the motor already presses as hard as the fruit may bear.
+        Pads that the motor presses with less than the first grip are not opened.
         """
         s, press = self.settings, -wrenches[:, 2]
         sideways = float(np.hypot(wrenches[:, 0], wrenches[:, 1]).max())
