@@ -165,7 +165,10 @@ def test_a_fruit_that_leaves_the_pads_has_slipped_or_is_lost(phase: str, expecte
 
 
 def test_pads_that_read_wood_at_any_place_keep_the_grip() -> None:
-    """A jam ends with open fingers only if the force changes with the place of the hand."""
+    """A jam ends with open fingers only if the force changes with the place of the hand.
+
+    Without a motor's force the grip has loosened by the false force, though not beyond where a fruit is held.
+    """
     rig = Rig()
 
     def jam() -> None:
@@ -174,7 +177,7 @@ def test_pads_that_read_wood_at_any_place_keep_the_grip() -> None:
 
     end = drive_until(rig, "rolling", jam)
     assert code(end) == "STEM_UNCLEAR"
-    assert "N in all" in end.reason.message
+    assert rig.gripper.width < DIAMETER + 5e-3
 
 
 def wood_pushes(rig: Rig, side: float) -> Callable[[], None]:

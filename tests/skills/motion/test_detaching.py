@@ -396,11 +396,12 @@ def test_a_fruit_that_is_taken_after_the_break_is_lost_and_not_slipped():
 
 
 def test_a_roll_that_the_arm_cannot_go_on_ends_there():
-    stem, rolls = Stem(STRONG, bending=0.01), []
+    stem, rolls, ended = Stem(STRONG, bending=0.01), [], []
 
     def edge(control):
         rolls.append(control.roll)
-        if control.roll > 1.0:
+        if control.roll > 1.0 and not ended:
+            ended.append(control.roll)
             control.end_roll()
 
     assert detach(stem, each=edge).problem.code == "NOTHING_BROKE"

@@ -619,6 +619,7 @@ class DetachController:
         felt = press.mean() > s.lost_force and (self._motor is None or 0.5 * self._motor < most)
         stuck = self.phase is DetachPhase.TEST and abs(self._behind) > s.stuck  # wood holds the fingers
         loose = self._motor is not None and 0.0 <= 0.5 * self._motor < s.first_grip
+        loose = loose or self._width > self._width_gripped + s.wider  # no fruit is held there
         least, most = 0.0 if loose else -s.closing, s.closing if felt else 0.0
         return -float(np.clip(s.grip_gain * missing, least, most)) * (not stuck)
 
