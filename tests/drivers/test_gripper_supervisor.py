@@ -167,3 +167,10 @@ def test_a_jumping_width_is_reported() -> None:
     supervisor = GripperSupervisor(GripperLimits(0.0, 0.5, 0.1, 50.0), 2.0)
     supervisor.look(0.0, GripperState(0.0, 0.1, 0.0, False))
     assert supervisor.look(0.01, GripperState(0.01, 0.4, 0.0, False)) == "reports a jump from 100.0 to 400.0 mm at once"
+
+
+@pytest.mark.parametrize("force", [-130.0, 130.0, math.nan])
+def test_a_force_that_the_motor_cannot_have_is_a_fault(fingers: Fingers, force: float) -> None:
+    fingers.now += PERIOD
+    state = GripperState(fingers.now, fingers.width, 0.0, False, motor_force=force)
+    assert "of its motor" in fingers.supervisor.look(fingers.now, state)

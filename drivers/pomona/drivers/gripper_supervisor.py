@@ -17,6 +17,7 @@ from pomona.executive.values.units import LENGTH, TIME
 COASTING = 0.3  # the fingers come to rest within this time after a move [s]: braking from 0.2 m/s at 2 m/s² takes 0.1 s
 BEYOND = 5e-3  # a width outside the stroke by more than this is implausible [m]
 FASTER = 5.0  # implausible multiple of the largest speed; fingers knocked against a wall reach 3 (simulated)
+STRONGER = 1.2  # implausible multiple of both fingers' largest force, by the motor's current
 SLOW = 2e-3  # fingers slower than this rest [m/s] …
 STEADY, STILL = 5e-4, 0.03  # … once their width has stayed within the first [m] for the second [s]
 FORGETTING = 2.0
@@ -147,6 +148,9 @@ class GripperSupervisor:
             return f"reports a width of {1e3 * width:.1f} mm, which is outside its stroke"
         if abs(speed) > FASTER * limits.speed_max:
             return f"reports a speed of {1e3 * speed:.0f} mm/s, which it cannot reach"
+        most = STRONGER * 2.0 * limits.force_max
+        if state.motor_force is not None and not abs(state.motor_force) <= most:  # this form is True also for NaN
+            return f"reports {state.motor_force:g} N of its motor, which presses with {most:.0f} N at most"
         if self._last is not None:
             way, elapsed = abs(width - self._last.width), state.stamp - self._last.stamp
             if way > BEYOND + FASTER * limits.speed_max * (elapsed + self._supervision.lag):

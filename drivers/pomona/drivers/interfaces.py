@@ -239,6 +239,10 @@ class Arm(Protocol):
 class SetPoints(Motion, Protocol):
     """A motion that follows streamed set-points; it ends when it is stopped, and fails when none arrive."""
 
+    @property
+    def speed(self) -> float:
+        """Share of the joints' largest speeds that it uses now, above 0 to 1."""
+
     @command
     def aim(self, q: Float64) -> None:
         """Go to these joints, shape (dof,) [rad], from now on, within the arm's limits.

@@ -78,3 +78,25 @@ def test_resting_fingers_that_nothing_pushes_are_not_commanded() -> None:
     gripper = MockGripper(MockClock(), width=0.08)
     YieldingFingers(gripper).rest()
     assert gripper.speeds == []
+
+
+def test_fingers_close_no_further_on_what_the_pads_press_already() -> None:
+    gripper = MockGripper(MockClock(), width=0.08)
+    gripper.motor_force = -20.0
+    fingers = YieldingFingers(gripper, relax=True)
+    fingers.set_speed(0.01, 1.9, 2.0)
+    fingers.set_speed(0.01, 2.1, 2.0)
+    assert [speed for _, speed in gripper.speeds] == [-RELIEVES, 0.01]
+
+
+def test_a_speed_counts_as_commanded_no_longer_than_the_gripper_keeps_it() -> None:
+    """After a stall of 1 s fingers that were pushed by 8 mm still give way."""
+    clock = MockClock()
+    gripper = MockGripper(clock, width=0.08)
+    gripper.motor_force = 10.0
+    fingers = YieldingFingers(gripper)
+    fingers.set_speed(0.02)
+    clock.advance(1.0)
+    gripper.width += 8e-3
+    fingers.set_speed(0.0)
+    assert gripper.speeds[-1][1] > 0.0

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections import deque
 from typing import Annotated
 
 import numpy as np
 
 from pomona.applications.harvest.detaching import (
+    DetachCommand,
     DetachController,
     DetachPhase,
     DetachSettings,
     HeldFruit,
     roll_clearance,
 )
+from pomona.applications.harvest.felt_pads import Felt, FeltPads
 from pomona.applications.harvest.hanging import free_roll, knuckle_of
 from pomona.drivers.errors import BadTrajectory, MotionRefused
 from pomona.drivers.interfaces import (
@@ -24,12 +25,10 @@ from pomona.drivers.interfaces import (
     SetPoints,
     StreamedArm,
     Workspace,
-    WrenchSample,
 )
 from pomona.executive.ports import ANGLE, FORCE, LENGTH, TIME, Angle, Force, Length, Outputs, Port, Ratio, Time
 from pomona.executive.skill import Work
 from pomona.executive.values.arrays import Float64
-from pomona.skills.geometry import angle_between, rot_z, transform
 from pomona.skills.grip.hold import take_over
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
@@ -45,13 +44,17 @@ from pomona.skills.shared.yielding import YieldingFingers
 DENSITY = 850.0
 """Of an apple [kg/m³], where its kind has no weighed fruit: docs/decisions/orchard-wall.md."""
 
-LEAD, LEAD_ANGLE = 0.025, 0.5
-"""Distance and angle by which the commanded pose may lead the arm [m, rad]: a slow or paused arm is waited for."""
+LONGEST = 0.06
+"""Longest step of the controller [s]: a tick that comes later was stalled or paused, and the hand has stood since."""
 JUMP, BEYOND = 0.3, 0.4
 """Largest step of a joint [rad], and time without a step that the arm can follow after which the motion is given up
 [s]: at the edge of the arm's reach the hand turns without moving, moves without turning, or waits for the way back."""
+WITHIN = 0.9
+"""Share of the joints' speeds within which set-points stay: joints that all follow keep the hand on its path."""
 TARE = 0.06
 """Time over which the sensors' offset is averaged before the pads touch anything [s]."""
+BEARS = 2.0
+"""Force of a pad from which fingers that press outwards close no further [N]: no apple bruises by it."""
 STALE = 0.06
 """Age of the newest force sample at which the motion ends [s]."""
 LIMIT_MARGIN = 0.02
@@ -75,8 +78,9 @@ class Detach(MovingSkill):
     """Close on a hanging fruit, draw it out lightly and roll the hand until its stem breaks; then move back.
 
     The hand rolls away from neighbours first. A stem that holds is rolled the other way, then the branch is let back
-    slowly and the fruit is released. Interrupted, the arm decelerates and the grip is kept. Set-points are streamed
-    under a watchdog: without them the arm comes to rest.
+    slowly and the fruit is released, if a small pull shows that the stem still holds it. Interrupted, the arm
+    decelerates and the grip is kept. Set-points are streamed under a watchdog: without them the arm comes to rest.
+    In a pause the force control of the grip goes on.
     """
 
     devices = (Arm, StreamedArm, Gripper, ForceSensor, Workspace)
@@ -92,6 +96,7 @@ class Detach(MovingSkill):
         "NEIGHBOUR_AT_RISK",
         "OUT_OF_REACH",
         "MAP_STALE",
+        "STEM_UNCLEAR",
     )
 
     def run(
@@ -119,17 +124,14 @@ class Detach(MovingSkill):
             fruit, self._rolls(grasp, fruit, roll, others, map, clearance), DetachSettings(pull=pull, mu=mu)
         )
         take_over(gripper)
-        recent: deque[WrenchSample] = deque(maxlen=max(1, round(TARE * self.device(ForceSensor).rate)))
-        subscription = self.device(ForceSensor).subscribe(recent.append)
+        pads = FeltPads(self.device(ForceSensor))
         try:
             yield from self.wait(TARE)
-            if not recent:
+            if not pads.tare():
                 raise self.failure("SENSOR_STALE", f"the fingers sent no force within {1e3 * TARE:.0f} ms")
-            offset = np.mean([sample.wrenches for sample in recent], axis=0)
-            fingers = YieldingFingers(gripper, relax=True)
-            yield from self._detach(controller, fingers, recent, offset, watchdog)
+            yield from self._detach(controller, YieldingFingers(gripper, relax=True), pads, watchdog)
         finally:
-            subscription.close()
+            pads.close()
         problem = controller.problem
         if problem is not None:
             raise self.failure(
@@ -141,12 +143,7 @@ class Detach(MovingSkill):
         return Detached(stem_force=controller.stem_peak, rolled=abs(controller.roll_at_break))
 
     def _detach(
-        self,
-        controller: DetachController,
-        fingers: YieldingFingers,
-        recent: deque[WrenchSample],
-        offset: Float64,
-        watchdog: float,
+        self, controller: DetachController, fingers: YieldingFingers, pads: FeltPads, watchdog: float
     ) -> Work[None]:
         """Stream the controller's velocities until it is done, then come to rest with the fingers standing."""
         gripper = self.device(Gripper)
@@ -154,75 +151,72 @@ class Detach(MovingSkill):
             motion = self.device(StreamedArm).stream(watchdog)
         except MotionRefused as refused:
             raise self.failure("REFUSED", f"{refused}; nothing has moved", device=refused.device) from refused
+
+        def stand(felt: Felt) -> None:
+            fingers.set_speed(controller.stand(felt.duration, felt.wrenches), felt.press, BEARS)
+
+        pads.between_ticks(stand, lambda: motion.state is MotionState.PAUSED, self.clock.now)
         try:
-            yield from self._follow(controller, motion, fingers, recent, offset)
+            yield from self._follow(controller, motion, fingers, pads)
         except GeneratorExit:
             motion.stop()
+            pads.close()
             gripper.set_speed(0.0)
             raise
         except BaseException:
             motion.stop()
+            pads.close()
             gripper.set_speed(0.0)
             while not motion.settled:
                 yield "stopping"
             raise
         motion.stop()
+        pads.close()
         while not motion.settled:
             fingers.set_speed(0.0)
             yield "coming to rest"
         gripper.set_speed(0.0)
 
     def _follow(
-        self,
-        controller: DetachController,
-        motion: SetPoints,
-        fingers: YieldingFingers,
-        recent: deque[WrenchSample],
-        offset: Float64,
+        self, controller: DetachController, motion: SetPoints, fingers: YieldingFingers, pads: FeltPads
     ) -> Work[None]:
         arm, gripper = self.device(Arm), self.device(Gripper)
         robot = inner_robot(arm)
-        q_aimed = arm.state().q
-        T_aimed, before, beyond = robot.tcp(q_aimed), self.clock.now(), 0.0
-        recent.clear()
+        aim = SetPoint(robot, arm.state().q)
+        before = self.clock.now()
+        pads.take()
         while controller.phase is not DetachPhase.DONE:
             yield f"{controller.phase.value}: {np.degrees(controller.roll):.0f}°, stem {controller.stem_force:.1f} N"
             if motion.state not in (MotionState.RUNNING, MotionState.PAUSED):
                 code = "STOPPED" if motion.state is MotionState.STOPPED else "MOTION_FAILED"
                 raise self.failure(code, motion.problem or "the motion was stopped before its end")
-            now = self.clock.now()
-            dt, before = now - before, now
-            newest = self.device(ForceSensor).latest()
-            age = np.inf if newest is None else now - newest.stamp
-            if age > STALE:
-                raise self.failure("SENSOR_STALE", f"the fingers sent no force for {1e3 * age:.0f} ms", age_s=age)
-            if motion.state is MotionState.PAUSED or not recent:
-                fingers.set_speed(0.0)
+            self._require_fresh()
+            if motion.state is MotionState.PAUSED or (felt := pads.take()) is None:
                 continue
-            felt = np.mean([sample.wrenches for sample in recent], axis=0) - offset
-            saturated = any(any(sample.saturated) for sample in recent)
-            recent.clear()
-            T = robot.tcp(arm.state().q)
-            command = controller.step(dt, felt, saturated, T, gripper.state().width)
-            fingers.holds = controller.broke_at is not None  # a detached fruit is not given up to a push
-            fingers.set_speed(command.opening)
-            T_moved, T_turned = T_aimed.copy(), T_aimed.copy()
-            if np.linalg.norm(T_aimed[:3, 3] + dt * command.velocity - T[:3, 3]) < LEAD:
-                T_moved[:3, 3] += dt * command.velocity
-            if angle_between(T[:3, :3], T_aimed[:3, :3]) < LEAD_ANGLE:
-                T_turned[:3, :3] = T_aimed[:3, :3] @ rot_z(dt * command.roll_rate)
-            beyond += dt
-            for T_next in (transform(T_turned[:3, :3], T_moved[:3, 3]), T_turned, T_moved):
-                q_next = nearest_solution(robot, T_next, q_aimed)
-                if q_next is not None and np.abs(q_next - q_aimed).max() < JUMP:
-                    q_aimed, T_aimed, beyond = q_next, T_next, 0.0
-                    break
-            if beyond > BEYOND:
+            now = self.clock.now()
+            if now - before > LONGEST:
+                controller.rejoin()
+            dt, before = min(now - before, LONGEST), now
+            state, T = gripper.state(), robot.tcp(arm.state().q)
+            with pads.lock:
+                command = controller.step(dt, felt.wrenches, felt.saturated, T, state.width, aim.T, state.motor_force)
+                fingers.holds = controller.broke_at is not None  # a detached fruit is not given up to a push
+                fingers.set_speed(command.opening, felt.press, BEARS)
+            controller.slowed(aim.follow(command, dt, WITHIN * motion.speed * arm.limits.velocity))
+            if aim.unturned > BEYOND:
+                controller.end_roll()
+            if aim.beyond > BEYOND:
                 controller.give_up("OUT_OF_REACH", "the arm reaches no further in this posture")
             try:
-                motion.aim(q_aimed)
+                motion.aim(aim.q)
             except BadTrajectory as bad:
                 raise self.failure("OUT_OF_REACH", f"the roll leaves the limits: {bad}") from bad
+
+    def _require_fresh(self) -> None:
+        newest, now = self.device(ForceSensor).latest(), self.clock.now()
+        age = np.inf if newest is None else now - newest.stamp
+        if age > STALE:
+            raise self.failure("SENSOR_STALE", f"the fingers sent no force for {1e3 * age:.0f} ms", age_s=age)
 
     def _rolls(
         self,
@@ -256,6 +250,41 @@ class Detach(MovingSkill):
         if max(free.values()) >= ROLL_NEEDED:
             kept = [roll for roll in kept if free[roll] >= ROLL_NEEDED]
         return tuple(sorted(kept, key=lambda roll: (-min(free[roll], ROLL_WANTED), -min(clear[roll], 0.03))))
+
+
+class SetPoint:
+    """Joints to aim at, and their pose, moved by the controller's commands as far as the arm reaches.
+
+    Attributes:
+        q: joints, shape (dof,) [rad]; T: pose of the hand there, shape (4, 4).
+        beyond, unturned: time without any step, and without a turn, that the arm can follow [s].
+    """
+
+    def __init__(self, robot: RobotModel, q: Float64) -> None:
+        self.q, self.T = q, robot.tcp(q)
+        self.beyond = self.unturned = 0.0
+        self._robot = robot
+
+    def follow(self, command: DetachCommand, dt: float, most: Float64) -> float:
+        """Move by a command for `dt` [s]: turn and move, else turn alone, else move alone, else stay.
+
+        Returns the share of the time that was used: 1 unless a joint would pass `most`, shape (dof,) [rad/s].
+        """
+        turned, moved = command.roll_rate != 0.0, bool(command.velocity.any())
+        self.beyond = self.beyond + dt if turned or moved else 0.0
+        self.unturned = self.unturned + dt if turned else 0.0
+        for turns, moves in ((turned, moved), (True, False), (False, True)):
+            if not (turns and turned) and not (moves and moved):
+                continue  # no step at all
+            q, share = nearest_solution(self._robot, command.moved(self.T, dt, turns, moves), self.q), 1.0
+            if q is not None and (fastest := float((np.abs(q - self.q) / (dt * most)).max())) > 1.0:
+                share = 1.0 / fastest
+                q = nearest_solution(self._robot, command.moved(self.T, share * dt, turns, moves), self.q)
+            if q is not None and np.abs(q - self.q).max() < JUMP:
+                self.q, self.T, self.beyond = q, command.moved(self.T, share * dt, turns, moves), 0.0
+                self.unturned = 0.0 if turns else self.unturned
+                return share
+        return 1.0
 
 
 def inner_robot(arm: Arm) -> RobotModel:

@@ -3,16 +3,21 @@
 The hand draws the fruit with a small force by admittance and turns about its approach axis. The stem then breaks by
 bending, at a fraction of the force of a straight pull (docs/decisions/detach-by-rolling.md). One
 `DetachController` serves one grasp; it knows no device: each step takes the pads' wrenches and returns velocities.
+
+The roll is measured from the hand's pose. The set-points wait for a hand that is slow or was paused, and so does the
+clock of the path: the same path follows at any speed. The clock of forces runs on.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
 
+from pomona.applications.harvest.stem_test import StemTest
 from pomona.executive.values.arrays import Float64
+from pomona.skills.geometry import rot_z
 
 GRAVITY = 9.81  # [m/s²]
 
@@ -29,6 +34,7 @@ class DetachPhase(Enum):
     LAST_PULL = "pulling harder"
     BACK = "moving back"
     LET_BACK = "letting the branch back"
+    TEST = "testing the stem"
     OPEN = "opening"
     LEAVE = "leaving the fruit"
     DONE = "done"
@@ -36,6 +42,9 @@ class DetachPhase(Enum):
 
 DRAWING = (DetachPhase.DRAW, DetachPhase.ROLL, DetachPhase.LAST_PULL)
 """Phases in which the stem is loaded and may break."""
+
+HOLDING = (*DRAWING, DetachPhase.BACK, DetachPhase.LET_BACK, DetachPhase.TEST)
+"""Phases in which the pads hold the fruit by their force."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,14 +85,20 @@ class DetachSettings:
         slip_width: loss of opening since the grip at which a fruit is slipping out [m]; twice as much has lost it.
         narrowest: share of the diameter below which closed pads have missed the fruit.
         lost_force: mean pad force below which the fruit is lost [N]; lost_time: duration of that [s].
+        empty_force, empty_motor: largest force of a pad, and of the motor, at which pads count as empty [N];
+            wider: opening beyond that of the grip at which they are empty though the motor presses [m].
         let_back_force: pads' force at which a branch that was drawn has come back [N].
         firm: share of the carrying force at which a detached fruit is moved; firm_time: longest wait for it [s].
         back_distance, back_speed, back_acceleration: of the way to the robot after the break [m, m/s, m/s²].
         opened, opening: opening around a fruit that stays on the tree [m], and its speed [m/s]; stuck: distance by
             which fingers that meet wood may lag meanwhile [m]: less than a supervisor allows.
         leaving, leaving_speed, leaving_acceleration: of the way of the open hand back from the fruit [m, m/s, m/s²].
+        lead, lead_angle: by which the set-point may lead a hand at rest [m, rad]; lead_time: and what a moving hand
+            covers in this time is added [s]: the arm follows its set-points 0.1 to 0.15 s later.
+        lead_most: largest lead [m].
         closing_patience, leaving_patience, patience: longest time of closing, of opening, and of all phases
-            together [s]; after twice the last no break is recognised any more.
+            together, on the clock of the path [s]; after twice the last no break is recognised any more.
+        slowest: speed of the slowest arm, as a share: the last patience over it bounds the real time.
     """
 
     touch: float = 0.2
@@ -130,6 +145,9 @@ class DetachSettings:
     narrowest: float = 0.75
     lost_force: float = 0.15
     lost_time: float = 0.06
+    empty_force: float = 0.3
+    empty_motor: float = 4.0
+    wider: float = 4e-3
     let_back_force: float = 0.5
     firm: float = 0.7
     firm_time: float = 0.3
@@ -142,9 +160,14 @@ class DetachSettings:
     leaving: float = 0.10
     leaving_speed: float = 0.15
     leaving_acceleration: float = 1.0
+    lead: float = 0.008
+    lead_angle: float = 0.06
+    lead_time: float = 0.25
+    lead_most: float = 0.025
     closing_patience: float = 2.0
     leaving_patience: float = 2.0
     patience: float = 10.0
+    slowest: float = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -170,9 +193,20 @@ class HeldFruit:
 class DetachCommand:
     """Velocities of one step."""
 
-    velocity: Float64  # of the TCP in the base frame, shape (3,) [m/s]
+    velocity: Float64  # of the point about which the hand turns, in the base frame, shape (3,) [m/s]
     roll_rate: float  # of the hand about its approach axis, counterclockwise about z [rad/s]
     opening: float  # rate of the gripper's opening, negative closes [m/s]
+    lever: Float64  # from that point to the TCP in the TCP's frame, shape (3,) [m]
+
+    def moved(self, T_base_tcp: Float64, dt: float, turns: bool = True, moves: bool = True) -> Float64:
+        """Return a pose after `dt` [s] of this command, or of its turn or its motion alone, shape (4, 4)."""
+        T = T_base_tcp.copy()
+        if turns:
+            T[:3, :3] = T_base_tcp[:3, :3] @ rot_z(dt * self.roll_rate)
+            T[:3, 3] += (T[:3, :3] - T_base_tcp[:3, :3]) @ self.lever
+        if moves:
+            T[:3, 3] += dt * self.velocity
+        return T
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +222,7 @@ class DetachController:
 
     Attributes:
         phase: of the motion; problem: why it ends without a fruit, or None.
-        roll: angle so far [rad]; stem_force: estimate of the stem's force now [N]; stem_peak: its maximum [N].
+        roll: measured angle so far [rad]; stem_force: estimate of the stem's force now [N]; stem_peak: its maximum [N].
         broke_at: time of the detected break since the start [s], or None; roll_at_break [rad].
     """
 
@@ -205,17 +239,24 @@ class DetachController:
         self.roll = self.stem_force = self.stem_peak = 0.0
         self.broke_at: float | None = None
         self.roll_at_break = 0.0
-        self._fruit, self._rolls = fruit, rolls
-        self._time = self._since = 0.0
-        self._rate = 0.0  # of the roll
+        self._fruit, self._rolls = fruit, list(rolls)
+        self._time = self._path = self._since = 0.0  # clock of forces; clock of the path, and when the phase began
+        self._pace = self._share = 1.0  # of the path's clock: while the hand is behind, and as the arm's speed allows
+        self._rate = self._aimed = 0.0  # of the roll's set-point [rad/s], and the set-point [rad]
+        self._T: Float64 | None = None  # measured pose of the hand, shape (4, 4)
+        self._R_start = self._p_aimed = self._p_phase = np.zeros(0)  # at first; set-point now, and when the phase began
         self._attempt = 0
         self._target = self.settings.first_grip
         self._width_gripped = 0.0
         self._lever = np.zeros(3)  # from the knuckle to the TCP, in the TCP's frame [m]
         self._recent: list[tuple[float, float]] = []
         self._jammed = self._empty = self._quiet = self._loaded = 0.0
-        self._moved_back = self._speed_back = 0.0
+        self._speed_back = 0.0
         self._ending: DetachProblem | None = None
+        self._test = StemTest()
+        self._seemed_free = False
+        self._press = np.zeros(2)
+        self._motor: float | None = None
         self._opening = self._behind = 0.0  # commanded rate; commanded motion that the opening did not follow
         self._width = np.nan
         self._relieved_until = self._furthest = 0.0
@@ -237,32 +278,72 @@ class DetachController:
         """Grip force with which a detached fruit is carried [N]."""
         return self.settings.carry_share * self._fruit.bruise_force
 
-    def step(self, dt: float, wrenches: Float64, saturated: bool, T_base_tcp: Float64, width: float) -> DetachCommand:
+    def step(
+        self,
+        dt: float,
+        wrenches: Float64,
+        saturated: bool,
+        T_base_tcp: Float64,
+        width: float,
+        T_base_aimed: Float64 | None = None,
+        motor_force: float | None = None,
+    ) -> DetachCommand:
         """Advance by one period.
 
         Args:
-            dt: period [s].
+            dt: period [s]; after a pause one usual period, and `rejoin` first.
             wrenches: of the fruit on the pads without the sensors' offset, as in `WrenchSample`, shape (2, 6).
             saturated: whether a pad's sensor is at the end of its range.
-            T_base_tcp: of the hand, shape (4, 4).
+            T_base_tcp: measured pose of the hand, shape (4, 4).
             width: opening of the gripper [m].
+            T_base_aimed: its set-point, which leads it; the measured pose by default.
+            motor_force: as in `GripperState` [N].
         """
-        self._time += dt
-        press = -wrenches[:, 2]
+        self._note_pose(dt, T_base_tcp, T_base_tcp if T_base_aimed is None else T_base_aimed)
+        self._time, self._path = self._time + dt, self._path + self._share * self._pace * dt
+        self._motor = motor_force
+        press = self._press = -wrenches[:, 2]
         force = _on_fruit(wrenches, T_base_tcp[:3, :3])
         self._note_stem(force)
         self._note_opening(dt, width)
         if self.phase is DetachPhase.CLOSE:
-            command = self._close(press, T_base_tcp, width)
+            command = self._close(press, width)
         elif self.phase in (DetachPhase.OPEN, DetachPhase.LEAVE):
             command = self._leave(dt, T_base_tcp, width)
         else:
             self._judge(dt, press, force, saturated, width)
-            command = DetachCommand(np.zeros(3), 0.0, 0.0)
+            command = STILL
             if self.phase not in (DetachPhase.DONE, DetachPhase.OPEN):
-                command = DetachCommand(self._move(dt, press, force, T_base_tcp), self._rate, self._grip(dt, wrenches))
+                velocity, lever = self._move(dt, press, force)
+                command = DetachCommand(velocity, self._rate, self._grip(dt, wrenches), lever)
         self._opening = command.opening
-        return command
+        return replace(command, velocity=self._pace * command.velocity, roll_rate=self._pace * command.roll_rate)
+
+    def stand(self, dt: float, wrenches: Float64) -> float:
+        """Return the rate of the opening while the hand stands, in a pause: only the force of a grip goes on [m/s].
+
+        Args:
+            dt, wrenches: as in `step`.
+        """
+        press = -wrenches[:, 2]
+        if self.phase in HOLDING and press.min() > self.settings.touch:
+            return self._grip(dt, wrenches)
+        s = self.settings
+        return float(np.clip(s.grip_gain * (press.max() - self.grip_limit), 0.0, s.closing))
+
+    def rejoin(self) -> None:
+        """Go on after a pause: what the fingers did meanwhile is not compared with commands."""
+        self._width, self._opening = np.nan, 0.0
+        self._rate = self._speed_back = 0.0
+
+    def slowed(self, share: float) -> None:
+        """Note which share of the last command the arm's speed allows."""
+        self._share = share
+
+    def end_roll(self) -> None:
+        """Take the present roll for the end of this way: the arm reaches no further."""
+        if self.phase in (DetachPhase.ROLL, DetachPhase.LAST_PULL):
+            self._rolls[self._attempt] = self._aimed
 
     def give_up(self, code: str, message: str) -> None:
         """End the motion: let a branch that was drawn back, else stop."""
@@ -272,10 +353,28 @@ class DetachController:
             self._end(None)
         elif self.phase is DetachPhase.LET_BACK:
             self._end(self._ending)
+        elif self.phase is DetachPhase.TEST:
+            self._finish(DetachProblem("STEM_UNCLEAR", f"{message}; the fruit may be off the tree; the grip is kept"))
         elif self.phase is DetachPhase.LEAVE:
             self._enter(DetachPhase.DONE)
 
     # ------------------------------------------------------------------------------------------- what is felt
+
+    def _note_pose(self, dt: float, T: Float64, T_aimed: Float64) -> None:
+        """Measure the roll, and slow the path's clock down while the hand is far behind its set-point."""
+        s, before = self.settings, self._T
+        if before is None:
+            before = T
+            self._R_start = T[:3, :3].copy()
+        roll = _roll_between(self._R_start, T[:3, :3], self.roll)
+        turning = abs(roll - self.roll) / max(dt, 1e-6)
+        speed = float(np.linalg.norm(T[:3, 3] - before[:3, 3])) / max(dt, 1e-6)
+        self.roll, self._T, self._p_aimed = roll, T.copy(), T_aimed[:3, 3].copy()
+        self._aimed = _roll_between(self._R_start, T_aimed[:3, :3], roll)
+        self._furthest = max(self._furthest, abs(roll))
+        behind = float(np.linalg.norm(T_aimed[:3, 3] - T[:3, 3])) / min(s.lead + s.lead_time * speed, s.lead_most)
+        behind = max(behind, abs(self._aimed - roll) / (s.lead_angle + s.lead_time * turning))
+        self._pace = float(np.clip(2.0 * (1.0 - behind), 0.0, 1.0))
 
     def _note_stem(self, force: Float64) -> None:
         """Estimate the stem's force on the fruit: the weight minus the pads' force."""
@@ -294,32 +393,34 @@ class DetachController:
         s = self.settings
         beside = saturated and abs(press[0] - press[1]) > s.jam_force_saturated
         over = press.max() > s.jam_press * self._fruit.bruise_force
-        jams = self.broke_at is None and (beside or over or np.linalg.norm(force) > s.jam_force)
+        jams = (
+            self.broke_at is None
+            and self.phase is not DetachPhase.TEST
+            and (beside or over or np.linalg.norm(force) > s.jam_force)
+        )
         if self.phase in DRAWING:
             self.stem_peak = max(self.stem_peak, self.stem_force)
-        self._jammed = self._jammed + dt if jams and self._time > self._relieved_until else 0.0
+        self._jammed = self._jammed + dt if jams and self._path > self._relieved_until else 0.0
         self._empty = self._empty + dt if press.mean() < s.lost_force else 0.0
         if self._jammed > s.jam_time:
             words = f"the pads feel {press[0]:.1f} and {press[1]:.1f} N, {np.linalg.norm(force):.1f} N in all"
             self._jam(DetachProblem("JAMMED", words))
-        elif self._is_blocked() and self._time > self._relieved_until:
+        elif self._is_blocked() and self._path > self._relieved_until:
             self._jam(self._blocked(width))
         elif self._empty > s.lost_time or width < self._width_gripped - 2.0 * s.slip_width:
-            freed = self.broke_at is not None
-            code, words = ("LOST", "after the stem broke") if freed else ("SLIPPED", "before the stem broke")
-            self._end(DetachProblem(code, f"the fruit left the pads {words}"))
-        elif self.phase in (*DRAWING, DetachPhase.LET_BACK) and self._is_free(dt, press):
+            self._left_the_pads(press)
+        elif self.phase in (*DRAWING, DetachPhase.LET_BACK, DetachPhase.TEST) and self._is_free(dt, press):
             self._break()
         elif self.phase in DRAWING:
             if width < self._width_gripped - s.slip_width:
                 self._let_back(DetachProblem("SLIPPED", f"the opening fell by {1e3 * s.slip_width:.0f} mm"))
-            elif self._time > s.patience:
+            elif max(self._path, s.slowest * self._time) > s.patience:
                 self._let_back(DetachProblem("NOTHING_BROKE", f"the stem held for {s.patience:.0f} s"))
         elif self.phase is DetachPhase.BACK:
             self._loaded = self._loaded + dt if self.stem_force > self._broken_force else 0.0
             if self._loaded > s.loaded_time:
                 self.broke_at = None
-                self._moved_back = self._speed_back = self._loaded = 0.0
+                self._speed_back = self._loaded = 0.0
                 self._enter(DetachPhase.ROLL)
 
     @property
@@ -331,7 +432,9 @@ class DetachController:
     def _is_free(self, dt: float, press: Float64) -> bool:
         """Return True if the pads bear the whole fruit: a stem that holds would bear the weight or the pull."""
         s = self.settings
-        in_time = self._time < 2.0 * s.patience  # a load that comes and goes would be judged for ever
+        in_time = (
+            max(self._path, s.slowest * self._time) < 2.0 * s.patience
+        )  # a load that comes and goes would be judged for ever
         turned = self._furthest > s.first_break
         unloaded = in_time and turned and press.min() > s.touch and self.stem_force < self._broken_force
         self._quiet = self._quiet + dt if unloaded else 0.0
@@ -341,7 +444,7 @@ class DetachController:
 
     def _jam(self, problem: DetachProblem) -> None:
         """Turn the hand back from wood: roll the other way if that was not tried; end if turning back did not help."""
-        self._relieved_until, self._jammed, self._behind = self._time + self.settings.relief, 0.0, 0.0
+        self._relieved_until, self._jammed, self._behind = self._path + self.settings.relief, 0.0, 0.0
         relieved, self._relieved = self._relieved, True
         if self.phase in (DetachPhase.ROLL, DetachPhase.LAST_PULL) and self._attempt + 1 < len(self._rolls):
             self._attempt += 1
@@ -354,53 +457,78 @@ class DetachController:
 
     def _is_blocked(self) -> bool:
         """Return True if wood pushes or blocks the fingers: until the stem has broken they follow their commands."""
-        return self.broke_at is None and abs(self._behind) > self.settings.blocked
+        watched = self.broke_at is None and self.phase is not DetachPhase.TEST
+        return watched and abs(self._behind) > self.settings.blocked
 
     def _blocked(self, width: float) -> DetachProblem:
         words = f"the opening is {1e3 * abs(self._behind):.0f} mm off its commands, at {1e3 * width:.0f} mm"
         return DetachProblem("JAMMED", f"{words}: something pushes or blocks the fingers")
 
+    def _left_the_pads(self, press: Float64) -> None:
+        """End with the pads open only if they are empty and the fruit is on the tree."""
+        if self._is_empty(press):
+            freed = self.broke_at is not None or self._seemed_free
+            code, words = ("LOST", "after the stem broke") if freed else ("SLIPPED", "before the stem broke")
+            self._end(DetachProblem(code, f"the fruit left the pads {words}"))
+        elif self.broke_at is not None:
+            self._end(DetachProblem("STEM_UNCLEAR", f"{self._pads_feel(press)} after the break; the grip is kept"))
+        elif self.phase is not DetachPhase.TEST:
+            self._end(DetachProblem("SLIPPED", "the fruit was leaving the pads before the stem broke"))
+
+    def _is_empty(self, press: Float64) -> bool:
+        """Return True if the pads feel nothing, and either the motor agrees or they stand wider than at the grip."""
+        s = self.settings
+        agrees = self._motor is None or abs(self._motor) < s.empty_motor
+        return press.max() < s.empty_force and (agrees or self._width > self._width_gripped + s.wider)
+
+    def _pads_feel(self, press: Float64) -> str:
+        motor = "" if self._motor is None else f", the motor presses with {self._motor:.1f} N"
+        return f"the pads feel {press[0]:.1f} and {press[1]:.1f} N{motor}"
+
     def _break(self) -> None:
-        self._loaded = 0.0
+        self._loaded, self._seemed_free = 0.0, True
         self.broke_at, self.roll_at_break = self._time, self.roll
         self._enter(DetachPhase.BACK)
 
     # --------------------------------------------------------------------------------------------- motions
 
-    def _close(self, press: Float64, T_base_tcp: Float64, width: float) -> DetachCommand:
-        s = self.settings
-        still = np.zeros(3)
+    def _close(self, press: Float64, width: float) -> DetachCommand:
+        s, T = self.settings, self._T
+        assert T is not None
         if press.min() > s.touch:
             missing = s.first_grip - float(press.mean())
             if missing < 0.2 * s.first_grip:
                 self._width_gripped = width
-                self._lever = T_base_tcp[:3, :3].T @ (T_base_tcp[:3, 3] - self._fruit.p_base_knuckle)
+                self._lever = T[:3, :3].T @ (T[:3, 3] - self._fruit.p_base_knuckle)
                 self._enter(DetachPhase.DRAW)
-            return DetachCommand(still, 0.0, -float(np.clip(s.grip_gain * missing, -s.closing, s.closing)))
+            return replace(STILL, opening=-float(np.clip(s.grip_gain * missing, -s.closing, s.closing)))
         if self._time > s.closing_patience or width < s.narrowest * self._fruit.diameter:
             left, right = press
             self._end(DetachProblem("NOT_GRIPPED", f"the pads feel {left:.1f} and {right:.1f} N after closing"))
-            return DetachCommand(still, 0.0, 0.0)
+            return STILL
         if self._is_blocked():
             self._end(self._blocked(width))
-            return DetachCommand(still, 0.0, 0.0)
-        aside = s.yielding * float(press[0] - press[1]) * T_base_tcp[:3, 1]
-        return DetachCommand(aside, 0.0, -(s.closing_touched if press.max() > s.touch else s.closing))
+            return STILL
+        aside = s.yielding * float(press[0] - press[1]) * T[:3, 1]
+        return replace(STILL, velocity=aside, opening=-(s.closing_touched if press.max() > s.touch else s.closing))
 
-    def _move(self, dt: float, press: Float64, force: Float64, T_base_tcp: Float64) -> Float64:
-        s, since = self.settings, self._time - self._since
+    def _move(self, dt: float, press: Float64, force: Float64) -> tuple[Float64, Float64]:
+        """Velocity of the point about which the hand turns, and the lever from it, in the frames of `DetachCommand`."""
+        s, since = self.settings, self._path - self._since
         outwards = np.array(s.outwards)
         if self.phase is DetachPhase.BACK:
             self._turn(dt, 0.0)
-            if self._moved_back == 0.0 and press.mean() < s.firm * self._carried and since < s.firm_time:
-                return np.zeros(3)
-            left = s.back_distance - self._moved_back
-            self._speed_back = min(self._speed_back + s.back_acceleration * dt, s.back_speed)
-            self._speed_back = min(self._speed_back, float(np.sqrt(max(2.0 * s.back_acceleration * left, 0.0))))
-            self._moved_back += self._speed_back * dt
+            if self._speed_back == 0.0 and press.mean() < s.firm * self._carried and since < s.firm_time:
+                return np.zeros(3), np.zeros(3)
+            left = s.back_distance - float(np.linalg.norm(self._p_aimed - self._p_phase))
             if left < 2e-3:
                 self._end(None)
-            return self._speed_back * outwards / float(np.linalg.norm(outwards))
+            self._speed_back = min(self._speed_back + s.back_acceleration * dt, s.back_speed)
+            self._speed_back = min(self._speed_back, float(np.sqrt(max(2.0 * s.back_acceleration * left, 0.0))))
+            return self._speed_back * outwards / float(np.linalg.norm(outwards)), np.zeros(3)
+        if self.phase is DetachPhase.TEST:
+            self._turn(dt, 0.0)
+            return self._tested(dt, force, outwards / float(np.linalg.norm(outwards))), np.zeros(3)
         pull = s.pull * min(since / s.pull_time, 1.0) if self.phase is DetachPhase.DRAW else s.pull
         if self.phase is DetachPhase.LET_BACK:
             pull = 0.0
@@ -425,48 +553,59 @@ class DetachController:
                 tried = " and ".join(f"{np.degrees(roll):.0f}°" for roll in self._rolls)
                 words = f"the stem held rolls of {tried} and a pull of {hardest:.0f} N"
                 self._let_back(DetachProblem("NOTHING_BROKE", words))
-        spin = self._rate * T_base_tcp[:3, 2]
-        carried = np.cross(spin, T_base_tcp[:3, :3] @ self._lever)
-        velocity = s.admittance * (pull * outwards - force)
-        together: Float64 = _shortened(velocity, s.speed_max) + _shortened(carried, s.speed_max)
-        return together
+        return _shortened(s.admittance * (pull * outwards - force), s.speed_max), self._lever
+
+    def _tested(self, dt: float, force: Float64, outwards: Float64) -> Float64:
+        """Pull at the fruit, and let it go only if the stem pulls back."""
+        moved = float((self._p_aimed - self._p_phase) @ outwards)
+        speed = self._test.step(dt, float(force @ outwards), moved)
+        if self._test.holds is not None and self._ending is not None:
+            if not self._test.holds:
+                words = (
+                    f"{self._ending.message}, but a pull of {1e3 * self._test.furthest:.0f} mm changed the force by "
+                )
+                words += f"{self._test.rise:.1f} N alone: the fruit may be off the tree; the grip is kept"
+                self._ending = DetachProblem("STEM_UNCLEAR", words)
+            self._finish(self._ending)
+        return speed * outwards
 
     def _leave(self, dt: float, T_base_tcp: Float64, width: float) -> DetachCommand:
         """Open around a fruit that stays on the tree, then draw the hand straight back and out of its roll.
 
         Fingers that meet wood open no further: pressed against it they would push the arm off its place.
         """
-        s, since = self.settings, self._time - self._since
+        s, since = self.settings, self._path - self._since
         self._turn_to(dt, 0.0)
         if self.phase is DetachPhase.OPEN:
             wide = width > self._opened_from + s.opened - 1e-3 or since > s.leaving_patience
             if not wide and self._behind < s.stuck:
-                return DetachCommand(np.zeros(3), self._rate, s.opening)
-            self._moved_back = self._speed_back = 0.0
+                return replace(STILL, roll_rate=self._rate, opening=s.opening)
+            self._speed_back = 0.0
             self._enter(DetachPhase.LEAVE)
-        left = s.leaving - self._moved_back
+        left = s.leaving - float(np.linalg.norm(self._p_aimed - self._p_phase))
         most = min(s.leaving_speed, float(np.sqrt(max(2.0 * s.leaving_acceleration * left, 0.0))))
         self._speed_back = min(self._speed_back + s.leaving_acceleration * dt, most)
-        self._moved_back += self._speed_back * dt
         if left < 2e-3:
             self._enter(DetachPhase.DONE)
-        return DetachCommand(-self._speed_back * T_base_tcp[:3, 2], self._rate, 0.0)
+        return replace(STILL, velocity=-self._speed_back * T_base_tcp[:3, 2], roll_rate=self._rate)
 
     def _turn_to(self, dt: float, goal: float) -> None:
-        left = goal - self.roll
+        left = goal - self._aimed
         s = self.settings
         wanted = np.sign(left) * min(s.roll_rate, float(np.sqrt(2.0 * s.roll_acceleration * abs(left))))
         self._turn(dt, float(wanted))
 
     def _turn(self, dt: float, wanted: float) -> None:
-        relieving = self._time < self._relieved_until
+        relieving = self._path < self._relieved_until
         most = (self.settings.relief_acceleration if relieving else self.settings.roll_acceleration) * dt
         self._rate += float(np.clip(wanted - self._rate, -most, most))
-        self.roll += self._rate * dt
-        self._furthest = max(self._furthest, abs(self.roll))
 
     def _grip(self, dt: float, wrenches: Float64) -> float:
-        """Rate of the opening that brings the mean of the pads to the force that holds the larger load."""
+        """Rate of the opening that brings the mean of the pads to the force that holds the larger load.
+
+        Pads that feel nothing are not closed, nor pads that the motor already presses as hard as the fruit may bear.
+        Pads that the motor presses with less than the first grip are not opened.
+        """
         s, press = self.settings, -wrenches[:, 2]
         sideways = float(np.hypot(wrenches[:, 0], wrenches[:, 1]).max())
         needed = max(s.grip_factor * sideways / s.mu + s.grip_offset, s.first_grip)
@@ -475,23 +614,52 @@ class DetachController:
         needed = min(needed, self.grip_limit)
         decay = s.grip_decay if self.broke_at is None else s.carried_decay
         self._target = max(needed, self._target - decay * dt)
-        missing = min(self._target - press.mean(), s.grip_ceiling * self._fruit.bruise_force - press.max())
-        return -float(np.clip(s.grip_gain * missing, -s.closing, s.closing))
+        most = s.grip_ceiling * self._fruit.bruise_force
+        missing = min(self._target - press.mean(), most - press.max())
+        felt = press.mean() > s.lost_force and (self._motor is None or 0.5 * self._motor < most)
+        stuck = self.phase is DetachPhase.TEST and abs(self._behind) > s.stuck  # wood holds the fingers
+        loose = self._motor is not None and 0.0 <= 0.5 * self._motor < s.first_grip
+        loose = loose or self._width > self._width_gripped + s.wider  # no fruit is held there
+        least, most = 0.0 if loose else -s.closing, s.closing if felt else 0.0
+        return -float(np.clip(s.grip_gain * missing, least, most)) * (not stuck)
 
     # ---------------------------------------------------------------------------------------------- phases
 
     def _enter(self, phase: DetachPhase) -> None:
-        self.phase, self._since = phase, self._time
+        self.phase, self._since, self._p_phase = phase, self._path, self._p_aimed
 
     def _let_back(self, problem: DetachProblem) -> None:
         self._ending = problem
         self._enter(DetachPhase.LET_BACK)
 
     def _end(self, problem: DetachProblem | None) -> None:
+        """End; a fruit that may still be between the pads is let go only after a test of its stem."""
+        held = self.phase in HOLDING and not (self._empty > 0.0 and self._is_empty(self._press))
+        if problem is None or problem.code in KEPT or not held:
+            self._finish(problem)
+            return
+        self._ending, self._speed_back = problem, 0.0
+        self._test = StemTest()
+        self._enter(DetachPhase.TEST)
+
+    def _finish(self, problem: DetachProblem | None) -> None:
         self.problem = problem
         self._opened_from, self._behind = self._width, 0.0
-        leaves = problem is not None and problem.code != "LOST"
+        leaves = problem is not None and problem.code not in KEPT
         self._enter(DetachPhase.OPEN if leaves else DetachPhase.DONE)
+
+
+STILL = DetachCommand(np.zeros(3), 0.0, 0.0, np.zeros(3))
+"""Nothing moves."""
+KEPT = ("LOST", "STEM_UNCLEAR")
+"""Problems after which the fingers stay as they are."""
+
+
+def _roll_between(R_start: Float64, R: Float64, near: float) -> float:
+    """Return the turn about the approach axis from one orientation to another, the one next to `near` [rad]."""
+    turned = R_start.T @ R
+    roll = float(np.arctan2(turned[1, 0] - turned[0, 1], turned[0, 0] + turned[1, 1]))
+    return near + float(np.mod(roll - near + np.pi, 2.0 * np.pi) - np.pi)
 
 
 def _on_fruit(wrenches: Float64, R_base_tcp: Float64) -> Float64:

@@ -85,12 +85,12 @@ class Policy(MovingSkill):
         self, motion: SetPoints, network: PolicyNetwork, goal: Float64, patience: float, max_age: float, still: float
     ) -> Work[None]:
         """Decide at the policy's rate until it wants to go no further."""
-        began, decided_at, wanted_at = self.context.elapsed(), -np.inf, self.clock.now()
+        began, decided_at, wanted_at = self.context.elapsed(), -np.inf, self.context.elapsed()
         while True:
             if motion.state not in (MotionState.RUNNING, MotionState.PAUSED):
                 code = "STOPPED" if motion.state is MotionState.STOPPED else "MOTION_FAILED"
                 raise self.failure(code, motion.problem or "the motion was stopped before its end")
-            now = self.clock.now()
+            now = self.context.elapsed()  # it stands still in a pause
             if motion.state is MotionState.PAUSED:
                 wanted_at = now
                 yield "paused"

@@ -15,6 +15,8 @@ MOST = 0.03
 PRESSES, RELIEVES = 10.0, 0.03
 """Force of the motor outwards at which fingers press on something beside them [N], and speed at which they close then
 [m/s]: fingers that were pressed by 4 mm spring open when the hand leaves, which the supervisor takes for a fault."""
+ENDS = 0.1
+"""Time after which a gripper ends a speed that is not repeated [s]: `Gripper.set_speed`."""
 RESISTS = 2.0
 """Force of the motor against a motion that shows a push [N]: a gripper that moves by itself is not followed."""
 
@@ -40,20 +42,26 @@ class YieldingFingers:
         self._stamp, self._width = state.stamp, state.width
         self._lower, self._upper = state.width, state.width  # widths that the commands explain [m]
 
-    def set_speed(self, speed: float) -> None:
-        """Command a speed [m/s], or that of the push."""
-        self._speed = self._yielded(speed)
+    def set_speed(self, speed: float, press: float = 0.0, bears: float = math.inf) -> None:
+        """Command a speed [m/s], or that of the push.
+
+        Args:
+            press: larger force of the pads on what is between them [N].
+            bears: force of the pads from which fingers that press outwards close no further [N]: the motor's current
+                may be wrong.
+        """
+        self._speed = self._yielded(speed, self._relax and press < bears)
         self._gripper.set_speed(self._speed)
 
     def rest(self) -> None:
         """Let resting fingers give way while the arm moves, once a tick."""
-        before, self._speed = self._speed, self._yielded(0.0)
+        before, self._speed = self._speed, self._yielded(0.0, self._relax)
         if before or self._speed:
             self._gripper.set_speed(self._speed)
 
-    def _yielded(self, speed: float) -> float:
+    def _yielded(self, speed: float, relax: bool) -> float:
         state = self._gripper.state()
-        dt, self._stamp = state.stamp - self._stamp, state.stamp
+        dt, self._stamp = min(state.stamp - self._stamp, ENDS), state.stamp
         moved, self._width = state.width - self._width, state.width
         self._lower = min(state.width, self._lower + max(self._speed, 0.0) * dt)
         self._upper = max(state.width, self._upper + min(self._speed, 0.0) * dt)
@@ -63,7 +71,7 @@ class YieldingFingers:
         given = GAIN * push if resisted else 0.0
         if given * moved > 0.0:
             given = math.copysign(max(abs(given), abs(moved) / dt), moved)
-        if self._relax and force < -PRESSES:
+        if relax and force < -PRESSES:
             given = min(given, -RELIEVES)
         if not given or self.holds or self._given > MOST:
             return speed

@@ -24,7 +24,7 @@ class Stem:
         self.strength, self.branch, self.bending, self.lag = strength, branch, bending, lag
         self.diameter = DIAMETER
         self.width, self.roll, self.broken, self.time = DIAMETER + 0.02, 0.0, None, 0.0
-        self.velocity, self.rate = np.zeros(3), 0.0
+        self.T_aimed = self.T.copy()
         self.gone = self.saturated = False
         self.presses, self.stem = [], 0.0
         self.R0 = self.T[:3, :3].copy()
@@ -54,17 +54,22 @@ class Stem:
         self.presses.append(-w[:, 2])
         return w
 
-    def move(self, command):
-        self.time += DT
-        share = DT / (self.lag + DT)
-        self.velocity = self.velocity + share * (command.velocity - self.velocity)
-        self.rate += share * (command.roll_rate - self.rate)
-        self.T[:3, 3] += DT * self.velocity
-        self.roll += DT * self.rate
+    def move(self, command, dt=DT):
+        """Move the set-point by a command; the hand follows it with a lag."""
+        self.time += dt
+        self.T_aimed = command.moved(self.T_aimed, dt)
+        share = dt / (self.lag + dt)
+        self.T[:3, 3] += share * (self.T_aimed[:3, 3] - self.T[:3, 3])
+        left = self.T[:3, :3].T @ self.T_aimed[:3, :3]
+        self.roll += share * float(np.arctan2(left[1, 0], left[0, 0]))
         c, s = np.cos(self.roll), np.sin(self.roll)
         self.T[:3, :3] = self.R0 @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        self.width += DT * command.opening
+        self.width += dt * command.opening
         self.load()
+
+    def step(self, control, dt=DT):
+        """Let a controller move the hand for one period."""
+        self.move(control.step(dt, self.wrenches(), self.saturated, self.T, self.width, self.T_aimed), dt)
 
     def load(self):
         """Break the stem when its load is too much."""

@@ -26,7 +26,7 @@ def detach(stem, rolls=(2.4, -2.4), limit=20.0, each=lambda control: None):
     control = controller(stem, rolls)
     while control.phase is not DetachPhase.DONE and stem.time < limit:
         each(control)
-        stem.move(control.step(DT, stem.wrenches(), stem.saturated, stem.T, stem.width))
+        stem.step(control)
     assert control.phase is DetachPhase.DONE
     return control
 
@@ -76,9 +76,9 @@ def test_a_strong_stem_is_rolled_both_ways_and_let_back_slowly():
 
 def test_fingers_that_wood_blocks_while_they_close_are_a_jam_before_the_supervisor_ends_the_run():
     class Blocked(Stem):
-        def move(self, command):
+        def move(self, command, dt=DT):
             before = self.width
-            super().move(command)
+            super().move(command, dt)
             self.width = max(self.width, min(before, DIAMETER + 0.01))
 
     stem, closed = Blocked(), []
@@ -189,7 +189,7 @@ def test_wood_that_presses_fruit_harder_than_it_can_bear_is_a_jam():
     pressed[:, 2] = -1.3 * BRUISE_FORCE
     while control.phase is not DetachPhase.DONE and stem.time < 20.0:
         wood = control.phase is DetachPhase.ROLL and control.roll > 0.5
-        stem.move(control.step(DT, pressed if wood else stem.wrenches(), False, stem.T, stem.width))
+        stem.move(control.step(DT, pressed if wood else stem.wrenches(), False, stem.T, stem.width, stem.T_aimed))
         rolls.append(control.roll)
     assert max(rolls) < 0.9
 
@@ -201,7 +201,7 @@ def test_a_light_fruit_that_leaves_the_pads_is_not_taken_for_a_break():
     control = DetachController(light, (2.4, -2.4))
     while control.phase is not DetachPhase.DONE and stem.time < 20.0:
         stem.gone = control.phase is DetachPhase.ROLL and control.roll > 1.0
-        stem.move(control.step(DT, stem.wrenches(), False, stem.T, stem.width))
+        stem.move(control.step(DT, stem.wrenches(), False, stem.T, stem.width, stem.T_aimed))
     assert control.broke_at is None
     assert control.problem.code == "SLIPPED"
 
@@ -327,7 +327,11 @@ def test_a_pad_that_meets_wood_is_a_jam_within_a_tenth_of_a_second(pads, saturat
         rolling = control.phase is DetachPhase.ROLL
         if rolling:
             began.append(stem.time)
-        stem.move(control.step(DT, wood if rolling else stem.wrenches(), rolling and saturated, stem.T, stem.width))
+        stem.move(
+            control.step(
+                DT, wood if rolling else stem.wrenches(), rolling and saturated, stem.T, stem.width, stem.T_aimed
+            )
+        )
     assert control.phase is (DetachPhase.ROLL if code is None else DetachPhase.LET_BACK)
 
 
@@ -366,3 +370,65 @@ def test_the_clearance_of_a_roll_is_the_fingers_distance_at_its_worst():
     assert roll_clearance(T, np.pi / 2.0, 0.08, knuckle, above) == pytest.approx(expected)
     assert roll_clearance(T, 0.0, 0.08, knuckle, above) > expected + 0.02
     assert roll_clearance(T, 1.0, 0.08, knuckle, np.zeros((0, 4))) == np.inf
+
+
+def test_a_fruit_that_is_taken_after_the_break_is_lost_and_not_slipped():
+    """A hand that takes it loads the pads as a stem would."""
+
+    class Taken(Stem):
+        pulled = False
+
+        def force(self):
+            force, moment = super().force()
+            return (force + np.array([0.0, -3.0, 0.0]), moment) if self.pulled else (force, moment)
+
+    stem, back = Taken(), []
+
+    def take(control):
+        if control.phase is DetachPhase.BACK:
+            back.append(stem.time)
+        stem.pulled = bool(back) and stem.time - back[0] > 0.1
+        stem.gone = bool(back) and stem.time - back[0] > 0.5
+
+    control = detach(stem, each=take)
+    assert control.problem.code == "LOST"
+    assert "after the stem broke" in control.problem.message
+
+
+def test_a_roll_that_the_arm_cannot_go_on_ends_there():
+    stem, rolls, ended = Stem(STRONG, bending=0.01), [], []
+
+    def edge(control):
+        rolls.append(control.roll)
+        if control.roll > 1.0 and not ended:
+            ended.append(control.roll)
+            control.end_roll()
+
+    assert detach(stem, each=edge).problem.code == "NOTHING_BROKE"
+    assert max(rolls) < 1.6
+    assert min(rolls) < -2.3
+
+
+def test_a_stem_that_cannot_be_felt_to_hold_keeps_the_grip():
+    """The stem breaks where a pad begins to read 1 N too much, so that no break is noticed."""
+    stem = Stem(WEAK)
+    control = controller(stem, (2.4,))
+    while control.phase is not DetachPhase.DONE and stem.time < 40.0:
+        wrenches = stem.wrenches()
+        if stem.broken is not None:
+            wrenches[0, 1] += 2.5
+        stem.move(control.step(DT, wrenches, False, stem.T, stem.width, stem.T_aimed))
+    assert control.problem.code == "STEM_UNCLEAR"
+    assert "the grip is kept" in control.problem.message
+    assert stem.width < DIAMETER
+
+
+def test_pads_that_read_too_little_are_not_closed_while_the_motor_presses():
+    stem, presses = Stem(STRONG, bending=0.01), []
+    control = controller(stem)
+    while control.phase is not DetachPhase.DONE and stem.time < 40.0:
+        press = -stem.wrenches()[:, 2]
+        presses.append(press.max())
+        motor = float(press.sum())
+        stem.move(control.step(DT, 0.3 * stem.wrenches(), False, stem.T, stem.width, stem.T_aimed, motor))
+    assert max(presses) < 1.15 * BRUISE_FORCE
