@@ -54,6 +54,9 @@ class EmptyCellFile:
     def known(self, what: type[T]) -> T | None:
         return None
 
+    def place(self, interface: type) -> None:
+        return None
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EmptyCellSection:
