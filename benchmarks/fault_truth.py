@@ -34,8 +34,8 @@ BIN = "bin"
 """Where the cell's apples belong."""
 
 
-class Truth(Protocol):
-    """Truth of a case.
+class RowTruth(Protocol):
+    """RowTruth of a case.
 
     Attributes:
         force_max: limit of `force` [N]; contact: largest other force so far, and on what [N].

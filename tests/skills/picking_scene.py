@@ -169,22 +169,23 @@ CELLS = (
 def scene_with_pose(code: str, **scene: Any) -> tuple[PickingScene, dict[str, object]]:
     """A bench on which going to the pose "there" fails with a code, and the inputs and settings of `drive` for it."""
     poses = dict(WORKSPACE.poses) | {"there": HOME}
-    workspace, inputs, settings = replace(WORKSPACE, poses=poses), {}, {}
+    obstacles, inputs, settings = WORKSPACE.obstacles, {}, {}
     if code == "GOAL_UNREACHABLE":
         poses["there"] = HOME + 7.0
     elif code == "GOAL_IN_COLLISION":
         lamp = Box("lamp", transform(None, ROBOT_MODEL.tcp(HOME)[:3, 3]), (0.06, 0.06, 0.06))
-        workspace = replace(workspace, obstacles=(*WORKSPACE.obstacles, lamp))
+        obstacles = (*obstacles, lamp)
     elif code == "START_IN_COLLISION":
         inputs["map"] = seen_map(blocked=(ROBOT_MODEL.tcp(OBSERVE)[:3, 3],))
     elif code == "MAP_STALE":
         inputs["map"] = seen_map(stamp=-1000.0)
     elif code == "NO_PATH":
         poses["there"] = ASIDE
-        workspace = replace(workspace, obstacles=(*WORKSPACE.obstacles, *CELLS))
+        obstacles = (*obstacles, *CELLS)
     elif code == "TIMEOUT":
         settings = {"computing": 10**9}
     elif code == "UNKNOWN_POSE":
         del poses["there"]
+    workspace = replace(WORKSPACE, poses=poses, obstacles=obstacles)
     made = PickingScene(workspace=workspace, clock=RealTimeClock() if code == "TIMEOUT" else MockClock(), **scene)
     return made, {"inputs": inputs, "settings": settings}

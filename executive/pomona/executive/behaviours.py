@@ -68,13 +68,16 @@ def run_behaviour(
     views.add(parser)
     options = parser.parse_args(["--dashboard", "--port", str(port)] if dashboard else [])
     with views.open(options, console, record or RECORDS):
+        with views.run(root.name) as starting:
 
-        def ready(runner: Runner) -> None:
-            views.on_ready(runner)
-            if on_ready is not None:
-                on_ready(runner)
+            def ready(runner: Runner) -> None:
+                views.on_ready(runner)
+                if on_ready is not None:
+                    on_ready(runner)
+                if starting is not None:
+                    starting.attach(runner)
+                    starting.begin()
 
-        with views.run(root.name):
             executed = _run(root, record, period, [*listeners, *views.listeners], ready)
         if sys.stdin.isatty():
             views.stay()

@@ -41,7 +41,7 @@ def read_mesh(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     except Exception as error:  # trimesh's readers may raise any exception
         words = " ".join(str(error).strip().strip("'").split())[:200] or type(error).__name__
         raise UnreadableMeshError(f"is no mesh that can be read ({words})") from error
-    if vertices.ndim != 2 or faces.ndim != 2 or not len(faces):
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3 or not len(faces):
         raise UnreadableMeshError("is empty: it holds no triangles")
     _bound(len(faces), MOST_TRIANGLES, "triangles")
     _bound(len(vertices), 3 * MOST_TRIANGLES, "vertices")

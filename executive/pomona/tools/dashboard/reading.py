@@ -25,7 +25,7 @@ AGAIN = 1
 """Time after which a refused reader may try again [s]."""
 
 
-class Reading:
+class RecordReading:
     """Answers reads within a limit of threads and of open requests. Use it in the server's loop."""
 
     def __init__(self) -> None:
@@ -60,7 +60,7 @@ class Reading:
 class _Read:
     """One kind of read, as an application."""
 
-    def __init__(self, reading: Reading, answer: Callable[[Request], Response]) -> None:
+    def __init__(self, reading: RecordReading, answer: Callable[[Request], Response]) -> None:
         self._reading, self._answer = reading, answer
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

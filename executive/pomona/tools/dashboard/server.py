@@ -35,7 +35,7 @@ from pomona.tools.dashboard.connections import LiveWire, PatientHttp, hang_up, w
 from pomona.tools.dashboard.control_lock import ControlLock, RefusedError, RunControl
 from pomona.tools.dashboard.hub import Hub, Viewer
 from pomona.tools.dashboard.presses import Presses, now, object_of, refuse_late, text
-from pomona.tools.dashboard.reading import Reading
+from pomona.tools.dashboard.reading import RecordReading
 from pomona.tools.dashboard.record_messages import (
     between,
     cloud,
@@ -110,7 +110,7 @@ class Dashboard:
         self._choices = Choices({}, {})
         self._server: _Server | None = None
         self._thread: threading.Thread | None = None
-        self._reading = Reading()
+        self._reading = RecordReading()
         reading = self._reading.route
         self.app = Starlette(
             routes=[

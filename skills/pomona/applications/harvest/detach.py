@@ -14,7 +14,7 @@ from pomona.applications.harvest.detaching import (
     HeldFruit,
     roll_clearance,
 )
-from pomona.applications.harvest.felt_pads import Felt, FeltPads
+from pomona.applications.harvest.felt_pads import FeltPads, MeanWrench
 from pomona.applications.harvest.hanging import free_roll, knuckle_of
 from pomona.drivers.errors import BadTrajectory, MotionRefused
 from pomona.drivers.interfaces import (
@@ -152,7 +152,7 @@ class Detach(MovingSkill):
         except MotionRefused as refused:
             raise self.failure("REFUSED", f"{refused}; nothing has moved", device=refused.device) from refused
 
-        def stand(felt: Felt) -> None:
+        def stand(felt: MeanWrench) -> None:
             fingers.set_speed(controller.stand(felt.duration, felt.wrenches), felt.press, BEARS)
 
         pads.between_ticks(stand, lambda: motion.state is MotionState.PAUSED, self.clock.now)
@@ -182,7 +182,7 @@ class Detach(MovingSkill):
     ) -> Work[None]:
         arm, gripper = self.device(Arm), self.device(Gripper)
         robot = inner_robot(arm)
-        aim = SetPoint(robot, arm.state().q)
+        aim = HandAim(robot, arm.state().q)
         before = self.clock.now()
         pads.take()
         while controller.phase is not DetachPhase.DONE:
@@ -252,7 +252,7 @@ class Detach(MovingSkill):
         return tuple(sorted(kept, key=lambda roll: (-min(free[roll], ROLL_WANTED), -min(clear[roll], 0.03))))
 
 
-class SetPoint:
+class HandAim:
     """Joints to aim at, and their pose, moved by the controller's commands as far as the arm reaches.
 
     Attributes:

@@ -23,7 +23,7 @@ LATE = 0.03
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Felt:
+class MeanWrench:
     """Mean of some samples, without the offset."""
 
     wrenches: Float64  # as in `WrenchSample`, shape (2, 6)
@@ -43,7 +43,7 @@ class FeltPads:
         self.lock = RLock()
         self._rate, self._offset = sensor.rate, np.zeros((2, 6))
         self._samples: list[WrenchSample] = []
-        self._stand: Callable[[Felt], None] | None = None
+        self._stand: Callable[[MeanWrench], None] | None = None
         self._paused: Callable[[], bool] = lambda: False
         self._now: Callable[[], float] = lambda: 0.0
         self._ticked = 0.0
@@ -61,13 +61,13 @@ class FeltPads:
         self._offset = self._offset if felt is None else self._offset + felt.wrenches
         return felt is not None
 
-    def take(self) -> Felt | None:
+    def take(self) -> MeanWrench | None:
         """Return the mean of the samples since the last call, None without any. The ticks come now."""
         self._ticked = self._now()
         return self._mean()
 
     def between_ticks(
-        self, stand: Callable[[Felt], None], paused: Callable[[], bool], now: Callable[[], float]
+        self, stand: Callable[[MeanWrench], None], paused: Callable[[], bool], now: Callable[[], float]
     ) -> None:
         """Call `stand` every 20 ms in the sensor's loop while the run is paused, or a tick is late.
 
@@ -79,13 +79,13 @@ class FeltPads:
         with self.lock:
             self._stand, self._paused, self._now, self._ticked = stand, paused, now, now()
 
-    def _mean(self) -> Felt | None:
+    def _mean(self) -> MeanWrench | None:
         with self.lock:
             samples, self._samples = self._samples, []
         if not samples:
             return None
         mean: Float64 = np.mean([sample.wrenches for sample in samples], axis=0) - self._offset
-        return Felt(mean, any(any(sample.saturated) for sample in samples), len(samples) / self._rate)
+        return MeanWrench(mean, any(any(sample.saturated) for sample in samples), len(samples) / self._rate)
 
     def _on_sample(self, sample: WrenchSample) -> None:
         with self.lock:

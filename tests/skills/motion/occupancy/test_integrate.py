@@ -1,5 +1,7 @@
 """Effect of a frame on the cells: free in front, occupied on surfaces, hidden behind them, unchanged elsewhere."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
@@ -97,7 +99,9 @@ def test_cells_outside_the_picture_stay_unknown() -> None:
 def test_pixels_without_depth_say_nothing() -> None:
     frame = look(FROM_ABOVE, LEFT)
     assert frame.depth is not None
-    frame.depth[:, 100:] = 0.0
+    depth = frame.depth.copy()
+    depth[:, 100:] = 0.0
+    frame = replace(frame, depth=depth)
     fused = integrate(empty(), frame, FROM_ABOVE, CELL)
     i, j, k = fused.cell_of(np.array([0.1, -0.4, -0.05]))
     assert fused.states[i, j, k] == UNKNOWN
@@ -154,7 +158,8 @@ def test_noise_of_the_sensor_neither_blocks_free_space_nor_opens_objects(seed: i
     rng = np.random.default_rng(seed)
     frame = look(FROM_ABOVE, LEFT, RIGHT)
     assert frame.depth is not None
-    frame.depth[:] += rng.normal(size=frame.depth.shape).astype(np.float32) * 1e-3 * (frame.depth > 0.0)
+    noise = rng.normal(size=frame.depth.shape).astype(np.float32) * 1e-3 * (frame.depth > 0.0)
+    frame = replace(frame, depth=frame.depth + noise)
     fused = integrate(empty(), frame, FROM_ABOVE, CELL)
     blocked = fused.centres(OCCUPIED)
     away = np.minimum(np.linalg.norm(blocked - LEFT, axis=1), np.linalg.norm(blocked - RIGHT, axis=1))
@@ -168,12 +173,10 @@ def test_a_look_without_depth_is_an_error_and_never_free() -> None:
     blind = Frame(0.0, 0, frame.colour, None, LENS, None, FROM_ABOVE)
     with pytest.raises(NothingMeasured):
         integrate(empty(), blind, FROM_ABOVE, CELL)
-    frame.depth[:] = 0.0
-    with pytest.raises(NothingMeasured, match="0 pixels with depth"):
-        integrate(empty(), frame, FROM_ABOVE, CELL)
-    frame.depth[:] = np.nan
-    with pytest.raises(NothingMeasured):
-        integrate(empty(), frame, FROM_ABOVE, CELL)
+    for nothing, words in ((0.0, "0 pixels with depth"), (np.nan, None)):
+        empty_depth = replace(frame, depth=np.full_like(frame.depth, nothing))
+        with pytest.raises(NothingMeasured, match=words):
+            integrate(empty(), empty_depth, FROM_ABOVE, CELL)
 
 
 def test_a_look_elsewhere_is_an_error() -> None:
@@ -203,7 +206,9 @@ def test_an_empty_or_stale_map_gives_no_distance_field() -> None:
 def test_few_stray_points_do_not_block() -> None:
     frame = look(FROM_ABOVE)
     assert frame.depth is not None
-    frame.depth[120, 160:162] = 0.4  # two pixels in the air
+    depth = frame.depth.copy()
+    depth[120, 160:162] = 0.4  # two pixels in the air
+    frame = replace(frame, depth=depth)
     assert not (integrate(empty(), frame, FROM_ABOVE, CELL).states == OCCUPIED).any()
     wary = integrate(empty(), frame, FROM_ABOVE, CELL, sensing=Sensing(min_points=1))
     assert (wary.states == OCCUPIED).any()
@@ -212,7 +217,9 @@ def test_few_stray_points_do_not_block() -> None:
 def test_leaves_neither_block_nor_hide_and_what_is_before_them_is_free():
     """One ball is green, the other brown."""
     frame = look(FROM_ABOVE, LEFT, RIGHT)
-    frame.colour[:, :160], frame.colour[:, 160:] = (50, 97, 31), (92, 69, 51)
+    colour = np.empty_like(frame.colour)
+    colour[:, :160], colour[:, 160:] = (50, 97, 31), (92, 69, 51)
+    frame = replace(frame, colour=colour)
     plain = integrate(empty(), frame, FROM_ABOVE, CELL)
     leafy = integrate(empty(), frame, FROM_ABOVE, CELL, sensing=Sensing(foliage=0.2))
     sides = {}

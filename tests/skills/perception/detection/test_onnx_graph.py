@@ -134,7 +134,7 @@ def test_a_network_that_is_too_large_ends_in_its_trial(finder: Callable[[], byte
         CompactDetector.load(path)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 10.0
-    assert after.ru_maxrss < 1_000_000
+    assert after.ru_maxrss < max(1_000_000, before.ru_maxrss + 1)  # the largest of all children so far
 
 
 def test_a_detector_of_boxes_that_is_too_large_ends_in_its_trial(tmp_path: Path) -> None:

@@ -57,7 +57,10 @@ class ScoredBox:
 
 
 def load_boxes(path: Path, fruit: str, working_width: int = WORKING_WIDTH) -> BoxModel:
-    """Return a model of boxes that has been tried in a process of its own; arguments and errors are those of it."""
+    """Return a model of boxes that has been tried in a process of its own; arguments are those of `BoxModel`.
+
+    Raises BadWeights: the file is no such model, or its trial takes too much time or memory.
+    """
     memory = MEMORY + MEMORY_RATIO * (path.stat().st_size if path.is_file() else 0)
     problem = trial(f"{__name__}:{try_boxes.__name__}", str(path), fruit, str(working_width), memory=memory)
     if problem:
