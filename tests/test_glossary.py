@@ -17,7 +17,8 @@ def explained(section: str) -> set[str]:
 
 
 def test_the_glossary_explains_every_failure_code_and_every_port_and_no_other() -> None:
-    skills = [skill for skill in declared_skills().listing() if skill.module.startswith(("pomona.skills.", "pomona.applications."))]
+    ours = ("pomona.skills.", "pomona.applications.")
+    skills = [skill for skill in declared_skills().listing() if skill.module.startswith(ours)]
     assert len(skills) > 15, "the skills were not found"
     assert explained("Failure codes") == {code for skill in skills for code in skill.failures}
     assert explained("Ports") == {port["name"] for skill in skills for port in (*skill.inputs, *skill.outputs)}
