@@ -272,7 +272,7 @@ class Cell:
         return {**within, **devices}
 
     def in_hand(self) -> str | None:
-        """Describe what may be between the fingers: an empty text for nothing, None in a cell without a hand."""
+        """Describe an object that may be between the fingers: an empty text for none, None in a cell without a hand."""
         return self._watch.in_hand()
 
     def outside_stops(self) -> Mapping[str, tuple[str, Sequence[Any]]]:

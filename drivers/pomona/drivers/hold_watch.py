@@ -100,7 +100,7 @@ class HoldWatch:
                 raise DeviceFault("gripper", f"{why} while the run was paused: the fruit may be gone")
 
     def in_hand(self) -> str | None:
-        """Describe what may be between the fingers: an empty text for nothing, None in a cell without a hand.
+        """Describe an object that may be between the fingers: an empty text for none, None in a cell without a hand.
 
         Force and opening decide together. If the force is below the threshold and the opening is still that of a grip,
         the fingers may hold the fruit: a small force suffices, and a bias may have been taken under load. Without a
@@ -133,7 +133,7 @@ class HoldWatch:
     def _infer(self, state: GripperState) -> None:
         """Decide by the motor's force and the width where no finger measures a force.
 
-        What was held is there until the fingers have let go. Empty fingers at rest may hold something if they were
+        A held object is there until the fingers have let go. Empty fingers at rest may hold something if they were
         stopped before the width of their move, or have closed without one.
         """
         assert self._gripper is not None

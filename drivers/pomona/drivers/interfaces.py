@@ -386,7 +386,7 @@ class Hand(Protocol):
     """State of the hand, which a cell with a gripper or fingers follows from its connection on."""
 
     def in_hand(self) -> str | None:
-        """Describe what may be between the fingers: an empty text for nothing, None in a cell without a hand."""
+        """Describe an object that may be between the fingers: an empty text for none, None in a cell without a hand."""
 
 
 # ----------------------------------------------------------------------------------------------------- hands

@@ -1,4 +1,4 @@
-"""What width and motor of a gripper show of an object between its fingers, without a measured force."""
+"""An object between a gripper's fingers, by width and motor, without a measured force."""
 
 from __future__ import annotations
 

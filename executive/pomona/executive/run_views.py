@@ -39,7 +39,7 @@ class ViewedRun:
 
 
 class RunView:
-    """A view of a run. A subclass overrides what it needs; the defaults do nothing.
+    """A view of a run. A subclass overrides the methods that it needs; the defaults do nothing.
 
     `add` and `attends` are called for each `pomona run`, so import costly modules in `open` only.
     """

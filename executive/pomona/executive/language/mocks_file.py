@@ -257,7 +257,7 @@ def read_mocks(text: str, path: str | Path, document: Document, skills: Registry
 
 
 def root_of(text: str, path: str | Path, findings: Findings, what: str) -> YamlMapping | None:
-    """Return the mapping of a file's text; None, with a finding, when it is none. `what`: the kind of file."""
+    """Return the mapping of a text; None, with a finding, when it is none. The last argument names the file's kind."""
     root = read_yaml(Source(str(path), text), findings, what)
     if root is None or isinstance(root, YamlMapping):
         return root

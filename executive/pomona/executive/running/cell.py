@@ -103,7 +103,7 @@ class Cell(Protocol):
         """
 
     def in_hand(self) -> str | None:
-        """Describe what may be between the fingers: an empty text for nothing, None in a cell without a hand."""
+        """Describe an object that may be between the fingers: an empty text for none, None in a cell without a hand."""
 
     def outside_stops(self) -> Mapping[str, tuple[str, Sequence[Any]]]:
         """How another process can stop devices when this one hangs or dies: by name the function `module:name` and its

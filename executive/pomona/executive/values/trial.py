@@ -24,7 +24,7 @@ def trial(function: str, *arguments: str, memory: int = MEMORY, processor_s: int
     """Return the reason why a trial failed, as the rest of a sentence about the file; an empty text if it succeeded.
 
     Args:
-        function: `package.module:name`; called with the arguments it reads the file, and raises what is wrong with it.
+        function: `package.module:name`; called with the arguments it reads the file, and raises an error for a bad one.
         memory: limit beyond that of the function's module and its imports [byte].
         processor_s: limit of processor time after the imports [s].
     """

@@ -332,7 +332,7 @@ class DetachController:
         return float(np.clip(s.grip_gain * (press.max() - self.grip_limit), 0.0, s.closing))
 
     def rejoin(self) -> None:
-        """Go on after a pause: what the fingers did meanwhile is not compared with commands."""
+        """Go on after a pause: the motion meanwhile is not compared with commands."""
         self._width, self._opening = np.nan, 0.0
         self._rate = self._speed_back = 0.0
 

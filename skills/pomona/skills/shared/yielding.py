@@ -46,7 +46,7 @@ class YieldingFingers:
         """Command a speed [m/s], or that of the push.
 
         Args:
-            press: larger force of the pads on what is between them [N].
+            press: larger force of the pads on the object between them [N].
             bears: force of the pads from which fingers that press outwards close no further [N]: the motor's current
                 may be wrong.
         """
