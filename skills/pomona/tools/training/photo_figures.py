@@ -16,7 +16,7 @@ from pomona.skills.perception.detection.box_evaluation import (
     judge,
 )
 from pomona.skills.perception.detection.compact_detector import CompactDetector
-from pomona.tools.training.photographs import Photograph
+from pomona.skills.perception.detection.photographs import Photograph
 
 TITLES = {
     "recall": "recall at precision 0.90, IoU 0.5",

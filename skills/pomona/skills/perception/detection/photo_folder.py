@@ -18,9 +18,9 @@ import yaml
 from pomona.executive.values.plain_text import read_plain_text
 from pomona.skills.perception.detection.class_names import ClassUnknown, class_of
 from pomona.skills.perception.detection.errors import BadPhotographs
-from pomona.tools.training.labelled import PICTURES, Labelled, files
-from pomona.tools.training.photographs import Photograph, PhotoSet
-from pomona.tools.training.published import kfuji, kfuji_folder, minneapple, minneapple_folders
+from pomona.skills.perception.detection.labelled import PICTURES, Labelled, files
+from pomona.skills.perception.detection.photographs import Photograph, PhotoSet
+from pomona.skills.perception.detection.published import kfuji, kfuji_folder, minneapple, minneapple_folders
 
 SLACK = 3.0  # a box may end this far outside of its picture, as rounding leaves it, and is cut there [px]
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pomona.skills.perception.detection import labelled
 from pomona.skills.perception.detection.errors import BadPhotographs
-from pomona.tools.training import labelled
-from pomona.tools.training.photo_folder import read_photographs
-from tests.skills.tools.training.photo_folders import SIDE, TRUTH, boxes_of, coco, draw, tables, yolo
+from pomona.skills.perception.detection.photo_folder import read_photographs
+from tests.skills.perception.detection.photo_folders import SIDE, TRUTH, boxes_of, coco, draw, tables, yolo
 
 
 @pytest.mark.parametrize("layout", [tables, yolo, coco])
