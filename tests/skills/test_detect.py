@@ -247,7 +247,7 @@ def test_nothing_of_the_apple_is_loaded_when_a_lemon_is_looked_for(monkeypatch: 
         return load_fruit(name)
 
     monkeypatch.setattr(looking, "load_fruit", load)
-    monkeypatch.setattr(looking, "_detector", lambda weights, _options: loaded.append(weights.name))
+    monkeypatch.setattr(looking, "_detector", lambda weights: loaded.append(weights.name))
     skill = Detect()
     monkeypatch.setattr(skill, "known", {"fruit": "lemon", "weights": ""}.get)
     skill.prepare()

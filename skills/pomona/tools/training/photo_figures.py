@@ -67,7 +67,7 @@ def find_boxes(
         fruit = searching(detector, photo, scale).find(photo.picture(), photo.K)
         boxes = np.array([f.outline(photo.width, photo.height) for f in fruit]).reshape(-1, 4)
         scores = np.array([f.score for f in fruit], np.float64)
-        found.append(Finds(boxes, scores, photo.boxes, photo.group))
+        found.append(Finds(boxes, scores, photo.boxes, photo.group or photo.name))
         if progress is not None:
             progress(number + 1, len(photographs))
     return found
