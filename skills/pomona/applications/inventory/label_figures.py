@@ -17,6 +17,7 @@ from pomona.skills.perception.detection.box_evaluation import (
     recall_and_precision,
 )
 from pomona.skills.perception.detection.photographs import Photograph
+from pomona.skills.perception.detection.pyramid import shared_part
 
 SIZES = ((0.0, 32.0), (32.0, 96.0), (96.0, float("inf")))
 """Ranges of a label's longer side [px]: COCO's small, medium and large."""
@@ -56,7 +57,7 @@ class LabelFigures:
             return f"is {width} × {height}, but {photo.path} with the labels is {photo.width} × {photo.height}"
         labelled, group = photo.boxes[~photo.crowd], photo.group or str(photo.path)
         right = judge(boxes, scores, labelled).right[0]
-        counts = right | ~_in_crowd(boxes, photo.boxes[photo.crowd])
+        counts = right | (shared_part(boxes, photo.boxes[photo.crowd]) < IN_CROWD).all(axis=1)
         boxes, scores = boxes[counts], scores[counts]
         self._judged.append(judge(boxes, scores, labelled, group))
         for sized, (low, high) in zip(self._by_size, SIZES, strict=True):
@@ -91,11 +92,3 @@ def _average_precision(pictures: Sequence[JudgedPicture]) -> str:
 
 def _cells(value: float, bound: tuple[float, float]) -> str:
     return f"{value:.3f} | {bound[0]:.3f}–{bound[1]:.3f}" if np.isfinite(value) else "none | "
-
-
-def _in_crowd(boxes: Float64, crowd: Float64) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    """Return which boxes (n, 4) lie in a label of several fruit (m, 4), (n,)."""
-    low = np.maximum(boxes[:, None, :2], crowd[None, :, :2])
-    high = np.minimum(boxes[:, None, :2] + boxes[:, None, 2:], crowd[None, :, :2] + crowd[None, :, 2:])
-    shared = np.clip(high - low, 0.0, None).prod(axis=2).max(axis=1, initial=0.0)
-    return np.asarray(shared >= IN_CROWD * np.maximum(boxes[:, 2:].prod(axis=1), 1e-12), np.bool_)

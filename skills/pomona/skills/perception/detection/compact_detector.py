@@ -12,7 +12,7 @@ import numpy as np
 from pomona.executive.values.arrays import Float32, Float64, UInt8
 from pomona.skills.perception.detection.close_look import REFERENCE_LENGTH, look_at
 from pomona.skills.perception.detection.errors import MissingPackage
-from pomona.skills.perception.detection.finder_places import Proposal, read_places
+from pomona.skills.perception.detection.finder_places import MOST_PEAKS, Proposal, read_places
 from pomona.skills.perception.detection.found_fruit import FoundFruit
 from pomona.skills.perception.detection.frame_check import check_picture
 from pomona.skills.perception.detection.fused_score import FEATURES
@@ -35,6 +35,7 @@ from pomona.skills.perception.detection.pyramid import (
     LARGEST_FRUIT,
     SMALLEST_FRUIT,
     agreed_score,
+    megapixels,
     merge,
     search_sides,
     tiles,
@@ -112,14 +113,14 @@ class CompactDetector:
             BadFrame: another shape or type.
         """
         seen = self._look_at_all_widths(colour, K) if self.options.working_width is None else self.look(colour, K)[1]
-        kept: list[FoundFruit] = []
-        for fruit in sorted(seen, key=lambda fruit: -fruit.score):
-            if all(
-                np.linalg.norm(fruit.centre - other.centre) > self.options.apart * max(fruit.size, other.size)
-                for other in kept
-            ):
-                kept.append(fruit)
-        return kept
+        seen.sort(key=lambda fruit: -fruit.score)
+        centres, sizes = np.array([fruit.centre for fruit in seen]).reshape(-1, 2), np.array([f.size for f in seen])
+        kept: list[int] = []
+        for k in range(len(seen)):
+            distances = np.linalg.norm(centres[kept] - centres[k], axis=1)
+            if (distances > self.options.apart * np.maximum(sizes[kept], sizes[k])).all():
+                kept.append(k)
+        return [seen[k] for k in kept]
 
     def look(
         self, colour: UInt8, K: Float64, hopeless: float | None = None
@@ -178,8 +179,7 @@ class CompactDetector:
         levels = np.repeat(np.arange(len(sides)), [len(at_one) for at_one in found])
         boxes = np.array([place.box for place in finds]).reshape(-1, 4)
         merged = merge(boxes, np.array([place.score for place in finds]), levels, factors)
-        largest = round(factors[-1] * width), round(factors[-1] * height)
-        merged = merged[: self.options.most_fruit * len(tiles(*largest))]
+        merged = merged[: self.options.most_fruit * megapixels(round(factors[-1] * width), round(factors[-1] * height))]
         places = [Proposal(m.box, finds[m.members[0]].heat, finds[m.members[0]].quality) for m in merged]
         seen, features = self._look_at_places(colour, K, places)
         fruit = []
@@ -225,7 +225,8 @@ class CompactDetector:
         places: list[Proposal] = []
         for tile in tiles(shrunk.shape[1], shrunk.shape[0]):
             part = shrunk[tile.top : tile.top + tile.height, tile.left : tile.left + tile.width]
-            found = read_places(self._maps_of(part), tile.width, tile.height, threshold)
+            most = MOST_PEAKS * megapixels(tile.width, tile.height)
+            found = read_places(self._maps_of(part), tile.width, tile.height, threshold, most)
             inside = [replace(place, box=place.box + np.array([tile.left, tile.top, 0.0, 0.0])) for place in found]
             owned = tile.owns(np.array([place.box for place in inside]).reshape(-1, 4))
             places += [place for place, mine in zip(inside, owned, strict=True) if mine]

@@ -34,8 +34,9 @@ BEST_FRUIT = 50.0  # longer side in the finder's input at which boxes are most e
 LEARNT_FRUIT = 46.0  # median longer side of fruit in the finder's input when it learnt [px]
 
 LARGEST_WHOLE = 1920  # an input with a longer side than this is searched in tiles [px]: the memory of one is 0.7 GB
-TILE, OVERLAP = 1280, 256
-"""Side of a tile, and overlap of two [px]: the largest fruit lies whole in one of them."""
+TILE, OVERLAP = 1600, 192
+"""Largest side of a tile, and overlap of two [px]: the largest fruit lies whole in one of them, 31 px from its border,
+and a tile takes no more memory than the largest whole input."""
 
 SAME = 0.5  # boxes of the same fruit at two widths have at least this intersection over union
 INSIDE = 0.8  # a box of which this part lies in a surer one, or the reverse, is the same fruit or a part of it
@@ -92,6 +93,11 @@ class Tile:
         return np.asarray(((middle >= low) & (middle < high)).all(axis=1), np.bool_)
 
 
+def megapixels(width: int, height: int) -> int:
+    """Return the size of an input in megapixels, rounded up: limits on the number of places hold for each."""
+    return max(1, -(-width * height // 1_000_000))
+
+
 def tiles(width: int, height: int) -> list[Tile]:
     """Return the tiles in which an input of this size [px] is searched; one, if it is small enough."""
     if max(width, height) <= LARGEST_WHOLE:
@@ -104,10 +110,11 @@ def tiles(width: int, height: int) -> list[Tile]:
 
 
 def _cuts(length: int) -> list[tuple[int, int, float, float]]:
-    """Return start and end of each tile along one side, and of its core."""
+    """Return start and end of each tile along one side, and of its core: as few tiles as possible, of one length."""
     count = max(1, -(-(length - OVERLAP) // (TILE - OVERLAP)))
-    starts = [round(k * (length - TILE) / (count - 1)) for k in range(count)] if count > 1 else [0]
-    ends = [min(length, start + TILE) for start in starts]
+    tile = -(-(length + (count - 1) * OVERLAP) // count)
+    starts = [min(k * (tile - OVERLAP), length - tile) for k in range(count)]
+    ends = [start + tile for start in starts]
     borders = [0.5 * (end + start) for end, start in zip(ends, starts[1:], strict=False)]
     return list(zip(starts, ends, [-np.inf, *borders], [*borders, np.inf], strict=True))
 
@@ -129,34 +136,35 @@ def merge(boxes: Float64, scores: Float64, levels: NDArray[np.int64], factors: F
         levels: index of each find's width (n,).
         factors: pixels of the input per pixel of the picture, of each width (m,).
     """
-    order = np.argsort(-scores, kind="stable")
-    overlap, inside = iou(boxes, boxes), _inside(boxes)
+    order = np.argsort(-scores, kind="stable").tolist()
+    corners = np.concatenate([boxes[:, :2], boxes[:, :2] + boxes[:, 2:]], axis=1)
     kept: list[int] = []
-    for k in order.tolist():
-        if not ((overlap[k, kept] >= SAME) | (inside[k, kept] >= INSIDE)).any():
+    for k in order:
+        one, others = boxes[k : k + 1], boxes[kept]
+        if not ((iou(one, others) >= SAME) | (shared_part(one, others) >= INSIDE)).any():
             kept.append(k)
-    if not kept:
-        return []
-    owner = np.array(kept)[overlap[:, kept].argmax(axis=1)]  # each find supports the place that it overlaps most
-    weights = scores * _nearness(boxes[:, 2:].max(axis=1) * factors[levels])
+    owner, most = np.zeros(len(boxes), np.int64), np.full(len(boxes), -1.0)
+    for k in kept:  # each find supports the place that it overlaps most
+        overlap = iou(boxes[k : k + 1], boxes)[0]
+        owner[overlap > most], most = k, np.maximum(overlap, most)
+    weights = np.maximum(scores * _nearness(boxes[:, 2:].max(axis=1, initial=0.0) * factors[levels]), 1e-12)
     places = []
     for k in kept:
-        same = [k, *(i for i in order.tolist() if i != k and owner[i] == k and overlap[k, i] >= SAME)]
+        mine = np.nonzero((owner == k) & (most >= SAME))[0]
+        same = [k, *(i for i in mine[np.argsort(-scores[mine], kind="stable")].tolist() if i != k)]
         members = [i for n, i in enumerate(same) if levels[i] not in levels[same[:n]]]
-        fused = [i for i in members if overlap[k, i] >= FUSED]
-        corners = np.concatenate([boxes[fused, :2], boxes[fused, :2] + boxes[fused, 2:]], axis=1)
-        low_x, low_y, high_x, high_y = np.average(corners, axis=0, weights=np.maximum(weights[fused], 1e-12))
+        fused = [i for i in members if most[i] >= FUSED]
+        low_x, low_y, high_x, high_y = np.average(corners[fused], axis=0, weights=weights[fused])
         places.append(MergedPlace(np.array([low_x, low_y, high_x - low_x, high_y - low_y]), tuple(members)))
     return places
 
 
-def _inside(boxes: Float64) -> Float64:
-    """Part of the smaller of two boxes that lies in the other, of each pair of boxes (n, 4): (n, n)."""
-    low = np.maximum(boxes[:, None, :2], boxes[None, :, :2])
-    high = np.minimum(boxes[:, None, :2] + boxes[:, None, 2:], boxes[None, :, :2] + boxes[None, :, 2:])
-    areas = boxes[:, 2:].prod(axis=1)
-    shared = np.clip(high - low, 0.0, None).prod(axis=2)
-    return np.asarray(shared / np.maximum(np.minimum(areas[:, None], areas[None, :]), 1e-12), np.float64)
+def shared_part(a: Float64, b: Float64) -> Float64:
+    """Part of the smaller box that lies in the other one, of each of `a` (n, 4) with each of `b` (m, 4); (n, m)."""
+    low = np.maximum(a[:, None, :2], b[None, :, :2])
+    high = np.minimum(a[:, None, :2] + a[:, None, 2:], b[None, :, :2] + b[None, :, 2:])
+    smaller = np.minimum(a[:, None, 2:].prod(axis=2), b[None, :, 2:].prod(axis=2))
+    return np.asarray(np.clip(high - low, 0.0, None).prod(axis=2) / np.maximum(smaller, 1e-12), np.float64)
 
 
 def _nearness(sizes: Float64) -> Float64:
