@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 
 from benchmarks.bench_detect import processor_name, progress
-from pomona.applications.inventory.command_detect_pictures import find_fruit
+from pomona.applications.inventory.command_detect_pictures import MOST_LOOKS, MOST_LOOKS_AT_ONE_WIDTH, find_fruit
 from pomona.executive.values.arrays import UInt8
 from pomona.skills.perception.detection.box_evaluation import (
     JudgedPicture,
@@ -50,7 +50,8 @@ def main() -> None:
     weights = load_fruit("apple").photo_weights
     assert weights is not None
     detector = CompactDetector.load(weights)
-    searches = [detector.looking(DetectorOptions(working_width=width, most_fruit=200)) for width in (BEFORE, None)]
+    widths = ((BEFORE, MOST_LOOKS_AT_ONE_WIDTH), (None, MOST_LOOKS))
+    searches = [detector.looking(DetectorOptions(working_width=width, most_fruit=most)) for width, most in widths]
     print(f"Score ≥ {SCORE:g}, IoU 0.5, 95 % intervals from groups drawn again. {processor_name()}\n")
     print("| pictures | figure | one width, 1280 px | several widths |\n|---|---|---|---|", flush=True)
     folders = sorted({path.parent for path in options.data.rglob("images.csv")})

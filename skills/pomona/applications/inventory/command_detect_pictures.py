@@ -29,6 +29,7 @@ ENDINGS = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 DEPTH = "_depth_mm.png"  # of an RGB-D frame, beside its colour: no picture to find fruit in
 TABLE = "found.csv"
 COLUMNS = ("picture", "fruit", "score", "left_px", "top_px", "width_px", "height_px", "visible")
+MOST_LOOKS, MOST_LOOKS_AT_ONE_WIDTH = 3000, 200  # places that are looked at closely in one picture
 BOXES_WIDTH = 1280  # width at which a detector of boxes searches, unless --width gives another [px]
 
 
@@ -143,8 +144,8 @@ def _search(options: argparse.Namespace) -> Search:
             raise BadWeights(options.weights, "is neither a file nor the name of shipped weights")
     if weights is None:
         raise BadWeights(options.fruit, f"train some: pomona train detect --fruit {options.fruit}")
-    # places that are looked at closely in one picture, or in one tile of a large one
-    detector = CompactDetector.load(weights, DetectorOptions(working_width=options.width, most_fruit=200))
+    most = MOST_LOOKS if options.width is None else MOST_LOOKS_AT_ONE_WIDTH
+    detector = CompactDetector.load(weights, DetectorOptions(working_width=options.width, most_fruit=most))
     return lambda colour: find_fruit(detector, colour)
 
 

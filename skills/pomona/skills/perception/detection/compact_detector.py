@@ -178,8 +178,7 @@ class CompactDetector:
         finds = [place for at_one in found for place in at_one]
         levels = np.repeat(np.arange(len(sides)), [len(at_one) for at_one in found])
         boxes = np.array([place.box for place in finds]).reshape(-1, 4)
-        merged = merge(boxes, np.array([place.score for place in finds]), levels, factors)
-        merged = merged[: self.options.most_fruit * megapixels(round(factors[-1] * width), round(factors[-1] * height))]
+        merged = merge(boxes, np.array([place.score for place in finds]), levels, factors)[: self.options.most_fruit]
         places = [Proposal(m.box, finds[m.members[0]].heat, finds[m.members[0]].quality) for m in merged]
         seen, features = self._look_at_places(colour, K, places)
         fruit = []

@@ -77,7 +77,7 @@ def at_edge(sizes: Float64, sides: Sequence[int], width: int, height: int) -> tu
 
 
 @dataclass(frozen=True, slots=True)
-class Tile:
+class PictureTile:
     """A part of a picture. Each pixel lies in the core of exactly one tile."""
 
     left: int  # left, top, width, height: of the tile [px]
@@ -94,16 +94,16 @@ class Tile:
 
 
 def megapixels(width: int, height: int) -> int:
-    """Return the size of an input in megapixels, rounded up: limits on the number of places hold for each."""
+    """Return the size of an input in megapixels, rounded up: the limit on the number of peaks holds for each."""
     return max(1, -(-width * height // 1_000_000))
 
 
-def tiles(width: int, height: int) -> list[Tile]:
+def tiles(width: int, height: int) -> list[PictureTile]:
     """Return the tiles in which an input of this size [px] is searched; one, if it is small enough."""
     if max(width, height) <= LARGEST_WHOLE:
-        return [Tile(0, 0, width, height, (-np.inf, -np.inf, np.inf, np.inf))]
+        return [PictureTile(0, 0, width, height, (-np.inf, -np.inf, np.inf, np.inf))]
     return [
-        Tile(left, top, right - left, bottom - top, (low_x, low_y, high_x, high_y))
+        PictureTile(left, top, right - left, bottom - top, (low_x, low_y, high_x, high_y))
         for top, bottom, low_y, high_y in _cuts(height)
         for left, right, low_x, high_x in _cuts(width)
     ]
