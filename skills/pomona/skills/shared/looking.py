@@ -165,8 +165,10 @@ class LookingSkill(Skill):
         """Return the width at which a frame is searched [px]; None for several, up to the frame's own.
 
         Args:
-            width: value of the port `working_width`; fails with BAD_VALUE if it is none of those.
+            width: value of the port `working_width`.
             distance: expected distance of the fruit [m]; `auto` without one means several widths.
+
+        Raises SkillFailure: BAD_VALUE, since the port's value is none of those that its help names.
         """
         wanted = _width(width)
         if wanted is None:
