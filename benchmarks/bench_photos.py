@@ -113,7 +113,8 @@ def unlabelled(searches: Sequence[CompactDetector], folder: Path, photographs: S
 
 def large(photographs: Sequence[Photograph]) -> list[str]:
     """Rows of one large picture, put together of photographs: processor time and memory of the whole command."""
-    seconds, memory = [], []
+    seconds: list[str] = []
+    memory: list[str] = []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "large.jpg"
         cv2.imwrite(str(path), mosaic(photographs))

@@ -256,7 +256,8 @@ class CompactDetector:
         if below or right:
             padded = cv2.copyMakeBorder(picture, 0, below, 0, right, cv2.BORDER_CONSTANT, value=(114, 114, 114))
             picture = np.asarray(padded, np.uint8)
-        return self._finder(_input(picture[None]))[0][0]
+        maps: Float32 = self._finder(_input(picture[None]))[0][0]
+        return maps
 
     def _look(
         self, colour: UInt8, K: Float64, places: list[tuple[Float64, float]], mirrored: bool
