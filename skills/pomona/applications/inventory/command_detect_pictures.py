@@ -160,7 +160,6 @@ def _all(files: Sequence[Path], search: Search, results: PictureResults, stream:
         raise_again()
         try:
             picture = _read(file)
-            results.before(picture)
             found = search(picture[:, :, ::-1])
         except (UnusableInput, BadFrame, OSError) as error:
             sys.stderr.write(f"pomona detect: {_named(file, error)}\n")

@@ -38,20 +38,16 @@ class PictureResults:
         self.score, self._out = options.score, options.out
         self._sheet = ContactSheet(len(files))
         self._sizes = None if options.boxes is not None else SizesFound(options.width)
-        self._coco = CocoFile(options.fruit) if options.format == "coco" else None
-        self._yolo = options.out / YOLO if options.format == "yolo" else None
         self._fruit = Path(options.fruit).name
-        repeated = [file for k, file in enumerate(files) if file.stem in {other.stem for other in files[:k]}]
-        if self._yolo is not None and repeated:
-            raise UnusableInput(f"{repeated[0]}: YOLO's labels need a name for each picture, and another has this one")
+        self._coco = CocoFile(self._fruit) if options.format == "coco" else None
+        self._yolo = options.out / YOLO if options.format == "yolo" else None
+        by_name = {file.stem: file for file in files}
+        if self._yolo is not None and len(by_name) < len(files):
+            repeated = next(file for file in files if by_name[file.stem] != file)
+            raise UnusableInput(f"{repeated}: YOLO's labels need a name for each picture, and another has this one")
         self._figures = None
         if options.eval is not None:
             self._figures = LabelFigures(read_labels(options.eval, self._fruit), options.score)
-
-    def before(self, picture: UInt8) -> None:
-        """Print how a picture of this size is searched, once for each size."""
-        if self._sizes is not None and (words := self._sizes.announce(picture.shape[1], picture.shape[0])):
-            sys.stdout.write(f"{words}\n")
 
     def add(self, number: int, file: Path, picture: UInt8, found: Sequence[Outlined]) -> None:
         """Take in the finds of a picture, and write its own files; boxes are drawn into the picture."""
@@ -63,6 +59,8 @@ class PictureResults:
             if problem:
                 sys.stderr.write(f"pomona detect: {file} {problem}\n")
         if self._sizes is not None:
+            if words := self._sizes.announce(width, height):
+                sys.stdout.write(f"{words}\n")
             self._sizes.add(width, height, np.array([fruit.outline(width, height)[2:].max() for fruit in sure]))
         if self._coco is not None:
             self._coco.add(file, width, height, sure)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.perception.detection.pyramid import at_edge, findable_sizes, search_sides
+from pomona.skills.perception.detection.pyramid import LARGEST_SIDE, at_edge, findable_sizes, search_sides
 
 CUT = 0.25  # from this ratio of sizes at an edge of the range on, fruit beyond it is probably missed
 
@@ -52,9 +52,11 @@ class SizesFound:
         low, middle, high = np.quantile(sizes, (0.1, 0.5, 0.9))
         lines = [f"longer sides of the boxes: {low:.0f} to {high:.0f} px (10 % to 90 %), median {middle:.0f} px"]
         if self._lower >= CUT * sizes.size:
+            wider = 2 * (self._width or self._widest)
+            cure = f"enlarge them: --width {wider}" if wider <= LARGEST_SIDE else "cut them into parts"
             lines.append(
                 f"{self._lower / sizes.size:.0%} of the fruit are as small as the search can find: smaller fruit is "
-                f"missed. Take larger pictures, or enlarge them: --width {2 * (self._width or self._widest)}"
+                f"missed. Take the pictures from nearer, or {cure}"
             )
         if self._upper >= CUT * sizes.size:
             lines.append(

@@ -228,6 +228,7 @@ def test_a_picture_that_is_too_small_gets_one_line_and_the_others_are_done(
     (line,) = said.err.splitlines()
     assert "tiny.png: a picture must be (h, w, 3) uint8 RGB, at least 32 px on each side" in line
     assert "0 fruit in 2 pictures" in said.out
+    assert "20 px" not in said.out, "its widths are not announced"
 
 
 def test_the_contact_sheet_shows_ten_pictures_of_all(
