@@ -34,6 +34,8 @@ from pomona.skills.perception.detection.dope_network import DopeNetwork, dope_in
 from pomona.skills.perception.detection.errors import BadPhotographs
 from pomona.skills.perception.detection.instances import Instance, find_instances
 from pomona.skills.perception.detection.options import DetectorOptions
+from pomona.skills.perception.detection.photo_folder import read_photographs
+from pomona.skills.perception.detection.photographs import camera_of, fruit_scale
 from pomona.skills.perception.fruit import FruitModel, load_fruit
 from pomona.tools.training.dataset import render_dataset
 from pomona.tools.training.evaluation import evaluate, table
@@ -44,8 +46,6 @@ from pomona.tools.training.photo_figures import (
     judged,
     photo_table,
 )
-from pomona.tools.training.photo_folder import read_photographs
-from pomona.tools.training.photographs import camera_of, fruit_scale
 from pomona.tools.training.samples import FrameFolder
 
 BENCH_SEED = 777_001

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
 from pomona.skills.perception.detection.box_evaluation import labels_of
+from pomona.skills.perception.detection.photographs import Photograph
 from pomona.tools.training.photo_figures import Finds, calibration
-from pomona.tools.training.photographs import Photograph
 
 AT_BORDER = 1.0  # a box that ends this near to the picture's border counts as cut by it [px]
 LEAST_SCORE = 0.05  # detections with less score are left out of calibration

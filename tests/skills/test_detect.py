@@ -230,6 +230,45 @@ def test_a_users_own_weights_and_config_are_used(monkeypatch: pytest.MonkeyPatch
     assert outcome.reason.code == "NO_WEIGHTS"
 
 
+@pytest.mark.parametrize(
+    ("inputs", "width"),
+    [
+        ({}, 320),
+        ({"working_width": 448}, 448),
+        ({"working_width": "448"}, 448),  # of a text parameter
+        ({"working_width": "all"}, None),
+        ({"working_width": "auto"}, None),  # no distance is known
+        ({"working_width": "auto", "expected_distance": 0.5}, 247),  # 46 px × 640 × 0.5 m / (610.6 px × 97.6 mm)
+    ],
+)
+def test_the_working_width_is_a_number_or_follows_from_the_distance(
+    monkeypatch: pytest.MonkeyPatch, inputs: dict[str, Any], width: int | None
+) -> None:
+    asked: list[DetectorOptions] = []
+
+    def finds(_frame: Frame, _fruit: FruitModel, options: DetectorOptions) -> list[Instance]:
+        asked.append(options)
+        return [instance(0.0, 0.8)]
+
+    monkeypatch.setattr(looking, "find_in_frame", finds)
+    skill = Detect()
+    assert look(skill, **inputs).status is Status.SUCCESS
+    assert asked.pop().working_width == width
+    assert look(skill, **inputs).status is Status.SUCCESS
+    from_last_look = 395 if inputs == {"working_width": "auto"} else width  # 0.8 m
+    assert asked.pop().working_width == from_last_look
+
+
+@pytest.mark.parametrize("width", [20, 5000, "wide", 320.5, True, "²"])
+def test_another_working_width_is_refused_before_a_run_and_in_it(scripted: list[Instance], width: object) -> None:
+    scripted.append(instance(0.0, 0.5))
+    (problem,) = Detect.judge({"working_width": width}, None)
+    assert (problem.key, str(width) in problem.message) == ("working_width", True)
+    outcome = look(working_width=width)
+    assert outcome.reason is not None
+    assert outcome.reason.code == "BAD_VALUE"
+
+
 @pytest.mark.parametrize("inputs", [{"weights": "none.pt"}, {"weights": "none.pth", "config": "none.yaml"}])
 def test_files_of_a_user_that_are_not_there_are_a_failure_in_words(inputs: dict[str, str]) -> None:
     outcome = look(**inputs)
@@ -247,7 +286,7 @@ def test_nothing_of_the_apple_is_loaded_when_a_lemon_is_looked_for(monkeypatch: 
         return load_fruit(name)
 
     monkeypatch.setattr(looking, "load_fruit", load)
-    monkeypatch.setattr(looking, "_detector", lambda weights, _options: loaded.append(weights.name))
+    monkeypatch.setattr(looking, "_detector", lambda weights: loaded.append(weights.name))
     skill = Detect()
     monkeypatch.setattr(skill, "known", {"fruit": "lemon", "weights": ""}.get)
     skill.prepare()

@@ -8,14 +8,21 @@ from typing import Annotated, Literal
 import numpy as np
 
 from pomona.drivers.interfaces import Frame
-from pomona.executive.ports import TIME, Outputs, Port, Ratio, Time
+from pomona.executive.ports import LENGTH, TIME, Length, Outputs, Port, Ratio, Time
 from pomona.executive.skill import SkillFailure, Work
 from pomona.executive.values.arrays import Float64
 from pomona.executive.views import ProgressView
 from pomona.skills.perception.detection.detection import Detection
 from pomona.skills.perception.detection.instances import POLICIES, Instance, rank
-from pomona.skills.perception.detection.options import BoxModelFile, DetectorOptions, DopeFiles, PoseSource, Search
-from pomona.skills.shared.looking import LOOKING_FAILURES, LookingSkill, picture
+from pomona.skills.perception.detection.options import (
+    WORKING_WIDTH,
+    BoxModelFile,
+    DetectorOptions,
+    DopeFiles,
+    PoseSource,
+    Search,
+)
+from pomona.skills.shared.looking import LOOKING_FAILURES, WIDTH_HELP, LookingSkill, boxes_width, picture
 
 SAME_FRUIT = 0.04  # two detections whose lines of sight pass this close at the fruit are the same fruit [m] …
 BEHIND = 0.045  # … unless their measured depths differ by more than this: one hangs behind the other [m]
@@ -42,6 +49,7 @@ class Detect(LookingSkill):
         self._chosen: list[Float64] = []
         self._fruit: list[Float64] = []  # where each fruit was that has been chosen, once for each
         self._looks = 0
+        self._distance: float | None = None  # of the fruit of the last look [m]
 
     def run(
         self,
@@ -70,8 +78,11 @@ class Detect(LookingSkill):
         ] = 1.0,
         max_age: Annotated[Time, Port(min="1 ms", max="60 s", help="older frames are refused")] = TIME("500 ms"),
         working_width: Annotated[
-            int, Port(min=64, max=4096, help="width at which the whole picture is searched [px]")
-        ] = 320,
+            object, Port(help=f"{WIDTH_HELP}; auto: from expected_distance, else from the last look, else all")
+        ] = WORKING_WIDTH,
+        expected_distance: Annotated[
+            Length, Port(min=0.0, max="100 m", help="of the fruit from the camera, for working_width: auto; 0: unknown")
+        ] = LENGTH("0 m"),
         weights: Annotated[
             str, Port(help="another weights file, or the name of a shipped one; with config, DOPE's full network")
         ] = "",
@@ -84,9 +95,10 @@ class Detect(LookingSkill):
         model = self.fruit_model(fruit, weights, needs_weights=not (boxes and pose_from == "depth"))
         frame = self.newest_frame(max_age)
         T_base_camera = self.camera_pose(frame)
-        options: Search = DetectorOptions(working_width=working_width)
+        width = self.search_width(working_width, model, frame, expected_distance or self._distance)
+        options: Search = DetectorOptions(working_width=width)
         if boxes:
-            options = BoxModelFile(Path(boxes), pose_from, working_width)
+            options = BoxModelFile(Path(boxes), pose_from, boxes_width(width))
         elif config:
             if not weights:
                 raise self.failure(
@@ -112,6 +124,7 @@ class Detect(LookingSkill):
         assert instance.covariance is not None
         self._tell_progress(model.name, instances, instance, frame, T_base_camera, score)
         self._chosen.append(_place(instance, frame, T_base_camera))
+        self._distance = float(instance.T_camera_object[2, 3])
         detection = Detection(
             fruit=model,
             frame=frame,

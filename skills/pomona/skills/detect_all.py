@@ -7,8 +7,8 @@ from typing import Annotated
 from pomona.executive.ports import TIME, Outputs, Port, Ratio, Time
 from pomona.executive.skill import Work
 from pomona.skills.perception.detection.detection import AllDetections, Detection
-from pomona.skills.perception.detection.options import DetectorOptions
-from pomona.skills.shared.looking import LOOKING_FAILURES, LookingSkill, picture
+from pomona.skills.perception.detection.options import WORKING_WIDTH, DetectorOptions
+from pomona.skills.shared.looking import LOOKING_FAILURES, WIDTH_HELP, LookingSkill, picture
 
 
 class AllDetected(Outputs):
@@ -27,9 +27,7 @@ class DetectAll(LookingSkill):
         fruit: Annotated[str, Port(help="fruit to detect: a name in the catalogue, or a path")],
         score: Annotated[Ratio, Port(min=0.0, max=1.0, help="minimum detection score")] = 0.6,
         max_age: Annotated[Time, Port(min="1 ms", max="60 s", help="older frames are refused")] = TIME("500 ms"),
-        working_width: Annotated[
-            int, Port(min=64, max=4096, help="width at which the whole picture is searched [px]")
-        ] = 320,
+        working_width: Annotated[object, Port(help=WIDTH_HELP)] = WORKING_WIDTH,
         max_places: Annotated[
             int, Port(min=1, max=1000, help="maximum number of close looks, highest score first", was="most")
         ] = 100,
@@ -40,9 +38,8 @@ class DetectAll(LookingSkill):
         model = self.fruit_model(fruit)
         frame = self.newest_frame(max_age)
         T_base_camera = self.camera_pose(frame)
-        instances = yield from self.find(
-            frame, model, DetectorOptions(working_width=working_width, most_fruit=max_places)
-        )
+        width = self.search_width(working_width, model, frame, None)
+        instances = yield from self.find(frame, model, DetectorOptions(working_width=width, most_fruit=max_places))
         self.publish("detection", picture(frame, T_base_camera, instances, "", score))
         sure = [i for i in instances if i.score >= score and i.T_camera_object is not None]
         if len(sure) < least:

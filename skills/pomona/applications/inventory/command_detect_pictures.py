@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 import cv2
 import numpy as np
 
+from pomona.applications.inventory.picture_results import FORMATS, SHEET, PictureResults, UnusableInput
 from pomona.executive.running.signals import raise_again
 from pomona.executive.values.arrays import UInt8
 from pomona.executive.values.image_bytes import is_cut_off
@@ -28,14 +29,11 @@ ENDINGS = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 DEPTH = "_depth_mm.png"  # of an RGB-D frame, beside its colour: no picture to find fruit in
 TABLE = "found.csv"
 COLUMNS = ("picture", "fruit", "score", "left_px", "top_px", "width_px", "height_px", "visible")
-COLOUR = (46, 176, 255)  # of boxes and numbers, BGR: `pomona.executive.palette.OVERLAY["found"]`
+MOST_LOOKS, MOST_LOOKS_AT_ONE_WIDTH = 3000, 200  # places that are looked at closely in one picture
+BOXES_WIDTH = 1280  # width at which a detector of boxes searches, unless --width gives another [px]
 
 
 Search = Callable[[UInt8], "Sequence[FoundFruit | ScoredBox]"]  # finds the fruit in a picture (h, w, 3) uint8 RGB
-
-
-class UnusableInput(Exception):
-    """A file that is no picture, or a folder without any."""
 
 
 def add(subparsers: Any) -> None:
@@ -52,7 +50,21 @@ def add(subparsers: Any) -> None:
     parser.add_argument(
         "--score", type=Number(0, 1).option, default=0.5, help="lowest score of a detection, 0 to 1 (0.5)"
     )
-    parser.add_argument("--width", type=int, default=1280, help="width at which a picture is searched [px] (1280)")
+    parser.add_argument(
+        "--width",
+        type=int,
+        help="the one width at which a picture is searched [px]: finds fruit of about 24 to 130 px at that width "
+        "(several widths up to the picture's own, for fruit from 24 px in the picture on; 1280 with --boxes)",
+    )
+    parser.add_argument(
+        "--eval",
+        type=Path,
+        metavar="LABELS",
+        help="your own labels: a folder of COCO, YOLO or tables, or a .json of COCO; gives recall and precision",
+    )
+    parser.add_argument(
+        "--format", choices=FORMATS, default="csv", help=f"of the boxes, beside {TABLE}: coco, yolo (csv: that table)"
+    )
     parser.add_argument("--out", type=Path, default=Path("detected"), help="new folder for all of it (detected)")
     parser.set_defaults(main=main)
 
@@ -67,15 +79,19 @@ def main(options: argparse.Namespace) -> int:
 
     table = options.out / TABLE
     try:
-        if not 64 <= options.width <= 4096:
+        if options.width is not None and not 64 <= options.width <= 4096:
             raise UnusableInput("--width must lie in 64 … 4096 px")
         if table.exists():
             raise UnusableInput(f"{table} is there already: name another folder with --out")
         files = list(_files(options.pictures))
+        results = PictureResults(options, files)
         search = _search(options)
         options.out.mkdir(parents=True, exist_ok=True)
         with table.open("x", newline="", encoding="utf-8") as stream:
-            unusable = _all(files, search, options.score, options.out, stream)
+            try:
+                unusable = _all(files, search, results, stream)
+            finally:
+                results.write()
     except (UnusableInput, DetectError, FruitError, OSError) as error:
         sys.stderr.write(f"pomona detect: {error}\n")
         return 2
@@ -83,7 +99,7 @@ def main(options: argparse.Namespace) -> int:
         if table.is_file():
             sys.stderr.write(f"interrupted: {table} holds the results so far\n")
         raise
-    sys.stdout.write(f"written to {options.out}: {TABLE}, and each picture with its boxes\n")
+    sys.stdout.write(f"written to {options.out}: {TABLE}, {SHEET}, and each picture with its boxes\n")
     return 2 if unusable else 0
 
 
@@ -120,7 +136,7 @@ def _search(options: argparse.Namespace) -> Search:
     if options.boxes is not None:
         if options.weights is not None:
             raise UnusableInput("--boxes and --weights: name one of them")
-        return load_boxes(options.boxes, fruit.name, options.width).find
+        return load_boxes(options.boxes, fruit.name, options.width or BOXES_WIDTH).find
     weights = fruit.photo_weights or fruit.weights
     if options.weights is not None:
         weights = find_weights(Path(), options.weights)
@@ -128,55 +144,66 @@ def _search(options: argparse.Namespace) -> Search:
             raise BadWeights(options.weights, "is neither a file nor the name of shipped weights")
     if weights is None:
         raise BadWeights(options.fruit, f"train some: pomona train detect --fruit {options.fruit}")
-    # places that are looked at closely in one picture
-    detector = CompactDetector.load(weights, DetectorOptions(working_width=options.width, most_fruit=200))
+    most = MOST_LOOKS if options.width is None else MOST_LOOKS_AT_ONE_WIDTH
+    detector = CompactDetector.load(weights, DetectorOptions(working_width=options.width, most_fruit=most))
     return lambda colour: find_fruit(detector, colour)
 
 
-def _all(files: Sequence[Path], search: Search, score: float, out: Path, stream: TextIO) -> int:
-    """Return each picture with its line on the screen and its rows in the table; how many could not be used."""
+def _all(files: Sequence[Path], search: Search, results: PictureResults, stream: TextIO) -> int:
+    """Return how many pictures could not be used; each other one gets its line on the screen and rows in the table."""
+    from pomona.skills.perception.detection.errors import BadFrame
+
     table = csv.writer(stream)
     table.writerow(COLUMNS)
     unusable = total = 0
     for number, file in enumerate(files):
         raise_again()
-        picture = _read(file)
-        if picture is None:
-            sys.stderr.write(f"pomona detect: {file} cannot be read as a picture\n")
+        try:
+            picture = _read(file)
+            found = search(picture[:, :, ::-1])
+        except (UnusableInput, BadFrame, OSError) as error:
+            sys.stderr.write(f"pomona detect: {_named(file, error)}\n")
             unusable += 1
             continue
-        found = [fruit for fruit in search(picture[:, :, ::-1]) if fruit.score >= score]
-        drawn = out / f"{number + 1:04d}_{file.stem}.jpg"
-        if not cv2.imwrite(str(drawn), _draw(picture, found)):
-            raise UnusableInput(f"{drawn} cannot be written")
+        sure = [fruit for fruit in found if fruit.score >= results.score]
+        results.add(number, file, picture, found)
         height, width = picture.shape[:2]
-        table.writerows(
-            (
-                file,
-                k + 1,
-                f"{fruit.score:.3f}",
-                *(f"{value:.1f}" for value in fruit.outline(width, height)),
-                "" if math.isnan(fruit.visibility) else f"{fruit.visibility:.2f}",
-            )
-            for k, fruit in enumerate(found)
-        )
+        table.writerows(_row(file, k + 1, fruit, width, height) for k, fruit in enumerate(sure))
         stream.flush()
-        total += len(found)
-        sys.stdout.write(f"{number + 1}/{len(files)}  {file}: {len(found)} found\n")
+        total += len(sure)
+        sys.stdout.write(f"{number + 1}/{len(files)}  {file}: {len(sure)} found\n")
         sys.stdout.flush()
     used = len(files) - unusable
     sys.stdout.write(f"{total} fruit in {used} {'picture' if used == 1 else 'pictures'}\n")
     return unusable
 
 
-def _read(file: Path) -> Any:
-    """Return the picture (h, w, 3), BGR, or None; OpenCV's own reading of files complains beside us."""
+def _named(file: Path, error: Exception) -> str:
+    return str(error) if isinstance(error, UnusableInput) else f"{file}: {error}"
+
+
+def _row(file: Path, number: int, fruit: FoundFruit | ScoredBox, width: int, height: int) -> tuple[object, ...]:
+    box = (f"{value:.1f}" for value in fruit.outline(width, height))
+    visible = "" if math.isnan(fruit.visibility) else f"{fruit.visibility:.2f}"
+    return file, number, f"{fruit.score:.3f}", *box, visible
+
+
+def _read(file: Path) -> UInt8:
+    """Return the picture (h, w, 3), BGR; OpenCV's own reading of files complains beside us.
+
+    Raises:
+        OSError: the file cannot be read.
+        UnusableInput: it is no picture, or it is cut off.
+    """
     content = file.read_bytes()
     data = np.frombuffer(content, np.uint8)
     try:
-        return cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size and not is_cut_off(content) else None
-    except cv2.error:  # the header gives a size beyond memory
-        return None
+        picture = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size and not is_cut_off(content) else None
+    except (cv2.error, MemoryError):  # the header gives a size beyond memory
+        picture = None
+    if picture is None:
+        raise UnusableInput(f"{file} cannot be read as a picture")
+    return np.asarray(picture, np.uint8)
 
 
 def find_fruit(detector: CompactDetector, colour: UInt8) -> list[FoundFruit]:
@@ -184,14 +211,3 @@ def find_fruit(detector: CompactDetector, colour: UInt8) -> list[FoundFruit]:
     height, width = colour.shape[:2]
     K = np.array([[width, 0.0, 0.5 * width], [0.0, width, 0.5 * height], [0.0, 0.0, 1.0]])
     return detector.find(np.ascontiguousarray(colour), K)
-
-
-def _draw(picture: Any, found: Sequence[FoundFruit | ScoredBox]) -> Any:
-    drawn = picture.copy()
-    height, width = picture.shape[:2]
-    thick = max(1, round(width / 800))
-    for k, fruit in enumerate(found):
-        x, y, w, h = (round(float(value)) for value in fruit.outline(width, height))
-        cv2.rectangle(drawn, (x, y), (x + w, y + h), COLOUR, thick)
-        cv2.putText(drawn, str(k + 1), (x, max(y - 3, 12)), cv2.FONT_HERSHEY_SIMPLEX, 0.4 * thick, COLOUR, thick)
-    return drawn

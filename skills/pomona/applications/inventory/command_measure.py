@@ -25,7 +25,9 @@ def add(subparsers: Any) -> None:
     parser.add_argument("frames", type=Path, metavar="FOLDER|VIDEO|BAG", help="recorded colour images with depth")
     parser.add_argument("--kind", default="apple", help="kind of fruit: a name in the catalogue, or a path (apple)")
     parser.add_argument("--score", default="0.5", help="minimum detection score, 0 to 1 (0.5)")
-    parser.add_argument("--width", default="1280", help="width at which a picture is searched [px] (1280)")
+    parser.add_argument(
+        "--width", default="all", help="the one width at which a picture is searched [px] (several, up to its own)"
+    )
     parser.add_argument("--method", default="uniform", help="refinement of the size: uniform, shape, paper (uniform)")
     parser.add_argument("--every", default="1", metavar="N", help="use every N-th frame (1)")
     parser.add_argument(

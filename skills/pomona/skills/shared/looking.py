@@ -13,7 +13,7 @@ import numpy as np
 
 from pomona.drivers.errors import FrameUnreadable
 from pomona.drivers.interfaces import Arm, Camera, Frame, FruitKinds
-from pomona.executive.skill import CellFacts, Skill
+from pomona.executive.skill import CellFacts, Failure, Skill, SkillFailure
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.installation import install_extra
 from pomona.executive.values.sections import Problem
@@ -21,8 +21,14 @@ from pomona.executive.views import ImageView, Line2, Pinhole
 from pomona.skills.motion.robot.model import RobotModel
 from pomona.skills.perception.detection.errors import BadFrame, BadPoseConfig, BadWeights, MissingPackage
 from pomona.skills.perception.detection.instances import Instance, find_instances
-from pomona.skills.perception.detection.options import BoxModelFile, DetectorOptions, DopeFiles, Search
+from pomona.skills.perception.detection.options import (
+    WORKING_WIDTH,
+    BoxModelFile,
+    DopeFiles,
+    Search,
+)
 from pomona.skills.perception.detection.pose_config import find_entry
+from pomona.skills.perception.detection.pyramid import width_for
 from pomona.skills.perception.detection.weights_file import ENDING, is_torch_file
 from pomona.skills.perception.fruit import FruitModel, find_weights, load_fruit
 from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS, damage, known_fruits
@@ -34,6 +40,15 @@ if TYPE_CHECKING:  # engines are loaded where they are used: importing PyTorch t
     from pomona.skills.perception.detection.dope_detector import DopeDetector
 
 _EDGES = np.array([0, 1, 2, 3, 0, 4, 5, 1, 5, 6, 2, 6, 7, 3, 7, 4])
+
+
+AUTO_WIDTH, EVERY_WIDTH = "auto", "all"  # words that the port `working_width` takes beside a number
+LEAST_WIDTH, MOST_WIDTH = 64, 4096  # numbers that it takes [px]
+_NO_WIDTH = f"{{}} is not a width from {LEAST_WIDTH} to {MOST_WIDTH} px, {AUTO_WIDTH} or {EVERY_WIDTH}"
+WIDTH_HELP = (
+    f"width at which the whole picture is searched, {LEAST_WIDTH} to {MOST_WIDTH} [px]; "
+    f"{EVERY_WIDTH}: several widths, up to the picture's own"
+)
 
 
 LOOKING_FAILURES = ("NO_FRAME", "STALE_FRAME", "NOTHING_FOUND", "NO_WEIGHTS")  # codes of every skill that looks
@@ -62,7 +77,7 @@ class LookingSkill(Skill):
         if boxes:
             plain = BoxModelFile(Path(boxes))
             pose = self.known("pose_from") or plain.pose
-            width = self.known("working_width") or plain.working_width
+            width = boxes_width(self.known("working_width"))
             _box_detector(BoxModelFile(plain.model, pose, width), fruit.name, fruit.weights, _sides(fruit))
             return
         if config and weights:
@@ -70,11 +85,13 @@ class LookingSkill(Skill):
             return
         if fruit.weights is None:
             raise BadWeights(SHIPPED_WEIGHTS / f"{fruit.name}{ENDING}", "is missing: restore it, or train the detector")
-        _detector(fruit.weights, DetectorOptions())
+        _detector(fruit.weights)
 
     @classmethod
     def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
         """The fruit must be in the catalogue, sound, with weights; a simulated cell should hold it."""
+        if "working_width" in known and _width(known["working_width"]) is None:
+            yield Problem("working_width", _NO_WIDTH.format(known["working_width"]))
         name = known.get("fruit")
         if name is None:
             return
@@ -144,6 +161,25 @@ class LookingSkill(Skill):
             )
         return frame
 
+    def search_width(self, width: object, fruit: FruitModel, frame: Frame, distance: float | None) -> int | None:
+        """Return the width at which a frame is searched [px]; None for several, up to the frame's own.
+
+        Args:
+            width: value of the port `working_width`.
+            distance: expected distance of the fruit [m]; `auto` without one means several widths.
+
+        Raises SkillFailure: BAD_VALUE, since the port's value is none of those that its help names.
+        """
+        wanted = _width(width)
+        if wanted is None:
+            data = {"port": "working_width"}
+            raise SkillFailure(Failure("BAD_VALUE", f"input working_width: {_NO_WIDTH.format(width)}", data))
+        if isinstance(wanted, int):
+            return wanted
+        if wanted == EVERY_WIDTH or distance is None:
+            return None
+        return width_for(distance, float(fruit.dimensions.max()), frame.intrinsics.fx, frame.colour.shape[1])
+
     def camera_pose(self, frame: Frame) -> Float64:
         """T_base_camera of a frame, shape (4, 4)."""
         if frame.q is None:
@@ -163,6 +199,21 @@ class LookingSkill(Skill):
             raise self.failure("NO_FRAME", f"the camera's frame cannot be used: {error}") from error
         except (BadWeights, BadPoseConfig, MissingPackage) as error:
             raise self.failure("NO_WEIGHTS", str(error), fruit=model.name) from error
+
+
+def boxes_width(width: object) -> int:
+    """Return the width [px] for a detector of boxes, which searches at one width: the usual one unless given."""
+    wanted = _width(width)
+    return wanted if isinstance(wanted, int) else WORKING_WIDTH
+
+
+def _width(given: object) -> int | str | None:
+    """Return the number or word that the port `working_width` was given, also as text; None for another value."""
+    if given in (AUTO_WIDTH, EVERY_WIDTH):
+        return str(given)
+    text = str(given)
+    is_number = text.isascii() and text.isdigit() and len(text) <= len(str(MOST_WIDTH))
+    return int(text) if is_number and LEAST_WIDTH <= int(text) <= MOST_WIDTH else None
 
 
 def _weights_file(weights: str) -> Path:
@@ -196,10 +247,10 @@ def _without_torch(weights: Path) -> tuple[str, str]:
 
 
 @lru_cache(maxsize=4)
-def _detector(weights: Path, options: DetectorOptions) -> CompactDetector:
+def _detector(weights: Path) -> CompactDetector:
     from pomona.skills.perception.detection.compact_detector import CompactDetector
 
-    detector = CompactDetector.load(weights, options)
+    detector = CompactDetector.load(weights)
     detector.warm_up()
     return detector
 
@@ -243,7 +294,7 @@ def find_in_frame(frame: Frame, fruit: FruitModel, options: Search) -> list[Inst
     if isinstance(options, DopeFiles):
         return _dope_detector(options, fruit.name, _sides(fruit)).find_instances(colour, K)
     assert fruit.weights is not None
-    return find_instances(_detector(fruit.weights, options), colour, K, fruit)
+    return find_instances(_detector(fruit.weights).looking(options), colour, K, fruit)
 
 
 def picture(

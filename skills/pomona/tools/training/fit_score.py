@@ -12,8 +12,8 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.perception.detection.box_evaluation import iou, match_boxes
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.fused_score import FEATURES, LARGEST, FusedScore
+from pomona.skills.perception.detection.photographs import Photograph
 from pomona.tools.training.photo_figures import searching
-from pomona.tools.training.photographs import Photograph
 from pomona.tools.training.samples import FrameFolder
 
 NETS, UNITS = 3, 8

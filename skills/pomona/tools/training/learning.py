@@ -12,6 +12,7 @@ from pomona.skills.perception.detection.box_evaluation import box_figures
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.errors import BadTraining
 from pomona.skills.perception.detection.finder_network import FinderNetwork
+from pomona.skills.perception.detection.photographs import PhotoSet, fruit_scale
 from pomona.skills.perception.detection.weights import load_compact
 from pomona.skills.perception.detection.weights_file import read_weights, write_weights
 from pomona.skills.perception.fruit import load_fruit
@@ -19,7 +20,6 @@ from pomona.tools.training.evaluation import evaluate
 from pomona.tools.training.loop import Progress
 from pomona.tools.training.options import WITHOUT_TREES
 from pomona.tools.training.photo_figures import find_boxes
-from pomona.tools.training.photographs import PhotoSet, fruit_scale
 from pomona.tools.training.recipe import FIT, FrameSet, Recipe, TrainingStage, make_weights, render_set
 from pomona.tools.training.samples import FrameFolder
 

@@ -16,7 +16,7 @@ from pomona.skills.perception.detection.box_evaluation import (
     judge,
 )
 from pomona.skills.perception.detection.compact_detector import CompactDetector
-from pomona.tools.training.photographs import Photograph
+from pomona.skills.perception.detection.photographs import Photograph
 
 TITLES = {
     "recall": "recall at precision 0.90, IoU 0.5",
@@ -67,7 +67,7 @@ def find_boxes(
         fruit = searching(detector, photo, scale).find(photo.picture(), photo.K)
         boxes = np.array([f.outline(photo.width, photo.height) for f in fruit]).reshape(-1, 4)
         scores = np.array([f.score for f in fruit], np.float64)
-        found.append(Finds(boxes, scores, photo.boxes, photo.group))
+        found.append(Finds(boxes, scores, photo.boxes, photo.group or photo.name))
         if progress is not None:
             progress(number + 1, len(photographs))
     return found

@@ -15,6 +15,7 @@ from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.compact_network import CloseLookNetwork
 from pomona.skills.perception.detection.finder_network import FinderNetwork
 from pomona.skills.perception.detection.fused_score import FusedScore
+from pomona.skills.perception.detection.photographs import PhotoSet, fruit_scale
 from pomona.skills.perception.detection.weights import load_compact, save_compact
 from pomona.tools.training.dataset import render_dataset
 from pomona.tools.training.eight_bits import round_weights
@@ -22,7 +23,6 @@ from pomona.tools.training.fit_score import fit_score, frame_places, photo_place
 from pomona.tools.training.loop import Fall, Progress, Schedule
 from pomona.tools.training.optimiser import Method
 from pomona.tools.training.options import WITHOUT_TREES, SceneOptions
-from pomona.tools.training.photographs import PhotoSet, fruit_scale
 from pomona.tools.training.places import find_places, save_places
 from pomona.tools.training.samples import FrameFolder
 from pomona.tools.training.torch_engine import torch_detector

@@ -14,6 +14,7 @@ from pomona.executive.values.arrays import UInt8
 from pomona.skills.perception.detection.box_evaluation import box_figures, curve
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.instances import find_instances
+from pomona.skills.perception.detection.photographs import PhotoSet, fruit_scale
 from pomona.skills.perception.fruit import FruitModel, load_fruit
 from pomona.tools.training.evaluation import Evaluation, evaluate, table
 from pomona.tools.training.photo_figures import (
@@ -23,7 +24,6 @@ from pomona.tools.training.photo_figures import (
     judged,
     photo_table,
 )
-from pomona.tools.training.photographs import PhotoSet, fruit_scale
 from pomona.tools.training.samples import FrameFolder
 
 _EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))

@@ -20,6 +20,7 @@ from pomona.skills.perception.detection.dope_network import DopeNetwork
 from pomona.skills.perception.detection.errors import BadTraining
 from pomona.skills.perception.detection.finder_network import FinderNetwork
 from pomona.skills.perception.detection.outputs import AXIS, CENTRE, KIND, SIZE
+from pomona.skills.perception.detection.photographs import PhotoSet
 from pomona.tools.training.all_reduce import CONTEXT, GradientAllReduce
 from pomona.tools.training.finder_figures import finder_figures
 from pomona.tools.training.finder_samples import (
@@ -31,7 +32,6 @@ from pomona.tools.training.finder_samples import (
 )
 from pomona.tools.training.loop import Loss, Progress, Schedule, train_network
 from pomona.tools.training.losses import close_look_loss, dope_loss, finder_loss
-from pomona.tools.training.photographs import PhotoSet
 from pomona.tools.training.places import load_places
 from pomona.tools.training.samples import CloseLookBatches, DopeBatches, FrameFolder
 

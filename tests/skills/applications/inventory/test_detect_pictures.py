@@ -20,11 +20,13 @@ from pomona.executive.running.signals import raising
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.found_fruit import FoundFruit
 from pomona.skills.perception.detection.options import DetectorOptions
+from pomona.skills.perception.detection.photo_folder import read_labels
 from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS
 from pomona.tools.training.options import SceneOptions
 from pomona.tools.training.scene import render_scene
 from tests.skills.perception.detection.onnx_boxes import red_square_model
+from tests.skills.perception.detection.photo_folders import TRUTH, boxes_of, tables, yolo
 
 
 def run(*arguments: object) -> int:
@@ -72,7 +74,8 @@ def test_depth_images_and_hidden_files_of_a_mac_are_no_pictures(pictures: Path, 
     cv2.imwrite(str(pictures / "a_depth_mm.png"), np.full((120, 160), 900, np.uint16))
     (pictures / "._a.png").write_bytes(b"Mac OS X")
     assert run(pictures, "--out", tmp_path / "out") == 0
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["0001_a.jpg", "0002_b.jpg", "found.csv"]
+    written = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert written == ["0001_a.jpg", "0002_b.jpg", "contact_sheet.jpg", "found.csv"]
 
 
 def test_ctrl_c_that_a_library_swallowed_ends_it_after_that_picture_and_keeps_its_rows(
@@ -199,3 +202,130 @@ def test_the_detector_is_asked_with_a_camera_as_wide_as_the_picture() -> None:
             return []
 
     assert find_fruit(Asked(), np.zeros((120, 160, 3), np.uint8)[:, :, ::-1]) == []  # type: ignore[arg-type]
+
+
+def test_several_widths_are_searched_unless_one_is_given(
+    pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked: list[int | None] = []
+    take = classmethod(lambda cls, _path, options: asked.append(options.working_width))
+    monkeypatch.setattr(CompactDetector, "load", take)
+    assert run(pictures, "--out", tmp_path / "several") == 0
+    assert "160 × 120 px: searched at 64, 96, 128, 160 px" in capsys.readouterr().out
+    assert run(pictures, "--width", "640", "--out", tmp_path / "one") == 0
+    said = capsys.readouterr().out
+    assert "searched at 640 px (longer side, one width); finds fruit of 6 to 32 px" in said
+    assert asked == [None, 640]
+
+
+def test_a_picture_that_is_too_small_gets_one_line_and_the_others_are_done(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, side in (("large", 400), ("tiny", 20), ("wide", 64)):
+        cv2.imwrite(str(tmp_path / f"{name}.png"), np.full((side, 2 * side, 3), 90, np.uint8))
+    assert run(tmp_path, "--out", tmp_path / "out") == 2
+    said = capsys.readouterr()
+    (line,) = said.err.splitlines()
+    assert "tiny.png: a picture must be (h, w, 3) uint8 RGB, at least 32 px on each side" in line
+    assert "0 fruit in 2 pictures" in said.out
+    assert "20 px" not in said.out, "its widths are not announced"
+
+
+def test_the_contact_sheet_shows_ten_pictures_of_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pictures: Path
+) -> None:
+    for number in range(30):
+        cv2.imwrite(str(pictures / f"c{number:02d}.png"), np.full((60, 80, 3), 90, np.uint8))
+    assert run(pictures, "--out", tmp_path / "out") == 0
+    assert cv2.imread(str(tmp_path / "out" / "contact_sheet.jpg")).shape == (2 * 324, 5 * 400, 3)
+
+
+def test_sizes_at_the_edge_of_the_range_are_reported(
+    pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    small = FoundFruit(
+        np.zeros(3), np.array([0.0, -1.0, 0.0]), np.zeros(2), 20.0, np.ones(3), 0.9, 0.9, np.array([5.0, 5, 26, 25])
+    )
+    monkeypatch.setattr(detect_pictures, "find_fruit", lambda *_: [small])
+    assert run(pictures, "--out", tmp_path / "small") == 0
+    said = capsys.readouterr().out
+    assert "longer sides of the boxes: 26 to 26 px" in said
+    assert "100% of the fruit are as small as the search can find" in said
+    assert "--width 320" in said
+    assert run(pictures, "--width", "720", "--out", tmp_path / "large") == 0
+    assert "100% of the fruit are as large as the search can find" in capsys.readouterr().out
+
+
+@pytest.fixture
+def labelled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Four labelled pictures of discs; the detector finds all but the last disc of each, and a wrong one."""
+    folder = tables(tmp_path / "set")
+    order = iter(sorted(TRUTH))
+
+    def find(*_: object) -> list[FoundFruit]:
+        right = boxes_of(TRUTH[next(order)])[:-1]
+        boxes = [np.array(box) for box in [*right, (200.0, 10.0, 30.0, 30.0)]]
+        plain = (np.zeros(3), np.array([0.0, -1.0, 0.0]), np.zeros(2), 30.0, np.ones(3))
+        return [FoundFruit(*plain, 0.9 - 0.1 * k, 1.0, box) for k, box in enumerate(boxes)]
+
+    monkeypatch.setattr(CompactDetector, "load", classmethod(lambda cls, *_: None))
+    monkeypatch.setattr(detect_pictures, "find_fruit", find)
+    return folder
+
+
+def test_own_labels_give_recall_precision_and_average_precision_by_size(
+    labelled: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(labelled / "images", "--eval", labelled, "--out", tmp_path / "out") == 0
+    said = capsys.readouterr().out
+    assert "4 pictures with labels, 5 boxes" in said
+    assert "| recall at score ≥ 0.5 | 0.400 |" in said  # 2 of 5
+    assert "| precision at score ≥ 0.5 | 0.333 |" in said  # 2 of 6
+    assert "| AP50, longer side 32 to 96 px (5 boxes) |" in said
+    assert "| AP50, longer side from 96 px (0 boxes) | no boxes" in said
+    assert (tmp_path / "out" / "figures.md").read_text("utf-8").rstrip() in said
+
+
+def test_a_picture_without_labels_is_named_and_left_out_of_the_figures(
+    labelled: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(detect_pictures, "find_fruit", lambda *_: [])
+    cv2.imwrite(str(labelled / "images" / "other.png"), np.full((60, 80, 3), 90, np.uint8))
+    cv2.imwrite(str(tmp_path / "a_0.jpg"), np.full((60, 80, 3), 90, np.uint8))
+    assert run(labelled / "images", tmp_path / "a_0.jpg", "--eval", labelled, "--out", tmp_path / "out") == 0
+    said = capsys.readouterr()
+    assert "other.png has no labels, and is left out of the figures" in said.err
+    assert "a_0.jpg is 80 × 60, but" in said.err
+    assert "4 pictures with labels" in said.out
+
+
+def test_labels_of_another_class_list_are_refused_in_one_line(
+    pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    labels = yolo(tmp_path / "set")
+    (labels / "data.yaml").write_text("names: [leaf, pear]\n")
+    assert run(pictures, "--eval", labels, "--out", tmp_path / "out") == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "has the classes leaf, pear: none of them is apple" in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_boxes_are_written_as_coco_and_read_back(pictures: Path, tmp_path: Path) -> None:
+    assert run(pictures, "--format", "coco", "--out", tmp_path / "out") == 0
+    read = read_labels(tmp_path / "out" / "found.json")
+    assert [(photo.path, photo.boxes.tolist()) for photo in read] == [
+        (pictures / name, [[10.0, 20.0, 30.0, 32.0]]) for name in ("a.png", "b.jpg")
+    ]
+
+
+def test_boxes_are_written_as_yolos_labels_and_read_back(
+    pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(pictures, "--format", "yolo", "--out", tmp_path / "out") == 0
+    (tmp_path / "out" / "images").symlink_to(pictures)
+    for photo in read_labels(tmp_path / "out"):
+        assert photo.boxes == pytest.approx(np.array([[10.0, 20.0, 30.0, 32.0]]), abs=1e-3)
+    cv2.imwrite(str(pictures / "a.jpg"), np.full((60, 80, 3), 90, np.uint8))
+    assert run(pictures, "--format", "yolo", "--out", tmp_path / "two") == 2
+    assert "YOLO's labels need a name for each picture" in capsys.readouterr().err
+    assert not (tmp_path / "two").exists()

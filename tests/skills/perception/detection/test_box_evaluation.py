@@ -8,9 +8,12 @@ from pomona.skills.perception.detection.box_evaluation import (
     box_figures,
     box_intervals,
     curve,
+    intervals,
     iou,
     judge,
+    judge_size,
     match_boxes,
+    recall_and_precision,
 )
 
 
@@ -98,3 +101,33 @@ def test_figures_of_no_detection_are_zero() -> None:
     figures = box_figures([judge(np.empty((0, 4)), np.empty(0), np.array([[0.0, 0.0, 9.0, 9.0]]))])
     assert (figures.recall, figures.ap50, figures.ap) == (0.0, 0.0, 0.0)
     assert np.isnan(figures.threshold)
+
+
+def test_recall_and_precision_count_finds_from_the_score_on() -> None:
+    found = boxes((0, 0, 10, 10), (50, 50, 10, 10), (20, 0, 10, 10))
+    picture = judge(found, np.array([0.9, 0.8, 0.3]), boxes((0, 0, 10, 10), (20, 0, 10, 10), (80, 0, 10, 10)))
+    assert recall_and_precision([picture], 0.5) == (pytest.approx(1 / 3), 0.5)
+    assert recall_and_precision([picture, picture], 0.2) == (pytest.approx(2 / 3), pytest.approx(2 / 3))
+    nothing = judge(boxes(), np.empty(0), boxes())
+    assert np.isnan(recall_and_precision([nothing], 0.5)).all()
+
+
+def test_a_range_of_sizes_ignores_other_labels_and_finds_of_other_sizes() -> None:
+    small, large = (0, 0, 10, 12), (100, 100, 50, 40)
+    found = boxes(small, large, (200, 0, 9, 9), (300, 0, 60, 60))
+    scores = np.array([0.9, 0.8, 0.7, 0.6])
+    picture = judge_size(found, scores, boxes(small, large), 0, 32, "a")
+    assert (picture.labelled, picture.group) == (1, "a")
+    assert picture.scores.tolist() == [0.9, 0.7]
+    assert picture.right[0].tolist() == [True, False]
+    assert judge_size(found, scores, boxes(small, large), 32, np.inf).scores.tolist() == [0.8, 0.6]
+    assert judge_size(boxes(), np.empty(0), boxes(large), 12, 50).labelled == 0, "the upper limit is left out"
+
+
+def test_intervals_are_of_groups_and_wide_where_these_differ() -> None:
+    right = judge(boxes((0, 0, 10, 10)), np.array([0.9]), boxes((0, 0, 10, 10)), "a")
+    missed = judge(boxes(), np.empty(0), boxes((0, 0, 10, 10)), "b")
+    ((low, high),) = intervals([right, missed], lambda drawn: [recall_and_precision(drawn, 0.5)[0]])
+    assert (low, high) == (0.0, 1.0)
+    ((low, high),) = intervals([right, right], lambda drawn: [recall_and_precision(drawn, 0.5)[0]])
+    assert (low, high) == (1.0, 1.0)

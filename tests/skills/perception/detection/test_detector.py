@@ -1,9 +1,11 @@
 """The compact detector with its shipped weights, from a rendered picture to poses."""
 
+import cv2
 import numpy as np
 import pytest
 import torch
 
+from pomona.skills.perception.detection.box_evaluation import iou
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.compact_network import CloseLookNetwork
 from pomona.skills.perception.detection.errors import BadFrame
@@ -12,6 +14,7 @@ from pomona.skills.perception.detection.found_fruit import FoundFruit
 from pomona.skills.perception.detection.instances import find_instances
 from pomona.skills.perception.detection.options import DetectorOptions
 from pomona.skills.perception.fruit import FruitModel, load_fruit
+from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS
 from pomona.tools.training.annotations import AnnotatedObject, Annotation
 from pomona.tools.training.dataset import annotate
 from pomona.tools.training.evaluation import Evaluation, evaluate, table
@@ -188,3 +191,36 @@ def test_evaluation_distinguishes_found_missed_and_wrong() -> None:
     nothing = evaluate(Fixed(), One(), fruit, 1)  # type: ignore[arg-type]
     assert (nothing.recall(0.0), nothing.precision(0.0)) == (0.0, 0.0)
     assert len(nothing.fruit) == 2
+
+
+@pytest.fixture(scope="module")
+def every_width() -> CompactDetector:
+    options = DetectorOptions(working_width=None)
+    return CompactDetector.load(SHIPPED_WEIGHTS / "apple_photographs.weights", options)
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 3.3])
+def test_the_same_apples_are_found_however_large_the_picture_is(
+    every_width: CompactDetector, apple: FruitModel, factor: float
+) -> None:
+    picture = Rendered(apple, 1).picture(0, False)
+    wanted = [fruit for fruit in every_width.find(picture, K) if fruit.score >= 0.8 and is_whole(fruit, picture)]
+    assert wanted
+    size = round(factor * 640), round(factor * 480)
+    other = np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC))
+    scaled = K * np.array([[factor], [factor], [1.0]])
+    found = every_width.find(other, scaled)
+    for fruit in wanted:
+        assert fruit.box is not None
+        overlaps = iou(fruit.box[None] * factor, np.array([one.box for one in found if one.score >= 0.5]))
+        assert overlaps.max() > 0.6
+    assert [one.score for one in found] == sorted((one.score for one in found), reverse=True)
+
+
+def test_a_picture_smaller_than_the_finders_cells_is_refused_at_all_widths(every_width: CompactDetector) -> None:
+    with pytest.raises(BadFrame, match="at least 32 px"):
+        every_width.find(np.zeros((20, 20, 3), np.uint8), K)
+
+
+def test_a_picture_without_fruit_gives_none_at_all_widths(every_width: CompactDetector) -> None:
+    assert every_width.find(np.full((40, 700, 3), 90, np.uint8), K) == []

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 import torch
 
+from pomona.skills.perception.detection.photo_folder import read_empty, read_photographs
+from pomona.skills.perception.detection.photographs import FRUIT_IN_INPUT, PhotoSet, fruit_scale
 from pomona.tools.training.finder_samples import (
     SIDE,
     EmptyWindows,
@@ -15,11 +17,9 @@ from pomona.tools.training.finder_samples import (
     FrameWindows,
     PhotoWindows,
 )
-from pomona.tools.training.photo_folder import read_empty, read_photographs
-from pomona.tools.training.photographs import FRUIT_IN_INPUT, PhotoSet, fruit_scale
 from pomona.tools.training.samples import FrameFolder
 from pomona.tools.training.targets import HEAT, PEAK, REACHES, WEIGHT
-from tests.skills.tools.training.photo_folders import tables
+from tests.skills.perception.detection.photo_folders import tables
 
 
 @pytest.fixture(scope="module")

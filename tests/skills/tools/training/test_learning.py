@@ -12,15 +12,15 @@ import torch
 from pomona.skills.perception.detection.compact_network import CloseLookNetwork
 from pomona.skills.perception.detection.errors import BadTraining
 from pomona.skills.perception.detection.finder_network import FinderNetwork
+from pomona.skills.perception.detection.photo_folder import read_photographs
+from pomona.skills.perception.detection.photographs import PhotoSet
 from pomona.skills.perception.detection.weights import save_compact
 from pomona.skills.perception.detection.weights_file import read_weights
 from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS
 from pomona.tools.training import learning
 from pomona.tools.training.learning import BenchFigures, learn
-from pomona.tools.training.photo_folder import read_photographs
-from pomona.tools.training.photographs import PhotoSet
 from pomona.tools.training.recipe import FrameSet, Recipe, TrainingStage
-from tests.skills.tools.training.photo_folders import tables
+from tests.skills.perception.detection.photo_folders import tables
 
 BEFORE = BenchFigures(0.98, 0.97, 0.8, 0.85)
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from benchmarks.photo_border import calibration_error, cut_by_border, recall_at_border
+from pomona.skills.perception.detection.photographs import Photograph
 from pomona.tools.training.photo_figures import (
     Finds,
     calibration,
     judged,
     photo_table,
 )
-from pomona.tools.training.photographs import Photograph
 
 LABELS = np.array(
     [[0.0, 10.0, 20.0, 20.0], [40.0, 40.0, 20.0, 20.0], [80.5, 10.0, 19.5, 20.0], [10.0, 79.5, 9.0, 20.0]]

@@ -10,8 +10,8 @@ import pytest
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.found_fruit import FoundFruit
 from pomona.skills.perception.detection.options import DetectorOptions
+from pomona.skills.perception.detection.photo_folder import read_photographs
 from pomona.skills.perception.fruit import load_fruit
-from pomona.tools.training.photo_folder import read_photographs
 from pomona.tools.training.proposals import RecordedLook, propose, write_proposals
 from tests.skills.perception.detection.test_sphere_in_box import K, ball, box_of
 

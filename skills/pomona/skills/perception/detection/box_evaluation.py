@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -155,17 +155,55 @@ def box_figures(pictures: Sequence[JudgedPicture]) -> BoxFigures:
 
 def box_intervals(pictures: Sequence[JudgedPicture], seed: int = 0) -> dict[str, tuple[float, float]]:
     """Return bounds of 95 % of each figure, from groups drawn again: pictures of one group are alike."""
+    names = [field.name for field in fields(BoxFigures)]
+
+    def values(drawn: Sequence[JudgedPicture]) -> list[float]:
+        figures = box_figures(drawn)
+        return [getattr(figures, name) for name in names]
+
+    return dict(zip(names, intervals(pictures, values, seed), strict=True))
+
+
+def intervals(
+    pictures: Sequence[JudgedPicture], figures: Callable[[Sequence[JudgedPicture]], Sequence[float]], seed: int = 0
+) -> list[tuple[float, float]]:
+    """Return bounds of 95 % of each of `figures`, from groups of pictures drawn again; NaN where none is finite."""
     groups: dict[str, list[JudgedPicture]] = {}
     for picture in pictures:
         groups.setdefault(picture.group, []).append(picture)
     places, rng = list(groups.values()), np.random.default_rng(seed)
     drawn = [
-        box_figures([picture for k in rng.integers(0, len(places), len(places)) for picture in places[int(k)]])
+        figures([picture for k in rng.integers(0, len(places), len(places)) for picture in places[int(k)]])
         for _ in range(ROUNDS)
     ]
-    bounds = {}
-    for field in fields(BoxFigures):
-        values = np.array([getattr(figures, field.name) for figures in drawn])
+    bounds = []
+    for values in np.array(drawn, np.float64).T:
         low, high = np.nanquantile(values, (0.025, 0.975)) if np.isfinite(values).any() else (np.nan, np.nan)
-        bounds[field.name] = float(low), float(high)
+        bounds.append((float(low), float(high)))
     return bounds
+
+
+def recall_and_precision(pictures: Sequence[JudgedPicture], score: float) -> tuple[float, float]:
+    """Return both at IoU 0.5 for detections with at least this score; NaN without labels, or without detections."""
+    right = sum(int(picture.right[0, picture.scores >= score].sum()) for picture in pictures)
+    labelled, found = (sum(picture.labelled for picture in pictures), sum((p.scores >= score).sum() for p in pictures))
+    return right / labelled if labelled else np.nan, right / int(found) if found else np.nan
+
+
+def judge_size(
+    found: Float64, scores: Float64, labelled: Float64, low: float, high: float, group: str = ""
+) -> JudgedPicture:
+    """Match the boxes of one picture to labels whose longer side lies in low … high [px], low included.
+
+    As in COCO, detections of other labels count neither as right nor as wrong, nor do detections without a label whose
+    own longer side lies outside.
+    """
+    label = labels_of(found, scores, labelled, float(IOUS[0]))
+    wanted = _is_sized(labelled, low, high)
+    counts = np.where(label >= 0, np.append(wanted, False)[label], _is_sized(found, low, high))
+    return judge(found[counts], scores[counts], labelled[wanted], group)
+
+
+def _is_sized(boxes: Float64, low: float, high: float) -> NDArray[np.bool_]:
+    longer = boxes[:, 2:].max(axis=1, initial=0.0)
+    return np.asarray((longer >= low) & (longer < high), np.bool_)

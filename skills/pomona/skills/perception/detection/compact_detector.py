@@ -14,12 +14,12 @@ from pomona.executive.values.arrays import Float32, Float64, UInt8
 from pomona.executive.values.trial import trial
 from pomona.skills.perception.detection.close_look import REFERENCE_LENGTH, look_at
 from pomona.skills.perception.detection.errors import BadWeights, MissingPackage
-from pomona.skills.perception.detection.finder_places import Proposal, read_places
+from pomona.skills.perception.detection.finder_places import MOST_PEAKS, Proposal, read_places
 from pomona.skills.perception.detection.found_fruit import FoundFruit
 from pomona.skills.perception.detection.frame_check import check_picture
 from pomona.skills.perception.detection.fused_score import FEATURES
 from pomona.skills.perception.detection.onnx_runtime import judge_network, onnx_network
-from pomona.skills.perception.detection.options import DetectorOptions
+from pomona.skills.perception.detection.options import WORKING_WIDTH, DetectorOptions
 from pomona.skills.perception.detection.outputs import (
     AXIS,
     CENTRE,
@@ -32,6 +32,15 @@ from pomona.skills.perception.detection.outputs import (
     SEEN,
     SPREAD,
     Network,
+)
+from pomona.skills.perception.detection.pyramid import (
+    LARGEST_FRUIT,
+    SMALLEST_FRUIT,
+    agreed_score,
+    megapixels,
+    merge,
+    search_sides,
+    tiles,
 )
 from pomona.skills.perception.detection.scores import PowerScore
 from pomona.skills.perception.detection.weights_file import (
@@ -114,15 +123,15 @@ class CompactDetector:
         Raises:
             BadFrame: another shape or type.
         """
-        _, seen, _ = self.look(colour, K)
-        kept: list[FoundFruit] = []
-        for fruit in sorted(seen, key=lambda fruit: -fruit.score):
-            if all(
-                np.linalg.norm(fruit.centre - other.centre) > self.options.apart * max(fruit.size, other.size)
-                for other in kept
-            ):
-                kept.append(fruit)
-        return kept
+        seen = self._look_at_all_widths(colour, K) if self.options.working_width is None else self.look(colour, K)[1]
+        seen.sort(key=lambda fruit: -fruit.score)
+        centres, sizes = np.array([fruit.centre for fruit in seen]).reshape(-1, 2), np.array([f.size for f in seen])
+        kept: list[int] = []
+        for k in range(len(seen)):
+            distances = np.linalg.norm(centres[kept] - centres[k], axis=1)
+            if (distances > self.options.apart * np.maximum(sizes[kept], sizes[k])).all():
+                kept.append(k)
+        return [seen[k] for k in kept]
 
     def look(
         self, colour: UInt8, K: Float64, hopeless: float | None = None
@@ -137,10 +146,22 @@ class CompactDetector:
         Raises:
             BadFrame: another shape or type.
         """
-        options = self.options
-        places = self.places(colour, options.finder_threshold)[: options.most_fruit]
+        places = self.places(colour, self.options.finder_threshold)[: self.options.most_fruit]
+        seen, features = self._look_at_places(colour, K, places, hopeless)
+        scores = self.scores.of(features)
+        found = [
+            replace(fruit, score=float(score), box=place.box)
+            for place, fruit, score in zip(places, seen, scores, strict=True)
+        ]
+        return places, found, features
+
+    def _look_at_places(
+        self, colour: UInt8, K: Float64, places: list[Proposal], hopeless: float | None = None
+    ) -> tuple[list[FoundFruit], Float64]:
+        """Return the fruit at places, as yet without score and box, and the logits of their scores, (n, 4)."""
         if not places:
-            return [], [], np.empty((0, FEATURES))
+            return [], np.empty((0, FEATURES))
+        options = self.options
         seen, kinds = self._look(
             colour, K, [(place.centre, place.size) for place in places], options.mirrored and options.looks == 1
         )
@@ -156,12 +177,28 @@ class CompactDetector:
             better, kinds = self._look(colour, K, spots, options.mirrored and number == options.looks)
             for k, fruit, kind in zip(again, better, kinds, strict=True):
                 seen[k], features[k, 3] = fruit, kind
-        scores = self.scores.of(features)
-        found = [
-            replace(fruit, score=float(score), box=place.box)
-            for place, fruit, score in zip(places, seen, scores, strict=True)
-        ]
-        return places, found, features
+        return seen, features
+
+    def _look_at_all_widths(self, colour: UInt8, K: Float64) -> list[FoundFruit]:
+        """Return the fruit in a picture that is searched at several widths: one look and one score for each place."""
+        check_picture(colour)
+        height, width = colour.shape[:2]
+        sides = search_sides(width, height)
+        factors = np.array(sides) / max(width, height)
+        found = [self.places_at(colour, side, self.options.finder_threshold) for side in sides]
+        finds = [place for at_one in found for place in at_one]
+        levels = np.repeat(np.arange(len(sides)), [len(at_one) for at_one in found])
+        boxes = np.array([place.box for place in finds]).reshape(-1, 4)
+        merged = merge(boxes, np.array([place.score for place in finds]), levels, factors)[: self.options.most_fruit]
+        places = [Proposal(m.box, finds[m.members[0]].heat, finds[m.members[0]].quality) for m in merged]
+        seen, features = self._look_at_places(colour, K, places)
+        fruit = []
+        for place, one, logits in zip(merged, seen, features, strict=True):
+            answers = np.array([(finds[k].heat, finds[k].quality, *logits[2:]) for k in place.members])
+            scores = self.scores.of(answers)
+            score = agreed_score(scores, levels[list(place.members)], float(place.box[2:].max()), factors)
+            fruit.append(replace(one, score=score, box=place.box))
+        return fruit
 
     def look_closely(self, colour: UInt8, K: Float64, spots: list[tuple[Float64, float]]) -> list[FoundFruit]:
         """Return fruit at centres and sizes [px], as yet without score: every spot gets all looks.
@@ -187,6 +224,25 @@ class CompactDetector:
         factor = colour.shape[1] / width
         return [place.scaled(factor) for place in read_places(maps, width, colour.shape[0] / factor, threshold)]
 
+    def places_at(self, colour: UInt8, side: int, threshold: float) -> list[Proposal]:
+        """Return places of fruit of the sizes that are found well when the picture's longer side is shrunk to `side`.
+
+        They are in pixels of the picture. A large input is searched in tiles.
+        """
+        height, width = colour.shape[:2]
+        factor = max(width, height) / side
+        shrunk = _shrunk(colour, max(1, round(width / factor)), max(1, round(height / factor)))
+        places: list[Proposal] = []
+        for tile in tiles(shrunk.shape[1], shrunk.shape[0]):
+            part = shrunk[tile.top : tile.top + tile.height, tile.left : tile.left + tile.width]
+            most = MOST_PEAKS * megapixels(tile.width, tile.height)
+            found = read_places(self._maps_of(part), tile.width, tile.height, threshold, most)
+            inside = [replace(place, box=place.box + np.array([tile.left, tile.top, 0.0, 0.0])) for place in found]
+            owned = tile.owns(np.array([place.box for place in inside]).reshape(-1, 4))
+            places += [place for place, mine in zip(inside, owned, strict=True) if mine]
+        sized = (place for place in places if SMALLEST_FRUIT <= place.box[2:].max() <= LARGEST_FRUIT)
+        return [place.scaled(factor) for place in sized]
+
     def heat_map(self, colour: UInt8) -> Float32:
         """Return the finder's heat, 0..1, in cells of the finder's input, (h, w).
 
@@ -201,14 +257,18 @@ class CompactDetector:
         """Return the finder's maps, and width and height of the picture in its input [px]."""
         check_picture(colour)
         height, width = colour.shape[:2]
-        factor = self.options.working_width / width
-        small = (self.options.working_width, max(1, round(height * factor)))
-        flag = cv2.INTER_AREA if factor < 1.0 else cv2.INTER_LINEAR
-        shrunk = np.asarray(cv2.resize(np.ascontiguousarray(colour), small, interpolation=flag), np.uint8)
-        below, right = -small[1] % FINDER_MULTIPLE, -small[0] % FINDER_MULTIPLE
+        working_width = self.options.working_width or WORKING_WIDTH
+        small = (working_width, max(1, round(height * (working_width / width))))
+        return self._maps_of(_shrunk(colour, *small)), small
+
+    def _maps_of(self, picture: UInt8) -> Float32:
+        """Return the finder's maps of a picture of the size at which it is searched."""
+        below, right = -picture.shape[0] % FINDER_MULTIPLE, -picture.shape[1] % FINDER_MULTIPLE
         if below or right:
-            shrunk = cv2.copyMakeBorder(shrunk, 0, below, 0, right, cv2.BORDER_CONSTANT, value=(114, 114, 114))
-        return self._finder(_input(shrunk[None]))[0][0], small
+            padded = cv2.copyMakeBorder(picture, 0, below, 0, right, cv2.BORDER_CONSTANT, value=(114, 114, 114))
+            picture = np.asarray(padded, np.uint8)
+        maps: Float32 = self._finder(_input(picture[None]))[0][0]
+        return maps
 
     def _look(
         self, colour: UInt8, K: Float64, places: list[tuple[Float64, float]], mirrored: bool
@@ -271,6 +331,12 @@ def read_stored(path: Path | str) -> StoredDetector:
         purpose = f"reads {path}, which an earlier version wrote,"
         raise MissingPackage("torch", purpose) from error
     return convert(path)
+
+
+def _shrunk(colour: UInt8, width: int, height: int) -> UInt8:
+    """Return a picture at another size [px]."""
+    flag = cv2.INTER_AREA if width < colour.shape[1] else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(np.ascontiguousarray(colour), (width, height), interpolation=flag), np.uint8)
 
 
 def _input(pictures: UInt8) -> Float32:

@@ -15,7 +15,7 @@ from pomona.skills.perception.detection.errors import BadMaps
 from pomona.skills.perception.detection.outputs import FINDER_STRIDE, HEAT, QUALITY, REACHES
 
 LEAST_HEAT = 0.02  # peaks with less heat are not read
-MOST_PEAKS = 200  # peaks that are read, hottest first: adversarial maps must not cost unbounded time
+MOST_PEAKS = 200  # peaks that are read in a frame, hottest first: adversarial maps must not cost unbounded time
 SAME_FRUIT = 0.6  # of two boxes that overlap by at least this intersection over union, the less certain one is dropped
 
 
@@ -50,13 +50,16 @@ class Proposal:
         return Proposal(self.box * factor, self.heat, self.quality)
 
 
-def read_places(maps: Float32, width: float, height: float, threshold: float = 0.0) -> list[Proposal]:
+def read_places(
+    maps: Float32, width: float, height: float, threshold: float = 0.0, most: int = MOST_PEAKS
+) -> list[Proposal]:
     """Return places in the finder's maps, by falling score.
 
     Args:
         maps: (6, h, w), rows as named in `outputs`; cells that are not finite hold no fruit.
         width, height: of the picture in the finder's input [px]; boxes are cut there.
         threshold: least score.
+        most: peaks that are read, hottest first.
 
     Raises BadMaps: another number of maps.
     """
@@ -65,7 +68,7 @@ def read_places(maps: Float32, width: float, height: float, threshold: float = 0
     heat = np.where(np.isfinite(maps).all(axis=0), maps[HEAT], -np.inf).astype(np.float32)
     highest = cv2.dilate(heat, np.ones((3, 3), np.uint8))
     v, u = np.nonzero((heat >= highest) & (heat > np.log(LEAST_HEAT / (1.0 - LEAST_HEAT))))
-    order = np.argsort(-heat[v, u], kind="stable")[:MOST_PEAKS]
+    order = np.argsort(-heat[v, u], kind="stable")[:most]
     v, u = v[order], u[order]
     reaches = np.exp(np.clip(maps[REACHES, v, u].astype(np.float64), -6.0, 6.0))
     middles = np.stack([u + 0.5, v + 0.5])

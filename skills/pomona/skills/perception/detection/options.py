@@ -18,7 +18,8 @@ class DetectorOptions:
     mirrored: bool = True  # the last look is taken in a mirror too, and the mean of both answers is used
     most_fruit: int = 16  # places that get a second look, strongest first
     apart: float = 0.35  # two fruit are at least this part of the larger one's keypoint size apart
-    working_width: int = WORKING_WIDTH  # width to which pictures are shrunk for the finder [px]
+    # width to which pictures are shrunk for the finder [px]; None for several, up to the picture's own (`pyramid`)
+    working_width: int | None = WORKING_WIDTH
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pomona.skills.perception.detection.errors import BadPhotographs
-from pomona.tools.training.photo_folder import read_photographs
-from tests.skills.tools.training.photo_folders import SIDE, TRUTH, boxes_of, draw, kfuji, minneapple
+from pomona.skills.perception.detection.photo_folder import read_photographs
+from tests.skills.perception.detection.photo_folders import SIDE, TRUTH, boxes_of, draw, kfuji, minneapple
 
 
 def test_masks_of_minneapple_become_boxes_and_a_sequence_stays_together(tmp_path: Path) -> None:

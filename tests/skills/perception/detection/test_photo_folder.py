@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pomona.skills.perception.detection import labelled
 from pomona.skills.perception.detection.errors import BadPhotographs
-from pomona.tools.training import labelled
-from pomona.tools.training.photo_folder import read_photographs
-from tests.skills.tools.training.photo_folders import SIDE, TRUTH, boxes_of, coco, draw, tables, yolo
+from pomona.skills.perception.detection.photo_folder import read_labels, read_photographs
+from tests.skills.perception.detection.photo_folders import SIDE, TRUTH, boxes_of, coco, draw, tables, yolo
 
 
 @pytest.mark.parametrize("layout", [tables, yolo, coco])
@@ -152,3 +152,18 @@ def test_folders_that_are_none_or_hold_too_much_are_refused(tmp_path: Path, monk
     monkeypatch.setattr(labelled, "MOST_FILES", 1)
     with pytest.raises(BadPhotographs, match="holds more than 1 files"):
         read_photographs(yolo(tmp_path / "yolo"))
+
+
+@pytest.mark.parametrize("layout", [tables, yolo, coco])
+def test_labels_are_read_whatever_their_split(layout: Callable[[Path], Path], tmp_path: Path) -> None:
+    read = {photo.name: len(photo.boxes) for photo in read_labels(layout(tmp_path / "set"))}
+    assert read == {name: len(discs) for name, discs in TRUTH.items()}
+
+
+def test_one_coco_file_is_read_alone(tmp_path: Path) -> None:
+    file = coco(tmp_path / "set") / "annotations" / "instances_val.json"
+    for name in ("b_0.jpg", "b_1.jpg"):
+        (file.parent / name).write_bytes((tmp_path / "set" / "images" / name).read_bytes())
+    assert {photo.name for photo in read_labels(file)} == {"b_0.jpg", "b_1.jpg"}
+    with pytest.raises(BadPhotographs, match="none of them is pear"):
+        read_labels(file, "pear")

@@ -16,7 +16,7 @@ import numpy as np
 
 from pomona.executive.values.plain_text import read_plain_text
 from pomona.skills.perception.detection.errors import BadPhotographs
-from pomona.tools.training.labelled import PICTURES, Labelled
+from pomona.skills.perception.detection.labelled import PICTURES, Labelled
 
 ANNOTATIONS, SETS, COLOUR = "square_annotations1", "sets", "hr.jpg"
 """KFuji's folders of boxes and of names, and the ending of its colour pictures."""

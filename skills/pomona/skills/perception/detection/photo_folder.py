@@ -18,9 +18,9 @@ import yaml
 from pomona.executive.values.plain_text import read_plain_text
 from pomona.skills.perception.detection.class_names import ClassUnknown, class_of
 from pomona.skills.perception.detection.errors import BadPhotographs
-from pomona.tools.training.labelled import PICTURES, Labelled, files
-from pomona.tools.training.photographs import Photograph, PhotoSet
-from pomona.tools.training.published import kfuji, kfuji_folder, minneapple, minneapple_folders
+from pomona.skills.perception.detection.labelled import PICTURES, Labelled, files
+from pomona.skills.perception.detection.photographs import Photograph, PhotoSet
+from pomona.skills.perception.detection.published import kfuji, kfuji_folder, minneapple, minneapple_folders
 
 SLACK = 3.0  # a box may end this far outside of its picture, as rounding leaves it, and is cut there [px]
 
@@ -38,28 +38,47 @@ def read_photographs(
 
     Raises BadPhotographs: naming the file, and the line where there is one.
     """
+    labelled = _labelled(folder, fruit)
+    return _split(folder, labelled, _all_checked(labelled, progress))
+
+
+def read_labels(
+    place: Path, fruit: str = "apple", progress: Callable[[int, int], None] | None = None
+) -> tuple[Photograph, ...]:
+    """Read all labelled photographs of a folder, whatever their split, or of one of COCO's `.json` files.
+
+    Raises BadPhotographs: as of `read_photographs`.
+    """
+    if place.suffix.lower() == ".json" and place.is_file():
+        return tuple(_all_checked(_coco(place, place.parent, fruit), progress))
+    return tuple(_all_checked(_labelled(place, fruit), progress))
+
+
+def _labelled(folder: Path, fruit: str) -> list[Labelled]:
     if not folder.is_dir():
         raise BadPhotographs(folder, "no such folder")
     jsons = sorted(p for place in (folder, folder / "annotations") if place.is_dir() for p in place.glob("*.json"))
     if (folder / "images.csv").is_file() or (folder / "fruit.csv").is_file():
-        labelled = _tables(folder)
-    elif jsons:
-        labelled = [item for path in jsons for item in _coco(path, folder, fruit)]
-    elif any(folder.glob("labels")) or any(folder.glob("*/labels")):
-        labelled = _yolo(folder, fruit)
-    elif (place := kfuji_folder(folder)) is not None:
-        labelled = kfuji(place)
-    elif minneapple_folders(folder):
-        labelled = minneapple(folder)
-    else:
-        known = "images.csv with fruit.csv, YOLO's labels/, a .json of COCO's, masks/ of MinneApple, or KFuji's folder"
-        raise BadPhotographs(folder, f"has no labels, expected {known}")
+        return _tables(folder)
+    if jsons:
+        return [item for path in jsons for item in _coco(path, folder, fruit)]
+    if any(folder.glob("labels")) or any(folder.glob("*/labels")):
+        return _yolo(folder, fruit)
+    if (place := kfuji_folder(folder)) is not None:
+        return kfuji(place)
+    if minneapple_folders(folder):
+        return minneapple(folder)
+    known = "images.csv with fruit.csv, YOLO's labels/, a .json of COCO's, masks/ of MinneApple, or KFuji's folder"
+    raise BadPhotographs(folder, f"has no labels, expected {known}")
+
+
+def _all_checked(labelled: list[Labelled], progress: Callable[[int, int], None] | None) -> list[Photograph]:
     photographs = []
     for number, item in enumerate(labelled):
         photographs.append(_checked(item))
         if progress is not None:
             progress(number + 1, len(labelled))
-    return _split(folder, labelled, photographs)
+    return photographs
 
 
 def read_empty(folder: Path) -> tuple[Photograph, ...]:

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from pomona.skills.perception.detection.errors import BadPhotographs
-from pomona.tools.training.photo_folder import read_empty
-from tests.skills.tools.training.photo_folders import tables
+from pomona.skills.perception.detection.photo_folder import read_empty
+from tests.skills.perception.detection.photo_folders import tables
 
 
 def test_a_folder_without_fruit_is_read_and_one_without_pictures_refused(tmp_path: Path) -> None:

@@ -1,0 +1,71 @@
+"""Sizes of the fruit found in photographs, beside the sizes that the search can find."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pomona.executive.values.arrays import Float64
+from pomona.skills.perception.detection.pyramid import LARGEST_SIDE, at_edge, findable_sizes, search_sides
+
+CUT = 0.25  # from this ratio of sizes at an edge of the range on, fruit beyond it is probably missed
+
+
+class SizesFound:
+    """Collects the longer sides of boxes, picture by picture.
+
+    Args:
+        width: the one width at which pictures are searched [px]; None for several.
+    """
+
+    def __init__(self, width: int | None) -> None:
+        self._width = width
+        self._known: set[tuple[int, int]] = set()
+        self._sizes: list[Float64] = []
+        self._lower = self._upper = self._widest = 0
+
+    def announce(self, width: int, height: int) -> str:
+        """Return the widths of the search and the sizes that it finds, once for each size of picture; else nothing."""
+        if (width, height) in self._known:
+            return ""
+        self._known.add((width, height))
+        sides = self._sides(width, height)
+        low, high = findable_sizes(sides, width, height)
+        side = "longer side" if self._width is None else "longer side, one width"
+        return (
+            f"{width} × {height} px: searched at {', '.join(map(str, sides))} px ({side}); "
+            f"finds fruit of {low:.0f} to {high:.0f} px"
+        )
+
+    def add(self, width: int, height: int, sizes: Float64) -> None:
+        """Add the longer sides (n,) [px] of the fruit in a picture of this size."""
+        lower, upper = at_edge(sizes, self._sides(width, height), width, height)
+        self._sizes.append(sizes)
+        self._lower, self._upper, self._widest = self._lower + lower, self._upper + upper, max(self._widest, width)
+
+    def lines(self) -> list[str]:
+        """Return the sizes found, and a warning where they lie at an edge of the range."""
+        sizes = np.concatenate([np.empty(0), *self._sizes])
+        if not sizes.size:
+            return []
+        low, middle, high = np.quantile(sizes, (0.1, 0.5, 0.9))
+        lines = [f"longer sides of the boxes: {low:.0f} to {high:.0f} px (10 % to 90 %), median {middle:.0f} px"]
+        if self._lower >= CUT * sizes.size:
+            wider = 2 * (self._width or self._widest)
+            cure = f"enlarge them: --width {wider}" if wider <= LARGEST_SIDE else "cut them into parts"
+            lines.append(
+                f"{self._lower / sizes.size:.0%} of the fruit are as small as the search can find: smaller fruit is "
+                f"missed. Take the pictures from nearer, or {cure}"
+            )
+        if self._upper >= CUT * sizes.size:
+            lines.append(
+                f"{self._upper / sizes.size:.0%} of the fruit are as large as the search can find: larger fruit is "
+                "missed. Leave --width out, or take a smaller one"
+            )
+        return lines
+
+    def _sides(self, width: int, height: int) -> Sequence[int]:
+        if self._width is None:
+            return search_sides(width, height)
+        return (round(self._width * max(width, height) / width),)
