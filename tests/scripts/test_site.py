@@ -40,7 +40,7 @@ def test_every_word_of_the_language_has_an_example_that_reads_and_is_drawn() -> 
 
 
 def test_no_column_has_an_empty_header() -> None:
-    page = SimpleNamespace(file=SimpleNamespace(src_uri="decisions/house-lines.md"), meta={})
+    page = SimpleNamespace(file=SimpleNamespace(src_uri="evidence/house-lines.md"), meta={})
     text = (ROOT / "docs" / page.file.src_uri).read_text(encoding="utf-8")
     html = markdown(text, extensions=["tables"])
     assert re.search(r"<th[^>]*></th>", html)
