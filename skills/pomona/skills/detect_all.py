@@ -14,7 +14,7 @@ from pomona.skills.shared.looking import LOOKING_FAILURES, LookingSkill, picture
 class AllDetected(Outputs):
     """Outputs of DetectAll."""
 
-    all: AllDetections
+    all: Annotated[AllDetections, Port(help="every fruit that one look detected")]
 
 
 class DetectAll(LookingSkill):

@@ -70,8 +70,8 @@ CLEAR = -0.01
 class Detached(Outputs):
     """Outputs of Detach."""
 
-    stem_force: Force
-    rolled: Angle
+    stem_force: Annotated[Force, Port(help="largest force of the stem")]
+    rolled: Annotated[Angle, Port(help="roll of the hand at which the stem broke")]
 
 
 class Detach(MovingSkill):
