@@ -1,8 +1,8 @@
 """Pages of the documentation that follow from the code, in addition to those in docs/.
 
 Run by mkdocs (the plugin gen-files). The README is the overview; commands come from their parsers, skills and ports
-from their declarations, nodes from their types with a drawn example each, failure codes from their file, modules from their
-docstrings, and decisions and reports from their folders.
+from their declarations, nodes from their types with a drawn example each, failure codes from their file, modules from
+their docstrings, and decisions and reports from their folders.
 """
 
 from __future__ import annotations
