@@ -1,6 +1,6 @@
 """Hooks of mkdocs: tests become footnotes, whole trees are drawn below their text, tables of words come from the code.
 
-Evidence (docs/evidence, docs/reports) lies outside the site: a link to it becomes its path in the repository.
+Evidence (docs/evidence, docs/reports) and pages of leaves lie outside the site: a link becomes a repository path.
 """
 
 from __future__ import annotations
@@ -15,15 +15,17 @@ from pomona.executive.nodes import Composite, Leaf, Modifier, NodeTypes
 PROOF = r"`(?:[\w/]+\.py::)?test_\w+(?:\.py(?:::\w+)*)?`|`test_[\w/.:]+`"
 IN_TEXT = re.compile(rf"\s*\((?:{PROOF})(?:,\s+(?:{PROOF}))*\)")
 EMPTY_HEADER = re.compile(r"<th([^>]*)>\s*</th>")
-EVIDENCE = re.compile(r"\[([^\]]*)\]\((?:\.\./|docs/)*((?:evidence|reports)/[\w./-]*)(?:#[\w-]+)?\)")
+OUTSIDE = re.compile(
+    r"\[([^\]]*)\]\((?:\.\./|docs/)*((?:evidence|reports|(?:executive|drivers|skills)/pomona)/[\w./-]*)(?:#[\w-]+)?\)"
+)
 TABLE_OF_WORDS = re.compile(r"^\{words: (\w+)\}$", re.MULTILINE)
 KINDS = {"composites": Composite, "leaves": Leaf, "modifiers": Modifier}
 TREE = re.compile(r"^```yaml\n(.*?^root:\n.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
 def on_page_markdown(markdown: str, **_others: Any) -> str:
-    """A hook of mkdocs: paths of evidence, tables of words, footnotes for proofs, drawings for whole trees."""
-    markdown = TABLE_OF_WORDS.sub(lambda found: table_of_words(found[1]), EVIDENCE.sub(_path_of_evidence, markdown))
+    """A hook of mkdocs: paths outside the site, tables of words, footnotes for proofs, drawings for whole trees."""
+    markdown = TABLE_OF_WORDS.sub(lambda found: table_of_words(found[1]), OUTSIDE.sub(_path_outside, markdown))
     if "| Proof |" not in markdown:
         return markdown
     return TREE.sub(_drawn, Footnotes().moved(markdown))
@@ -39,9 +41,9 @@ def table_of_words(kind: str) -> str:
     return "\n".join(["| Word | Function |", "|---|---|", *rows])
 
 
-def _path_of_evidence(found: re.Match[str]) -> str:
+def _path_outside(found: re.Match[str]) -> str:
     """Return the path in the repository, below a text of several words also the text."""
-    path = f"`docs/{found[2]}`"
+    path = f"`{found[2] if '/pomona/' in found[2] else 'docs/' + found[2]}`"
     return f"{found[1]} ({path})" if found[1].count(" ") > 1 else path
 
 
