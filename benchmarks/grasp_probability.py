@@ -6,7 +6,7 @@ An interacting-multiple-model Kalman filter estimates the load and its rate. The
 predicted for the horizon, and the uncertain friction, to a distribution of the minimum grip force; the reference is its
 (1 - eps) quantile. `ProbabilityController` puts it in the place of the modes LIFTING, CARRIED and CATCHING of
 `GripController`; sensing, slip detection, monitors and tracking are the same objects.
-docs/decisions/grasp-one-principle.md has the comparison; `python -m benchmarks.compare_grasp` makes it.
+docs/evidence/grasp-one-principle.md has the comparison; `python -m benchmarks.compare_grasp` makes it.
 """
 
 from __future__ import annotations

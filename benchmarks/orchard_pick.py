@@ -218,7 +218,7 @@ def report(measured: Sequence[Mapping[str, Any]], out: Path) -> str:
         f"Simulated, at commit {commits} by `make orchard`. The tree is experimental. None of these walls was used for",
         "tuning. Perception is the shipped detector; ground truth serves the score alone. Stems break by the",
         "wall's law, whose bending strength is assumed and carries this motion",
-        f"([decision](../../decisions/detach-by-rolling.md)). Numbers of the wall: {walls[0]['truth'].get('numbers')}.",
+        f"([decision](../../evidence/detach-by-rolling.md)). Numbers of the wall: {walls[0]['truth'].get('numbers')}.",
         "",
         "| figure | apples | share | 95 % interval |",
         "|---|---|---|---|",

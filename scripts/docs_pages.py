@@ -1,8 +1,8 @@
 """Pages of the documentation that follow from the code, in addition to those in docs/.
 
-Run by mkdocs (the plugin gen-files). The README is the overview; commands come from their parsers, skills from their
-declarations, nodes from their types with a drawn example each, failure codes from their file, modules from their
-docstrings, and decisions and reports from their folders.
+Run by mkdocs (the plugin gen-files). The README is the overview; commands come from their parsers, skills and ports
+from their declarations, nodes from their types with a drawn example each, failure codes from their file, modules from
+their docstrings, and decisions and reports from their folders.
 """
 
 from __future__ import annotations
@@ -127,36 +127,54 @@ def failures(listing: Sequence[SkillListing]) -> str:
     return f"---\nhide: [toc]\n---\n\n# Failure codes\n\n{intro}\n\n{head}" + "\n".join(rows) + "\n"
 
 
+def ports(listing: Sequence[SkillListing]) -> str:
+    """Return every port by its name: its meanings, and the skills that have it."""
+    found: dict[str, tuple[dict[str, None], dict[str, None]]] = {}
+    for one in listing:
+        for port in (*one.inputs, *one.outputs):
+            meanings, users = found.setdefault(port["name"], ({}, {}))
+            users[f"[{one.name}](skills.md#{one.name.lower()})"] = None
+            if meaning := port.get("help"):
+                meanings[meaning] = None
+    rows = [
+        f"| `{name}` | {'; '.join(meanings)} | {', '.join(users)} |"
+        for name, (meanings, users) in sorted(found.items())
+    ]
+    intro = "Inputs and outputs of the skills by name. [Skills](skills.md) has their types, ranges and defaults."
+    head = "| port | meaning | skills |\n|---|---|---|\n"
+    return f"---\nhide: [toc]\n---\n\n# Ports\n\n{intro}\n\n{head}" + "\n".join(rows) + "\n"
+
+
 def title_of(page: Path) -> str:
     """The first heading of a page."""
     found = re.search(r"^# (.+)$", page.read_text("utf-8"), re.MULTILINE)
     return found[1] if found else page.stem
 
 
-def listed(title: str, intro: str, pages: list[Path]) -> str:
-    """A page of links to pages in docs/."""
-    lines = [f"- [{title_of(page)}](../{page.relative_to(DOCS).as_posix()})" for page in pages]
-    return f"# {title}\n\n{intro}\n\n" + "\n".join(lines) + "\n"
+def listed(pages: list[Path]) -> str:
+    """A list of pages in docs/, as links, or with their path where they lie outside the site."""
+    return "\n".join(f"- [{title_of(page)}](../{page.relative_to(DOCS).as_posix()})" for page in pages) + "\n"
 
 
 DECISION = re.compile(r"^\*Decision (\d+) · (\d{4}-\d\d-\d\d) · ([^*\n]+)\*$", re.MULTILINE)
 
 
-def decisions(pages: list[Path]) -> str:
-    """Return the index of decisions, the newest first: those in force, then the archive."""
-    tables: dict[bool, list[tuple[int, str]]] = {True: [], False: []}
+def decisions(kept: list[Path], evidence: list[Path]) -> str:
+    """Return the index of decisions, the newest first: those of the site, then the numbers of all pages of evidence."""
+    told = "Each page has a context, a decision and its consequence; the measurements lie in docs/evidence."
+    also = "Measurements and earlier decisions, by the number of their decision, with their path in the repository."
+    return f"# Decisions\n\n{told}\n\n{indexed(kept)}\n\n## Evidence\n\n{also}\n\n{indexed(evidence)}\n"
+
+
+def indexed(pages: list[Path]) -> str:
+    """Return a table of numbered pages, the newest first."""
+    rows: list[tuple[int, str]] = []
     for page in pages:
         number, date, status = DECISION.search(page.read_text("utf-8")).groups()  # type: ignore[union-attr]
         link = f"[{title_of(page)}](../{page.relative_to(DOCS).as_posix()})"
-        tables[status == "in force"].append((int(number), f"| {number} | {link} | {date} | {status} |"))
+        rows.append((int(number), f"| {number} | {link} | {date} | {status} |"))
     head = "| number | decision | taken | status |\n|---|---|---|---|\n"
-    force, archive = (
-        head + "\n".join(row for _number, row in sorted(tables[key], reverse=True)) for key in (True, False)
-    )
-    return (
-        f"# Decisions\n\nDesign decisions with their measurements.\n\n{force}\n\n## Archive\n\n"
-        f"Approaches that were tried and not kept, and decisions that a later one replaced.\n\n{archive}\n"
-    )
+    return head + "\n".join(row for _number, row in sorted(rows, reverse=True))
 
 
 write("overview.md", overview())
@@ -177,12 +195,14 @@ for name in MODULES:
     write(f"reference/modules/{name}.md", f"# {name.removeprefix('pomona.')}\n\n::: {name}\n")
 links = "\n".join(f"- [`{name}`](modules/{name}.md)" for name in MODULES)
 write("reference/modules.md", f"# Modules\n\nWhat an integrator calls; each module has a page.\n\n{links}\n")
-write("reference/decisions.md", decisions(sorted((DOCS / "decisions").glob("*.md"))))
+write("reference/ports.md", ports(own))
+write(
+    "reference/decisions.md",
+    decisions(sorted((DOCS / "decisions").glob("*.md")), sorted((DOCS / "evidence").glob("*.md"))),
+)
+cards, reports = (sorted((DOCS / folder).rglob("*.md")) for folder in ("model_cards", "reports"))
 write(
     "reference/reports.md",
-    listed(
-        "Reports and model cards",
-        "Measurements, with the command that repeats each.",
-        [*sorted((DOCS / "reports").rglob("*.md")), *sorted((DOCS / "model_cards").glob("*.md"))],
-    ),
+    f"# Reports and model cards\n\n{listed(cards)}\nReports lie in the repository. Each names its command.\n"
+    f"\n{listed(reports)}",
 )

@@ -1,4 +1,7 @@
-"""Hooks of mkdocs: tests become footnotes, whole trees are drawn below their text, empty headers become plain cells."""
+"""Hooks of mkdocs: tests become footnotes, whole trees are drawn below their text, tables of words come from the code.
+
+Evidence (docs/evidence, docs/reports) and pages of leaves lie outside the site: a link becomes a repository path.
+"""
 
 from __future__ import annotations
 
@@ -7,24 +10,45 @@ from typing import Any
 
 from pomona.executive.language import read
 from pomona.executive.language.drawing import show_svg
+from pomona.executive.nodes import Composite, Leaf, Modifier, NodeTypes
 
 PROOF = r"`(?:[\w/]+\.py::)?test_\w+(?:\.py(?:::\w+)*)?`|`test_[\w/.:]+`"
 IN_TEXT = re.compile(rf"\s*\((?:{PROOF})(?:,\s+(?:{PROOF}))*\)")
 EMPTY_HEADER = re.compile(r"<th([^>]*)>\s*</th>")
+OUTSIDE = re.compile(
+    r"\[([^\]]*)\]\((?:\.\./|docs/)*((?:evidence|reports|(?:executive|drivers|skills)/pomona)/[\w./-]*)(?:#[\w-]+)?\)"
+)
+TABLE_OF_WORDS = re.compile(r"^\{words: (\w+)\}$", re.MULTILINE)
+KINDS = {"composites": Composite, "leaves": Leaf, "modifiers": Modifier}
 TREE = re.compile(r"^```yaml\n(.*?^root:\n.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
 def on_page_markdown(markdown: str, **_others: Any) -> str:
-    """A hook of mkdocs: footnotes for proofs, drawings for whole trees."""
+    """A hook of mkdocs: paths outside the site, tables of words, footnotes for proofs, drawings for whole trees."""
+    markdown = TABLE_OF_WORDS.sub(lambda found: table_of_words(found[1]), OUTSIDE.sub(_path_outside, markdown))
     if "| Proof |" not in markdown:
         return markdown
     return TREE.sub(_drawn, Footnotes().moved(markdown))
 
 
-def on_page_content(html: str, page: Any, **_others: Any) -> str:
-    """A hook of mkdocs: no empty headers of columns; a search lists decisions and reports after the other pages."""
-    if page.file.src_uri.startswith(("decisions/", "reports/")):
-        page.meta["search"] = {"boost": 0.1}
+def table_of_words(kind: str) -> str:
+    """Return a table with the words of one kind, their fields and their functions."""
+    rows = [
+        f"| {', '.join(f'`{word}`' for word in (node.key, *node.fields))} | {node.summary} |"
+        for node in NodeTypes.installed().values()
+        if isinstance(node, KINDS[kind])
+    ]
+    return "\n".join(["| Word | Function |", "|---|---|", *rows])
+
+
+def _path_outside(found: re.Match[str]) -> str:
+    """Return the path in the repository, below a text of several words also the text."""
+    path = f"`{found[2] if '/pomona/' in found[2] else 'docs/' + found[2]}`"
+    return f"{found[1]} ({path})" if found[1].count(" ") > 1 else path
+
+
+def on_page_content(html: str, **_others: Any) -> str:
+    """A hook of mkdocs: no empty headers of columns."""
     return EMPTY_HEADER.sub(r"<td\1></td>", html)
 
 

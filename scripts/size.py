@@ -6,7 +6,8 @@
 
 Lines are those of Python files without tests, benchmarks and scripts. A leaf is a folder of `pomona/tools`,
 `pomona/devices` or `pomona/applications`; the rest is the core. The word rates count per 1 000 words of docstrings with
-comments, and of docs/*.md without decisions and reports. scripts/walks.py measures the files that a run passes through.
+comments, and of the site: the README and docs/*.md without evidence and reports, written by hand. scripts/walks.py
+measures the files that a run passes through.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ PACKAGES = ("executive", "skills", "drivers")
 SHORT, MANY_PARAMETERS = 40, 8
 SMALL, MANY_PORTS = 60, 8
 LEAVES = ("tools", "devices", "applications")
+EVIDENCE = ("evidence", "reports")  # as exclude_docs of mkdocs.yml
 LEAF_IMPORT = re.compile(r"^\s*(?:from|import) pomona\.(?:tools|devices|applications)\b", re.MULTILINE)
 WORDS = {
     "what": re.compile(r"\bwhat(?:ever)?\b", re.IGNORECASE),
@@ -60,9 +62,12 @@ def figures() -> dict[str, float]:
             text = (ROOT / path).read_text("utf-8")
             counted.update(of_module(text, texts))
             parts.update(of_part(path, text))
-    documents = [(ROOT / path).read_text("utf-8") for path in tracked("*.md") if is_document(path)]
+    pages = [path for path in tracked("*.md") if is_document(path)]
+    documents = [(ROOT / path).read_text("utf-8") for path in pages]
     found: dict[str, float] = {name: counted[name] for name in NAMES}
     found.update(sorted(parts.items()))
+    found["words of the site"] = sum(len(text.split()) for text in documents)
+    found["decisions in the site"] = sum(path.parts[1:2] == ("decisions",) for path in pages)
     for kind, corpus in (("docstrings", " ".join(texts)), ("docs", " ".join(documents))):
         words = len(re.findall(r"[A-Za-z]+", corpus))
         for name, pattern in WORDS.items():
@@ -123,10 +128,10 @@ def is_constant(node: ast.stmt) -> bool:
 
 
 def is_document(path: Path) -> bool:
-    """Return True for the README and the pages of docs/, without decisions and reports."""
+    """Return True for the README and the pages of docs/, without evidence."""
     if path.parts[0] != "docs":
         return path.name == "README.md" and len(path.parts) == 1
-    return path.parts[1] not in ("decisions", "reports")
+    return path.parts[1] not in EVIDENCE
 
 
 def tracked(pattern: str) -> Iterator[Path]:

@@ -10,9 +10,13 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-QUOTED = re.compile(r"(\d+(?:\.\d+)?) ?([A-Za-z]*)`?<!-- (pomona\.\w+[\w.]*)\.(\w+) -->")
+QUOTED = re.compile(r"(\d+(?:\.\d+)?) ?([A-Za-z]*)`?<!-- (pomona\.[\w.]*)\.(\w+) -->")
 UNITS = {"": 1.0, "s": 1.0, "ms": 1e-3, "kB": 1024.0, "MB": 1e6, "bytes": 1.0, "viewers": 1.0}
-PAGES = [ROOT / "README.md", *sorted(page for page in (ROOT / "docs").rglob("*.md") if "decisions" not in page.parts)]
+PAGES = [
+    ROOT / "README.md",
+    *sorted(page for page in (ROOT / "docs").rglob("*.md") if "evidence" not in page.parts),
+    *sorted((ROOT / "executive" / "pomona" / "tools").rglob("*.md")),
+]
 
 
 def value_of(place: str, name: str) -> float:

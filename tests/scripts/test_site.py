@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from types import SimpleNamespace
 
 from markdown import markdown
 from mkdocs.config import load_config
@@ -40,11 +39,9 @@ def test_every_word_of_the_language_has_an_example_that_reads_and_is_drawn() -> 
 
 
 def test_no_column_has_an_empty_header() -> None:
-    page = SimpleNamespace(file=SimpleNamespace(src_uri="decisions/house-lines.md"), meta={})
-    text = (ROOT / "docs" / page.file.src_uri).read_text(encoding="utf-8")
-    html = markdown(text, extensions=["tables"])
+    html = markdown("| | mm |\n|---|---|\n| error | 1 |\n", extensions=["tables"])
     assert re.search(r"<th[^>]*></th>", html)
-    assert not re.search(r"<th[^>]*></th>", clean_page(html, page))
+    assert not re.search(r"<th[^>]*></th>", clean_page(html))
 
 
 def test_the_search_dialogue_of_the_page_404_has_a_name() -> None:
@@ -58,11 +55,19 @@ def test_proofs_become_footnotes_and_whole_trees_are_drawn() -> None:
     page = on_page_markdown((ROOT / "docs" / "tree_language.md").read_text("utf-8"))
     body, notes = page.split("\n[^1]: ", 1)
     assert "| Proof |" not in body
-    assert "| `sequence: [nodes]` | one after the other while they succeed; goes on where it was[^" in body
-    assert "`test_run.py::test_a_sequence_remembers_where_it_is`" in notes
+    assert "| `int`, `number` | `3`, `0.5`, `1e-3`[^" in body
+    assert "| `recovery`, `attempts` | runs A;" in body, "a table of words comes from the classes"
+    assert "`test_run.py::test_quantities_arrive_in_si`" in notes
     numbers = [int(number) for number in re.findall(r"(?<!^)\[\^(\d+)\]", page, re.MULTILINE)]
     assert sorted(numbers) == list(range(1, len(numbers) + 1))
     assert '<figure tabindex="0"><svg' in body
+
+
+def test_a_link_out_of_the_site_becomes_a_path_in_the_repository() -> None:
+    page = on_page_markdown("[report](reports/paper/paper.md); [a table of all](../evidence/pick-pace.md#what)")
+    assert page == "`docs/reports/paper/paper.md`; a table of all (`docs/evidence/pick-pace.md`)"
+    leaf = "executive/pomona/tools/dashboard/live_stream.md"
+    assert on_page_markdown(f"[stream](../{leaf})") == f"`{leaf}`"
 
 
 def test_formulas_are_drawn_without_a_mathematical_font() -> None:

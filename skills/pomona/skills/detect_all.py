@@ -14,7 +14,7 @@ from pomona.skills.shared.looking import LOOKING_FAILURES, WIDTH_HELP, LookingSk
 class AllDetected(Outputs):
     """Outputs of DetectAll."""
 
-    all: AllDetections
+    all: Annotated[AllDetections, Port(help="every fruit that one look detected")]
 
 
 class DetectAll(LookingSkill):

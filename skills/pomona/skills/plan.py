@@ -51,7 +51,7 @@ class Plan(Skill):
         self,
         to: Annotated[GraspCandidates, Port(help="goals; the path leads to any one of them")],
         map: Annotated[OccupancyMap, Port(help="obstacles, without the target")],
-        planner: Annotated[str, Port(choices=tuple(PLANNERS))] = "RRTConnect",
+        planner: Annotated[str, Port(choices=tuple(PLANNERS), help="planner that finds the path")] = "RRTConnect",
         improve: Annotated[
             str, Port(choices=("none", *OPTIMISING), help="planner that improves the path for the rest of the budget")
         ] = "InformedRRTstar",

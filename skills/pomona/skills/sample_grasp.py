@@ -29,7 +29,7 @@ FINER = 2  # how often the sphere is sampled at half the spacing when nothing is
 class Sampled(Outputs):
     """Outputs of SampleGrasp."""
 
-    candidates: GraspCandidates
+    candidates: Annotated[GraspCandidates, Port(help="reachable grasps, best first; rejected ones with a reason")]
 
 
 class SampleGrasp(Skill):
@@ -58,12 +58,12 @@ class SampleGrasp(Skill):
         map: Annotated[OccupancyMap | None, Port(help="obstacles, without the target")] = None,
         tried: Annotated[Grasp | None, Port(help="the candidate of the previous attempt")] = None,
         radius: Annotated[Length, Port(min="20 mm", max="1 m", help="the paper's r_o")] = LENGTH("120 mm"),
-        theta_min: Annotated[Angle, Port(min="0 deg", max="90 deg", help="tilt of the approach")] = ANGLE("0 deg"),
-        theta_max: Annotated[Angle, Port(min="0 deg", max="90 deg")] = ANGLE("45 deg"),
-        thetas: Annotated[int, Port(min=1)] = 4,
-        alpha_min: Annotated[Angle, Port(help="azimuth about the world's z")] = ANGLE("0 deg"),
-        alpha_max: Angle = ANGLE("360 deg"),
-        alphas: Annotated[int, Port(min=1)] = 12,
+        theta_min: Annotated[Angle, Port(min="0 deg", max="90 deg", help="least tilt")] = ANGLE("0 deg"),
+        theta_max: Annotated[Angle, Port(min="0 deg", max="90 deg", help="largest tilt")] = ANGLE("45 deg"),
+        thetas: Annotated[int, Port(min=1, help="number of tilts")] = 4,
+        alpha_min: Annotated[Angle, Port(help="first azimuth about the world's z")] = ANGLE("0 deg"),
+        alpha_max: Annotated[Angle, Port(help="last azimuth about the world's z")] = ANGLE("360 deg"),
+        alphas: Annotated[int, Port(min=1, help="number of azimuths")] = 12,
         clearance: Annotated[
             Length, Port(min="2 mm", help="distance of the links to obstacles; less for the gripper")
         ] = LENGTH("10 mm"),

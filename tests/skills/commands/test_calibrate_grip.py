@@ -176,7 +176,6 @@ def test_a_wrong_command_line_is_refused_in_words(
         (("emulate", "wsg", "--obstacle", "30"), "'30' lacks a unit"),
         (("emulate", "suntouch", "--press", "3"), "'3' lacks a unit"),
         (("emulate", "motoman", "--queue", "1"), "'1' lacks a unit"),
-        (("bench", "plan", "--problems", "x", "--robot", "y", "--budget", "5"), "'5' lacks a unit"),
     ],
 )
 def test_a_quantity_without_its_unit_is_refused(

@@ -1,4 +1,4 @@
-"""The parser of the command line, made of the installed subcommands; help, completion and man page come from it."""
+"""The parser of the command line, made of the installed subcommands; help and completion come from it."""
 
 from __future__ import annotations
 
@@ -34,7 +34,6 @@ help is read from its source, from the call `add_parser("name", help="…")`.
 """
 
 ELSEWHERE = (
-    "bench",
     "calibrate",
     "data",
     "detect",
@@ -53,7 +52,7 @@ in the safe state (also by SIGTERM and SIGHUP), 130 interrupted; 129 and 143
 ended by SIGHUP and SIGTERM before anything moved.
 
 `pomona COMMAND --help` has examples; `pomona completion` completes commands in
-bash, zsh and fish, and makes the manual page."""
+bash, zsh and fish."""
 
 
 class _Version(argparse.Action):

@@ -63,7 +63,6 @@ _EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "completion": (
         ("pomona completion bash > ~/.local/share/bash-completion/completions/pomona", "for bash"),
         ("pomona completion fish > ~/.config/fish/completions/pomona.fish", "for fish"),
-        ("pomona completion man > ~/.local/share/man/man1/pomona.1", "then `man pomona`"),
     ),
 }
 

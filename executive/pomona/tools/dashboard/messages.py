@@ -1,4 +1,4 @@
-"""Events as versioned JSON messages: the live stream's schema (docs/live_stream.md).
+"""Events as versioned JSON messages: the live stream's schema (live_stream.md).
 
 A message is an object with `v` (version of the schema), `seq` (counts up from 1 within a run), `event` (its name)
 and the event's fields. Images travel as JPEG data URLs.

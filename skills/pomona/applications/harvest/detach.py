@@ -42,7 +42,7 @@ from pomona.skills.shared.usable_map import usable_field
 from pomona.skills.shared.yielding import YieldingFingers
 
 DENSITY = 850.0
-"""Of an apple [kg/m³], where its kind has no weighed fruit: docs/decisions/orchard-wall.md."""
+"""Of an apple [kg/m³], where its kind has no weighed fruit: docs/evidence/orchard-wall.md."""
 
 LONGEST = 0.06
 """Longest step of the controller [s]: a tick that comes later was stalled or paused, and the hand has stood since."""
@@ -70,8 +70,8 @@ CLEAR = -0.01
 class Detached(Outputs):
     """Outputs of Detach."""
 
-    stem_force: Force
-    rolled: Angle
+    stem_force: Annotated[Force, Port(help="largest force of the stem")]
+    rolled: Annotated[Angle, Port(help="roll of the hand at which the stem broke")]
 
 
 class Detach(MovingSkill):

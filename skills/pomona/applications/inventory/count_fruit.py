@@ -27,9 +27,9 @@ MOST_APART = 0.04  # allowed distance between two frames' contents by their came
 class FruitCount(Outputs):
     """Outputs of CountFruit."""
 
-    fruit: int
-    measured: int
-    unreadable_frames: int
+    fruit: Annotated[int, Port(help="number of fruit")]
+    measured: Annotated[int, Port(help="number of measured fruit")]
+    unreadable_frames: Annotated[int, Port(help="number of frames that could not be read")]
 
 
 class CountFruit(Skill):

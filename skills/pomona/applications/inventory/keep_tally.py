@@ -17,7 +17,7 @@ COLUMNS = ("fruit", "seen at", "size", "tries", "outcome", "why")
 class Kept(Outputs):
     """Outputs of KeepTally."""
 
-    tally: Tally
+    tally: Annotated[Tally, Port(help="outcomes of all fruit so far")]
 
 
 class KeepTally(Skill):

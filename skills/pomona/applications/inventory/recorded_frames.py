@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from pomona.drivers.interfaces import FrameSequence
-from pomona.executive.ports import Outputs
+from pomona.executive.ports import Outputs, Port
 from pomona.executive.skill import Skill
 
 
 class Counted(Outputs):
     """Outputs of FirstFrame."""
 
-    count: int
+    count: Annotated[int, Port(help="number of recorded frames")]
 
 
 class FirstFrame(Skill):

@@ -23,7 +23,7 @@ CAME_ALONG = 0.2  # ratio of unchanged to changing part above which the fruit wa
 
 LIGHT, LIGHT_NOW = 0.4, 0.65
 """Ratios of friction to the largest weight of a fruit of this size above which it counts as light: with the tracked
-force, and with the sum of both fingers, of which one may press more (docs/decisions/pick-pace.md)."""
+force, and with the sum of both fingers, of which one may press more (docs/evidence/pick-pace.md)."""
 
 NOT_SQUARE = 0.04  # relative uncertainty of friction from one direction (15 fruits of the simulated cell)
 UNMODELLED = 0.03  # relative uncertainty that repetition does not reduce: other places of the skin, other speeds

@@ -2,14 +2,12 @@
 
 PlanningError
 ├── PlanningFailed    there is no path to give; carries a code of the skill Plan, a sentence and data
-├── BadRequest        an invalid request: NaN, a wrong number of joints, no such planner
-└── BadProblem        a benchmark's problem file that cannot be used
+└── BadRequest        an invalid request: NaN, a wrong number of joints, no such planner
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 
 
 class PlanningError(Exception):
@@ -29,11 +27,3 @@ class PlanningFailed(PlanningError):
 
 class BadRequest(PlanningError):
     """A request that cannot be planned in any scene."""
-
-
-class BadProblem(PlanningError):
-    """A file of a planning benchmark that cannot be used."""
-
-    def __init__(self, path: Path, problem: str) -> None:
-        self.path, self.problem = path, problem
-        super().__init__(f"{path} {problem}")

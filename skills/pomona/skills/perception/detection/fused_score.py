@@ -1,7 +1,7 @@
 """One score from the answers of both networks: a fitted net over heat, box quality and the close look's kind.
 
 Products of powers of these cost one domain several points of recall: heat separates better on photographs, kind on
-rendered frames. A net of a few units serves both with one threshold (docs/decisions/detect-photographs.md).
+rendered frames. A net of a few units serves both with one threshold (docs/evidence/detect-photographs.md).
 """
 
 from __future__ import annotations

@@ -1,22 +1,23 @@
-"""`pomona bench plan --problems DIR`: MotionBenchMaker's problems with this project's planner."""
+"""MotionBenchMaker's problems with this project's planner.
+
+python -m benchmarks.bench_problems --problems FOLDER --robot panda_spherized.urdf --tool panda_hand
+"""
 
 from __future__ import annotations
 
 import argparse
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from benchmarks.motion_bench_maker import BadProblem, PlanningProblem, problem_sets, read_problems
 from pomona.executive.values.kinds import Measure
 from pomona.executive.values.units import TIME
 from pomona.skills.motion.planning.arm_space import ArmSpace
-from pomona.skills.motion.planning.errors import BadProblem
-from pomona.skills.motion.planning.motion_bench_maker import PlanningProblem, problem_sets, read_problems
 from pomona.skills.motion.planning.planners import PLANNERS, solve
 from pomona.skills.motion.planning.shortcut import path_length, shortcut
 from pomona.skills.motion.planning.space import Effort
@@ -33,11 +34,9 @@ class PlannedProblem:
     length: float
 
 
-def add(subparsers: Any) -> None:
-    """Register the subcommand."""
-    parser = subparsers.add_parser("bench", help="benchmarks on problems from outside")
-    inner = parser.add_subparsers(dest="benchmark", required=True)
-    planning = inner.add_parser("plan", help="motion planning on MotionBenchMaker folders")
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run and print."""
+    planning = argparse.ArgumentParser(description="Motion planning on folders of MotionBenchMaker.")
     planning.add_argument("--problems", type=Path, required=True, help="folder with scenes and requests")
     planning.add_argument("--robot", type=Path, required=True, help="URDF or MJCF with collision spheres or shapes")
     planning.add_argument("--tool", default="tool0", help="frame at the end of the planned joints")
@@ -47,13 +46,8 @@ def add(subparsers: Any) -> None:
     )
     planning.add_argument("--limit", type=int, default=0, help="problems of each set, 0 for all")
     planning.add_argument("--seed", type=int, default=0)
-    planning.set_defaults(main=main)
-
-
-def main(options: argparse.Namespace) -> int:
-    """Run and print."""
     try:
-        _run_and_print(options)
+        _run_and_print(planning.parse_args(arguments))
     except (BadProblem, RobotError) as unusable:
         sys.stderr.write(f"{unusable}\n")
         return 2
@@ -105,3 +99,7 @@ def summary(attempts: list[PlannedProblem]) -> str:
         line += f", length {np.median([attempt.length for attempt in solved]):.1f}"
     left_out = len(attempts) - len(valid)
     return line + (f" ({left_out} with start or goal in collision)" if left_out else "")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

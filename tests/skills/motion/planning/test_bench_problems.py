@@ -1,13 +1,11 @@
-import argparse
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
 
-from pomona.skills.commands.bench import add, run_set
-from pomona.skills.motion.planning.errors import BadProblem
-from pomona.skills.motion.planning.motion_bench_maker import problem_sets, read_problems
+from benchmarks.bench_problems import main, run_set
+from benchmarks.motion_bench_maker import BadProblem, problem_sets, read_problems
 from tests.skills.picking_scene import HOME, OBSERVE, ROBOT_MODEL
 
 
@@ -63,12 +61,9 @@ def test_solved_unsolved_and_invalid_are_distinguished(tmp_path):
     assert attempts[0].length == pytest.approx(np.linalg.norm(HOME - OBSERVE))
 
 
-def test_the_command_prints_solved_median_and_p95(tmp_path, capsys):
+def test_the_benchmark_prints_solved_median_and_p95(tmp_path, capsys):
     write(tmp_path / "shelf", 1, HOME)
-    parser = argparse.ArgumentParser()
-    add(parser.add_subparsers())
-    options = parser.parse_args(["bench", "plan", "--problems", str(tmp_path), "--robot", str(ROBOT_MODEL.path)])
-    assert options.main(options) == 0
+    assert main(["--problems", str(tmp_path), "--robot", str(ROBOT_MODEL.path)]) == 0
     out = capsys.readouterr().out
     assert "shelf" in out
     assert "solved 1 of 1, median" in out
@@ -106,13 +101,9 @@ def test_an_empty_folder_is_reported(tmp_path):
         (["--problems", "nowhere"], "holds no request"),
     ],
 )
-def test_bad_input_of_the_command_is_reported_in_one_line(tmp_path, capsys, changed, says):
+def test_bad_input_of_the_benchmark_is_reported_in_one_line(tmp_path, capsys, changed, says):
     write(tmp_path / "shelf", 1, HOME)
-    parser = argparse.ArgumentParser()
-    add(parser.add_subparsers())
-    given = ["bench", "plan", "--problems", str(tmp_path), "--robot", str(ROBOT_MODEL.path), *changed]
-    options = parser.parse_args(given)
-    assert options.main(options) == 2
+    assert main(["--problems", str(tmp_path), "--robot", str(ROBOT_MODEL.path), *changed]) == 2
     told = capsys.readouterr().err
     assert says in told
     assert told.count("\n") == 1

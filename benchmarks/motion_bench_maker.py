@@ -20,11 +20,19 @@ from pomona.executive.values.arrays import Float64
 from pomona.executive.values.plain_text import read_plain_text
 from pomona.skills.geometry import transform
 from pomona.skills.motion.collision import CollisionWorld, Convex, Margins, RobotShape
-from pomona.skills.motion.planning.errors import BadProblem
+from pomona.skills.motion.planning.errors import PlanningError
 from pomona.skills.motion.robot import RobotModel
 
 _NUMBER = re.compile(r"request(\d+)\.yaml$")
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+class BadProblem(PlanningError):
+    """A file of a planning benchmark that cannot be used."""
+
+    def __init__(self, path: Path, problem: str) -> None:
+        self.path, self.problem = path, problem
+        super().__init__(f"{path} {problem}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
