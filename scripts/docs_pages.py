@@ -128,17 +128,16 @@ def failures(listing: Sequence[SkillListing]) -> str:
 
 
 def ports(listing: Sequence[SkillListing]) -> str:
-    """Return every port by its name: its meanings, and the skills that have it."""
-    found: dict[str, tuple[dict[str, None], dict[str, None]]] = {}
+    """Return every port by its name: each meaning with the skills that give it."""
+    found: dict[str, dict[str, dict[str, None]]] = {}
     for one in listing:
         for port in (*one.inputs, *one.outputs):
-            meanings, users = found.setdefault(port["name"], ({}, {}))
+            users = found.setdefault(str(port["name"]), {}).setdefault(str(port.get("help", "")), {})
             users[f"[{one.name}](skills.md#{one.name.lower()})"] = None
-            if meaning := port.get("help"):
-                meanings[meaning] = None
     rows = [
-        f"| `{name}` | {'; '.join(meanings)} | {', '.join(users)} |"
-        for name, (meanings, users) in sorted(found.items())
+        f"| `{name}` | {meaning} | {', '.join(users)} |"
+        for name, meanings in sorted(found.items())
+        for meaning, users in sorted(meanings.items(), reverse=True)  # skills without a help of their own come last
     ]
     intro = "Inputs and outputs of the skills by name. [Skills](skills.md) has their types, ranges and defaults."
     head = "| port | meaning | skills |\n|---|---|---|\n"

@@ -1,4 +1,4 @@
-"""Example commands, by subcommand: shown below its help and in the manual page.
+"""Example commands, by subcommand: shown below its help.
 
 The tree, the setting and the campaign in them are the installed trees' own (`trees/defaults.toml`).
 """

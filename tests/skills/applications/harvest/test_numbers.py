@@ -7,7 +7,7 @@ from .conftest import NUMBERS
 
 FROZEN = "23f4d04c376ffbbe"
 """Digest of the numbers that the skills are tuned for. Change it only with a new comparison with the measured pulls in
-docs/decisions.
+docs/evidence.
 """
 
 
