@@ -272,8 +272,11 @@ class SwitchType(Composite):
 
     def from_xml(self, element: XmlImport) -> Words:
         children, number = element.children(), 1
+        most = len(children) if element.tag == self.xml_tag else int(element.tag[-1])
+        if element.tag != self.xml_tag and len(children) != most + 1:
+            return element.untranslated(f"has {len(children)} children instead of {most} cases and a default")
         cases: Words = {}
-        while f"case_{number}" in element.attributes and number <= len(children):
+        while f"case_{number}" in element.attributes and number <= min(most, len(children)):
             cases[element.get(f"case_{number}")] = children[number - 1]
             number += 1
         rest = children[number - 1 :]

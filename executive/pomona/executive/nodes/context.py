@@ -289,6 +289,9 @@ class XmlImport(Protocol):
     def duration(self, name: str) -> str:
         """Return an attribute in milliseconds as a duration."""
 
+    def count(self, name: str) -> object:
+        """Return an attribute as a number of times."""
+
     def children(self) -> list[Words]:
         """Return the children, translated."""
 
