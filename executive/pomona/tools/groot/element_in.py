@@ -101,7 +101,7 @@ class ElementIn:
         if text.startswith("{"):
             return f"{text} * 1 ms"
         if not (text.isascii() and text.isdecimal() and len(text) <= 12):
-            raise ScriptError(f"has {name}=\"{text}\", which is no whole number of milliseconds")
+            raise ScriptError(f'has {name}="{text}", which is no whole number of milliseconds')
         return TIME.format(int(text) * 1e-3)
 
     def count(self, name: str) -> object:

@@ -26,7 +26,7 @@ class Forest:
     nodes: dict[str, XmlElement] = field(default_factory=dict)  # models of foreign nodes, by ID
     described: dict[str, XmlElement] = field(default_factory=dict)  # models of nodes in the files of the trees, by ID
     conditions: set[str] = field(default_factory=set)  # foreign nodes that end in the tick in which they start
-    version_4: set[str] = field(default_factory=set)  # files that declare the format
+    versions: dict[str, str] = field(default_factory=dict)  # `4` or `3` by file; empty where nothing shows it
     exported: set[str] = field(default_factory=set)  # files that Pomona has written
     texts: list[str] = field(default_factory=list)  # of all files
     including: list[Path] = field(default_factory=list)
@@ -74,10 +74,7 @@ class Forest:
             self.findings.error(root, "version", 'only version 4 of the format is read: <root BTCPP_format="4">')
             return None
         self.texts.append(text)
-        if root.get("BTCPP_format") == "4":
-            self.version_4.add(str(path))
-        else:
-            modernise(root)
+        self.versions[str(path)] = root.get("BTCPP_format") or modernise(root)
         self.including.append(Path(path).absolute())
         for element in root.all("include"):
             self.include(element, Path(path))
@@ -96,9 +93,9 @@ class Forest:
         """Return True if Pomona has written the element: its attributes may hold expressions, as in tree files."""
         return element.source.path in self.exported
 
-    def is_version_4(self, element: XmlElement) -> bool:
-        """Return True if the element's file declares version 4 of the format."""
-        return element.source.path in self.version_4
+    def version(self, element: XmlElement) -> str:
+        """Return the version of the element's file: declared, or shown by its words; empty for either."""
+        return self.versions.get(element.source.path, "")
 
     def directions(self, node: str) -> dict[str, str]:
         """Return `input`, `output` or `inout` of a foreign node's ports, as far as a model has them."""

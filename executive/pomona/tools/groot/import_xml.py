@@ -140,7 +140,8 @@ class _Importer:
             found = reading.untranslated(str(error))
         if reading.unread:
             found = reading.untranslated(_unknown_ports(reading), "remove it, or write its right name")
-        self.look_alikes(reading)
+        else:
+            self.look_alikes(reading)
         if element.get("name") and "name" not in found and not reading.wrapped:
             found["name"] = self.label(element.get("name"))
         if element.get("_description") and "description" not in found:
@@ -151,12 +152,12 @@ class _Importer:
         """Report attributes of every node that are written in another way: BehaviorTree.CPP does not read them."""
         element = reading.found
         for name in element.attributes:
-            old = name in ("__shared_blackboard", "__autoremap") and not self.forest.is_version_4(element)
+            old = name in ("__shared_blackboard", "__autoremap") and self.forest.version(element) == "3"
             hint = "_autoremap" if name == "__shared_blackboard" else meant(name)
             if hint and not old:
                 message = f"'{name}' of <{reading.tag}> is not read by BehaviorTree.CPP 4"
                 self.findings.warning(element, "ignored", message, f"did you mean '{hint}'?")
-        if "ID" in element.attributes and element.tag not in (*_GENERIC, "SubTree"):
+        if "ID" in element.attributes and element.tag not in (*_GENERIC, "SubTree", "SubTreePlus"):
             message = f"'ID' of <{reading.tag}> is not read; BehaviorTree.CPP 4 refuses it"
             self.findings.warning(element, "ignored", message, "write 'name' for the name of a node")
 
@@ -268,10 +269,10 @@ class _Importer:
             return element.untranslated("calls itself" if called in self.inside else "is too large to be inlined")
         if element.found.children:
             return element.untranslated("has children: give the keys as attributes")
-        old = not self.forest.is_version_4(element.found)
+        version = self.forest.version(element.found)
         wires = {name: element.get(name) for name in element.attributes if is_port(name)}
-        shared = old and _is_true(element.get("__shared_blackboard"))
-        bare = [n for n, t in wires.items() if old and KEY.fullmatch(t) and t not in ("true", "false")]
+        shared = version == "3" and _is_true(element.get("__shared_blackboard"))
+        bare = [n for n, t in wires.items() if not version and KEY.fullmatch(t) and t not in ("true", "false")]
         if bare:
             return element.untranslated(
                 f'has {bare[0]}="{wires[bare[0]]}", a key in version 3 and a text in version 4: write '
@@ -284,7 +285,7 @@ class _Importer:
             self.calls.add(called)
             found: Words = {self.names[called]: {name: element.value(name) for name in wires}}
             return found if called.isascii() or element.get("name") else {**found, "name": self.label(called)}
-        shares = _is_true(element.get("_autoremap")) or (old and _is_true(element.get("__autoremap")))
+        shares = _is_true(element.get("_autoremap")) or (version == "3" and _is_true(element.get("__autoremap")))
         for port in () if model is None or shares or shared else ports_of(model):
             if port.get("name") not in wires and not port.get("default"):
                 return element.untranslated(f"does not wire the port '{port.get('name')}'")

@@ -23,10 +23,11 @@ BUILTIN = frozenset(
         "WhileDoElse", "Script", "ScriptCondition", "SetBlackboard", "UnsetBlackboard", "Delay", "RunOnce",
         "Precondition", "KeepRunningUntilFailure", "LoopInt", "LoopBool", "LoopDouble", "LoopString", "EntryUpdated",
         "SkipUnlessUpdated", "WaitValueUpdate", "TestNode", "WasEntryUpdated", "Switch2", "Switch3", "Switch4",
-        "Switch5", "Switch6", "TryCatch", "ManualSelector", "ConsumeQueue",
+        "Switch5", "Switch6", "TryCatch", "ManualSelector", "ConsumeQueue", "SubTreePlus", "BlackboardCheckInt",
+        "BlackboardCheckDouble", "BlackboardCheckString", "BlackboardCheckBool",
     ]
 )  # fmt: skip
-"""Nodes that BehaviorTree.CPP has by itself."""
+"""Nodes that BehaviorTree.CPP has by itself, the last five in version 3."""
 
 NEEDED = {
     "Timeout": "msec", "Delay": "delay_msec", "Sleep": "msec", "Repeat": "num_cycles",
