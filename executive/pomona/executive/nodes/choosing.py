@@ -229,7 +229,7 @@ class SwitchType(Composite):
     """runs the node whose word is the value; reads it in every tick; `default` when none fits, else it is skipped"""
 
     key, symbol = "switch", "⎇"
-    value = takes.Single(Port(object), "the value that chooses")
+    value = takes.Single(Port(object), "the word, number or member that chooses; no quantity")
     fields: ClassVar[takes.Fields] = {
         "cases": takes.Cases("nodes by word", required=True),
         "default": takes.Child("runs when no word fits"),
