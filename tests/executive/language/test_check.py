@@ -368,7 +368,9 @@ class TestStructure:
         ],
     )
     def test_a_switch_over_a_quantity(self, findings_of, head, value):
-        found = only(findings_of(f"{head}\nroot:\n  switch: {value}\n  cases: {{20 mm: {{Beep: {{}}}}}}\n"), "port-type")
+        found = only(
+            findings_of(f"{head}\nroot:\n  switch: {value}\n  cases: {{20 mm: {{Beep: {{}}}}}}\n"), "port-type"
+        )
         assert "a case has no unit" in found.message
 
     def test_on_failure_without_retry(self, findings_of):
