@@ -78,6 +78,28 @@ def test_a_decorator_and_a_slash_in_a_name_get_paths_of_their_own() -> None:
     assert tree.children[0].path == "fetch/not/a∕b"  # type: ignore[attr-defined]
 
 
+@pytest.mark.parametrize("name", ["", " "])
+def test_a_behaviour_without_a_name_is_shown_under_its_class(tmp_path: Path, name: str) -> None:
+    root = py_trees.composites.Sequence(name, memory=True, children=[Count(name, 1), Count(name, 1, Status.FAILURE)])
+    executed = run_behaviour(root, record=tmp_path, period=0.001)
+    assert executed.result.outcome == "failure"
+    assert executed.record is not None
+    paths = [event.path for event in read_events(executed.record) if isinstance(event, NodeChanged)]
+    assert paths == ["Sequence", "Sequence/Count", "Sequence/Count#2"]
+    assert main(["explain", "--record", str(tmp_path)]) == 0
+
+
+def test_a_child_that_starts_and_is_interrupted_in_one_tick_is_recorded() -> None:
+    policy = py_trees.common.ParallelPolicy.SuccessOnOne()
+    children = [py_trees.behaviours.Running("runs"), py_trees.behaviours.Success("done")]
+    seen: list[Any] = []
+    parallel = py_trees.composites.Parallel("p", policy, children=children)
+    executed = run_behaviour(parallel, record=None, period=0.001, listeners=[seen.append])
+    assert executed.result.outcome == "success"
+    changes = [(e.path, e.status, e.starts) for e in seen if isinstance(e, NodeChanged) and e.path.endswith("runs")]
+    assert changes == [("p/runs", "INVALID", 1)]
+
+
 def test_the_page_shows_the_tree_and_stops_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))

@@ -68,7 +68,7 @@ def run_behaviour(
     views.add(parser)
     options = parser.parse_args(["--dashboard", "--port", str(port)] if dashboard else [])
     with views.open(options, console, record or RECORDS):
-        with views.run(root.name) as starting:
+        with views.run(_shown(root)) as starting:
 
             def ready(runner: Runner) -> None:
                 views.on_ready(runner)
@@ -116,13 +116,18 @@ def as_built(root: Behaviour, board: Board) -> BuiltTree:
     paths, infos, behaviours = UniquePaths(), list[NodeInfo](), dict[str, Behaviour]()
     for behaviour, parent in _walk(root, None):
         above = "" if parent is None else f"{parent.path}/"  # type: ignore[attr-defined]
-        path = paths.take(above + behaviour.name.replace("/", "∕"))
+        name, of = _shown(behaviour), type(behaviour).__name__
+        path = paths.take(above + name.replace("/", "∕"))
         behaviour.path = path  # type: ignore[attr-defined]
         kind = next((kind for base, kind in _KINDS if isinstance(behaviour, base)), "skill")
-        name, of = behaviour.name, type(behaviour).__name__
         infos.append(NodeInfo(path, above[:-1] or None, kind, name, of, description=type(behaviour).__doc__ or ""))
         behaviours[path] = behaviour
-    return BuiltTree(root.name, root, tuple(infos), behaviours, {}, board)
+    return BuiltTree(_shown(root), root, tuple(infos), behaviours, {}, board)
+
+
+def _shown(behaviour: Behaviour) -> str:
+    """Return the name of a behaviour; one without a name is shown under its class."""
+    return behaviour.name.strip() or type(behaviour).__name__
 
 
 def _walk(behaviour: Behaviour, parent: Behaviour | None) -> Iterator[tuple[Behaviour, Behaviour | None]]:

@@ -358,6 +358,21 @@ class TestStructure:
         assert "'switch' takes a single value" in found.message
         assert found.line == 4
 
+    @pytest.mark.parametrize(
+        ("head", "value"),
+        [
+            ("parameters: {reach: {type: length, default: 20 mm}}", '"{reach}"'),
+            ("parameters: {reach: {type: length, default: 20 mm}}", '"{reach} * 2"'),
+            ("constants: {reach: 20 mm}", '"{reach}"'),
+            ("", "20 mm"),
+        ],
+    )
+    def test_a_switch_over_a_quantity(self, findings_of, head, value):
+        found = only(
+            findings_of(f"{head}\nroot:\n  switch: {value}\n  cases: {{20 mm: {{Beep: {{}}}}}}\n"), "port-type"
+        )
+        assert "a case has no unit" in found.message
+
     def test_on_failure_without_retry(self, findings_of):
         only(findings_of("root:\n  MoveTo: {pose: a}\n  on_failure: {Beep: {}}"), "missing-key")
 

@@ -19,7 +19,7 @@ from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.nodes.node_type import NodeType, Stage
 from pomona.executive.nodes.surroundings import COUNTERS, Around
 from pomona.executive.nodes.takes import NAME
-from pomona.executive.ports import Port, Ports
+from pomona.executive.ports import Port, Ports, Quantity
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill
 from pomona.executive.values.findings import Edit, Findings, Instead, did_you_mean
@@ -231,6 +231,19 @@ class LayerCheck:
             self.findings.error(written, "port-type", message)
         elif isinstance(value, Given) and not isinstance(value.value, (list, tuple)):
             self.findings.error(written, "value", f"{slot} takes a list", 'wire one: "{candidates.grasps}"')
+        if value is not None:
+            self.found.settings[slot] = value
+
+    def choice(self, slot: str, written: YamlNode) -> None:
+        value = self.reader.value(slot, written, Port(object), self.around, slot)
+        found = value.type if isinstance(value, ComputedValue) else None
+        if isinstance(value, Given) and isinstance(written, YamlScalar):
+            wire = _WIRE.fullmatch(written.text)
+            found = self.whole.scope.names[wire[1]].type if wire is not None else scalar_type(written)
+        if isinstance(found, Quantity):
+            message = f"'{slot}' compares words, and this is {describe(found)}: a case has no unit"
+            hint = 'compare it: {if: "{width} > 20 mm", then: …}'
+            self.findings.error(written, "port-type", message, hint)
         if value is not None:
             self.found.settings[slot] = value
 

@@ -48,7 +48,8 @@ class Tested:
 
     @classmethod
     def of(cls, document: Document, registry: Registry) -> Tested:
-        """Return all that is in a document."""
+        """Return all that is in a document, with the skills that it declares."""
+        registry = registry.declaring(document.main.declared_skills)
         skills = skills_by_node(document)
         nodes = [node for definition in document.definitions() if definition.root for node in definition.root.walk()]
         questions: dict[str, tuple[str, ...]] = {}

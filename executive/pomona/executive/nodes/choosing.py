@@ -229,7 +229,7 @@ class SwitchType(Composite):
     """runs the node whose word is the value; reads it in every tick; `default` when none fits, else it is skipped"""
 
     key, symbol = "switch", "⎇"
-    value = takes.Single(Port(object), "the value that chooses")
+    value = takes.Single(Port(object), "the word, number or member that chooses; no quantity")
     fields: ClassVar[takes.Fields] = {
         "cases": takes.Cases("nodes by word", required=True),
         "default": takes.Child("runs when no word fits"),
@@ -272,8 +272,11 @@ class SwitchType(Composite):
 
     def from_xml(self, element: XmlImport) -> Words:
         children, number = element.children(), 1
+        most = len(children) if element.tag == self.xml_tag else int(element.tag[-1])
+        if element.tag != self.xml_tag and len(children) != most + 1:
+            return element.untranslated(f"has {len(children)} children instead of {most} cases and a default")
         cases: Words = {}
-        while f"case_{number}" in element.attributes and number <= len(children):
+        while f"case_{number}" in element.attributes and number <= min(most, len(children)):
             cases[element.get(f"case_{number}")] = children[number - 1]
             number += 1
         rest = children[number - 1 :]

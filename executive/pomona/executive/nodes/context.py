@@ -132,6 +132,9 @@ class CheckContext(WalkContext[Around, None], Protocol):
     def elements(self, slot: str, written: YamlNode) -> None:
         """Check a list, and keep it."""
 
+    def choice(self, slot: str, written: YamlNode) -> None:
+        """Check a value that is compared with words, and keep it; a quantity is refused."""
+
     def keep(self, slot: str, value: object, written: YamlNode) -> None:
         """Keep a value that is known before the run."""
 
@@ -288,6 +291,9 @@ class XmlImport(Protocol):
 
     def duration(self, name: str) -> str:
         """Return an attribute in milliseconds as a duration."""
+
+    def count(self, name: str) -> object:
+        """Return an attribute as a number of times."""
 
     def children(self) -> list[Words]:
         """Return the children, translated."""

@@ -152,8 +152,8 @@ class RateType(Modifier):
         if element.tag == self.xml_tag:
             return super().from_xml(element)
         (child,) = element.children()
-        hz = str(element.get("hz") or "1.0")
-        return element.wrap(child, self.key, hz if hz.startswith("{") else f"{hz} Hz")
+        hz = str(element.value("hz") or "10.0")
+        return element.wrap(child, self.key, f"{hz} * 1 Hz" if hz.startswith("{") else f"{hz} Hz")
 
 
 class RunOnceType(Modifier):

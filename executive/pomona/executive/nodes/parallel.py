@@ -160,11 +160,15 @@ class ParallelType(Composite):
     def from_xml(self, element: XmlImport) -> Words:
         if element.tag == self.xml_tag:
             return {"parallel": element.children(), "success_on": element.value("success_on") or "all"}
-        success, failure = element.get("success_count") or "-1", element.get("failure_count") or "1"
         children = element.children()
-        if element.tag == "ParallelAll" and len(children) > 1:
-            return element.untranslated("lets all children end before it fails")
+        if element.tag == "ParallelAll":
+            if len(children) > 1 or element.get("max_failures") not in ("", "1", "-1"):
+                return element.untranslated("lets all children end before it fails")
+            return {"parallel": children}
+        success, failure = element.get("success_count") or "-1", element.get("failure_count") or "1"
         everything = success == "-1" or (success != "1" and success == str(len(children)))
+        if everything and failure.isdecimal() and 0 < int(failure) <= len(children):
+            failure = "1"  # the first failure leaves too few to succeed
         if failure != "1" or not (everything or (success.isdecimal() and 0 < int(success) <= len(children))):
             return element.untranslated(f"succeeds on {success} and fails on {failure}")
         if everything:

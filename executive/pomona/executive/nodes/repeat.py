@@ -95,7 +95,7 @@ class RepeatType(Modifier):
         if element.tag == "KeepRunningUntilFailure" and may_skip(child):  # it goes on when its child is skipped
             child = {"sequence": [child, {"succeed": {}}]}
         forever = element.tag == "KeepRunningUntilFailure" or element.get("num_cycles") == "-1"
-        return element.wrap(child, self.key, "forever" if forever else element.value("num_cycles"))
+        return element.wrap(child, self.key, "forever" if forever else element.count("num_cycles"))
 
 
 def may_skip(words: object) -> bool:

@@ -228,4 +228,4 @@ class RetryType(Modifier):
         if element.get("num_attempts") == "-1":  # for ever: until a success ends the repetition of failures
             repeated = element.wrap(element.wrap(child, "invert", True), "repeat", "forever")
             return element.wrap(repeated, "invert", True)
-        return element.wrap(child, self.key, element.value("num_attempts"))
+        return element.wrap(child, self.key, element.count("num_attempts"))

@@ -57,7 +57,7 @@ class Single(Value):
 
     def check_value(self, at: CheckContext, slot: str, written: YamlNode) -> None:
         if isinstance(written, YamlScalar) and not written.is_null:
-            super().check_value(at, slot, written)
+            at.choice(slot, written)
         else:
             message = f"'{slot}' takes a single value, this is {shape_of(written)}"
             at.findings.error(written, "shape", message, f'wire it: {slot}: "{{name}}"')

@@ -89,4 +89,5 @@ class TimeoutType(Modifier):
         if element.tag == self.xml_tag:
             return super().from_xml(element)
         (child,) = element.children()
-        return element.wrap(child, self.key, element.duration("msec"))
+        limit = element.duration("msec")
+        return child if limit == "0 s" else element.wrap(child, self.key, limit)  # 0 sets no timer

@@ -79,8 +79,12 @@ class Breakpoints:
         """Whether a tick is held."""
         return self._walk is not None
 
-    def tick(self, root: Behaviour) -> HeldTick | None:
+    def tick(self, root: Behaviour, visited: Callable[[Behaviour], object] = id) -> HeldTick | None:
         """Tick the tree once, or go on with the tick that is held, up to the next breakpoint.
+
+        Args:
+            root: the tree's root.
+            visited: gets each behaviour right after its tick.
 
         Returns:
             where the tick is held; None when it is complete.
@@ -91,6 +95,7 @@ class Breakpoints:
             if type(node) is HeldTick:
                 self._walk = walk
                 return node
+            visited(node)
         return None
 
     def drop(self) -> None:

@@ -68,7 +68,8 @@ class StateChanged(Event):
 class NodeChanged(Event):
     """A node's status or feedback changed in this tick; `reason` is there on failure.
 
-    `starts` counts the starts of a skill and the questions of a node that asks: it is the number of its question.
+    `starts` counts the starts of a skill and the questions of a node that asks: it is the number of its question. Of
+    another leaf it counts the starts that its parent interrupted in the same tick.
     """
 
     path: str

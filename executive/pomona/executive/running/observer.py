@@ -27,15 +27,26 @@ class TreeObserver:
             (path, behaviour, behaviour if isinstance(behaviour, (Skill, Question)) else None)
             for path, behaviour in tree.behaviours.items()
         )
+        self._started: set[int] = set()  # identities of the behaviours that acted in this tick
         tree.on_attempt(self._attempt)
+
+    def visited(self, behaviour: Behaviour) -> None:
+        """Note that a behaviour acted: its parent may interrupt it in the same tick."""
+        if behaviour.status is not Status.INVALID:
+            self._started.add(id(behaviour))
 
     def after_tick(self) -> None:
         """Emit the changes. Raises SkillError: the feedback of a node is no text; it counts as empty from then on."""
         wrong: SkillError | None = None
         for path, behaviour, counted in self._nodes:
             given: object = behaviour.feedback_message  # any behaviour may set it, as py_trees' own do
-            starts = 0 if counted is None else counted.starts
             before = self._known[path]
+            if counted is not None:
+                starts = counted.starts
+            elif behaviour.children or behaviour.status is not before[0] or before[0] is not Status.INVALID:
+                starts = before[2]
+            else:
+                starts = before[2] + (id(behaviour) in self._started)
             if given is before[1] and behaviour.status is before[0] and starts == before[2]:
                 continue
             if not isinstance(given, str):
@@ -49,6 +60,7 @@ class TreeObserver:
             self._known[path] = now
             reason = reason_of(behaviour) if now[0] is Status.FAILURE else None
             self._emit(NodeChanged(*self._stamp(), path, now[0].value, now[1], starts, reason))
+        self._started.clear()
         if wrong is not None:
             raise wrong
 

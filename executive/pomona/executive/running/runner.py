@@ -279,7 +279,7 @@ class Runner(Requests):
             self._ticks += 1
             self.board.tick = self._ticks
         began, worked = time.perf_counter(), time.thread_time()
-        held = self._breakpoints.tick(self.tree.root)
+        held = self._breakpoints.tick(self.tree.root, self._observer.visited)
         leave_if_forked()
         took, worked = time.perf_counter() - began, time.thread_time() - worked
         self._observer.after_tick()

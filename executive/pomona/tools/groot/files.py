@@ -8,6 +8,7 @@ from pathlib import Path
 
 from pomona.executive.values.findings import Findings, Source
 from pomona.executive.values.plain_text import read_plain_text
+from pomona.tools.groot.version_3 import modernise
 from pomona.tools.groot.xml_nodes import MAX_CHARACTERS, XmlElement, read_xml
 
 MAX_FILES = 100
@@ -23,7 +24,10 @@ class Forest:
     trees: dict[str, XmlElement] = field(default_factory=dict)
     models: dict[str, XmlElement] = field(default_factory=dict)  # of subtrees, by ID
     nodes: dict[str, XmlElement] = field(default_factory=dict)  # models of foreign nodes, by ID
+    described: dict[str, XmlElement] = field(default_factory=dict)  # models of nodes in the files of the trees, by ID
     conditions: set[str] = field(default_factory=set)  # foreign nodes that end in the tick in which they start
+    versions: dict[str, str] = field(default_factory=dict)  # `4` or `3` by file; empty where nothing shows it
+    exported: set[str] = field(default_factory=set)  # files that Pomona has written
     texts: list[str] = field(default_factory=list)  # of all files
     including: list[Path] = field(default_factory=list)
 
@@ -70,16 +74,33 @@ class Forest:
             self.findings.error(root, "version", 'only version 4 of the format is read: <root BTCPP_format="4">')
             return None
         self.texts.append(text)
+        self.versions[str(path)] = root.get("BTCPP_format") or modernise(root)
         self.including.append(Path(path).absolute())
         for element in root.all("include"):
             self.include(element, Path(path))
         self.including.pop()
         for group in root.all("TreeNodesModel"):
             self.models.update({model.get("ID"): model for model in group.all("SubTree")})
+            self.described.update({model.get("ID"): model for model in group.children if model.tag != "SubTree"})
+            if any(own_metadata(model) is not None for model in group.all("SubTree")):
+                self.exported.add(str(path))
             self.conditions.update(model.get("ID") for model in group.all("Condition"))
         for number, tree in enumerate(root.all("BehaviorTree"), start=1):
             self.trees[tree.get("ID") or _numbered(number)] = tree
         return root
+
+    def is_exported(self, element: XmlElement) -> bool:
+        """Return True if Pomona has written the element: its attributes may hold expressions, as in tree files."""
+        return element.source.path in self.exported
+
+    def version(self, element: XmlElement) -> str:
+        """Return the version of the element's file: declared, or shown by its words; empty for either."""
+        return self.versions.get(element.source.path, "")
+
+    def directions(self, node: str) -> dict[str, str]:
+        """Return `input`, `output` or `inout` of a foreign node's ports, as far as a model has them."""
+        model = self.nodes.get(node) or self.described.get(node)
+        return {} if model is None else {port.get("name"): port.tag.removesuffix("_port") for port in ports_of(model)}
 
     def include(self, element: XmlElement, path: Path) -> None:
         """Read the file that an `<include>` names; relative to its own file's folder."""
@@ -100,6 +121,17 @@ class Forest:
             self.findings.error(element, "too-large", f"at most {MAX_FILES} files are read")
         else:
             self.file(text, found)
+
+
+def ports_of(model: XmlElement) -> list[XmlElement]:
+    """Return the elements of a model that declare ports."""
+    return [port for port in model.children if port.tag in ("input_port", "output_port", "inout_port")]
+
+
+def own_metadata(model: XmlElement) -> XmlElement | None:
+    """Return the metadata that Pomona's export has written into the model of a subtree."""
+    written = (found for fields in model.all("MetadataFields") for found in fields.all("Metadata"))
+    return next((found for found in written if found.get("pomona")), None)
 
 
 def _called(element: XmlElement) -> Iterator[str]:

@@ -5,28 +5,27 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from pomona.executive.language.expression import SPECIAL
 from pomona.executive.nodes.calls import SKILL
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.nodes.context import Words
-from pomona.executive.ports import TIME
+from pomona.executive.skill import Skill
 from pomona.executive.values.findings import Finding, Findings
 from pomona.tools.groot.asked import Asked
-from pomona.tools.groot.files import Forest
-from pomona.tools.groot.keys import NAME, GivenText, KeyNames, ScriptError, small
-from pomona.tools.groot.names import BUILTIN, LITERAL, NEEDED, node_name, tree_names
+from pomona.tools.groot.element_in import AFTERWARDS, ATTRIBUTES, PRECONDITIONS, ElementIn, is_port, meant, value_of
+from pomona.tools.groot.files import Forest, own_metadata, ports_of
+from pomona.tools.groot.keys import NAME, GivenText, KeyNames, ScriptError, key_in, small
+from pomona.tools.groot.names import BUILTIN, NEEDED, node_name, skill_name, tree_names
 from pomona.tools.groot.scripts import assignments_of, condition_of, statements_of
+from pomona.tools.groot.stubs import with_stubs
+from pomona.tools.groot.version_3 import KEY
 from pomona.tools.groot.xml_nodes import XmlElement
 from pomona.tools.groot.yaml_text import YamlText, block, flow
 
-_ATTRIBUTES = ("name", "ID", "_description", "_autoremap", "_fullpath", "_uid")
-_PRECONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")
-"""In the order in which BehaviorTree.CPP evaluates them."""
-_AFTERWARDS = ("_onSuccess", "_onFailure", "_post")
-_KEY = re.compile(r"\{\w+\}")
+_GENERIC = ("Action", "Condition", "Control", "Decorator")
+_OTHER = "write it with other nodes"
 _SAME_FAILURE: Words = {"fail": {"code": "{failure.code}", "message": "{failure.message}"}}
 """Fails with the code and message of the last failure."""
 
@@ -38,12 +37,15 @@ def import_groot(
     beside: Sequence[tuple[str, str | Path]] = (),
     nodes: Sequence[tuple[str, str | Path]] = (),
     main: str = "",
+    skills: Mapping[str, type[Skill]] | None = None,
+    stubs: bool = False,
 ) -> tuple[str, list[Finding]]:
     """Return the text of a tree file, empty if nothing can be translated, and the parts without translation.
 
     `beside` are further files (texts and paths) whose trees are called, `nodes` files with models of nodes
-    (`<TreeNodesModel>`), `main` the ID of the tree to run. Raises nothing. Foreign nodes may not be installed as
-    skills: check the text before a run.
+    (`<TreeNodesModel>`), `main` the ID of the tree to run. `skills` are the installed ones: a foreign node with the
+    name of one of Pomona's gets another name. With `stubs`, the skills that are not installed are declared in the
+    tree. Raises nothing. Foreign nodes may not be installed as skills: check the text before a run.
     """
     findings = Findings()
     forest = Forest(findings)
@@ -52,13 +54,24 @@ def import_groot(
     forest.read([(text, path), *beside], main)
     if not forest.main:
         return "", findings.sorted()
-    return _Importer(forest, NodeTypes.installed()).file(), findings.sorted()
+    importer = _Importer(forest, NodeTypes.installed(), skills or {})
+    written = importer.file()
+    if stubs:
+        directions = {name: forest.directions(node) for node, name in importer.skills_of.items()}
+        written = with_stubs(written, skills or {}, directions)
+    return written, findings.sorted()
 
 
 class _Importer:
-    def __init__(self, forest: Forest, types: NodeTypes) -> None:
-        self.forest, self.findings, self.types = forest, forest.findings, types
+    def __init__(self, forest: Forest, types: NodeTypes, skills: Mapping[str, type[Skill]]) -> None:
+        self.forest, self.findings, self.types, self.installed = forest, forest.findings, types, skills
+        self.words = {word for text in forest.texts for word in re.findall(r"\w+", text)}
+        self.skills_of: dict[str, str] = {}  # names of skills, by the ID of the foreign node
         self.names = tree_names(forest.trees, self.types)
+        for tree_id, tree in forest.trees.items():
+            if not tree_id.isascii():
+                message = f"the tree '{tree_id}' is called '{self.names[tree_id]}' here"
+                self.findings.warning(tree, "renamed", message, "names of trees have the letters a-z, digits and _")
         self.keys = KeyNames(set())
         self.labels: set[str] = set()  # names of nodes that are taken in the tree being read
         self.inside: list[str] = []
@@ -86,7 +99,7 @@ class _Importer:
         """Parameters, constants and ports, from our own metadata."""
         if model is None:
             return {}
-        metadata = _own(model)
+        metadata = own_metadata(model)
         return {} if metadata is None else self.declared(metadata)
 
     def declared(self, metadata: XmlElement) -> Words:
@@ -110,24 +123,43 @@ class _Importer:
         tree = self.forest.trees[tree_id]
         if len(tree.children) != 1:
             self.findings.error(tree, "xml", f"a <BehaviorTree> must have one child, this one has {len(tree.children)}")
-            return {"succeed": {}}
-        words = {word for text in self.forest.texts for word in re.findall(r"\w+", text)}
-        self.keys, self.labels, self.inside = KeyNames({*words, *SPECIAL}), set(), [tree_id]
-        return self.node(tree.children[0])
+        self.keys, self.labels, self.inside = KeyNames({*self.words, *SPECIAL}), set(), [tree_id]
+        found = [self.node(child) for child in tree.children]
+        return found[0] if len(found) == 1 else {"untranslated": found, "element": tree.tag}
 
     # ------------------------------------------------------------------------------------------- nodes
 
     def node(self, element: XmlElement) -> Words:
         """Return a node of a tree file; a placeholder when there is no equivalent."""
-        tag = element.get("ID") if element.tag in ("Action", "Condition", "Control", "Decorator") else element.tag
+        tag = element.get("ID") if element.tag in _GENERIC else element.tag
         self.count += len(self.inside) > 1
         reading = ElementIn(self, element, tag)
-        found = self.bare(reading)
+        try:
+            found = self.bare(reading)
+        except ScriptError as error:
+            found = reading.untranslated(str(error))
+        if reading.unread:
+            found = reading.untranslated(_unknown_ports(reading), "remove it, or write its right name")
+        else:
+            self.look_alikes(reading)
         if element.get("name") and "name" not in found and not reading.wrapped:
             found["name"] = self.label(element.get("name"))
         if element.get("_description") and "description" not in found:
             found["description"] = element.get("_description")
         return self.conditions(element, found)
+
+    def look_alikes(self, reading: ElementIn) -> None:
+        """Report attributes of every node that are written in another way: BehaviorTree.CPP does not read them."""
+        element = reading.found
+        for name in element.attributes:
+            old = name in ("__shared_blackboard", "__autoremap") and self.forest.version(element) == "3"
+            hint = "_autoremap" if name == "__shared_blackboard" else meant(name)
+            if hint and not old:
+                message = f"'{name}' of <{reading.tag}> is not read by BehaviorTree.CPP 4"
+                self.findings.warning(element, "ignored", message, f"did you mean '{hint}'?")
+        if "ID" in element.attributes and element.tag not in (*_GENERIC, "SubTree", "SubTreePlus"):
+            message = f"'ID' of <{reading.tag}> is not read; BehaviorTree.CPP 4 refuses it"
+            self.findings.warning(element, "ignored", message, "write 'name' for the name of a node")
 
     def label(self, name: str) -> str:
         start = found = node_name(name)
@@ -141,6 +173,8 @@ class _Importer:
     def bare(self, element: ElementIn) -> Words:
         tag = element.tag
         found = self.types.of_tag(tag)
+        if not tag:
+            return element.untranslated("has no ID")
         needed = NEEDED.get(tag)
         if needed is not None and not element.get(needed):
             return element.untranslated(f"has no '{needed}'")
@@ -165,24 +199,65 @@ class _Importer:
             return self.precondition(element)
         if tag in ("LoopInt", "LoopDouble", "LoopBool", "LoopString"):
             return self.loop(element)
-        if tag in BUILTIN or not re.fullmatch(r"[A-Z][A-Za-z0-9_]*", tag):
+        if tag in BUILTIN:
             return element.untranslated("has no counterpart in tree files")
+        if tag in self.forest.trees and tag not in self.forest.nodes:
+            return element.untranslated(f'has the name of a tree: call it with <SubTree ID="{tag}"/>')
+        if not re.fullmatch(r"[A-Z][A-Za-z0-9_]*", tag):
+            return element.untranslated(
+                "has a name that no skill can have: a capital letter, then A-Z, a-z, 0-9 and _; "
+                f"call it {skill_name(tag)}"
+            )
         return self.skill(element, self.forest.nodes.get(tag))
 
     def skill(self, element: ElementIn, model: XmlElement | None) -> Words:
-        """Return a custom node; its model has the defaults of ports that are not wired."""
+        """Return a custom node; a model that was given beside the tree has the defaults of ports that are not wired."""
         found = SKILL.from_xml(element)
-        if model is None or element.tag not in found:
+        if element.tag not in found:
             return found
+        ports = found[element.tag]
+        name = self.skills_of[element.tag] = self.skills_of.get(element.tag) or self.name_of_skill(element)
+        if model is None:
+            self.ports_of_file(element, ports)
+            return {name: ports}
         if model.tag not in ("Action", "Condition"):
             return element.untranslated(f"is a custom {model.tag} node")
-        ports = {port.get("name"): port for port in model.children if port.tag.endswith("_port")}
-        unknown = [name for name in found[element.tag] if name not in ports]
+        known = {port.get("name"): port for port in ports_of(model)}
+        unknown = [port for port in ports if port not in known]
         if unknown:
-            return element.untranslated(f"has no port '{unknown[0]}', its model has {', '.join(ports) or 'none'}")
-        defaults = {name: port.get("default") for name, port in ports.items() if port.get("default")}
-        wired = {name: f"{{{name}}}" if text == "{=}" else text for name, text in defaults.items()}
-        return {element.tag: {**{n: _value(self.keys.wired(text)) for n, text in wired.items()}, **found[element.tag]}}
+            return element.untranslated(f"has no port '{unknown[0]}', its model has {', '.join(known) or 'none'}")
+        defaults = {port: made.get("default") for port, made in known.items() if made.get("default")}
+        keys = {port: key_in(text, port) for port, text in defaults.items()}
+        wired = {p: text if (key := keys[p]) is None else self.keys.wired_key(key) for p, text in defaults.items()}
+        return {name: {**{port: value_of(text) for port, text in wired.items()}, **ports}}
+
+    def ports_of_file(self, element: ElementIn, ports: Words) -> None:
+        """Report ports that the model in the tree's own file does not have; BehaviorTree.CPP does not read that."""
+        model = self.forest.described.get(element.tag)
+        if model is None or self.forest.is_exported(element.found):
+            return
+        known = [port.get("name") for port in ports_of(model)]
+        for port in ports:
+            if port not in known:
+                message = f"<{element.tag}> has no port '{port}' in the file's <TreeNodesModel>"
+                self.findings.warning(element.found, "unknown-port", message, f"it has {', '.join(known) or 'none'}")
+
+    def name_of_skill(self, element: ElementIn) -> str:
+        """Return the name of a foreign node: another one, if it has the name of a skill of Pomona by chance."""
+        name = element.tag
+        skill = self.installed.get(name)
+        if skill is None or not skill.__module__.startswith("pomona.") or self.forest.is_exported(element.found):
+            return name
+        if self.forest.directions(name).keys() == {*skill.inputs, *skill.outputs}:
+            return name
+        found, number = f"Foreign{name}", 1
+        while found in self.words or found in self.installed:
+            number += 1
+            found = f"Foreign{name}{number}"
+        message = f"<{name}> has the name of a skill of Pomona, and is called {found} here"
+        hint = f"write {name} in the tree if it is that skill; a model with its ports (--nodes) says so, too"
+        self.findings.warning(element.found, "renamed", message, hint)
+        return found
 
     def subtree(self, element: ElementIn) -> Words:
         """Return a call; inlined when the subtree uses blackboard keys that it does not declare."""
@@ -192,48 +267,62 @@ class _Importer:
             return element.untranslated(f"calls '{called}', which none of the files defines")
         if called in self.inside or self.count > 10_000:  # most nodes in inlined subtrees; as many as can run
             return element.untranslated("calls itself" if called in self.inside else "is too large to be inlined")
-        wires = {n: t for n, t in element.attributes.items() if n not in _ATTRIBUTES and not n.startswith("_")}
-        declared = model is not None and _own(model) is not None
+        if element.found.children:
+            return element.untranslated("has children: give the keys as attributes")
+        version = self.forest.version(element.found)
+        wires = {name: element.get(name) for name in element.attributes if is_port(name)}
+        shared = version == "3" and _is_true(element.get("__shared_blackboard"))
+        bare = [n for n, t in wires.items() if not version and KEY.fullmatch(t) and t not in ("true", "false")]
+        if bare:
+            return element.untranslated(
+                f'has {bare[0]}="{wires[bare[0]]}", a key in version 3 and a text in version 4: write '
+                f'"{{{wires[bare[0]]}}}", or BTCPP_format="4" in <root>'
+            )
+        if shared and wires:
+            return element.untranslated("shares its caller's blackboard and has ports, which version 3 does not read")
+        declared = model is not None and own_metadata(model) is not None
         if declared or not (wires or model or self.uses_keys(tree)) or len(tree.children) != 1:
             self.calls.add(called)
-            return {self.names[called]: {name: _value(self.keys.wired(text)) for name, text in wires.items()}}
-        shares = element.get("_autoremap") in ("1", "true")
-        for port in () if model is None or shares else (p for p in model.children if p.tag.endswith("_port")):
+            found: Words = {self.names[called]: {name: element.value(name) for name in wires}}
+            return found if called.isascii() or element.get("name") else {**found, "name": self.label(called)}
+        shares = _is_true(element.get("_autoremap")) or (version == "3" and _is_true(element.get("__autoremap")))
+        for port in () if model is None or shares or shared else ports_of(model):
             if port.get("name") not in wires and not port.get("default"):
                 return element.untranslated(f"does not wire the port '{port.get('name')}'")
             wires.setdefault(port.get("name"), port.get("default"))
-        outer, known = self.keys, {n: n if t == "{=}" else t[1:-1] for n, t in wires.items() if _KEY.fullmatch(t)}
-        known |= {name: name for name, text in wires.items() if text == "{=}"}
-        given: dict[str, str | GivenText] = {n: known.get(n) or GivenText(t) for n, t in wires.items()}
-        self.keys = KeyNames(outer.taken, outer, given, shares, f"{small(self.names[called])}_")
+        outer, given = self.keys, {}
+        for name, text in wires.items():
+            key = key_in(text, name)
+            given[name] = GivenText(text) if key is None else key
+        if not shared:
+            private = "__autoremap" not in element.attributes
+            prefix = f"{small(self.names[called])}_"
+            self.keys = KeyNames(outer.taken, outer, given, shares, private, prefix)
         self.inside.append(called)
         self.inlined.add(called)
-        found = self.node(tree.children[0])
+        inlined = self.node(tree.children[0])
         self.inside.pop()
         self.keys = outer
         named = {} if element.get("name") else {"name": self.label(called)}
-        return {"sequence": [found], **named}
+        return {"sequence": [inlined], **named}
 
     def uses_keys(self, tree: XmlElement) -> bool:
         """Return True if anything in a tree reads or writes a blackboard key."""
         for name, text in tree.attributes.items():
-            script = name in ("code", "if") or (name.startswith("_") and name not in _ATTRIBUTES)
+            script = name in ("code", "if") or (name.startswith("_") and name not in ATTRIBUTES)
             if "{" in text or script or name == "output_key":
                 return True
         below = self.forest.trees.get(tree.get("ID")) if tree.tag == "SubTree" else None
         return below is not None or any(map(self.uses_keys, tree.children))
 
     def script(self, element: ElementIn) -> Words:
-        try:
-            code, steps = element.get("code"), []
-            if element.tag == "ScriptCondition":
-                *before, last = statements_of(code) or [""]
-                steps = self.assigned(";".join(before)) if before else []
-                steps.append({"check": condition_of(last, self.keys)})
-            else:
-                steps = self.assigned(code)
-        except ScriptError as error:
-            return element.untranslated(str(error))
+        code, steps = element.get("code"), []
+        if element.tag == "ScriptCondition":
+            *before, last = statements_of(code) or [""]
+            steps = self.assigned(";".join(before)) if before else []
+            steps.append({"check": condition_of(last, self.keys)})
+        else:
+            steps = self.assigned(code)
         return steps[0] if len(steps) == 1 else {"sequence": steps}
 
     def assigned(self, script: str) -> list[Words]:
@@ -241,13 +330,12 @@ class _Importer:
 
     def assignment(self, element: ElementIn) -> Words:
         """`SetBlackboard` copies a text or a wire to a key."""
-        try:
-            key = self.keys.target(element.get("output_key").strip("{}"))
-        except ScriptError as error:
-            return element.untranslated(str(error))
-        if not element.get("output_key") or "value" not in element.attributes:
+        written = element.get("output_key")
+        if not written or "value" not in element.attributes:
             return element.untranslated("names no key, or no value")
-        return {"set": YamlText(flow({key: element.value("value")}))}
+        if key_in(written, "") is not None:
+            return element.untranslated(f"writes to the key whose name {written} holds")
+        return {"set": YamlText(flow({self.keys.target(written): element.value("value")}))}
 
     def attempt(self, element: ElementIn) -> Words:
         """`TryCatch`: a sequence; when it fails, the last child runs, and the node still fails."""
@@ -260,10 +348,7 @@ class _Importer:
     def loop(self, element: ElementIn) -> Words:
         """`LoopInt` and the like over a literal list; a queue on the blackboard would be emptied by its readers."""
         children, queue, at_the_end = element.children(), str(element.value("queue")), element.get("if_empty")
-        try:
-            key = self.keys.target(element.get("value").strip("{}"))
-        except ScriptError as error:
-            return element.untranslated(str(error))
+        key = self.keys.target(key_in(element.get("value"), "value") or "")
         if len(children) != 1 or not NAME.fullmatch(key):
             return element.untranslated("has no single child, or no key for its value")
         if "{" in queue or not re.fullmatch(r"[\w.;+ -]*", queue):
@@ -281,17 +366,13 @@ class _Importer:
         children, status = element.children(), element.get("else") or "FAILURE"
         if len(children) != 1 or status not in otherwise:
             return element.untranslated(f"has {len(children)} children and ends as {status}")
-        try:
-            condition = condition_of(element.get("if"), self.keys)
-        except ScriptError as error:
-            return element.untranslated(str(error))
-        found: Words = {"if": condition, "then": children[0]}
+        found: Words = {"if": condition_of(element.get("if"), self.keys), "then": children[0]}
         return {**found, "else": otherwise[status]} if otherwise[status] else found
 
     def conditions(self, element: XmlElement, found: Words) -> Words:
         """Put the pre- and postconditions of BehaviorTree.CPP around a node."""
-        others = [name for name in element.attributes if name.startswith("_") and name not in _ATTRIBUTES]
-        for name in ("_onHalted", *reversed(_PRECONDITIONS)):  # BehaviorTree.CPP reads no others that begin with _
+        others = [name for name in element.attributes if name.startswith("_") and name not in ATTRIBUTES]
+        for name in ("_onHalted", *reversed(PRECONDITIONS)):  # BehaviorTree.CPP reads no others that begin with _
             if name not in element.attributes:
                 continue
             if name == "_onHalted":
@@ -302,11 +383,11 @@ class _Importer:
                 found = _guarded(found, name, condition_of(element.get(name), self.keys))
             except ScriptError as error:
                 found = self.untranslated(element, name, {"code": element.get(name)}, [found], str(error))
-        return self.afterwards(element, found) if set(others) & set(_AFTERWARDS) else found
+        return self.afterwards(element, found) if set(others) & set(AFTERWARDS) else found
 
     def afterwards(self, element: XmlElement, found: Words) -> Words:
         """Scripts that follow a node's end in the same tick; none when it is skipped or interrupted."""
-        scripts = {name: element.get(name) for name in _AFTERWARDS}
+        scripts = {name: element.get(name) for name in AFTERWARDS}
         try:
             steps = {name: self.assigned(script) if script else [] for name, script in scripts.items()}
         except ScriptError as error:
@@ -314,9 +395,11 @@ class _Importer:
             return self.untranslated(element, next(iter(given)), given, [found], str(error))
         return _ended(found, steps["_onSuccess"] + steps["_post"], steps["_onFailure"] + steps["_post"])
 
-    def untranslated(self, element: XmlElement, name: str, attributes: Words, children: list[Words], why: str) -> Words:
+    def untranslated(
+        self, element: XmlElement, name: str, attributes: Words, children: list[Words], why: str, hint: str = _OTHER
+    ) -> Words:
         """Return a placeholder that `check` refuses."""
-        self.findings.error(element, "not-translated", f"<{name}> {why}", "write it with other nodes")
+        self.findings.error(element, "not-translated", f"<{name}> {why}", hint)
         found: Words = {"untranslated": children, "element": name}
         return {**found, "attributes": attributes} if attributes else found
 
@@ -327,56 +410,6 @@ class _Importer:
         if inside and max(inside) >= order.index(name):
             child = {"sequence": [child]}
         return {**child, name: value, **more}
-
-
-@dataclass(slots=True)
-class ElementIn:
-    """An element being read by a node type (an `XmlImport`). Its children are read when they are first asked for."""
-
-    importer: _Importer
-    found: XmlElement
-    tag: str
-    wrapped: bool = False
-    read: list[Words] | None = None
-
-    @property
-    def attributes(self) -> Mapping[str, str]:
-        """All attributes of the XML element."""
-        return self.found.attributes
-
-    def get(self, name: str) -> str:
-        """Return an attribute's text; empty when it is missing."""
-        return self.found.get(name)
-
-    def value(self, name: str) -> object:
-        return _value(self.importer.keys.wired(self.found.get(name)))
-
-    def duration(self, name: str) -> str:
-        return _duration(self.importer.keys.wired(self.found.get(name)))
-
-    def children(self) -> list[Words]:
-        """Return the element's children, translated."""
-        if self.read is None:
-            self.read = [self.importer.node(child) for child in self.found.children]
-        return self.read
-
-    def ports(self) -> Words:
-        given = self.found.attributes.items()
-        return {
-            name: _value(self.importer.keys.wired(text))
-            for name, text in given
-            if name not in _ATTRIBUTES and not name.startswith("_")
-        }
-
-    def untranslated(self, message: str) -> Words:
-        kept = {n: v for n, v in self.found.attributes.items() if n != "name" and not n.startswith("_")}
-        if kept.get("ID") == self.tag:
-            del kept["ID"]
-        return self.importer.untranslated(self.found, self.tag, kept, self.children(), message or "is not valid")
-
-    def wrap(self, child: Words, word: str, value: object, more: Words | None = None) -> Words:
-        self.wrapped = True
-        return self.importer.modified(child, word, value, more or {})
 
 
 def _guarded(found: Words, name: str, condition: str) -> Words:
@@ -401,23 +434,14 @@ def _ended(found: Words, after_success: list[Words], after_failure: list[Words])
     }
 
 
-def _own(model: XmlElement) -> XmlElement | None:
-    """Return the metadata that our own export has written into a model."""
-    said = (found for fields in model.all("MetadataFields") for found in fields.all("Metadata"))
-    return next((found for found in said if found.get("pomona")), None)
+def _unknown_ports(element: ElementIn) -> str:
+    unknown = " and ".join(f"'{name}'" for name in element.unread)
+    known = sorted(name for name in element.asked if is_port(name))
+    return f"has no port {unknown}; " + (f"it takes {', '.join(known)}" if known else "it takes none")
 
 
-def _value(text: str) -> object:
-    return YamlText(text.removeprefix(LITERAL)) if text.startswith(LITERAL) else text
-
-
-def _duration(milliseconds: str) -> str:
-    if milliseconds.startswith("{"):
-        return f"{milliseconds} * 1 ms"
-    try:
-        return TIME.format(float(milliseconds) * 1e-3)
-    except (ValueError, OverflowError):
-        return milliseconds
+def _is_true(text: str) -> bool:
+    return text in ("true", "TRUE", "True", "1")
 
 
 def _declared(port: object) -> object:

@@ -6,6 +6,7 @@ Words of Pomona that BehaviorTree.CPP lacks become nodes whose names begin with 
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterable
 
 from pomona.executive.language.read_node import is_word
@@ -22,10 +23,11 @@ BUILTIN = frozenset(
         "WhileDoElse", "Script", "ScriptCondition", "SetBlackboard", "UnsetBlackboard", "Delay", "RunOnce",
         "Precondition", "KeepRunningUntilFailure", "LoopInt", "LoopBool", "LoopDouble", "LoopString", "EntryUpdated",
         "SkipUnlessUpdated", "WaitValueUpdate", "TestNode", "WasEntryUpdated", "Switch2", "Switch3", "Switch4",
-        "Switch5", "Switch6", "TryCatch", "ManualSelector", "ConsumeQueue",
+        "Switch5", "Switch6", "TryCatch", "ManualSelector", "ConsumeQueue", "SubTreePlus", "BlackboardCheckInt",
+        "BlackboardCheckDouble", "BlackboardCheckString", "BlackboardCheckBool",
     ]
 )  # fmt: skip
-"""Nodes that BehaviorTree.CPP has by itself."""
+"""Nodes that BehaviorTree.CPP has by itself, the last five in version 3."""
 
 NEEDED = {
     "Timeout": "msec", "Delay": "delay_msec", "Sleep": "msec", "Repeat": "num_cycles",
@@ -54,7 +56,19 @@ def node_name(name: str) -> str:
     return re.sub(r"[/:#{}\x00-\x1f]", " ", name).strip()[:80] or "node"
 
 
+def in_ascii(name: str) -> str:
+    """Return a name without accents, and without letters that ASCII has no likeness of."""
+    plain = unicodedata.normalize("NFKD", name.replace("ß", "ss")).encode("ascii", "ignore").decode()
+    return plain if plain.strip(" _") else ""
+
+
+def skill_name(node_id: str) -> str:
+    """Return the most similar name that a skill can have."""
+    words = re.findall(r"[A-Za-z0-9_]+", in_ascii(node_id))
+    return "".join(word[0].upper() + word[1:] for word in words).lstrip("0123456789_") or "Skill"
+
+
 def _tree_name(tree_id: str) -> str:
-    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", tree_id)
+    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", in_ascii(tree_id))
     name = re.sub(r"[^a-z0-9_]", "_", words.lower()).strip("_")
     return name if _NAME.fullmatch(name) else f"tree_{name}".rstrip("_")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from pomona.executive.language.expression_parser import ExpressionSyntaxError, parse_expression
@@ -13,30 +13,48 @@ from pomona.tools.groot.keys import NAME, KeyNames, ScriptError
 from pomona.tools.groot.yaml_text import scalar
 
 _TOKEN = re.compile(
-    r"\s*(?:(?P<number>\d+\.?\d*(?:[eE][-+]?\d+)?)(?![\w.])|(?P<text>'[^']*')|(?P<name>[A-Za-z_]\w*)"
+    r"\s*(?:(?P<number>\d+\.?\d*(?:[eE][-+]?\d+)?)(?![\w.])|(?P<text>'[^']*')|(?P<name>[A-Za-z_@][A-Za-z0-9_]*)"
     r"|(?P<operator>&&|\|\||==|!=|<=|>=|[-+*/<>!()]))"
 )
 _WORDS = {"&&": "and", "||": "or", "!": "not"}
-_ASSIGNMENT = re.compile(r"\s*([A-Za-z_]\w*)\s*(:=|=|\+=|-=|\*=|/=)(?!=)(.*)", re.DOTALL)
+_ASSIGNMENT = re.compile(r"\s*([A-Za-z_@][A-Za-z0-9_]*)\s*(:=|=|\+=|-=|\*=|/=)(?!=)(.*)", re.DOTALL)
 _STATEMENT = re.compile(r"(?:'[^']*'|[^';])+")
 
 
 def condition_of(script: str, keys: KeyNames) -> str:
     """Translate a script into an expression. Raises ScriptError: it has no equivalent expression."""
-    words, at = [], 0
+    tokens, at = [], 0
     text = script.strip()
     while at < len(text):
         match = _TOKEN.match(text, at)
         if match is None:
             raise ScriptError(f"has the script '{script}', which is no expression here")
         at = match.end()
-        words.append(_word(match, keys))
+        tokens.append(match)
+    signs = [token["operator"] for token in tokens]
+    if any(sign == "!" and _negates_an_operand(signs, index) for index, sign in enumerate(signs)):
+        raise ScriptError(f"has the script '{script}', where ! stands before a number: it binds tighter than 'not'")
+    words = [_word(token, keys) for token in tokens]
     found = " ".join(words).replace("( ", "(").replace(" )", ")")
     try:
         parse_expression(found)
     except ExpressionSyntaxError as error:
         raise ScriptError(f"has the script '{script}': {error.message}") from None
     return found
+
+
+def _negates_an_operand(signs: Sequence[str | None], at: int) -> bool:
+    """Return True if an operator other than `&&` and `||` follows the operand of the `!` at a place."""
+    end = at + 1
+    while end < len(signs) and signs[end] in ("!", "-"):
+        end += 1
+    depth = 0
+    while end < len(signs):
+        depth += (signs[end] == "(") - (signs[end] == ")")
+        end += 1
+        if depth <= 0:
+            break
+    return end < len(signs) and signs[end] not in ("&&", "||", ")")
 
 
 def _word(match: re.Match[str], keys: KeyNames) -> str:

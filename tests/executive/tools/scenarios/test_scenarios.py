@@ -54,6 +54,18 @@ cases:
 
 
 class TestRunning:
+    def test_a_mock_may_stand_for_a_skill_that_the_tree_declares(self, tmp_path, skills):
+        tree = "pomona: 1\ntree: t\nskills: {Job: {in: [n], out: [m]}}\nroot: {Job: {n: 1, m: '{m}'}, timeout: 2 s}\n"
+        (tmp_path / "t.yaml").write_text(tree)
+        cases = (
+            "cases:\n  - {name: ends before, mocks: {Job: {after: 1.99 s, outputs: {m: 3}}}, expect: success}\n"
+            "  - {name: ends in time, mocks: {Job: {after: 2 s}}, expect: success}\n"
+            "  - {name: ends late, mocks: {Job: {after: 2.1 s}}, expect: {status: failure, code: TIMEOUT}}\n"
+        )
+        scenario = read_scenario(f"pomona: 1\ntree: t.yaml\n{cases}", tmp_path / "s.yaml", skills)
+        assert codes(scenario) == []
+        assert [r.problems for r in run_scenario(scenario, skills).cases] == [(), (), ()]
+
     def test_all_cases_pass(self, scenario, skills):
         result = run_scenario(scenario(CASES), skills)
         assert [(r.case.name, r.problems) for r in result.cases if not r.passed] == []
