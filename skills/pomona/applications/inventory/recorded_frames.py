@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from pomona.drivers.interfaces import FrameSequence
-from pomona.executive.ports import Outputs
-from pomona.executive.skill import Skill
+from pomona.drivers import FrameSequence
+from pomona.executive import Outputs, Skill
 
 
 class Counted(Outputs):
