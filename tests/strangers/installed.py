@@ -1,0 +1,36 @@
+"""Packages of strangers: installed beside pomona as pip does it, without its network, and used in a process of their own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+HERE = Path(__file__).parent
+
+
+def install(package: Path, site: Path) -> None:
+    """Install a package with a pyproject.toml into a folder for modules: a path file's work, and its metadata."""
+    project = tomllib.loads((package / "pyproject.toml").read_text("utf-8"))["project"]
+    metadata = site / f"{project['name'].replace('-', '_')}-{project['version']}.dist-info"
+    metadata.mkdir(parents=True)
+    head = f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
+    (metadata / "METADATA").write_text(head, encoding="utf-8")
+    groups = project["entry-points"].items()
+    lines = [
+        f"[{group}]\n" + "".join(f"{name} = {target}\n" for name, target in points.items()) for group, points in groups
+    ]
+    (metadata / "entry_points.txt").write_text("\n".join(lines), encoding="utf-8")
+
+
+def pomona(*words: str, package: Path, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run a command of pomona in `folder`, where the package is installed in `folder/site`."""
+    if not (folder / "site").is_dir():
+        install(package, folder / "site")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(folder / "site"), str(package)))}
+    command = [sys.executable, "-m", "pomona.executive.cli", *words]
+    return subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=300
+    )
