@@ -1,4 +1,4 @@
-"""Packages of strangers: installed beside pomona as pip does it, without its network, and used in a process of their own."""
+"""Packages of strangers, installed beside pomona without pip and its network, and used in processes of their own."""
 
 from __future__ import annotations
 
@@ -12,16 +12,15 @@ HERE = Path(__file__).parent
 
 
 def install(package: Path, site: Path) -> None:
-    """Install a package with a pyproject.toml into a folder for modules: a path file's work, and its metadata."""
+    """Write the metadata of a package with a pyproject.toml into a folder for modules, as pip does."""
     project = tomllib.loads((package / "pyproject.toml").read_text("utf-8"))["project"]
     metadata = site / f"{project['name'].replace('-', '_')}-{project['version']}.dist-info"
     metadata.mkdir(parents=True)
     head = f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
     (metadata / "METADATA").write_text(head, encoding="utf-8")
-    groups = project["entry-points"].items()
-    lines = [
-        f"[{group}]\n" + "".join(f"{name} = {target}\n" for name, target in points.items()) for group, points in groups
-    ]
+    lines: list[str] = []
+    for group, points in project["entry-points"].items():
+        lines += [f"[{group}]", *(f"{name} = {target}" for name, target in points.items())]
     (metadata / "entry_points.txt").write_text("\n".join(lines), encoding="utf-8")
 
 
@@ -31,6 +30,4 @@ def pomona(*words: str, package: Path, folder: Path) -> subprocess.CompletedProc
         install(package, folder / "site")
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(folder / "site"), str(package)))}
     command = [sys.executable, "-m", "pomona.executive.cli", *words]
-    return subprocess.run(
-        command, cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=300
-    )
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)

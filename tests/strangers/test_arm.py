@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from importlib.util import module_from_spec, spec_from_file_location
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -27,13 +27,10 @@ TREE = "pomona: 1\ntree: nod\nroot:\n  Nod: {turn: 10 deg, duration: 1 s}\n"
 
 
 @pytest.fixture
-def arm() -> Any:
+def arm(monkeypatch: pytest.MonkeyPatch) -> Any:
     """The driver without a thread of its own: each step is called here."""
-    spec = spec_from_file_location("loop_arm", ARM / "loop_arm.py")
-    assert spec is not None
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    made = module.LoopArm("arm", ManualClock(), ROBOT)
+    monkeypatch.syspath_prepend(str(ARM))
+    made = import_module("loop_arm").LoopArm("arm", ManualClock(), ROBOT)
     made.step()
     return made
 

@@ -32,28 +32,24 @@ LEAD = 0.1  # time by which set-points precede the arm [s]
 class LoopController:
     """A controller: it passes each set-point at its time, and stands at the last one."""
 
-    def __init__(self, q: Float64) -> None:
+    def __init__(self, q: Float64) -> None:  # joints, shape (dof,) [rad]
         self.q_last, self.due, self.sent = q, 0.0, 0
         self._q, self._coming = q, deque[tuple[float, Float64]]()
 
     def send(self, due: float, q: Float64) -> None:
-        """Take joints, (dof,) [rad], and the time at which they are passed [s]."""
         self._coming.append((due, q))
         self.q_last, self.due, self.sent = q, due, self.sent + 1
 
     def joints(self, now: float) -> Float64:
-        """Return the joints, (dof,) [rad]."""
         while self._coming and self._coming[0][0] <= now:
             _, self._q = self._coming.popleft()
         return self._q
 
     def stop(self) -> None:
-        """Stand at once."""
         self._coming.clear()
 
     @property
     def played(self) -> bool:
-        """Whether the last set-point is passed."""
         return not self._coming
 
 

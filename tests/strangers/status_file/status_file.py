@@ -1,4 +1,4 @@
-"""`pomona run … --status-file PATH`: one line of text with the state of the run, for a lamp or a panel that reads it."""
+"""`pomona run … --status-file PATH`: one line with the state of the run, for a panel that reads it."""
 
 from __future__ import annotations
 
