@@ -197,8 +197,8 @@ write(
 )
 write(
     "reference/public_names.md",
-    "# Public names\n\nDevices, applications and packages of others import these names from these packages, and no others. "
-    "[Stable interfaces](../stability.md) has the rules by which they change.\n\n"
+    "# Public names\n\nDevices, applications and packages of others import these names from these packages, and no "
+    "others. [Stable interfaces](../stability.md) has the rules by which they change.\n\n"
     + "\n".join(public_names(package) for package in PACKAGES),
 )
 for name in MODULES:
