@@ -27,11 +27,11 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.grasps.sample import GraspRules, sample_pre_grasps
 from pomona.skills.motion.grasps.sphere import Sphere
+from pomona.skills.motion.lines import straight_line
 from pomona.skills.motion.occupancy import OccupancyMap, integrate
 from pomona.skills.motion.planning.errors import PlanningFailed
 from pomona.skills.motion.planning.plan import PlanRequest, PlanResult, plan
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.motion.straight_line import straight_line
 from pomona.skills.sample_grasp import FINER
 
 EXHAUSTIVE = GraspRules(solutions=1, tried_solutions=10_000, arm_angles=72)

@@ -34,10 +34,10 @@ from pomona.executive.values.arrays import Float64
 from pomona.executive.values.installation import commit_here
 from pomona.skills.geometry import rot_z, transform
 from pomona.skills.motion.grasp import Grasp
+from pomona.skills.motion.lines import straight_line
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel, nearest_solution
-from pomona.skills.motion.straight_line import straight_line
 from pomona.skills.perception.fruit.catalogue import load_fruit
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 

@@ -1,4 +1,4 @@
-"""Type check of third-party code: the files of `pomona new` and the README's skill, beside an installed wheel.
+"""Type check of third-party code: the files of `pomona new`, the README's skill and the packages of tests/strangers.
 
     python scripts/check_kit.py
 
@@ -23,9 +23,8 @@ ROOT = Path(__file__).resolve().parents[1]
 IMPORTS = """from typing import Annotated
 
 import numpy as np
-from pomona.drivers.interfaces import ForceSensor
-from pomona.executive.ports import TIME, Mass, Outputs, Port, Time
-from pomona.executive.skill import Skill, Work
+from pomona.drivers import ForceSensor
+from pomona.executive import TIME, Mass, Outputs, Port, Skill, Time, Work
 from numpy.typing import NDArray
 
 
@@ -45,6 +44,8 @@ def check() -> int:
         for kind, name in (("node", "forgive"), ("driver", "wall_camera"), ("skill", "weigh_fruit")):
             main(["new", kind, name, "--into", str(package)])
         (package / "my_fruit_kit" / "weigh.py").write_text(IMPORTS + readme_skill())
+        for module in sorted((ROOT / "tests" / "strangers").glob("*/*.py")):
+            (package / "my_fruit_kit" / module.name).write_text(module.read_text())
         return mypy(package) | pyright(package, Path(folder))
 
 

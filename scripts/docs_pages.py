@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Iterator, Sequence
+from importlib import import_module
 from pathlib import Path
 
 import mkdocs_gen_files
@@ -49,6 +50,18 @@ MODULES = (
     "pomona.skills.perception.fruit.catalogue",
 )
 """Modules for integrators."""
+
+
+PACKAGES = (
+    "pomona.executive",
+    "pomona.drivers",
+    "pomona.drivers.sim",
+    "pomona.skills",
+    "pomona.skills.motion",
+    "pomona.skills.perception",
+    "pomona.skills.grip",
+)
+"""Packages with public names."""
 
 
 def write(name: str, text: str) -> None:
@@ -144,6 +157,15 @@ def ports(listing: Sequence[SkillListing]) -> str:
     return f"---\nhide: [toc]\n---\n\n# Ports\n\n{intro}\n\n{head}" + "\n".join(rows) + "\n"
 
 
+def public_names(package: str) -> str:
+    """Return a package's public names, by the purpose of the modules that define them."""
+    rows = []
+    for home, names in import_module(package).PUBLIC.items():
+        purpose = (import_module(f"{package}.{home}").__doc__ or "").split("\n\n")[0]
+        rows.append(f"| {' '.join(purpose.split())} | {', '.join(f'`{name}`' for name in names.split())} |")
+    return f"## {package}\n\n| | names |\n|---|---|\n" + "\n".join(rows) + "\n"
+
+
 def title_of(page: Path) -> str:
     """The first heading of a page."""
     found = re.search(r"^# (.+)$", page.read_text("utf-8"), re.MULTILINE)
@@ -189,6 +211,12 @@ write(
     + "\n".join(
         part for title, kind in kinds.items() for part in nodes(title, [t for t in listed_types if isinstance(t, kind)])
     ),
+)
+write(
+    "reference/public_names.md",
+    "# Public names\n\nDevices, applications and packages of others import these names from these packages, and no "
+    "others. [Stable interfaces](../stability.md) has the rules by which they change.\n\n"
+    + "\n".join(public_names(package) for package in PACKAGES),
 )
 for name in MODULES:
     write(f"reference/modules/{name}.md", f"# {name.removeprefix('pomona.')}\n\n::: {name}\n")

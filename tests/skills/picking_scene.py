@@ -16,10 +16,10 @@ from pomona.skills.geometry import rot_z, transform
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.grasps.sample import sample_pre_grasps
 from pomona.skills.motion.grasps.sphere import Sphere
+from pomona.skills.motion.lines import straight_line
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import ArmSpace
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.motion.straight_line import straight_line
 from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 

@@ -12,7 +12,7 @@ from pomona.skills.grip.grip import GripProblem
 from pomona.skills.grip.hold import Hold
 from pomona.skills.grip.pads import MIRROR
 from pomona.skills.lift import Lift
-from pomona.skills.motion.straight_line import straight_line
+from pomona.skills.motion.lines import straight_line
 from pomona.skills.shared.touch import something_between
 from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
 from tests.skills.picking_scene import ROBOT_MODEL, PickingScene, a_grasp, q_at_grasp, seen_map

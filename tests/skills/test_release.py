@@ -9,7 +9,7 @@ from pomona.drivers.interfaces import Hand, MotionState
 from pomona.drivers.mock.fingers import spring_fruit
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.skills.grip.hold import Hold, current_hold
-from pomona.skills.motion.straight_line import STEP
+from pomona.skills.motion.lines import STEP
 from pomona.skills.release import BESIDE, Release
 from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
 from tests.skills.overhead import comes_near, watched

@@ -9,7 +9,7 @@ from pomona.drivers.gripper_motion import DirectMotion
 from pomona.drivers.interfaces import Box, MotionState
 from pomona.executive.skill_testing import drive
 from pomona.skills.geometry import transform
-from pomona.skills.motion.straight_line import STEP, straight_line
+from pomona.skills.motion.lines import STEP, straight_line
 from pomona.skills.retreat import Retreat
 from tests.skills.picking_scene import HOME, OBSERVE, ROBOT_MODEL, WORKSPACE, PickingScene, a_grasp
 

@@ -5,10 +5,26 @@ on first use, so that `import pomona.drivers` costs nothing.
 """
 
 import os
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
+    from pomona.drivers.camera_options import IntrinsicsSection as IntrinsicsSection
+    from pomona.drivers.cell import (
+        Cell as Cell,
+        load_cell as load_cell,
+    )
+    from pomona.drivers.cell_file import read_cell_file as read_cell_file
+    from pomona.drivers.depth_model import (
+        D4XX as D4XX,
+        DEPTH_MODEL_FILE as DEPTH_MODEL_FILE,
+        SIMULATED as SIMULATED,
+        DepthModel as DepthModel,
+        DepthModelSection as DepthModelSection,
+        depth_model_of as depth_model_of,
+        folder_depth_model as folder_depth_model,
+    )
     from pomona.drivers.device import (
         ConnectContext as ConnectContext,
         Device as Device,
@@ -23,10 +39,26 @@ if TYPE_CHECKING:
         DriverError as DriverError,
         FrameUnreadable as FrameUnreadable,
         MotionRefused as MotionRefused,
+        NoBias as NoBias,
         StopFailed as StopFailed,
         UnusableMesh as UnusableMesh,
         UnusableRobotFile as UnusableRobotFile,
     )
+    from pomona.drivers.faults import FaultSwitch as FaultSwitch
+    from pomona.drivers.gripper_motion import (
+        GripperMotion as GripperMotion,
+        allowed_speed as allowed_speed,
+        require_move as require_move,
+    )
+    from pomona.drivers.gripper_supervisor import (
+        GripperSupervision as GripperSupervision,
+        GripperSupervisor as GripperSupervisor,
+    )
+    from pomona.drivers.hand_memory import (
+        HandMemory as HandMemory,
+        HandRecord as HandRecord,
+    )
+    from pomona.drivers.hold_watch import may_hold as may_hold
     from pomona.drivers.interfaces import (
         Arm as Arm,
         ArmLimits as ArmLimits,
@@ -57,83 +89,76 @@ if TYPE_CHECKING:
         Workspace as Workspace,
         WrenchSample as WrenchSample,
     )
+    from pomona.drivers.motion_supervisor import Supervision as Supervision
+    from pomona.drivers.owner import Owner as Owner
+    from pomona.drivers.path_arm import (
+        AT_REST as AT_REST,
+        PathArm as PathArm,
+        SetPointStream as SetPointStream,
+        words as words,
+    )
+    from pomona.drivers.path_follower import PathFollower as PathFollower
+    from pomona.drivers.path_motion import PathMotion as PathMotion
     from pomona.drivers.registration import (
         Driver as Driver,
         NoOptions as NoOptions,
         Settings as Settings,
+        Surroundings as Surroundings,
         driver as driver,
+    )
+    from pomona.drivers.robot_file import read_limits as read_limits
+    from pomona.drivers.section_file import read_section_file as read_section_file
+    from pomona.drivers.streams import (
+        SIDES as SIDES,
+        SILENCE as SILENCE,
+        Belief as Belief,
+        FrameGuard as FrameGuard,
+        WrenchStream as WrenchStream,
+    )
+    from pomona.drivers.watchdog import Watchdog as Watchdog
+    from pomona.drivers.wire import (
+        Address as Address,
+        Link as Link,
+        Malformed as Malformed,
+        Nonsense as Nonsense,
+        TcpLink as TcpLink,
+        raise_priority as raise_priority,
+        tcp_opener as tcp_opener,
     )
 
 PUBLIC = {
-    "device": (
-        "ConnectContext",
-        "Device",
-        "World",
-    ),
-    "registration": (
-        "Driver",
-        "NoOptions",
-        "Settings",
-        "driver",
-    ),
-    "errors": (
-        "BadTrajectory",
-        "CellFileError",
-        "DeviceError",
-        "DeviceFault",
-        "DeviceLost",
-        "DriverError",
-        "FrameUnreadable",
-        "MotionRefused",
-        "StopFailed",
-        "UnusableMesh",
-        "UnusableRobotFile",
-    ),
-    "interfaces": (
-        "Arm",
-        "ArmLimits",
-        "ArmState",
-        "Box",
-        "Camera",
-        "Cameras",
-        "DepthCamera",
-        "ForceSensor",
-        "Frame",
-        "FrameSequence",
-        "FruitKinds",
-        "Gripper",
-        "GripperLimits",
-        "GripperState",
-        "HandTask",
-        "Hands",
-        "Hull",
-        "Intrinsics",
-        "Motion",
-        "MotionState",
-        "PathWatchSettings",
-        "SampleRate",
-        "SetPoints",
-        "StreamedArm",
-        "Subscription",
-        "Trajectory",
-        "Workspace",
-        "WrenchSample",
-    ),
+    "camera_options": "IntrinsicsSection",
+    "cell": "Cell load_cell",
+    "cell_file": "read_cell_file",
+    "depth_model": "D4XX DEPTH_MODEL_FILE DepthModel DepthModelSection SIMULATED depth_model_of folder_depth_model",
+    "device": "ConnectContext Device World",
+    "errors": "BadTrajectory CellFileError DeviceError DeviceFault DeviceLost DriverError FrameUnreadable "
+    "MotionRefused NoBias StopFailed UnusableMesh UnusableRobotFile",
+    "faults": "FaultSwitch",
+    "gripper_motion": "GripperMotion allowed_speed require_move",
+    "gripper_supervisor": "GripperSupervision GripperSupervisor",
+    "hand_memory": "HandMemory HandRecord",
+    "hold_watch": "may_hold",
+    "interfaces": "Arm ArmLimits ArmState Box Camera Cameras DepthCamera ForceSensor Frame FrameSequence FruitKinds "
+    "Gripper GripperLimits GripperState HandTask Hands Hull Intrinsics Motion MotionState "
+    "PathWatchSettings SampleRate SetPoints StreamedArm Subscription Trajectory Workspace "
+    "WrenchSample",
+    "motion_supervisor": "Supervision",
+    "owner": "Owner",
+    "path_arm": "AT_REST PathArm SetPointStream words",
+    "path_follower": "PathFollower",
+    "path_motion": "PathMotion",
+    "registration": "Driver NoOptions Settings Surroundings driver",
+    "robot_file": "read_limits",
+    "section_file": "read_section_file",
+    "streams": "Belief FrameGuard SIDES SILENCE WrenchStream",
+    "watchdog": "Watchdog",
+    "wire": "Address Link Malformed Nonsense TcpLink raise_priority tcp_opener",
 }
 """Public names by the module that defines them."""
 
 # PyOpenGL selects its platform when it is first imported. All pictures are rendered off screen.
 os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
 
-_HOMES = {name: module for module, names in PUBLIC.items() for name in names}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'pomona.drivers' has no attribute '{name}'")
-    found = globals()[name] = getattr(import_module(f"pomona.drivers.{_HOMES[name]}"), name)
-    return found
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *_HOMES})
+if not TYPE_CHECKING:
+    __getattr__, __dir__ = on_first_use(__name__, PUBLIC)

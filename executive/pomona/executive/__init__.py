@@ -4,31 +4,34 @@ The names below are the public API (docs/stability.md): they change only as sema
 on first use, so that `import pomona.executive` costs nothing.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
     from pomona.executive.behaviours import run_behaviour as run_behaviour
+    from pomona.executive.clock import (
+        Clock as Clock,
+        ManualClock as ManualClock,
+        SystemClock as SystemClock,
+    )
     from pomona.executive.errors import (
         PomonaError as PomonaError,
         SkillError as SkillError,
         UsageError as UsageError,
     )
+    from pomona.executive.execute import (
+        Executed as Executed,
+        RunOrder as RunOrder,
+        run_tree as run_tree,
+    )
+    from pomona.executive.files import (
+        find_cell as find_cell,
+        find_tree as find_tree,
+    )
+    from pomona.executive.palette import OVERLAY as OVERLAY
     from pomona.executive.ports import (
-        ACCELERATION as ACCELERATION,
-        ANGLE as ANGLE,
-        ANGULAR_SPEED as ANGULAR_SPEED,
-        FORCE as FORCE,
-        LENGTH as LENGTH,
-        MASS as MASS,
-        PRESSURE as PRESSURE,
-        RATE as RATE,
-        RATIO as RATIO,
         REQUIRED as REQUIRED,
-        SPEED as SPEED,
-        STIFFNESS as STIFFNESS,
-        TIME as TIME,
-        TORQUE as TORQUE,
         Acceleration as Acceleration,
         Angle as Angle,
         AngularSpeed as AngularSpeed,
@@ -38,7 +41,6 @@ if TYPE_CHECKING:
         Outputs as Outputs,
         Port as Port,
         Pressure as Pressure,
-        Quantity as Quantity,
         Rate as Rate,
         Ratio as Ratio,
         Speed as Speed,
@@ -46,7 +48,28 @@ if TYPE_CHECKING:
         Time as Time,
         Torque as Torque,
     )
+    from pomona.executive.run_views import (
+        RunView as RunView,
+        ViewedRun as ViewedRun,
+    )
+    from pomona.executive.running.events import (
+        AttemptEnded as AttemptEnded,
+        ErrorRaised as ErrorRaised,
+        Event as Event,
+        NodeChanged as NodeChanged,
+        OperatorActed as OperatorActed,
+        PortWritten as PortWritten,
+        Published as Published,
+        RunEnded as RunEnded,
+        RunStarted as RunStarted,
+        SafeStopped as SafeStopped,
+        StateChanged as StateChanged,
+    )
+    from pomona.executive.running.runner import Runner as Runner
+    from pomona.executive.running.signals import raise_again as raise_again
+    from pomona.executive.running.starting import Starting as Starting
     from pomona.executive.skill import (
+        CellFacts as CellFacts,
         Failure as Failure,
         Interrupted as Interrupted,
         Skill as Skill,
@@ -56,6 +79,69 @@ if TYPE_CHECKING:
     from pomona.executive.skill_testing import (
         SkillEnd as SkillEnd,
         drive as drive,
+    )
+    from pomona.executive.values.archives import (
+        ArchiveTooLarge as ArchiveTooLarge,
+        open_archive as open_archive,
+    )
+    from pomona.executive.values.arrays import (
+        Float64 as Float64,
+        UInt8 as UInt8,
+    )
+    from pomona.executive.values.documents import ValueFile as ValueFile
+    from pomona.executive.values.findings import (
+        Finding as Finding,
+        format_finding as format_finding,
+    )
+    from pomona.executive.values.image_bytes import is_cut_off as is_cut_off
+    from pomona.executive.values.installation import install_extra as install_extra
+    from pomona.executive.values.kinds import (
+        AsWritten as AsWritten,
+        Counts as Counts,
+        Flag as Flag,
+        MappingOf as MappingOf,
+        Measure as Measure,
+        Number as Number,
+        OrWord as OrWord,
+        PathTo as PathTo,
+        Span as Span,
+        Text as Text,
+        Whole as Whole,
+        Words as Words,
+        choose as choose,
+    )
+    from pomona.executive.values.plain_arrays import read_plain_arrays as read_plain_arrays
+    from pomona.executive.values.plain_text import (
+        is_file as is_file,
+        read_plain_text as read_plain_text,
+    )
+    from pomona.executive.values.read_only import ReadOnly as ReadOnly
+    from pomona.executive.values.rotations import is_rigid as is_rigid
+    from pomona.executive.values.sections import (
+        Problem as Problem,
+        Section as Section,
+        value as value,
+    )
+    from pomona.executive.values.units import (
+        ACCELERATION as ACCELERATION,
+        ANGLE as ANGLE,
+        ANGULAR_SPEED as ANGULAR_SPEED,
+        FORCE as FORCE,
+        LENGTH as LENGTH,
+        MASS as MASS,
+        PRESSURE as PRESSURE,
+        RATE as RATE,
+        RATIO as RATIO,
+        SPEED as SPEED,
+        STIFFNESS as STIFFNESS,
+        TIME as TIME,
+        TORQUE as TORQUE,
+        Quantity as Quantity,
+    )
+    from pomona.executive.values.yaml_nodes import (
+        YamlMapping as YamlMapping,
+        YamlNode as YamlNode,
+        YamlScalar as YamlScalar,
     )
     from pomona.executive.views import (
         BodiesView as BodiesView,
@@ -73,81 +159,41 @@ if TYPE_CHECKING:
     )
 
 PUBLIC = {
-    "behaviours": ("run_behaviour",),
-    "errors": (
-        "PomonaError",
-        "SkillError",
-        "UsageError",
-    ),
-    "ports": (
-        "ACCELERATION",
-        "ANGLE",
-        "ANGULAR_SPEED",
-        "Acceleration",
-        "Angle",
-        "AngularSpeed",
-        "FORCE",
-        "Force",
-        "LENGTH",
-        "Length",
-        "MASS",
-        "Mass",
-        "Outputs",
-        "PRESSURE",
-        "Port",
-        "Pressure",
-        "Quantity",
-        "RATE",
-        "RATIO",
-        "REQUIRED",
-        "Rate",
-        "Ratio",
-        "SPEED",
-        "STIFFNESS",
-        "Speed",
-        "Stiffness",
-        "TIME",
-        "TORQUE",
-        "Time",
-        "Torque",
-    ),
-    "skill": (
-        "Failure",
-        "Interrupted",
-        "Skill",
-        "SkillFailure",
-        "Work",
-    ),
-    "skill_testing": (
-        "SkillEnd",
-        "drive",
-    ),
-    "views": (
-        "BodiesView",
-        "ImageView",
-        "Line2",
-        "Line3",
-        "Mesh3",
-        "Pinhole",
-        "Points3",
-        "PosesView",
-        "ProgressView",
-        "SceneView",
-        "SeriesView",
-        "TableView",
-    ),
+    "behaviours": "run_behaviour",
+    "clock": "Clock ManualClock SystemClock",
+    "errors": "PomonaError SkillError UsageError",
+    "execute": "Executed RunOrder run_tree",
+    "files": "find_cell find_tree",
+    "palette": "OVERLAY",
+    "ports": "Acceleration Angle AngularSpeed Force Length Mass Outputs Port Pressure REQUIRED Rate Ratio "
+    "Speed Stiffness Time Torque",
+    "run_views": "RunView ViewedRun",
+    "running.events": "AttemptEnded ErrorRaised Event NodeChanged OperatorActed PortWritten Published RunEnded "
+    "RunStarted SafeStopped StateChanged",
+    "running.runner": "Runner",
+    "running.signals": "raise_again",
+    "running.starting": "Starting",
+    "skill": "CellFacts Failure Interrupted Skill SkillFailure Work",
+    "skill_testing": "SkillEnd drive",
+    "values.archives": "ArchiveTooLarge open_archive",
+    "values.arrays": "Float64 UInt8",
+    "values.documents": "ValueFile",
+    "values.findings": "Finding format_finding",
+    "values.image_bytes": "is_cut_off",
+    "values.installation": "install_extra",
+    "values.kinds": "AsWritten Counts Flag MappingOf Measure Number OrWord PathTo Span Text Whole Words choose",
+    "values.plain_arrays": "read_plain_arrays",
+    "values.plain_text": "is_file read_plain_text",
+    "values.read_only": "ReadOnly",
+    "values.rotations": "is_rigid",
+    "values.sections": "Problem Section value",
+    "values.units": "ACCELERATION ANGLE ANGULAR_SPEED FORCE LENGTH MASS PRESSURE Quantity RATE RATIO SPEED STIFFNESS "
+    "TIME TORQUE",
+    "values.yaml_nodes": "YamlMapping YamlNode YamlScalar",
+    "views": "BodiesView ImageView Line2 Line3 Mesh3 Pinhole Points3 PosesView ProgressView SceneView "
+    "SeriesView TableView",
 }
 """Public names by the module that defines them."""
 
-_HOMES = {name: module for module, names in PUBLIC.items() for name in names}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'pomona.executive' has no attribute '{name}'")
-    found = globals()[name] = getattr(import_module(f"pomona.executive.{_HOMES[name]}"), name)
-    return found
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *_HOMES})
+if not TYPE_CHECKING:
+    __getattr__, __dir__ = on_first_use(__name__, PUBLIC)

@@ -172,6 +172,10 @@ def execute(
             give_back_memory()
 
 
+run_tree = execute
+"""The public name: in `pomona.executive`, this module hides a function of its own name."""
+
+
 def give_back_memory() -> None:
     """Return the memory that a run has freed to the operating system.
 

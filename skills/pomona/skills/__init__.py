@@ -1,10 +1,44 @@
-"""The skills of a picking task: each a pure algorithm beside a thin py_trees behaviour."""
+"""The skills of a picking task: each a pure algorithm beside a thin py_trees behaviour.
+
+The names below are public, and loaded on first use: bases and helpers of further skills.
+"""
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from pomona.executive.values.public_names import on_first_use
 from pomona.skills.compiled_code import keep_apart
+
+if TYPE_CHECKING:
+    from pomona.skills.geometry import (
+        inverse as inverse,
+        rot_z as rot_z,
+        transform as transform,
+    )
+    from pomona.skills.shared.following import (
+        MOTION_FAILURES as MOTION_FAILURES,
+        MovingSkill as MovingSkill,
+    )
+    from pomona.skills.shared.grasp_view import (
+        fruit_mesh as fruit_mesh,
+        summary as summary,
+    )
+    from pomona.skills.shared.usable_map import usable_field as usable_field
+    from pomona.skills.shared.yielding import YieldingFingers as YieldingFingers
+
+PUBLIC = {
+    "geometry": "inverse rot_z transform",
+    "shared.following": "MOTION_FAILURES MovingSkill",
+    "shared.grasp_view": "fruit_mesh summary",
+    "shared.usable_map": "usable_field",
+    "shared.yielding": "YieldingFingers",
+}
+"""Public names by the module that defines them."""
 
 # PyOpenGL chooses its platform once, when anything imports it first. All that is rendered here is off the screen.
 os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
 keep_apart(Path(__file__).parent)
+
+if not TYPE_CHECKING:
+    __getattr__, __dir__ = on_first_use(__name__, PUBLIC)

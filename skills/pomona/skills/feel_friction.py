@@ -15,10 +15,10 @@ from pomona.executive.skill import Work
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.hold import Hold
 from pomona.skills.grip.slide import NoSlideError, Slide, friction_of_slides, moves_with_pads
+from pomona.skills.motion.lines import straight_line
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.motion.straight_line import straight_line
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.grip_view import show_grip, watch_grip
 from pomona.skills.shared.warm_motion import prepare_moving

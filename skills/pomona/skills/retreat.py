@@ -15,9 +15,9 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import angle_between, inverse
 from pomona.skills.grip.hold import take_over
 from pomona.skills.motion.grasp import Grasp
+from pomona.skills.motion.lines import StraightLine
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.planning.timing import time_curve
-from pomona.skills.motion.straight_line import StraightLine
 from pomona.skills.shared.carrying import JERK_TIME, TouchedDown, lower_until_contact
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.held_fruit import HAND_DEVICES, is_between, is_held

@@ -21,8 +21,7 @@ from pomona.devices.emulators.suntouch import Pad, SunTouchEmulator, random_wren
 from pomona.devices.emulators.wsg import WsgEmulator
 from pomona.devices.motoman.connect import ORDERS
 from pomona.devices.suntouch.codec import decode, encode
-from pomona.executive.values.kinds import Measure
-from pomona.executive.values.units import FORCE, LENGTH, TIME
+from pomona.executive import FORCE, LENGTH, TIME, Measure
 
 SIA5_VELOCITY = np.radians([200.0, 200.0, 200.0, 200.0, 200.0, 230.0, 350.0])
 

@@ -36,20 +36,42 @@ from pomona.devices.motoman.connect import ORDERS
 from pomona.devices.realsense.camera_mount import CameraMount
 from pomona.devices.realsense.driver import StreamingCamera
 from pomona.devices.realsense.source import Pair
-from pomona.drivers.cell import load_cell
-from pomona.drivers.cell_file import read_cell_file
-from pomona.drivers.depth_model import SIMULATED, DepthModelSection, depth_model_of
-from pomona.drivers.device import ConnectContext, Device
-from pomona.drivers.errors import CellFileError, DeviceLost, DriverError
-from pomona.drivers.hand_memory import HandMemory, HandRecord
-from pomona.drivers.interfaces import Arm, Intrinsics
-from pomona.drivers.registration import Settings, driver
-from pomona.drivers.wire import Address, Link, tcp_opener
-from pomona.executive.clock import Clock, SystemClock
-from pomona.executive.values.arrays import Float64
-from pomona.executive.values.kinds import MappingOf, Measure, Number, PathTo, Text
-from pomona.executive.values.sections import Problem, Section, value
-from pomona.executive.values.units import RATE, TIME
+from pomona.drivers import (
+    SIMULATED,
+    Address,
+    Arm,
+    CellFileError,
+    ConnectContext,
+    DepthModelSection,
+    Device,
+    DeviceLost,
+    DriverError,
+    HandMemory,
+    HandRecord,
+    Intrinsics,
+    Link,
+    Settings,
+    depth_model_of,
+    driver,
+    load_cell,
+    read_cell_file,
+    tcp_opener,
+)
+from pomona.executive import (
+    RATE,
+    TIME,
+    Clock,
+    Float64,
+    MappingOf,
+    Measure,
+    Number,
+    PathTo,
+    Problem,
+    Section,
+    SystemClock,
+    Text,
+    value,
+)
 
 START = 120.0  # the world must be ready within this time [s]
 ANSWER = 2.0  # deadline for the world's score [s]
@@ -280,7 +302,7 @@ def connect_camera(settings: Settings[EmulatedCameraFile], context: ConnectConte
 
 def camera_site(robot: Path) -> Float64:
     """Return T_tool0_camera (4, 4) [m] from the robot's description: the true result of a hand-eye calibration."""
-    from pomona.drivers.sim.gl import load_mujoco  # takes a moment
+    from pomona.drivers.sim import load_mujoco  # takes a moment
 
     mujoco = load_mujoco()
     site = mujoco.MjModel.from_xml_path(str(robot)).site("camera")

@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from pomona.drivers.errors import MotionRefused
-from pomona.drivers.gripper_motion import GripperMotion
-from pomona.drivers.interfaces import GripperLimits, GripperState, MotionState
+from pomona.drivers import GripperLimits, GripperMotion, GripperState, MotionRefused, MotionState
 
 
 class FreeGripper:

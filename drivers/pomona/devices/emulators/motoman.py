@@ -26,8 +26,8 @@ from pomona.devices.motoman.codec import (
     Valid,
     encode,
 )
-from pomona.drivers.faults import FaultSwitch
-from pomona.executive.values.arrays import Float64
+from pomona.drivers import FaultSwitch
+from pomona.executive import Float64
 
 START_TOLERANCE = 5e-4  # the first point must be this near to the arm [rad]
 OVERSPEED = 1.05

@@ -7,7 +7,7 @@ from collections import deque
 
 from pomona.devices.emulators.server import Emulator
 from pomona.devices.emulators.virtual_time import VirtualTime
-from pomona.drivers.faults import FaultSwitch
+from pomona.drivers import FaultSwitch
 
 LATE = 0.15  # delay that the fault `late` adds to bytes for the driver [s]
 

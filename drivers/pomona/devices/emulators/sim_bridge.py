@@ -18,13 +18,9 @@ from pomona.devices.emulators.server import Peer
 from pomona.devices.emulators.suntouch import SunTouchEmulator
 from pomona.devices.emulators.wsg import WsgEmulator
 from pomona.devices.motoman.codec import Order
-from pomona.drivers.cell import Cell, load_cell
-from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Frame, Gripper
-from pomona.drivers.sim.camera import SimCamera
-from pomona.drivers.sim.gl import load_mujoco
-from pomona.drivers.sim.world import SimWorld
-from pomona.drivers.wire import raise_priority
-from pomona.executive.values.arrays import Float64
+from pomona.drivers import Arm, Camera, Cell, ForceSensor, Frame, Gripper, load_cell, raise_priority
+from pomona.drivers.sim import SimCamera, SimWorld, load_mujoco
+from pomona.executive import Float64
 
 FRAME_HEADER = struct.Struct("<4sIIddddddI")
 """Of a frame on the wire: magic, width, height, fx, fy, cx, cy, the camera's time [s], age [s], sequence; colour and

@@ -8,7 +8,7 @@ import numpy as np
 
 from pomona.devices.emulators.server import Peer
 from pomona.devices.suntouch.codec import REQUEST, TAXELS, encode
-from pomona.executive.values.arrays import Float64
+from pomona.executive import Float64
 
 SPREAD = 0.006  # width of the dent that a contact makes [m]
 NOISE = 4e-4  # of every taxel [V]: half a step of the converter. No live sensor repeats a value.

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pomona.devices.emulators.suntouch import SunTouchEmulator
 from pomona.devices.emulators.wsg import WsgEmulator
 from pomona.devices.wsg.codec import Command, SystemState
-from pomona.drivers.faults import FaultSwitch
+from pomona.drivers import FaultSwitch
 
 RUNAWAY = 0.02  # speed of an opening without a command [m/s]
 HELD = 5  # number of answers of a slow finger with one measurement: 100 Hz of 500 Hz

@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from pomona.executive.clock import Clock
+from pomona.executive import Clock
 
 EPSILON = 1e-9  # times that differ by less are the same [s]
 

@@ -15,12 +15,8 @@ from pomona.devices.emulators.switches import finger_switch, gripper_switch
 from pomona.devices.emulators.virtual_time import VirtualTime
 from pomona.devices.motoman.codec import Order
 from pomona.devices.realsense.stamps import LATENCY
-from pomona.drivers.cell import Cell
-from pomona.drivers.device import ConnectContext, Device
-from pomona.drivers.faults import FaultSwitch
-from pomona.drivers.hand_memory import HandMemory, HandRecord
-from pomona.drivers.interfaces import Camera
-from pomona.drivers.sim.scene import TIMESTEP
+from pomona.drivers import Camera, Cell, ConnectContext, Device, FaultSwitch, HandMemory, HandRecord
+from pomona.drivers.sim import TIMESTEP
 
 
 class VirtualWorld(Device):

@@ -22,11 +22,8 @@ from pathlib import Path
 from pomona.devices.emulators.server import Endpoint, PtyPort, Server, TcpPort
 from pomona.devices.emulators.sim_bridge import EmulatedDevices, StatePort, serve_camera
 from pomona.devices.motoman.connect import ORDERS
-from pomona.drivers.cell import Cell, load_cell
-from pomona.drivers.errors import DriverError
-from pomona.drivers.sim.scene import TIMESTEP
-from pomona.drivers.sim.world import SimWorld
-from pomona.drivers.wire import raise_priority
+from pomona.drivers import Cell, DriverError, load_cell, raise_priority
+from pomona.drivers.sim import TIMESTEP, SimWorld
 
 
 class _Control:

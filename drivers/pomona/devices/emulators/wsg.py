@@ -23,9 +23,7 @@ from pomona.devices.wsg.codec import (
     encode_reply,
 )
 from pomona.devices.wsg.frame import FrameDecoder, encode_frame
-from pomona.drivers.errors import MotionRefused
-from pomona.drivers.interfaces import Gripper, Motion, MotionState
-from pomona.drivers.wire import Malformed
+from pomona.drivers import Gripper, Malformed, Motion, MotionRefused, MotionState
 
 
 class WsgEmulator:

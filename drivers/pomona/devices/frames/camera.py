@@ -19,23 +19,25 @@ from pomona.devices.frames.folder import (
     list_frames,
 )
 from pomona.devices.frames.video import list_video
-from pomona.drivers.camera_options import IntrinsicsSection
-from pomona.drivers.depth_model import (
+from pomona.drivers import (
     D4XX,
     DEPTH_MODEL_FILE,
+    Camera,
+    ConnectContext,
     DepthModel,
     DepthModelSection,
+    Device,
+    Frame,
+    FrameSequence,
+    FrameUnreadable,
+    Intrinsics,
+    IntrinsicsSection,
+    Settings,
     depth_model_of,
+    driver,
     folder_depth_model,
 )
-from pomona.drivers.device import ConnectContext, Device
-from pomona.drivers.errors import FrameUnreadable
-from pomona.drivers.interfaces import Camera, Frame, FrameSequence, Intrinsics
-from pomona.drivers.registration import Settings, driver
-from pomona.executive.clock import Clock
-from pomona.executive.values.arrays import Float64
-from pomona.executive.values.kinds import Text, Whole
-from pomona.executive.values.sections import Section, value
+from pomona.executive import Clock, Float64, Section, Text, Whole, value
 
 logger = logging.getLogger(__name__)
 

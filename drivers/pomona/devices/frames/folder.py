@@ -20,15 +20,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pomona.drivers.camera_options import IntrinsicsSection
-from pomona.drivers.errors import DriverError
-from pomona.drivers.interfaces import Intrinsics
-from pomona.drivers.section_file import read_section_file
-from pomona.executive.values.arrays import Float64
-from pomona.executive.values.image_bytes import is_cut_off
-from pomona.executive.values.plain_text import read_plain_text
-from pomona.executive.values.rotations import is_rigid
-from pomona.executive.values.sections import Section
+from pomona.drivers import DriverError, Intrinsics, IntrinsicsSection, read_section_file
+from pomona.executive import Float64, Section, is_cut_off, is_rigid, read_plain_text
 
 COLOUR_SUFFIXES = ("_color.jpg", "_color.jpeg", "_color.png")
 DEPTH_SUFFIX = "_depth_mm.png"

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.devices.frames.folder import Images, UnusableFrames, metres
-from pomona.drivers.interfaces import Intrinsics
+from pomona.drivers import Intrinsics
 
 DEPTH_SUFFIX = "_depth_mm.mkv"
 

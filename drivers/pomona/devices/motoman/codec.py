@@ -14,7 +14,7 @@ from dataclasses import astuple, dataclass
 from enum import IntEnum, IntFlag
 from typing import ClassVar, Literal, get_args
 
-from pomona.drivers.wire import Malformed
+from pomona.drivers import Malformed
 
 Order = Literal["<", ">"]
 

@@ -9,15 +9,18 @@ from pathlib import Path
 from pomona.devices.motoman.codec import Order
 from pomona.devices.motoman.driver import MotomanArm
 from pomona.devices.motoman.stream import MotomanOptions
-from pomona.drivers.device import ConnectContext
-from pomona.drivers.errors import DeviceLost, UnusableRobotFile
-from pomona.drivers.motion_supervisor import Supervision
-from pomona.drivers.registration import Settings, driver
-from pomona.drivers.robot_file import read_limits
-from pomona.drivers.wire import Address, tcp_opener
-from pomona.executive.values.kinds import Flag, Measure, PathTo, Text, Whole, Words
-from pomona.executive.values.sections import Problem, Section, value
-from pomona.executive.values.units import TIME
+from pomona.drivers import (
+    Address,
+    ConnectContext,
+    DeviceLost,
+    Settings,
+    Supervision,
+    UnusableRobotFile,
+    driver,
+    read_limits,
+    tcp_opener,
+)
+from pomona.executive import TIME, Flag, Measure, PathTo, Problem, Section, Text, Whole, Words, value
 
 MOTION_PORT = 50240  # the state's port is the next one
 ORDERS: dict[str, Order] = {"fs100": ">", "dx100": "<", "dx200": "<", "yrc1000": "<"}  # byte order of each controller

@@ -17,13 +17,19 @@ from pomona.devices.motoman.codec import Control, Result, Valid
 from pomona.devices.motoman.session import ControllerSession
 from pomona.devices.motoman.stream import INTERPOLATION, MotomanOptions, PointStream, RanDryError
 from pomona.devices.motoman.words import fault, refusal
-from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost
-from pomona.drivers.interfaces import ArmLimits, ArmState
-from pomona.drivers.path_arm import PathArm, words
-from pomona.drivers.path_motion import PathMotion
-from pomona.drivers.wire import Link, Nonsense
-from pomona.executive.clock import Clock
-from pomona.executive.values.arrays import Float64
+from pomona.drivers import (
+    ArmLimits,
+    ArmState,
+    DeviceError,
+    DeviceFault,
+    DeviceLost,
+    Link,
+    Nonsense,
+    PathArm,
+    PathMotion,
+    words,
+)
+from pomona.executive import Clock, Float64
 
 RECONNECT = 0.5  # pause between attempts to open lost connections again [s]
 SERVO_ON = 15.0  # deadline of switching the servos on: the controller waits up to 5 s in each of its stages [s]

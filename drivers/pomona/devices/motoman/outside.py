@@ -15,7 +15,7 @@ from pomona.devices.motoman.codec import (
     Order,
     encode,
 )
-from pomona.drivers.wire import TcpLink
+from pomona.drivers import TcpLink
 
 ANSWER = 0.5  # seconds within which the controller must connect, and must answer
 

@@ -20,9 +20,8 @@ from pomona.devices.motoman.codec import (
     encode,
 )
 from pomona.devices.motoman.words import refusal
-from pomona.drivers.errors import DeviceFault, DeviceLost
-from pomona.drivers.wire import Link, Malformed, Nonsense
-from pomona.executive.clock import Clock
+from pomona.drivers import DeviceFault, DeviceLost, Link, Malformed, Nonsense
+from pomona.executive import Clock
 
 ANSWER = 0.25  # a command or a point that is not answered within this time means that the controller is lost [s]
 

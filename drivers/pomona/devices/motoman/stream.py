@@ -14,11 +14,8 @@ import numpy as np
 from pomona.devices.motoman.codec import Order, Result, TrajectoryPoint, Valid
 from pomona.devices.motoman.session import ControllerSession
 from pomona.devices.motoman.words import refusal
-from pomona.drivers.errors import DeviceFault
-from pomona.drivers.motion_supervisor import Supervision
-from pomona.drivers.path_motion import PathMotion
-from pomona.executive.clock import Clock
-from pomona.executive.values.arrays import Float64
+from pomona.drivers import DeviceFault, PathMotion, Supervision
+from pomona.executive import Clock, Float64
 
 INTERPOLATION = 0.004  # period of the controller's own interpolation, and of stepping the path here [s]
 BLEND = 0.3  # time over which the distance between the path's start and the arm's true position is taken up [s]

@@ -6,9 +6,8 @@ from collections import deque
 
 import numpy as np
 
-from pomona.drivers.errors import DeviceError
-from pomona.drivers.interfaces import Arm
-from pomona.executive.values.arrays import Float64
+from pomona.drivers import Arm, DeviceError
+from pomona.executive import Float64
 
 KEPT = 64
 

@@ -10,13 +10,8 @@ from pomona.devices.realsense.camera_mount import CameraMount
 from pomona.devices.realsense.driver import StreamingCamera
 from pomona.devices.realsense.mounted_camera import MountedCameraFile, read_hand_eye
 from pomona.devices.realsense.source import FILTERS, CameraSettings, PipelineSource, cameras_found
-from pomona.drivers.device import ConnectContext
-from pomona.drivers.errors import DeviceError, DeviceLost
-from pomona.drivers.interfaces import Arm
-from pomona.drivers.registration import Settings, driver
-from pomona.executive.values.kinds import Counts, MappingOf, Measure, Number, PathTo, Text, Words
-from pomona.executive.values.sections import value
-from pomona.executive.values.units import RATE
+from pomona.drivers import Arm, ConnectContext, DeviceError, DeviceLost, Settings, driver
+from pomona.executive import RATE, Counts, MappingOf, Measure, Number, PathTo, Text, Words, value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

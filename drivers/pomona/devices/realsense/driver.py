@@ -14,14 +14,8 @@ from numpy.typing import NDArray
 from pomona.devices.realsense.camera_mount import CameraMount
 from pomona.devices.realsense.source import Pair
 from pomona.devices.realsense.stamps import Stamps
-from pomona.drivers.depth_model import D4XX, DepthModel
-from pomona.drivers.device import Device
-from pomona.drivers.errors import DeviceError, DeviceLost
-from pomona.drivers.interfaces import Camera, Frame
-from pomona.drivers.owner import Owner
-from pomona.drivers.streams import FrameGuard
-from pomona.executive.clock import Clock
-from pomona.executive.values.arrays import UInt8
+from pomona.drivers import D4XX, Camera, DepthModel, Device, DeviceError, DeviceLost, Frame, FrameGuard, Owner
+from pomona.executive import Clock, UInt8
 
 RECONNECT = 1.0  # pause between attempts to open a lost camera again [s]
 PIXELS = 16  # stride in rows and columns of the pixels that are compared with the previous frame

@@ -9,13 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pomona.drivers.depth_model import DepthModel, DepthModelSection, depth_model_of
-from pomona.executive.values.arrays import Float64
-from pomona.executive.values.kinds import Measure, PathTo
-from pomona.executive.values.plain_text import read_plain_text
-from pomona.executive.values.rotations import is_rigid
-from pomona.executive.values.sections import Problem, Section, value
-from pomona.executive.values.units import TIME
+from pomona.drivers import DepthModel, DepthModelSection, depth_model_of
+from pomona.executive import TIME, Float64, Measure, PathTo, Problem, Section, is_rigid, read_plain_text, value
 
 
 class UnusableHandEye(ValueError):

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pomona.drivers.errors import DeviceFault, DeviceLost
-from pomona.drivers.interfaces import Intrinsics
-from pomona.executive.values.installation import install_extra
+from pomona.drivers import DeviceFault, DeviceLost, Intrinsics
+from pomona.executive import install_extra
 
 FILTERS = ("decimation", "spatial", "temporal", "hole_filling")
 

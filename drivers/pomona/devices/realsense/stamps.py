@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 from pomona.devices.realsense.source import Pair
-from pomona.executive.clock import Clock
+from pomona.executive import Clock
 
 LATENCY = 0.035  # from exposure to arrival, where the camera's time cannot be compared with the host's clock [s]
 DRIFT = 2e-4  # the camera's counter and the host's clock drift apart by less than this

@@ -16,19 +16,24 @@ import numpy as np
 
 from pomona.devices.ros2.joints import JointFeed, RosNode, stamped
 from pomona.devices.ros2.rolling_path import PERIOD, OutOfSetPointsError, RollingPath, SetPoint
-from pomona.drivers.device import ConnectContext
-from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, UnusableRobotFile
-from pomona.drivers.interfaces import ArmLimits, ArmState
-from pomona.drivers.motion_supervisor import Supervision
-from pomona.drivers.path_arm import AT_REST, PathArm, words
-from pomona.drivers.path_motion import PathMotion
-from pomona.drivers.registration import Settings, driver
-from pomona.drivers.robot_file import read_limits
-from pomona.executive.clock import Clock
-from pomona.executive.values.arrays import Float64
-from pomona.executive.values.kinds import Measure, PathTo, Text, Words
-from pomona.executive.values.sections import Problem, Section, value
-from pomona.executive.values.units import TIME
+from pomona.drivers import (
+    AT_REST,
+    ArmLimits,
+    ArmState,
+    ConnectContext,
+    DeviceError,
+    DeviceFault,
+    DeviceLost,
+    PathArm,
+    PathMotion,
+    Settings,
+    Supervision,
+    UnusableRobotFile,
+    driver,
+    read_limits,
+    words,
+)
+from pomona.executive import TIME, Clock, Float64, Measure, PathTo, Problem, Section, Text, Words, value
 from pomona.tools.ros2.peer import ADDRESS, Ros2Peer
 from pomona.tools.ros2.types import coder
 

@@ -13,15 +13,16 @@ from typing import Any
 from pomona.devices.frames.camera import FramesCamera
 from pomona.devices.frames.folder import Images, UnusableFrames
 from pomona.devices.ros2.images import COMPRESSED, IMAGE, INFO, UnusableImage, colour_of, depth_of, intrinsics_of
-from pomona.drivers.camera_options import IntrinsicsSection
-from pomona.drivers.depth_model import DepthModelSection, depth_model_of
-from pomona.drivers.device import ConnectContext
-from pomona.drivers.interfaces import Intrinsics
-from pomona.drivers.registration import Settings, driver
-from pomona.executive.values.installation import install_extra
-from pomona.executive.values.kinds import Measure, Text, Whole
-from pomona.executive.values.sections import Section, value
-from pomona.executive.values.units import TIME
+from pomona.drivers import (
+    ConnectContext,
+    DepthModelSection,
+    Intrinsics,
+    IntrinsicsSection,
+    Settings,
+    depth_model_of,
+    driver,
+)
+from pomona.executive import TIME, Measure, Section, Text, Whole, install_extra, value
 
 try:
     from rosbags.highlevel import AnyReader

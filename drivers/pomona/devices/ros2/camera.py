@@ -18,13 +18,8 @@ from pomona.devices.realsense.driver import StreamingCamera
 from pomona.devices.realsense.mounted_camera import MountedCameraFile, read_hand_eye
 from pomona.devices.realsense.source import Pair
 from pomona.devices.ros2.images import COMPRESSED, IMAGE, INFO, UnusableImage, colour_of, depth_of, intrinsics_of
-from pomona.drivers.device import ConnectContext
-from pomona.drivers.errors import DeviceError, DeviceFault
-from pomona.drivers.interfaces import Arm
-from pomona.drivers.registration import Settings, driver
-from pomona.executive.values.kinds import Measure, Text
-from pomona.executive.values.sections import value
-from pomona.executive.values.units import TIME
+from pomona.drivers import Arm, ConnectContext, DeviceError, DeviceFault, Settings, driver
+from pomona.executive import TIME, Measure, Text, value
 from pomona.tools.ros2.peer import ADDRESS, Ros2Peer
 from pomona.tools.ros2.types import typestore
 

@@ -15,18 +15,28 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from pomona.devices.ros2.joints import JointFeed, JointSample, RosNode
-from pomona.drivers.device import ConnectContext, Device
-from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
-from pomona.drivers.gripper_motion import GripperMotion, allowed_speed, require_move
-from pomona.drivers.gripper_supervisor import GripperSupervision, GripperSupervisor
-from pomona.drivers.interfaces import Gripper, GripperLimits, GripperState, MotionState
-from pomona.drivers.owner import Owner
-from pomona.drivers.registration import Settings, driver
-from pomona.drivers.watchdog import Watchdog
-from pomona.executive.clock import Clock
-from pomona.executive.values.kinds import Measure, Number, Span, Text
-from pomona.executive.values.sections import Problem, Section, value
-from pomona.executive.values.units import FORCE, LENGTH, SPEED, TIME
+from pomona.drivers import (
+    ConnectContext,
+    Device,
+    DeviceError,
+    DeviceFault,
+    DeviceLost,
+    Gripper,
+    GripperLimits,
+    GripperMotion,
+    GripperState,
+    GripperSupervision,
+    GripperSupervisor,
+    MotionRefused,
+    MotionState,
+    Owner,
+    Settings,
+    Watchdog,
+    allowed_speed,
+    driver,
+    require_move,
+)
+from pomona.executive import FORCE, LENGTH, SPEED, TIME, Clock, Measure, Number, Problem, Section, Span, Text, value
 from pomona.tools.ros2.peer import ADDRESS, Ros2Peer
 from pomona.tools.ros2.types import coder
 

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pomona.drivers.interfaces import Intrinsics
-from pomona.executive.values.image_bytes import is_cut_off
+from pomona.drivers import Intrinsics
+from pomona.executive import is_cut_off
 
 IMAGE, COMPRESSED, INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/CameraInfo"
 

@@ -15,9 +15,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from pomona.drivers.errors import DeviceLost
-from pomona.executive.clock import Clock
-from pomona.executive.values.arrays import Float64
+from pomona.drivers import DeviceLost
+from pomona.executive import Clock, Float64
 from pomona.tools.ros2.types import typestore
 
 JOINT_STATE = "sensor_msgs/msg/JointState"

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pomona.devices.ros2.joints import JointFeed
-from pomona.executive.clock import SystemClock
+from pomona.executive import SystemClock
 from pomona.tools.ros2.peer import Ros2Peer
 
 DEADLINE = 2.5  # seconds within which the joints must be seen at rest

@@ -17,10 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pomona.devices.suntouch.codec import TAXELS
-from pomona.drivers.errors import DriverError
-from pomona.executive.values.arrays import Float64
-from pomona.executive.values.plain_text import read_plain_text
-from pomona.executive.values.read_only import ReadOnly
+from pomona.drivers import DriverError
+from pomona.executive import Float64, ReadOnly, read_plain_text
 
 FORMAT = "pomona finger calibration 1"
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pomona.drivers.wire import Malformed
-from pomona.executive.values.arrays import Float64
+from pomona.drivers import Malformed
+from pomona.executive import Float64
 
 REQUEST = b"a"
 TAXELS = 25

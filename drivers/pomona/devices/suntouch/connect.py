@@ -11,15 +11,8 @@ from pomona.devices.suntouch.calibration import FingerCalibration, UnusableCalib
 from pomona.devices.suntouch.driver import SunTouchFingers
 from pomona.devices.suntouch.finger import Finger
 from pomona.devices.suntouch.transport import SerialLink, serial_ports
-from pomona.drivers.device import ConnectContext
-from pomona.drivers.errors import DeviceError, DeviceLost
-from pomona.drivers.interfaces import Gripper, SampleRate
-from pomona.drivers.registration import Settings, driver
-from pomona.drivers.streams import Belief
-from pomona.drivers.wire import Link
-from pomona.executive.values.kinds import Measure, PathTo, Text
-from pomona.executive.values.sections import Problem, Section, value
-from pomona.executive.values.units import RATE, TIME
+from pomona.drivers import Belief, ConnectContext, DeviceError, DeviceLost, Gripper, Link, SampleRate, Settings, driver
+from pomona.executive import RATE, TIME, Measure, PathTo, Problem, Section, Text, value
 
 BAUDS = ("1000000", "500000", "115200")  # baud rates of the fingers [bit/s]
 

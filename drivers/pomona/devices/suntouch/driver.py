@@ -17,15 +17,25 @@ import numpy as np
 
 from pomona.devices.suntouch.codec import TAXELS, FingerReading
 from pomona.devices.suntouch.finger import JUMP, Finger
-from pomona.drivers.device import Device
-from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, NoBias
-from pomona.drivers.hand_memory import HandMemory
-from pomona.drivers.hold_watch import may_hold
-from pomona.drivers.interfaces import ForceSensor, Gripper, Subscription, WrenchSample
-from pomona.drivers.owner import Owner
-from pomona.drivers.streams import SIDES, SILENCE, Belief, WrenchStream
-from pomona.executive.clock import Clock
-from pomona.executive.values.arrays import Float64
+from pomona.drivers import (
+    SIDES,
+    SILENCE,
+    Belief,
+    Device,
+    DeviceError,
+    DeviceFault,
+    DeviceLost,
+    ForceSensor,
+    Gripper,
+    HandMemory,
+    NoBias,
+    Owner,
+    Subscription,
+    WrenchSample,
+    WrenchStream,
+    may_hold,
+)
+from pomona.executive import Clock, Float64
 
 RECONNECT = 0.5  # pause between attempts to open a lost finger again [s]
 FIRST_SAMPLE = 1.0  # deadline of the first sample after opening [s]

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from pomona.devices.suntouch.calibration import FingerCalibration
 from pomona.devices.suntouch.codec import REQUEST, TAXELS, Assembler, FingerReading
-from pomona.drivers.wire import Link, Malformed
-from pomona.executive.clock import Clock
-from pomona.executive.values.arrays import Float64
+from pomona.drivers import Link, Malformed
+from pomona.executive import Clock, Float64
 
 FLUSHING = 0.004  # longest time for which a line that is out of step is emptied [s]; an answer takes 0.5 ms at 1 Mbaud
 

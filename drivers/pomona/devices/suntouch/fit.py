@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 
 from pomona.devices.suntouch.calibration import FingerCalibration
 from pomona.devices.suntouch.codec import TAXELS
-from pomona.drivers.errors import DriverError
-from pomona.executive.values.arrays import Float64
-from pomona.executive.values.plain_arrays import read_plain_arrays
-from pomona.executive.values.plain_text import read_plain_text
+from pomona.drivers import DriverError
+from pomona.executive import Float64, read_plain_arrays, read_plain_text
 
 BLOCKS = 50
 STEPS = 10  # steps of L-BFGS in an epoch

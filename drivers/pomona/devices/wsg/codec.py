@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 
 from pomona.devices.wsg.frame import WireFrame, encode_frame
-from pomona.drivers.wire import Malformed
+from pomona.drivers import Malformed
 
 
 class Command(IntEnum):

@@ -9,14 +9,22 @@ from typing import Any
 from pomona.devices.wsg.driver import WsgGripper
 from pomona.devices.wsg.handshake import WsgOptions
 from pomona.devices.wsg.transport import TCP_PORT, CanLink, can_channels
-from pomona.drivers.device import ConnectContext
-from pomona.drivers.errors import DeviceLost
-from pomona.drivers.gripper_supervisor import GripperSupervision
-from pomona.drivers.registration import Settings, driver
-from pomona.drivers.wire import Address, Link, tcp_opener
-from pomona.executive.values.kinds import Flag, Measure, Span, Text, Whole
-from pomona.executive.values.sections import Problem, Section, value
-from pomona.executive.values.units import ACCELERATION, FORCE, LENGTH, SPEED, TIME
+from pomona.drivers import Address, ConnectContext, DeviceLost, GripperSupervision, Link, Settings, driver, tcp_opener
+from pomona.executive import (
+    ACCELERATION,
+    FORCE,
+    LENGTH,
+    SPEED,
+    TIME,
+    Flag,
+    Measure,
+    Problem,
+    Section,
+    Span,
+    Text,
+    Whole,
+    value,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,13 +8,21 @@ from collections.abc import Callable
 from pomona.devices.wsg.codec import Command, Plain, SystemState
 from pomona.devices.wsg.handshake import WsgIdentity, WsgOptions
 from pomona.devices.wsg.jaws import FAULTS, Jaws, words
-from pomona.drivers.device import Device
-from pomona.drivers.errors import DeviceFault, DeviceLost, MotionRefused
-from pomona.drivers.gripper_motion import GripperMotion, require_move
-from pomona.drivers.interfaces import Gripper, GripperLimits, GripperState, MotionState
-from pomona.drivers.owner import Owner
-from pomona.drivers.wire import Link
-from pomona.executive.clock import Clock
+from pomona.drivers import (
+    Device,
+    DeviceFault,
+    DeviceLost,
+    Gripper,
+    GripperLimits,
+    GripperMotion,
+    GripperState,
+    Link,
+    MotionRefused,
+    MotionState,
+    Owner,
+    require_move,
+)
+from pomona.executive import Clock
 
 
 class WsgGripper(Device):

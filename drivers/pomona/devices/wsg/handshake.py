@@ -19,9 +19,7 @@ from pomona.devices.wsg.codec import (
     SystemState,
 )
 from pomona.devices.wsg.session import GripperSession
-from pomona.drivers.errors import DeviceFault
-from pomona.drivers.gripper_supervisor import GripperSupervision
-from pomona.drivers.interfaces import GripperLimits
+from pomona.drivers import DeviceFault, GripperLimits, GripperSupervision
 
 ANSWER = 0.5
 HOMING = 20.0  # deadlines of a request of the handshake, and of homing [s]

@@ -13,14 +13,22 @@ from collections.abc import Callable
 from pomona.devices.wsg.codec import Command, Move, Plain, Reply, Script, Status, SystemState
 from pomona.devices.wsg.handshake import WsgIdentity, WsgOptions, shake_hands
 from pomona.devices.wsg.session import GripperSession
-from pomona.drivers.device import Device
-from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, StopFailed
-from pomona.drivers.gripper_motion import GripperMotion, allowed_speed
-from pomona.drivers.gripper_supervisor import GripperSupervisor
-from pomona.drivers.interfaces import GripperLimits, GripperState, MotionState
-from pomona.drivers.watchdog import Watchdog
-from pomona.drivers.wire import Link
-from pomona.executive.clock import Clock
+from pomona.drivers import (
+    Device,
+    DeviceError,
+    DeviceFault,
+    DeviceLost,
+    GripperLimits,
+    GripperMotion,
+    GripperState,
+    GripperSupervisor,
+    Link,
+    MotionState,
+    StopFailed,
+    Watchdog,
+    allowed_speed,
+)
+from pomona.executive import Clock
 
 RECONNECT = 0.5  # pause between attempts to reconnect [s]
 STREAM_PERIOD = 0.018  # shortest period of the speed set-points [s]: the finger script manages about 50 Hz

@@ -11,7 +11,7 @@ import time
 from pomona.devices.wsg.codec import Command, Plain, decode_reply, encode
 from pomona.devices.wsg.frame import FrameDecoder
 from pomona.devices.wsg.transport import CanLink
-from pomona.drivers.wire import Link, TcpLink
+from pomona.drivers import Link, TcpLink
 
 ANSWER = 0.5  # seconds within which the gripper must connect, and must answer
 

@@ -6,9 +6,8 @@ from collections.abc import Callable
 
 from pomona.devices.wsg.codec import Command, Reply, Request, Status, decode_reply, encode
 from pomona.devices.wsg.frame import FrameDecoder
-from pomona.drivers.errors import DeviceFault, DeviceLost
-from pomona.drivers.wire import Link, Malformed, Nonsense
-from pomona.executive.clock import Clock
+from pomona.drivers import DeviceFault, DeviceLost, Link, Malformed, Nonsense
+from pomona.executive import Clock
 
 ANSWER = 0.1  # a request that is not answered within this time means that the gripper is lost [s]
 QUIET = 0.02  # time without a byte after which an unfinished frame is dropped [s]

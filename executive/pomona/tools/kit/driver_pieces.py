@@ -14,13 +14,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from pomona.drivers.device import ConnectContext, Device
-from pomona.drivers.registration import Settings, driver
-from pomona.drivers.interfaces import Camera, Frame, Intrinsics
-from pomona.executive.clock import Clock
-from pomona.executive.values.kinds import Measure, Whole
-from pomona.executive.values.sections import value
-from pomona.executive.values.units import LENGTH
+from pomona.drivers import Camera, ConnectContext, Device, Frame, Intrinsics, Settings, driver
+from pomona.executive import LENGTH, Clock, Measure, Whole, value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,8 +61,8 @@ def connect(settings: Settings[${Name}Options], context: ConnectContext) -> $Nam
 from __future__ import annotations
 
 import numpy as np
-from pomona.drivers.interfaces import Camera
-from pomona.executive.clock import ManualClock
+from pomona.drivers import Camera
+from pomona.executive import ManualClock
 
 from $module.$name import $Name, ${Name}Options
 

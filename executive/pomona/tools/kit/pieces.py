@@ -13,8 +13,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pomona.executive.ports import LENGTH, TIME, Length, Outputs, Port, Time
-from pomona.executive.skill import Skill, Work
+from pomona.executive import LENGTH, TIME, Length, Outputs, Port, Skill, Time, Work
 
 
 class ${Name}Result(Outputs):
@@ -46,7 +45,7 @@ class $Name(Skill):
 from __future__ import annotations
 
 import pytest
-from pomona.executive.skill_testing import drive
+from pomona.executive import drive
 
 from $module.$name import $Name
 

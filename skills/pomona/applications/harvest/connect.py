@@ -13,18 +13,18 @@ from pomona.applications.harvest.numbers import read_numbers
 from pomona.applications.harvest.scenery import Scenery
 from pomona.applications.harvest.wall import Wall, draw_wall
 from pomona.applications.harvest.world import FruitWallWorld
-from pomona.drivers.device import ConnectContext
-from pomona.drivers.errors import CellFileError, UnusableRobotFile
-from pomona.drivers.interfaces import FruitKinds
-from pomona.drivers.registration import Settings, Surroundings, driver
-from pomona.drivers.robot_file import read_limits
-from pomona.drivers.sim.fruit_model import UnusableModel, read_model
-from pomona.drivers.sim.fruit_shape import SKINS, FruitShape, make_fruit
-from pomona.drivers.sim.layout import FRICTION
-from pomona.drivers.sim.robot import PADS, read_robot
-from pomona.executive.values.kinds import Measure, Number, OrWord, PathTo, Span, Text, Whole, choose
-from pomona.executive.values.sections import Problem, value
-from pomona.executive.values.units import LENGTH
+from pomona.drivers import (
+    CellFileError,
+    ConnectContext,
+    FruitKinds,
+    Settings,
+    Surroundings,
+    UnusableRobotFile,
+    driver,
+    read_limits,
+)
+from pomona.drivers.sim import FRICTION, PADS, SKINS, FruitShape, UnusableModel, make_fruit, read_model, read_robot
+from pomona.executive import LENGTH, Measure, Number, OrWord, PathTo, Problem, Span, Text, Whole, choose, value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,30 +16,22 @@ from pomona.applications.harvest.detaching import (
 )
 from pomona.applications.harvest.felt_pads import FeltPads, MeanWrench
 from pomona.applications.harvest.hanging import free_roll, knuckle_of
-from pomona.drivers.errors import BadTrajectory, MotionRefused
-from pomona.drivers.interfaces import (
+from pomona.drivers import (
     Arm,
+    BadTrajectory,
     ForceSensor,
     Gripper,
+    MotionRefused,
     MotionState,
     SetPoints,
     StreamedArm,
     Workspace,
 )
-from pomona.executive.ports import ANGLE, FORCE, LENGTH, TIME, Angle, Force, Length, Outputs, Port, Ratio, Time
-from pomona.executive.skill import Work
-from pomona.executive.values.arrays import Float64
-from pomona.skills.grip.hold import take_over
-from pomona.skills.motion.grasp import Grasp
-from pomona.skills.motion.occupancy import OccupancyMap
-from pomona.skills.motion.planning.arm_space import arm_space
-from pomona.skills.motion.robot import RobotModel, nearest_solution
-from pomona.skills.perception.detection.detection import AllDetections
-from pomona.skills.perception.fruit.catalogue import mass_of
-from pomona.skills.perception.measured_fruit import MeasuredFruit
-from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
-from pomona.skills.shared.usable_map import usable_field
-from pomona.skills.shared.yielding import YieldingFingers
+from pomona.executive import ANGLE, FORCE, LENGTH, TIME, Angle, Float64, Force, Length, Outputs, Port, Ratio, Time, Work
+from pomona.skills import MOTION_FAILURES, MovingSkill, YieldingFingers, usable_field
+from pomona.skills.grip import take_over
+from pomona.skills.motion import Grasp, OccupancyMap, RobotModel, arm_space, nearest_solution
+from pomona.skills.perception import AllDetections, MeasuredFruit, mass_of
 
 DENSITY = 850.0
 """Of an apple [kg/m³], where its kind has no weighed fruit: docs/evidence/orchard-wall.md."""

@@ -16,8 +16,8 @@ from enum import Enum
 import numpy as np
 
 from pomona.applications.harvest.stem_test import StemTest
-from pomona.executive.values.arrays import Float64
-from pomona.skills.geometry import rot_z
+from pomona.executive import Float64
+from pomona.skills import rot_z
 
 GRAVITY = 9.81  # [m/s²]
 

@@ -13,8 +13,8 @@ from threading import RLock
 
 import numpy as np
 
-from pomona.drivers.interfaces import ForceSensor, WrenchSample
-from pomona.executive.values.arrays import Float64
+from pomona.drivers import ForceSensor, WrenchSample
+from pomona.executive import Float64
 
 PERIOD = 0.02
 """Of the force control without ticks [s]: that of the ticks."""

@@ -7,15 +7,22 @@ from itertools import product
 
 import numpy as np
 
-from pomona.executive.values.arrays import Float64
-from pomona.skills.geometry import rot_z, transform
-from pomona.skills.motion.grasp import Grasp, RuledOut
-from pomona.skills.motion.grasps.sample import CandidateRejected, GraspRules, grasp_setting, judge_candidate
-from pomona.skills.motion.grasps.sphere import Sphere
-from pomona.skills.motion.planning.arm_space import ArmSpace
-from pomona.skills.motion.robot import RobotModel, nearest_solution
-from pomona.skills.motion.straight_line import straight_line
-from pomona.skills.perception.measured_fruit import MeasuredFruit
+from pomona.executive import Float64
+from pomona.skills import rot_z, transform
+from pomona.skills.motion import (
+    ArmSpace,
+    CandidateRejected,
+    Grasp,
+    GraspRules,
+    RobotModel,
+    RuledOut,
+    Sphere,
+    grasp_setting,
+    judge_candidate,
+    nearest_solution,
+    straight_line,
+)
+from pomona.skills.perception import MeasuredFruit
 
 STEM = 0.025  # length of an apple's stem above its cavity [m]; the simulated wall draws 15 to 35 mm
 SEAT = 0.44  # height of the stem's end above the fruit's middle, over the fruit's height: in its cavity

@@ -16,12 +16,18 @@ from numpy.typing import NDArray
 from pomona.applications.harvest.scenery import Scenery, leaf_mesh
 from pomona.applications.harvest.wall import SEGMENTS, STEM_SEAT, HangingFruit, TreeLeaf, Wall
 from pomona.applications.harvest.wood import Chain, hinge_chain, spur_stiffness
-from pomona.drivers.interfaces import Box
-from pomona.drivers.sim.fruit_shape import FruitShape
-from pomona.drivers.sim.gl import load_mujoco
-from pomona.drivers.sim.robot import PADS
-from pomona.drivers.sim.scene import add_fixed, add_lights, add_material, quaternion, set_physics
-from pomona.executive.values.arrays import Float64
+from pomona.drivers import Box
+from pomona.drivers.sim import (
+    PADS,
+    FruitShape,
+    add_fixed,
+    add_lights,
+    add_material,
+    load_mujoco,
+    quaternion,
+    set_physics,
+)
+from pomona.executive import Float64
 
 Index = NDArray[np.int64]
 Flags = NDArray[np.bool_]

@@ -8,12 +8,30 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from pomona.drivers.section_file import read_section_file
-from pomona.executive.values.documents import ValueFile
-from pomona.executive.values.kinds import AsWritten, MappingOf, Measure, Number, Span, Text
-from pomona.executive.values.sections import Section, value
-from pomona.executive.values.units import ANGLE, FORCE, LENGTH, PRESSURE, RATE, SPEED, STIFFNESS, TORQUE, Quantity
-from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
+from pomona.drivers import read_section_file
+from pomona.executive import (
+    ANGLE,
+    FORCE,
+    LENGTH,
+    PRESSURE,
+    RATE,
+    SPEED,
+    STIFFNESS,
+    TORQUE,
+    AsWritten,
+    MappingOf,
+    Measure,
+    Number,
+    Quantity,
+    Section,
+    Span,
+    Text,
+    ValueFile,
+    YamlMapping,
+    YamlNode,
+    YamlScalar,
+    value,
+)
 
 MODULUS = Quantity("modulus", {**PRESSURE.units, "GPa": 1e9})
 DENSITY = Quantity("density", {"kg/m³": 1.0, "kg/m^3": 1.0})

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from pomona.applications.harvest.model import WallModel
-from pomona.drivers.sim.gl import load_mujoco
-from pomona.drivers.sim.robot import FINGERS, PADS, read_robot
-from pomona.executive.values.arrays import Float64
+from pomona.drivers.sim import FINGERS, PADS, load_mujoco, read_robot
+from pomona.executive import Float64
 
 AZIMUTHS, ELEVATIONS = (0.0, 25.0, -25.0, 50.0, -50.0), (0.0, 25.0, -20.0, 45.0)
 """Of the approach, from straight towards the wall; positive elevations come from below [deg]."""

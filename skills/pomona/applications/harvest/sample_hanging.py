@@ -7,20 +7,11 @@ from typing import Annotated
 import numpy as np
 
 from pomona.applications.harvest.hanging import HangingRules, sample_hanging
-from pomona.drivers.interfaces import Arm, Workspace
-from pomona.executive.ports import LENGTH, Length, Outputs, Port
-from pomona.executive.skill import Skill, Work
-from pomona.executive.values.arrays import Float64
-from pomona.executive.views import Points3, SceneView
-from pomona.skills.motion.grasp import Grasp, GraspCandidates
-from pomona.skills.motion.grasps.sample import warm_up
-from pomona.skills.motion.grasps.tried import SAME_PLACE
-from pomona.skills.motion.occupancy import OccupancyMap
-from pomona.skills.motion.planning.arm_space import arm_space
-from pomona.skills.motion.robot import RobotModel
-from pomona.skills.perception.measured_fruit import MeasuredFruit
-from pomona.skills.shared.grasp_view import fruit_mesh, summary
-from pomona.skills.shared.usable_map import usable_field
+from pomona.drivers import Arm, Workspace
+from pomona.executive import LENGTH, Float64, Length, Outputs, Points3, Port, SceneView, Skill, Work
+from pomona.skills import fruit_mesh, summary, usable_field
+from pomona.skills.motion import SAME_PLACE, Grasp, GraspCandidates, OccupancyMap, RobotModel, arm_space, warm_up
+from pomona.skills.perception import MeasuredFruit
 
 
 class HangingSampled(Outputs):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.applications.harvest.wall import Wall
-from pomona.executive.values.arrays import Float64
+from pomona.executive import Float64
 
 BEHIND = (0.30, 1.2)
 """How far behind the wall the neighbours' foliage hangs [m]."""

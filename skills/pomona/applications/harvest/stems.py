@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pomona.applications.harvest.model import WallModel
 from pomona.applications.harvest.strength import used
-from pomona.executive.values.arrays import Float64
+from pomona.executive import Float64
 
 HANGS, AT_SPUR, TORN = 0, 1, 2  # how a stem stands: it holds, it came off the spur, it was torn out of the fruit
 

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 
 from pomona.applications.harvest.numbers import WallNumbers
-from pomona.executive.values.arrays import Float64
+from pomona.executive import Float64
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from pomona.applications.harvest.numbers import WallNumbers
 from pomona.applications.harvest.strength import Strength, draw_strength
-from pomona.executive.values.arrays import Float64
+from pomona.executive import Float64
 
 SEGMENTS = 6
 """Hinge pairs of a lateral: with them its deflection is within 1 % of the beam's."""

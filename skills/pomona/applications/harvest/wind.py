@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pomona.applications.harvest.model import WallModel
 from pomona.applications.harvest.wood import GRAVITY
-from pomona.executive.values.arrays import Float64
+from pomona.executive import Float64
 
 GUSTS = 5  # cosines between the slowest and the fastest frequency
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pomona.executive.values.arrays import Float64
+from pomona.executive import Float64
 
 GRAVITY = 9.81
 

@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 
 from pomona.applications.inventory.fusion import FusedSize, SizeOfLooks
 from pomona.applications.inventory.sighting import Sighting
-from pomona.executive.values.arrays import Float64
+from pomona.executive import Float64
 
 
 @dataclass(slots=True, eq=False)

@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pomona.drivers.interfaces import Frame
-from pomona.executive.values.arrays import Float64
+from pomona.drivers import Frame
+from pomona.executive import Float64
 
 FEATURES = 4000
 

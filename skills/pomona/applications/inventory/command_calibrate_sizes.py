@@ -12,11 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from pomona.executive.values.arrays import Float64
-from pomona.executive.values.plain_text import is_file
-from pomona.skills.perception.fruit import load_fruit
-from pomona.skills.perception.fruit.errors import FruitError
-from pomona.skills.perception.fruit.sizes import LEAST_FRUIT, KindSizes, TooFewFruit, held_out, learn_sizes
+from pomona.executive import Float64, is_file
+from pomona.skills.perception import LEAST_FRUIT, FruitError, KindSizes, TooFewFruit, held_out, learn_sizes, load_fruit
 
 TRUE = "true_width_mm", "true_height_mm"  # columns that an operator adds to `finds.csv` for fruit measured by hand
 

@@ -14,16 +14,10 @@ import cv2
 import numpy as np
 
 from pomona.applications.inventory.picture_results import FORMATS, SHEET, PictureResults, UnusableInput
-from pomona.executive.running.signals import raise_again
-from pomona.executive.values.arrays import UInt8
-from pomona.executive.values.image_bytes import is_cut_off
-from pomona.executive.values.kinds import Number
-from pomona.executive.values.plain_text import is_file
+from pomona.executive import Number, UInt8, is_cut_off, is_file, raise_again
 
 if TYPE_CHECKING:
-    from pomona.skills.perception.detection.box_model import ScoredBox
-    from pomona.skills.perception.detection.compact_detector import CompactDetector
-    from pomona.skills.perception.detection.found_fruit import FoundFruit
+    from pomona.skills.perception import CompactDetector, FoundFruit, ScoredBox
 
 ENDINGS = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 DEPTH = "_depth_mm.png"  # of an RGB-D frame, beside its colour: no picture to find fruit in
@@ -74,8 +68,7 @@ def main(options: argparse.Namespace) -> int:
 
     KeyboardInterrupt passes; the table then holds the pictures that were done.
     """
-    from pomona.skills.perception.detection.errors import DetectError
-    from pomona.skills.perception.fruit.errors import FruitError
+    from pomona.skills.perception import DetectError, FruitError
 
     table = options.out / TABLE
     try:
@@ -126,11 +119,14 @@ def _search(options: argparse.Namespace) -> Search:
     Raises:
         UnusableInput, DetectError, FruitError: the options do not go together, or a file cannot be used.
     """
-    from pomona.skills.perception.detection.box_model import load_boxes
-    from pomona.skills.perception.detection.compact_detector import CompactDetector
-    from pomona.skills.perception.detection.errors import BadWeights
-    from pomona.skills.perception.detection.options import DetectorOptions
-    from pomona.skills.perception.fruit import find_weights, load_fruit
+    from pomona.skills.perception import (
+        BadWeights,
+        CompactDetector,
+        DetectorOptions,
+        find_weights,
+        load_boxes,
+        load_fruit,
+    )
 
     fruit = load_fruit(options.fruit)
     if options.boxes is not None:
@@ -151,7 +147,7 @@ def _search(options: argparse.Namespace) -> Search:
 
 def _all(files: Sequence[Path], search: Search, results: PictureResults, stream: TextIO) -> int:
     """Return how many pictures could not be used; each other one gets its line on the screen and rows in the table."""
-    from pomona.skills.perception.detection.errors import BadFrame
+    from pomona.skills.perception import BadFrame
 
     table = csv.writer(stream)
     table.writerow(COLUMNS)

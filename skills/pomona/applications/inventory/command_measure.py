@@ -10,11 +10,18 @@ from pathlib import Path
 from typing import Any
 
 from pomona.applications.inventory.fruit_page import FINDS, FRUIT, PAGE, PICTURES
-from pomona.executive.errors import UsageError
-from pomona.executive.execute import RunOrder, execute
-from pomona.executive.files import find_cell, find_tree
-from pomona.executive.running.events import Event, NodeChanged, PortWritten
-from pomona.executive.values.findings import Finding, format_finding
+from pomona.executive import (
+    Event,
+    Finding,
+    NodeChanged,
+    PortWritten,
+    RunOrder,
+    UsageError,
+    find_cell,
+    find_tree,
+    format_finding,
+    run_tree,
+)
 
 TREE, BAGS = "measure_fruit", (".bag", ".db3", ".mcap")
 
@@ -58,7 +65,7 @@ def main(options: argparse.Namespace) -> int:
     progress = _Progress()
     order = RunOrder(tree=find_tree(TREE), cell=find_cell("bag" if bag else "frames"), settings=settings)
     try:
-        result = execute(order, [progress.on_event]).result
+        result = run_tree(order, [progress.on_event]).result
     except UsageError as error:
         raise UsageError(_in_own_words(error, order)) from error
     if result.outcome == "success" or progress.unreadable:

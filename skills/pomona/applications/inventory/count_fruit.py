@@ -12,14 +12,10 @@ from pomona.applications.inventory.camera_motion import CameraMotion, camera_mot
 from pomona.applications.inventory.fruit_page import Page
 from pomona.applications.inventory.fruit_report import FruitReport
 from pomona.applications.inventory.sighting import FrameSightings, label_of
-from pomona.drivers.interfaces import Frame
-from pomona.executive.ports import Outputs, Port
-from pomona.executive.skill import CellFacts, Skill, Work
-from pomona.executive.values.arrays import Float64
-from pomona.executive.values.sections import Problem
-from pomona.skills.geometry import inverse
-from pomona.skills.perception.depth_registration import misplaced_depth
-from pomona.skills.perception.detection.detection import AllDetections
+from pomona.drivers import Frame
+from pomona.executive import CellFacts, Float64, Outputs, Port, Problem, Skill, Work
+from pomona.skills import inverse
+from pomona.skills.perception import AllDetections, misplaced_depth
 
 MOST_APART = 0.04  # allowed distance between two frames' contents by their camera poses [m]: half an apple
 

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import cv2
 import numpy as np
 
-from pomona.executive.values.arrays import Float64, UInt8
+from pomona.executive import Float64, UInt8
 
 COLOUR = (46, 176, 255)  # of boxes and numbers, BGR: `pomona.executive.palette.OVERLAY["found"]`
 ON_SHEET, COLUMNS = 10, 5  # pictures on a sheet, and pictures in a row

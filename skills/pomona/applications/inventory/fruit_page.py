@@ -24,10 +24,8 @@ from pomona.applications.inventory.fruit_report import (
     fruit_said,
     width_mm,
 )
-from pomona.executive.palette import OVERLAY
-from pomona.executive.values.arrays import UInt8
-from pomona.executive.views import ImageView
-from pomona.skills.perception.fruit.catalogue import mass_model, mass_of
+from pomona.executive import OVERLAY, ImageView, UInt8
+from pomona.skills.perception import mass_model, mass_of
 from pomona.tools.campaign.document import Heading, PagePicture, Paragraph, ReportPage, Table, Tile, Tiles, to_html
 
 FINDS, FRUIT, PAGE, PICTURES = "finds.csv", "fruit.csv", "index.html", "pictures"

@@ -10,10 +10,8 @@ import numpy as np
 
 from pomona.applications.inventory.book import FruitBook, KnownFruit
 from pomona.applications.inventory.sighting import Z_90, Sighting
-from pomona.executive.values.arrays import Float64, UInt8
-from pomona.executive.views import ImageView, Line2, TableView
-from pomona.skills.perception.fruit import FruitModel
-from pomona.skills.perception.fruit.catalogue import mass_model, mass_of
+from pomona.executive import Float64, ImageView, Line2, TableView, UInt8
+from pomona.skills.perception import FruitModel, mass_model, mass_of
 
 CLASS_MM = 5  # width of a size class [mm], as fruit is sorted for sale (UNECE standard FFV-50, apples)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import chdtri  # scipy.stats takes 0.4 s of the processor to load
 
-from pomona.executive.values.arrays import Float64
+from pomona.executive import Float64
 
 SHARED = 0.9
 """Share of a look's variance that all looks at one fruit are taken to have in common, since its proportions are not the

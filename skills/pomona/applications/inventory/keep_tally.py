@@ -5,11 +5,8 @@ from __future__ import annotations
 from typing import Annotated
 
 from pomona.applications.inventory.tally import DONE, TalliedFruit, Tally
-from pomona.executive.ports import Outputs, Port
-from pomona.executive.skill import Skill
-from pomona.executive.views import TableView
-from pomona.skills.perception.detection.detection import Detection
-from pomona.skills.perception.measured_fruit import MeasuredFruit
+from pomona.executive import Outputs, Port, Skill, TableView
+from pomona.skills.perception import Detection, MeasuredFruit
 
 COLUMNS = ("fruit", "seen at", "size", "tries", "outcome", "why")
 

@@ -7,17 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
-from pomona.executive.values.arrays import Float64
-from pomona.skills.perception.detection.box_evaluation import (
+from pomona.executive import Float64
+from pomona.skills.perception import (
     JudgedPicture,
+    Photograph,
     box_figures,
     intervals,
     judge,
     judge_size,
     recall_and_precision,
+    shared_part,
 )
-from pomona.skills.perception.detection.photographs import Photograph
-from pomona.skills.perception.detection.pyramid import shared_part
 
 SIZES = ((0.0, 32.0), (32.0, 96.0), (96.0, float("inf")))
 """Ranges of a label's longer side [px]: COCO's small, medium and large."""

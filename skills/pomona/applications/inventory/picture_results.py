@@ -13,8 +13,8 @@ import numpy as np
 from pomona.applications.inventory.found_files import CocoFile, ContactSheet, Outlined, draw, yolo_lines
 from pomona.applications.inventory.label_figures import LabelFigures
 from pomona.applications.inventory.sizes_found import SizesFound
-from pomona.executive.values.arrays import UInt8
-from pomona.skills.perception.detection.photo_folder import read_labels
+from pomona.executive import UInt8
+from pomona.skills.perception import read_labels
 
 SHEET, FIGURES, COCO, YOLO = "contact_sheet.jpg", "figures.md", "found.json", "labels"  # files and a folder
 FORMATS = ("csv", "coco", "yolo")

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pomona.drivers.interfaces import FrameSequence
-from pomona.executive.ports import Outputs, Port
-from pomona.executive.skill import Skill
+from pomona.drivers import FrameSequence
+from pomona.executive import Outputs, Port, Skill
 
 
 class Counted(Outputs):

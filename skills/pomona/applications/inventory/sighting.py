@@ -6,11 +6,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pomona.drivers.interfaces import Frame
-from pomona.executive.values.arrays import Float64
-from pomona.skills.perception.detection.detection import Detection
-from pomona.skills.perception.fruit import FruitModel
-from pomona.skills.perception.measured_fruit import MeasuredFruit
+from pomona.drivers import Frame
+from pomona.executive import Float64
+from pomona.skills.perception import Detection, FruitModel, MeasuredFruit
 
 SIZE_SPREAD = 0.2
 """Standard deviation of a fruit's size beside the model's, as a share: how far away one is that was not measured. The

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pomona.executive.values.arrays import Float64
-from pomona.skills.perception.detection.pyramid import LARGEST_SIDE, at_edge, findable_sizes, search_sides
+from pomona.executive import Float64
+from pomona.skills.perception import LARGEST_SIDE, at_edge, findable_sizes, search_sides
 
 CUT = 0.25  # from this ratio of sizes at an edge of the range on, fruit beyond it is probably missed
 

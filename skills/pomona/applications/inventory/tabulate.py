@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import Annotated
 
 from pomona.applications.inventory.sighting import FrameSightings, sighting_of
-from pomona.executive.ports import Outputs, Port
-from pomona.executive.skill import Skill
-from pomona.skills.perception.detection.detection import Detection
-from pomona.skills.perception.measured_fruit import MeasuredFruit
+from pomona.executive import Outputs, Port, Skill
+from pomona.skills.perception import Detection, MeasuredFruit
 
 
 class Tabulated(Outputs):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pomona.executive.values.arrays import Float64
+from pomona.executive import Float64
 
 DONE = "done"  # the outcome that is no failure
 

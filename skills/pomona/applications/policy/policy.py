@@ -8,12 +8,9 @@ from typing import Annotated
 import numpy as np
 
 from pomona.applications.policy.policy_network import PolicyNetwork, UnusablePolicy, read_policy
-from pomona.drivers.errors import BadTrajectory, DeviceError, MotionRefused
-from pomona.drivers.interfaces import Arm, MotionState, SetPoints, StreamedArm
-from pomona.executive.ports import ANGLE, TIME, Angle, Length, Port, Time
-from pomona.executive.skill import SkillFailure, Work
-from pomona.executive.values.arrays import Float64
-from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
+from pomona.drivers import Arm, BadTrajectory, DeviceError, MotionRefused, MotionState, SetPoints, StreamedArm
+from pomona.executive import ANGLE, TIME, Angle, Float64, Length, Port, SkillFailure, Time, Work
+from pomona.skills import MOTION_FAILURES, MovingSkill
 
 
 class Policy(MovingSkill):

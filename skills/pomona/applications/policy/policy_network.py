@@ -16,8 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from pomona.executive.values.archives import ArchiveTooLarge, open_archive
-from pomona.executive.values.arrays import Float64
+from pomona.executive import ArchiveTooLarge, Float64, open_archive
 
 FORMAT = "pomona-policy-1"
 GOAL = 3  # numbers of a goal: x, y, z

@@ -1,1 +1,49 @@
-"""From a fruit to a path: robot, collision, map, planning, grasps. No py_trees, no devices."""
+"""From a fruit to a path: robot, collision, map, planning, grasps. No py_trees, no devices.
+
+The names below are public, and loaded on first use.
+"""
+
+from typing import TYPE_CHECKING
+
+from pomona.executive.values.public_names import on_first_use
+
+if TYPE_CHECKING:
+    from pomona.skills.motion.grasp import (
+        Grasp as Grasp,
+        GraspCandidates as GraspCandidates,
+        RuledOut as RuledOut,
+    )
+    from pomona.skills.motion.grasps.sample import (
+        CandidateRejected as CandidateRejected,
+        GraspRules as GraspRules,
+        grasp_setting as grasp_setting,
+        judge_candidate as judge_candidate,
+        warm_up as warm_up,
+    )
+    from pomona.skills.motion.grasps.sphere import Sphere as Sphere
+    from pomona.skills.motion.grasps.tried import SAME_PLACE as SAME_PLACE
+    from pomona.skills.motion.lines import straight_line as straight_line
+    from pomona.skills.motion.occupancy import OccupancyMap as OccupancyMap
+    from pomona.skills.motion.planning.arm_space import (
+        ArmSpace as ArmSpace,
+        arm_space as arm_space,
+    )
+    from pomona.skills.motion.robot import (
+        RobotModel as RobotModel,
+        nearest_solution as nearest_solution,
+    )
+
+PUBLIC = {
+    "grasp": "Grasp GraspCandidates RuledOut",
+    "grasps.sample": "CandidateRejected GraspRules grasp_setting judge_candidate warm_up",
+    "grasps.sphere": "Sphere",
+    "grasps.tried": "SAME_PLACE",
+    "lines": "straight_line",
+    "occupancy": "OccupancyMap",
+    "planning.arm_space": "ArmSpace arm_space",
+    "robot": "RobotModel nearest_solution",
+}
+"""Public names by the module that defines them."""
+
+if not TYPE_CHECKING:
+    __getattr__, __dir__ = on_first_use(__name__, PUBLIC)

@@ -1,1 +1,101 @@
-"""From pictures to fruit: models, detection, refinement. No py_trees, no devices."""
+"""From pictures to fruit: models, detection, refinement. No py_trees, no devices.
+
+The names below are public, and loaded on first use.
+"""
+
+from typing import TYPE_CHECKING
+
+from pomona.executive.values.public_names import on_first_use
+
+if TYPE_CHECKING:
+    from pomona.skills.perception.depth_registration import (
+        misplaced_depth as misplaced_depth,
+    )
+    from pomona.skills.perception.detection.box_evaluation import (
+        JudgedPicture as JudgedPicture,
+        box_figures as box_figures,
+        intervals as intervals,
+        judge as judge,
+        judge_size as judge_size,
+        recall_and_precision as recall_and_precision,
+    )
+    from pomona.skills.perception.detection.box_model import (
+        ScoredBox as ScoredBox,
+        load_boxes as load_boxes,
+    )
+    from pomona.skills.perception.detection.compact_detector import (
+        CompactDetector as CompactDetector,
+    )
+    from pomona.skills.perception.detection.detection import (
+        AllDetections as AllDetections,
+        Detection as Detection,
+    )
+    from pomona.skills.perception.detection.errors import (
+        BadFrame as BadFrame,
+        BadWeights as BadWeights,
+        DetectError as DetectError,
+    )
+    from pomona.skills.perception.detection.found_fruit import (
+        FoundFruit as FoundFruit,
+    )
+    from pomona.skills.perception.detection.options import (
+        DetectorOptions as DetectorOptions,
+    )
+    from pomona.skills.perception.detection.photo_folder import (
+        read_labels as read_labels,
+    )
+    from pomona.skills.perception.detection.photographs import (
+        Photograph as Photograph,
+    )
+    from pomona.skills.perception.detection.pyramid import (
+        LARGEST_SIDE as LARGEST_SIDE,
+        at_edge as at_edge,
+        findable_sizes as findable_sizes,
+        search_sides as search_sides,
+        shared_part as shared_part,
+    )
+    from pomona.skills.perception.fruit import (
+        FruitModel as FruitModel,
+        find_weights as find_weights,
+        load_fruit as load_fruit,
+    )
+    from pomona.skills.perception.fruit.catalogue import (
+        mass_model as mass_model,
+        mass_of as mass_of,
+    )
+    from pomona.skills.perception.fruit.errors import (
+        FruitError as FruitError,
+    )
+    from pomona.skills.perception.fruit.sizes import (
+        LEAST_FRUIT as LEAST_FRUIT,
+        KindSizes as KindSizes,
+        TooFewFruit as TooFewFruit,
+        held_out as held_out,
+        learn_sizes as learn_sizes,
+    )
+    from pomona.skills.perception.measured_fruit import (
+        MeasuredFruit as MeasuredFruit,
+    )
+
+PUBLIC = {
+    "depth_registration": "misplaced_depth",
+    "detection.box_evaluation": "JudgedPicture box_figures intervals judge judge_size recall_and_precision",
+    "detection.box_model": "ScoredBox load_boxes",
+    "detection.compact_detector": "CompactDetector",
+    "detection.detection": "AllDetections Detection",
+    "detection.errors": "BadFrame BadWeights DetectError",
+    "detection.found_fruit": "FoundFruit",
+    "detection.options": "DetectorOptions",
+    "detection.photo_folder": "read_labels",
+    "detection.photographs": "Photograph",
+    "detection.pyramid": "LARGEST_SIDE at_edge findable_sizes search_sides shared_part",
+    "fruit": "FruitModel find_weights load_fruit",
+    "fruit.catalogue": "mass_model mass_of",
+    "fruit.errors": "FruitError",
+    "fruit.sizes": "KindSizes LEAST_FRUIT TooFewFruit held_out learn_sizes",
+    "measured_fruit": "MeasuredFruit",
+}
+"""Public names by the module that defines them."""
+
+if not TYPE_CHECKING:
+    __getattr__, __dir__ = on_first_use(__name__, PUBLIC)

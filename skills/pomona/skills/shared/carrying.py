@@ -12,9 +12,9 @@ from pomona.executive.skill import SkillFailure, Work
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.grip import GripProblem
 from pomona.skills.grip.hold import Hold, current_hold, take_over
+from pomona.skills.motion.lines import StraightLine, straight_line
 from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.motion.straight_line import StraightLine, straight_line
 from pomona.skills.shared.following import MovingSkill, Watching
 from pomona.skills.shared.grip_view import show_grip
 from pomona.skills.shared.hanging import LEAST, require_truth

@@ -10,10 +10,10 @@ import numpy as np
 from pomona.drivers.interfaces import Arm
 from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.grasp import Grasp
+from pomona.skills.motion.lines import StraightLine, straight_line
 from pomona.skills.motion.planning.arm_space import ArmSpace
 from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.motion.straight_line import StraightLine, straight_line
 from pomona.skills.shared.following import MovingSkill, Watching
 
 LEAST_POSTURES = 4  # fewer postures give no path that can be timed

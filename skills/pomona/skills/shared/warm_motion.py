@@ -12,11 +12,11 @@ from pomona.executive.skill import Skill
 from pomona.skills.compiled_code import begin_first
 from pomona.skills.geometry import angle_between, rot_z, transform
 from pomona.skills.motion.collision import CollisionWorld
+from pomona.skills.motion.lines import straight_line
 from pomona.skills.motion.planning.arm_space import ArmSpace
 from pomona.skills.motion.planning.plan import PlanRequest, plan
 from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.motion.straight_line import straight_line
 
 
 @lru_cache(maxsize=8)

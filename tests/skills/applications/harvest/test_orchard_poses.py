@@ -13,9 +13,9 @@ from pomona.drivers.cell_file import read_cell_file
 from pomona.skills.geometry import apply, inverse
 from pomona.skills.motion.collision import CollisionWorld, Margins, RobotShape
 from pomona.skills.motion.collision.cover import fibonacci_sphere
+from pomona.skills.motion.lines import straight_line
 from pomona.skills.motion.planning.arm_space import ArmSpace
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.motion.straight_line import straight_line
 
 TREES = Path(__file__).resolve().parents[4] / "trees"
 CELLS = ("orchard", "orchard_ur5e")

@@ -12,9 +12,9 @@ from pomona.drivers.mock.arm import ROBOT
 from pomona.executive.files import find_cell
 from pomona.executive.language import check, format_findings, read_file
 from pomona.executive.registry import Registry
+from pomona.skills.motion.lines import straight_line
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.motion.straight_line import straight_line
 
 TREE = Path(__file__).resolve().parents[4] / "trees" / "experimental" / "pick_tree.yaml"
 

@@ -16,10 +16,10 @@ from pomona.drivers.mock import MockArm, MockClock
 from pomona.drivers.mock.arm import ROBOT
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.skills.geometry import transform
+from pomona.skills.motion.lines import straight_line
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.motion.straight_line import straight_line
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from tests.skills.picking_scene import apple_at
 

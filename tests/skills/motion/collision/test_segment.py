@@ -11,8 +11,8 @@ from pomona.skills.geometry import inverse, rot_x, transform
 from pomona.skills.motion.collision import CollisionWorld, Convex, Margins, RobotShape
 from pomona.skills.motion.collision.kernel import make_scratch, place
 from pomona.skills.motion.collision.segment import bounds_of_motion, speed_of_ball, write_twists
+from pomona.skills.motion.lines import straight_line
 from pomona.skills.motion.robot import RobotModel, inverse_kinematics
-from pomona.skills.motion.straight_line import straight_line
 
 ROOT = Path(__file__).resolve().parents[4]
 SIA5F = ROOT / "trees" / "robots" / "sia5f_wsg32.xml"

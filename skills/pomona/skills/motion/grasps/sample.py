@@ -24,10 +24,10 @@ from pomona.skills.motion.grasps.follow_through import (
 from pomona.skills.motion.grasps.fruit_section import CrossSection, extent, fruit_section
 from pomona.skills.motion.grasps.gripper_shape import GripperShape, gripper_shape
 from pomona.skills.motion.grasps.sphere import Sphere, pre_grasp_orientations
+from pomona.skills.motion.lines import LARGEST_RATE
 from pomona.skills.motion.planning.arm_space import ArmSpace
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.motion.robot.inverse_kinematics import inverse_kinematics
-from pomona.skills.motion.straight_line import LARGEST_RATE
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 
 LINE_STEP = 30e-3  # distance of poses along an approach when it is judged [m]; segments between them are checked whole

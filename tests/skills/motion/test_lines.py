@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from pomona.skills.geometry import rot_x, transform
-from pomona.skills.motion.straight_line import straight_line
+from pomona.skills.motion.lines import straight_line
 from tests.skills.picking_scene import OBSERVE, ROBOT_MODEL
 
 
