@@ -141,11 +141,14 @@ class ParallelGripper(Device, ABC):
         wrong = self._supervisor.look(now, state)
         if wrong:
             self._fail(wrong)
-        if self._watchdog.has_expired(now) and self._speed:
-            self._set_stream(0.0)
+        self._end_stale_stream(now)
         self._watch(state)
         if move is not None and move.ended and self._rests():
             move.settled = True
+
+    def _end_stale_stream(self, now: float) -> None:
+        if self._watchdog.has_expired(now) and self._speed:
+            self._set_stream(0.0)
 
     def _judge_move(self, state: GripperState, set_point: float, tolerance: float, patience: float) -> None:
         """End the running move by its measured rest: done at its width, blocked elsewhere.
