@@ -14,7 +14,8 @@ the fingers may close and hold, but not open. A driver derives from `ParallelGri
     def _start_move(self, move: GripperMotion) -> None: ...     # command a width and a speed
     def _start_stream(self, speed: float) -> None: ...          # command a speed
 
-and, as its gripper needs them, `_start_rest`, `_forget`, `_watch`, `_refusal`, `_leave`.
+and, as its gripper needs them, `_start_rest`, `_forget`, `_watch`, `_refusal`, `_leave`. `pomona new gripper NAME`
+writes such a driver, with an emulated gripper at the other end of its wire.
 """
 
 from __future__ import annotations
@@ -32,6 +33,10 @@ from pomona.drivers.interfaces import Gripper, GripperLimits, GripperState, Moti
 from pomona.drivers.owner import Owner
 from pomona.drivers.watchdog import Watchdog
 from pomona.executive.clock import Clock
+
+ARRIVED, BLOCKED = 1e-3, 0.3
+"""Fingers this near to a width have arrived there [m]; at rest off it for this long they are blocked [s]. Fingers begin
+to move later than their command, by 0.1 s at most (`GripperSupervision.lag`)."""
 
 
 class ParallelGripper(Device, ABC):
@@ -101,7 +106,9 @@ class ParallelGripper(Device, ABC):
         """The gripper is lost: the last command is no longer known."""
 
     def _watch(self, state: GripperState) -> None:
-        """Look at the present move in each step, and report its end with `_judge_move` or `_end_move`."""
+        """Look at the present move in each step, and report its end; by default its measured rest ends it."""
+        if self._move is not None:
+            self._judge_move(state, self._move.width)
 
     def _refusal(self) -> str:
         """Return why the gripper itself takes no move now, as the rest of a sentence; empty when it does."""
@@ -111,6 +118,17 @@ class ParallelGripper(Device, ABC):
         """Close the wire."""
 
     # ------------------------------------------------------------------------------- reports of the driver's step
+
+    def connect(self) -> None:
+        """Serve the wire until the first state has come; nothing moves.
+
+        Raises DeviceError, OSError: none comes, or it is implausible.
+        """
+        self._supervisor.rest(self._clock.now())
+        while self._state is None and self._problem is None:
+            self.step()
+        if self._problem is not None:
+            raise self._problem
 
     def start(self) -> None:
         """Serve the gripper in a thread of its own from now on."""
@@ -143,32 +161,34 @@ class ParallelGripper(Device, ABC):
             self._fail(wrong)
         self._end_stale_stream(now)
         self._watch(state)
-        if move is not None and move.ended and self._rests():
+        if move is not None and move.ended and not self._lost and self._rests():
             move.settled = True
 
     def _end_stale_stream(self, now: float) -> None:
         if self._watchdog.has_expired(now) and self._speed:
             self._set_stream(0.0)
 
-    def _judge_move(self, state: GripperState, set_point: float, tolerance: float, patience: float) -> None:
+    def _judge_move(
+        self, state: GripperState, set_point: float, arrived: float = ARRIVED, blocked: float = BLOCKED
+    ) -> None:
         """End the running move by its measured rest: done at its width, blocked elsewhere.
 
         Args:
             set_point: width that the gripper aims at now [m]; the move's own where it got that at once.
-            tolerance: fingers this near to a width have arrived there [m].
-            patience: fingers that rest this long off their set-point are blocked [s].
+            arrived: fingers this near to a width have arrived there [m].
+            blocked: fingers that rest for this long off their set-point are blocked [s].
         """
         move = self._move
         if move is None or move.state is not MotionState.RUNNING:
             return
         rests = self._supervisor.at_rest
-        if rests and set_point == move.width and abs(state.width - move.width) < tolerance:
+        if rests and set_point == move.width and abs(state.width - move.width) < arrived:
             self._end_move(MotionState.DONE)
-        elif not rests or abs(set_point - state.width) < tolerance:
+        elif not rests or abs(set_point - state.width) < arrived:
             self._off_target_since = math.inf
         else:
             self._off_target_since = min(self._off_target_since, state.stamp)
-            if state.stamp - self._off_target_since > patience:
+            if state.stamp - self._off_target_since > blocked:
                 self._end_move(MotionState.FAILED, f"the fingers are blocked at {1e3 * state.width:.1f} mm")
 
     def _end_move(self, state: MotionState, problem: str = "") -> None:
@@ -184,22 +204,23 @@ class ParallelGripper(Device, ABC):
 
     def _lose(self, error: DeviceError) -> None:
         """The gripper is lost until a new state comes."""
-        news = not self._lost or self._problem is None
-        self._lost = self._lost_since_ack = True
-        if news:
+        if not self._lost or self._problem is None:
             self._blame(error)
             with contextlib.suppress(OSError, DeviceError):  # the wire itself may be lost
                 self._end_move(MotionState.FAILED, f"the gripper was lost: {error.message}")
+        self._lost = self._lost_since_ack = True
         self._forget()
 
     def _failed(self, error: BaseException) -> None:
         """Handle an error of the wire, or a defect of the driver itself."""
         if isinstance(error, DeviceError):
             self._lose(error)
-        elif isinstance(error, OSError):
-            self._lose(DeviceLost(self.name, f"the wire failed: {error}"))
-        else:
-            self._lose(DeviceFault(self.name, f"the driver failed: {error!r}"))
+            return
+        lost: DeviceError = DeviceFault(self.name, f"the driver failed: {error!r}")
+        if isinstance(error, OSError):
+            lost = DeviceLost(self.name, f"the wire failed: {error}")
+        lost.__cause__ = error
+        self._lose(lost)
 
     def _blame(self, problem: DeviceError) -> None:
         """Latch a problem until it is acknowledged; the first one is kept."""
@@ -241,7 +262,8 @@ class ParallelGripper(Device, ABC):
 
     def _rest(self) -> None:
         self._speed = 0.0
-        self._supervisor.rest(self._clock.now())
+        if not self._lost:  # else the last end of the last command stays known
+            self._supervisor.rest(self._clock.now())
         self._start_rest()
 
     def _take_speed(self, speed: float) -> None:
@@ -368,5 +390,5 @@ class ParallelGripper(Device, ABC):
         """Disconnect; the fingers stay where they are."""
         self.safe_stop("closed")
         self._owner.close()
-        self._problem = DeviceLost(self.name, "is closed")
+        self._problem, self._lost = DeviceLost(self.name, "is closed"), True
         self._leave()
