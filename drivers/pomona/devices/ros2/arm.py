@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from pomona.devices.ros2.joints import JointFeed, RosNode, stamped
-from pomona.devices.ros2.rolling_path import PERIOD, OutOfSetPointsError, RollingPath, SetPoint
+from pomona.drivers.base.rolling_path import PERIOD, OutOfSetPointsError, RollingPath, SetPoint
 from pomona.drivers.device import ConnectContext
 from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, UnusableRobotFile
 from pomona.drivers.interfaces import ArmLimits, ArmState
