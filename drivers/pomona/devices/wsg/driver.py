@@ -158,7 +158,7 @@ class WsgGripper(ParallelGripper):
         super().set_speed(speed)
 
     def tare(self) -> None:
-        """Tare the gripper's own force sensor; nothing must touch the fingers."""
+        """Tare the gripper's own force sensor; nothing must touch the fingers. Raises DeviceLost: it is lost."""
         if self._lost:
             raise DeviceLost(self.name, self._words())
         self._owner.post(lambda: self._send(Plain(Command.TARE), Command.TARE))
