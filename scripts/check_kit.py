@@ -41,7 +41,8 @@ def check() -> int:
     with tempfile.TemporaryDirectory() as folder:
         package = Path(folder) / "my_fruit_kit"
         main(["new", "package", "my_fruit_kit", "--into", folder])
-        for kind, name in (("node", "forgive"), ("driver", "wall_camera"), ("skill", "weigh_fruit")):
+        pieces = "node forgive", "driver wall_camera", "gripper clamp", "arm reacher", "skill weigh_fruit"
+        for kind, name in map(str.split, pieces):
             main(["new", kind, name, "--into", str(package)])
         (package / "my_fruit_kit" / "weigh.py").write_text(IMPORTS + readme_skill())
         for module in sorted((ROOT / "tests" / "strangers").glob("*/*.py")):

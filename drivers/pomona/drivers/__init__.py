@@ -10,12 +10,25 @@ from typing import TYPE_CHECKING
 from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
-    from pomona.drivers.camera_options import IntrinsicsSection as IntrinsicsSection
+    from pomona.drivers.base.parallel_gripper import (
+        ParallelGripper as ParallelGripper,
+    )
+    from pomona.drivers.base.rolling_path import (
+        PERIOD as PERIOD,
+        OutOfSetPointsError as OutOfSetPointsError,
+        RollingPath as RollingPath,
+        SetPoint as SetPoint,
+    )
+    from pomona.drivers.camera_options import (
+        IntrinsicsSection as IntrinsicsSection,
+    )
     from pomona.drivers.cell import (
         Cell as Cell,
         load_cell as load_cell,
     )
-    from pomona.drivers.cell_file import read_cell_file as read_cell_file
+    from pomona.drivers.cell_file import (
+        read_cell_file as read_cell_file,
+    )
     from pomona.drivers.depth_model import (
         D4XX as D4XX,
         DEPTH_MODEL_FILE as DEPTH_MODEL_FILE,
@@ -44,7 +57,9 @@ if TYPE_CHECKING:
         UnusableMesh as UnusableMesh,
         UnusableRobotFile as UnusableRobotFile,
     )
-    from pomona.drivers.faults import FaultSwitch as FaultSwitch
+    from pomona.drivers.faults import (
+        FaultSwitch as FaultSwitch,
+    )
     from pomona.drivers.gripper_motion import (
         GripperMotion as GripperMotion,
         allowed_speed as allowed_speed,
@@ -58,7 +73,9 @@ if TYPE_CHECKING:
         HandMemory as HandMemory,
         HandRecord as HandRecord,
     )
-    from pomona.drivers.hold_watch import may_hold as may_hold
+    from pomona.drivers.hold_watch import (
+        may_hold as may_hold,
+    )
     from pomona.drivers.interfaces import (
         Arm as Arm,
         ArmLimits as ArmLimits,
@@ -89,16 +106,24 @@ if TYPE_CHECKING:
         Workspace as Workspace,
         WrenchSample as WrenchSample,
     )
-    from pomona.drivers.motion_supervisor import Supervision as Supervision
-    from pomona.drivers.owner import Owner as Owner
+    from pomona.drivers.motion_supervisor import (
+        Supervision as Supervision,
+    )
+    from pomona.drivers.owner import (
+        Owner as Owner,
+    )
     from pomona.drivers.path_arm import (
         AT_REST as AT_REST,
         PathArm as PathArm,
         SetPointStream as SetPointStream,
         words as words,
     )
-    from pomona.drivers.path_follower import PathFollower as PathFollower
-    from pomona.drivers.path_motion import PathMotion as PathMotion
+    from pomona.drivers.path_follower import (
+        PathFollower as PathFollower,
+    )
+    from pomona.drivers.path_motion import (
+        PathMotion as PathMotion,
+    )
     from pomona.drivers.registration import (
         Driver as Driver,
         NoOptions as NoOptions,
@@ -106,8 +131,12 @@ if TYPE_CHECKING:
         Surroundings as Surroundings,
         driver as driver,
     )
-    from pomona.drivers.robot_file import read_limits as read_limits
-    from pomona.drivers.section_file import read_section_file as read_section_file
+    from pomona.drivers.robot_file import (
+        read_limits as read_limits,
+    )
+    from pomona.drivers.section_file import (
+        read_section_file as read_section_file,
+    )
     from pomona.drivers.streams import (
         SIDES as SIDES,
         SILENCE as SILENCE,
@@ -115,7 +144,9 @@ if TYPE_CHECKING:
         FrameGuard as FrameGuard,
         WrenchStream as WrenchStream,
     )
-    from pomona.drivers.watchdog import Watchdog as Watchdog
+    from pomona.drivers.watchdog import (
+        Watchdog as Watchdog,
+    )
     from pomona.drivers.wire import (
         Address as Address,
         Link as Link,
@@ -127,22 +158,28 @@ if TYPE_CHECKING:
     )
 
 PUBLIC = {
+    "base.parallel_gripper": "ParallelGripper",
+    "base.rolling_path": "OutOfSetPointsError PERIOD RollingPath SetPoint",
     "camera_options": "IntrinsicsSection",
     "cell": "Cell load_cell",
     "cell_file": "read_cell_file",
-    "depth_model": "D4XX DEPTH_MODEL_FILE DepthModel DepthModelSection SIMULATED depth_model_of folder_depth_model",
+    "depth_model": ("D4XX DEPTH_MODEL_FILE DepthModel DepthModelSection SIMULATED depth_model_of folder_depth_model"),
     "device": "ConnectContext Device World",
-    "errors": "BadTrajectory CellFileError DeviceError DeviceFault DeviceLost DriverError FrameUnreadable "
-    "MotionRefused NoBias StopFailed UnusableMesh UnusableRobotFile",
+    "errors": (
+        "BadTrajectory CellFileError DeviceError DeviceFault DeviceLost DriverError FrameUnreadable "
+        "MotionRefused NoBias StopFailed UnusableMesh UnusableRobotFile"
+    ),
     "faults": "FaultSwitch",
     "gripper_motion": "GripperMotion allowed_speed require_move",
     "gripper_supervisor": "GripperSupervision GripperSupervisor",
     "hand_memory": "HandMemory HandRecord",
     "hold_watch": "may_hold",
-    "interfaces": "Arm ArmLimits ArmState Box Camera Cameras DepthCamera ForceSensor Frame FrameSequence FruitKinds "
-    "Gripper GripperLimits GripperState HandTask Hands Hull Intrinsics Motion MotionState "
-    "PathWatchSettings SampleRate SetPoints StreamedArm Subscription Trajectory Workspace "
-    "WrenchSample",
+    "interfaces": (
+        "Arm ArmLimits ArmState Box Camera Cameras DepthCamera ForceSensor Frame FrameSequence "
+        "FruitKinds Gripper GripperLimits GripperState HandTask Hands Hull Intrinsics Motion "
+        "MotionState PathWatchSettings SampleRate SetPoints StreamedArm Subscription Trajectory "
+        "Workspace WrenchSample"
+    ),
     "motion_supervisor": "Supervision",
     "owner": "Owner",
     "path_arm": "AT_REST PathArm SetPointStream words",

@@ -159,4 +159,5 @@ class Owner:
                     self._step()
             except BaseException as error:  # SystemExit of a listener would end the thread without a word
                 self._failed(error)
+                self._clock.advance(0.01)  # pause before the next try [s]: a wire that is cut fails at once
         self._make_calls()

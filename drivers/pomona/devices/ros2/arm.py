@@ -15,17 +15,20 @@ from pathlib import Path
 import numpy as np
 
 from pomona.devices.ros2.joints import JointFeed, RosNode, stamped
-from pomona.devices.ros2.rolling_path import PERIOD, OutOfSetPointsError, RollingPath, SetPoint
 from pomona.drivers import (
     AT_REST,
+    PERIOD,
     ArmLimits,
     ArmState,
     ConnectContext,
     DeviceError,
     DeviceFault,
     DeviceLost,
+    OutOfSetPointsError,
     PathArm,
     PathMotion,
+    RollingPath,
+    SetPoint,
     Settings,
     Supervision,
     UnusableRobotFile,

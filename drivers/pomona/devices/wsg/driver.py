@@ -1,87 +1,152 @@
-"""The WSG gripper as a `Gripper`, to be called from any thread; its owner is in `pomona.devices.wsg.jaws`."""
+"""The WSG gripper as a `Gripper`.
+
+It takes replies and automatic updates, streams the commanded speed, confirms each stop, and detects silence. After a
+loss it reconnects and repeats the whole handshake, with a stop before anything that could move the fingers.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable
 
-from pomona.devices.wsg.codec import Command, Plain, SystemState
-from pomona.devices.wsg.handshake import WsgIdentity, WsgOptions
-from pomona.devices.wsg.jaws import FAULTS, Jaws, words
+from pomona.devices.wsg.codec import Command, Move, Plain, Reply, Script, Status, SystemState
+from pomona.devices.wsg.handshake import WsgIdentity, WsgOptions, shake_hands
+from pomona.devices.wsg.session import GripperSession
 from pomona.drivers import (
-    Device,
+    DeviceError,
     DeviceFault,
     DeviceLost,
-    Gripper,
     GripperLimits,
     GripperMotion,
     GripperState,
+    GripperSupervisor,
     Link,
-    MotionRefused,
     MotionState,
-    Owner,
-    require_move,
+    ParallelGripper,
+    StopFailed,
 )
 from pomona.executive import Clock
 
+RECONNECT = 0.5  # pause between attempts to reconnect [s]
+STREAM_PERIOD = 0.018  # shortest period of the speed set-points [s]: the finger script manages about 50 Hz
+PATIENCE = 0.002  # receive timeout [s]: posted calls wait meanwhile
+STOPPING = 0.2  # deadline for coming to rest after a stop [s]: braking from 0.2 m/s at 2 m/s² takes 0.1 s
 
-class WsgGripper(Device):
-    """A WSG gripper on any link."""
+ARRIVED, ARRIVAL = 2e-3, 0.1  # tolerance at the end of a move [m], and deadline for measuring it [s]
 
-    interfaces = (Gripper,)
+UPDATES = (Command.WIDTH, Command.SPEED, Command.SYSTEM_STATE)
+"""Automatic updates of the gripper; their absence is a fault."""
+
+FAULTS: dict[SystemState, str] = {
+    SystemState.FAST_STOP: "is in fast stop; find out why, then acknowledge",
+    SystemState.TEMPERATURE: "is too hot and has switched off",
+    SystemState.POWER: "has a supply voltage outside its limits",
+    SystemState.CURRENT: "draws too much current",
+    SystemState.FINGER_FAULT: "reports a fault of a finger",
+    SystemState.SCRIPT_FAILURE: "has a finger script that failed",
+}
+
+
+class WsgGripper(ParallelGripper):
+    """A WSG gripper on any link.
+
+    Attributes:
+        identity: reported by the gripper in the last handshake.
+        limits: the narrower of the hardware's and the cell file's.
+    """
+
     outlives = True
 
     def __init__(
         self, open_link: Callable[[], Link], clock: Clock, options: WsgOptions | None = None, name: str = "gripper"
     ) -> None:
-        super().__init__(name)
-        self._jaws = Jaws(self, open_link, clock, options or WsgOptions())
-        self._clock = clock
-        self._owner = Owner(name, self._jaws.step, self._jaws.lose, clock)
-        self._asked: GripperMotion | None = None  # the last requested one, before the owner gets it
+        self.options = options or WsgOptions()
+        # the handshake reports the limits and the acceleration
+        super().__init__(
+            name, clock, GripperLimits(0.0, 0.0, 0.0, 0.0), acceleration=1.0, watchdog=self.options.watchdog
+        )
+        self.identity: WsgIdentity | None = None
+        self._problem = DeviceLost(name, "was never connected")
+        self._open_link = open_link
+        self._session: GripperSession | None = None  # None while the gripper is lost
+        self._bits = SystemState(0)  # newest that the gripper has reported
+        self._retry_at = 0.0
+        self._rate = 0.0
+        self._updated: dict[Command, float] = {}
+        self._waiting: GripperMotion | None = None  # to be started when the stop before it is answered
+        self._sent_at, self._sent = -math.inf, 0.0  # newest speed set-point
+        self._arriving: float | None = None  # the gripper reports arrival; deadline for its width to confirm it
+        self._grace_until = -math.inf
+        self._obey_by: float | None = None  # deadline for coming to rest after a stop
 
-    @property
-    def identity(self) -> WsgIdentity | None:
-        """Identity that the gripper reported in the last handshake."""
-        return self._jaws.identity
+    # ---------------------------------------------------------------------------------------- connection
 
     def connect(self) -> None:
         """Open the wire and shake hands. Raises DeviceError: no such gripper there, or it refuses the handshake."""
-        self._jaws.session = self._jaws.open()
-        self._jaws.problem = None
-
-    def start(self) -> None:
-        """Serve the wire in a thread of its own from now on."""
-        self._owner.start()
+        self._open()
+        self._problem = None
 
     def step(self) -> None:
-        """Serve the wire for a few milliseconds, where no thread does."""
-        self._jaws.step()
+        """Serve the connection for a few milliseconds."""
+        try:
+            if self._session is None:
+                self._reconnect()
+            else:
+                self._serve(self._session)
+        except (OSError, DeviceError) as error:
+            self._failed(error)
 
-    # --------------------------------------------------------------------------------------- the interface
+    def _reconnect(self) -> None:
+        self._supervise()
+        now = self._clock.now()
+        if now < self._retry_at:
+            self._clock.advance(min(self._retry_at - now, 0.02))
+            return
+        self._open()
 
-    @property
-    def limits(self) -> GripperLimits:
-        return self._jaws.limits
+    def _open(self) -> None:
+        """Connect and shake hands. Raises DeviceLost: no gripper answers. DeviceError: it refuses the handshake."""
+        try:
+            session = GripperSession(self.name, self._open_link(), self._clock)
+        except OSError as error:
+            raise DeviceLost(self.name, f"cannot be reached: {error}") from error
+        try:
+            identity = shake_hands(session, self.options, self._take, first=self.identity is None)
+        except OSError as error:
+            session.close()
+            raise DeviceLost(self.name, f"the wire failed in the handshake: {error}") from error
+        except BaseException:
+            session.close()
+            raise
+        now, options = self._clock.now(), self.options
+        self.identity, self.limits = identity, identity.limits(options)
+        self._supervisor = GripperSupervisor(identity.reach(options), identity.acceleration, options.supervision)
+        self._supervisor.rest(now)
+        self._updated = dict.fromkeys(UPDATES, now)
+        self._speed = self._sent = 0.0
+        self._session, self._lost = session, False
 
-    def state(self) -> GripperState:
-        """See the Protocol. Raises DeviceLost: there is no fresh state."""
-        self._need_link()
-        return self._jaws.state
+    def _lose(self, error: DeviceError) -> None:
+        """Close the connection after an error; the next steps try to reconnect."""
+        session, self._session = self._session, None
+        super()._lose(error)
+        if session is not None:
+            session.close()
 
-    def move(self, width: float, speed: float) -> GripperMotion:
-        limits = self._jaws.limits
-        refusal = self._jaws.unready()
-        if refusal:
-            raise MotionRefused(self.name, refusal)
-        require_move(self.name, limits, width, speed)
-        motion = GripperMotion(width, min(speed, limits.speed_max), self._jaws.state.width, self._leave_stop)
-        self._asked = motion
-        self._owner.post(lambda: self._jaws.begin(motion))
-        return motion
+    def _forget(self) -> None:
+        self._sent, self._waiting, self._obey_by = 0.0, None, None
+        self._retry_at = self._clock.now() + RECONNECT
 
-    def _leave_stop(self, motion: GripperMotion) -> None:
-        self._owner.post(lambda: self._jaws.stop_motion(motion))
+    def _leave(self) -> None:
+        """Close the session: a gripper that loses its client makes a fast stop."""
+        session, self._session = self._session, None
+        if session is not None:
+            with contextlib.suppress(OSError):
+                session.send(Plain(Command.DISCONNECT), Command.DISCONNECT)
+            session.close()
+
+    # -------------------------------------------------------------------------------------------- commands
 
     def set_speed(self, speed: float) -> None:
         """See the Protocol; while latched the fingers may close and hold but not open.
@@ -90,79 +155,220 @@ class WsgGripper(Device):
             DeviceLost: the gripper is lost, or an earlier loss is not acknowledged.
             DeviceFault: it has no finger script for streamed speeds, or is in fast stop.
         """
-        self._need_link()
-        jaws = self._jaws
-        if jaws.lost_since_ack:
-            raise DeviceLost(self.name, f"was lost; acknowledge the loss before it moves: {words(jaws.problem)}")
-        if jaws.identity is None or not jaws.identity.has_script:
-            raise DeviceFault(
-                self.name, "has no finger script for streamed speeds: load drivers/pomona/devices/wsg/velocity.lua"
-            )
-        if jaws.bits & SystemState.FAST_STOP:
-            raise DeviceFault(self.name, FAULTS[SystemState.FAST_STOP])
-        self._owner.post(lambda: jaws.stream(speed))
+        if not self._lost and not self._lost_since_ack:
+            if self.identity is None or not self.identity.has_script:
+                raise DeviceFault(
+                    self.name, "has no finger script for streamed speeds: load drivers/pomona/devices/wsg/velocity.lua"
+                )
+            if self._bits & SystemState.FAST_STOP:
+                raise DeviceFault(self.name, FAULTS[SystemState.FAST_STOP])
+        super().set_speed(speed)
 
     def tare(self) -> None:
-        """Tare the gripper's own force sensor; nothing must touch the fingers."""
-        self._need_link()
-        self._owner.post(lambda: self._jaws.send(Plain(Command.TARE), Command.TARE))
+        """Tare the gripper's own force sensor; nothing must touch the fingers. Raises DeviceLost: it is lost."""
+        if self._lost:
+            raise DeviceLost(self.name, self._words())
+        self._owner.post(lambda: self._send(Plain(Command.TARE), Command.TARE))
 
-    def _need_link(self) -> None:
-        if self._jaws.session is None:
-            raise DeviceLost(self.name, words(self._jaws.problem))
+    def _refusal(self) -> str:
+        if self._bits & SystemState.REFERENCED:
+            return ""
+        return (
+            "has no reference: check that it holds nothing, then start with --cleared and 'home: true' in the cell "
+            "file, or home it by hand"
+        )
 
-    # ------------------------------------------------------------------------------------------ the device
+    def _start_move(self, move: GripperMotion) -> None:
+        """Stop the fingers; the answer starts the move."""
+        self._sent, self._waiting, self._arriving = 0.0, move, None
+        self._send(Plain(Command.STOP), Command.STOP)
 
-    def link(self) -> str:
-        problem = self._jaws.problem
-        return "ok" if problem is None else problem.message
+    def _start_rest(self) -> None:
+        """Stop in any reported state; a gripper that does not obey it gets a fast stop."""
+        self._waiting = None
+        if self._session is None:
+            return
+        if self._obey_by is None:
+            self._obey_by = self._clock.now() + STOPPING
+        if self._sent != 0.0:
+            self._start_stream(0.0)
+        self._send(Plain(Command.STOP), Command.STOP)
 
-    def check(self) -> None:
-        problem = self._jaws.problem
-        if problem is not None:
-            raise problem
-        self._owner.check()
+    def _set_stream(self, speed: float) -> None:
+        """Set the speed; it is sent no sooner than the finger script takes it."""
+        self._speed = speed
+        if self._clock.now() - self._sent_at >= STREAM_PERIOD or (speed == 0.0 and self._sent != 0.0):
+            self._start_stream(speed)
 
-    def safe_stop(self, reason: str) -> None:
-        """Latch, and send a stop in any reported state; a gripper that does not obey it gets a fast stop."""
-        if self._jaws.latched is None:
-            self._jaws.latched = reason
-        self._owner.post(lambda: self._jaws.stop_safely(reason))
+    def _start_stream(self, speed: float) -> None:
+        self._sent, self._sent_at = speed, self._clock.now()
+        self._supervisor.stream(self._sent_at, speed, self.options.watchdog)
+        self._send(Script(Command.SCRIPT_SPEED, 0.0, speed), Command.SCRIPT_SPEED)
 
-    def acknowledge(self) -> None:
-        """Release the latch, and a fast stop of the gripper. Raises DeviceLost: it is still lost."""
-        if self._jaws.session is None:
-            raise DeviceLost(self.name, f"is still lost: {words(self._jaws.problem)}")
-        self._owner.ask(self._jaws.release)
+    def _release(self) -> None:
+        """Release the latch, and a fast stop of the gripper. Raises DeviceLost: the gripper is still lost."""
+        super()._release()
+        if self._bits & SystemState.FAST_STOP:
+            self._send(Plain(Command.ACKNOWLEDGE), Command.ACKNOWLEDGE)
+        # time that the gripper has to clear its fault after an acknowledgement [s]
+        self._grace_until = self._clock.now() + 0.3
+        self._obey_by = None
 
-    def pause(self) -> None:
-        self._owner.post(self._jaws.pause)
+    # -------------------------------------------------------------------------------------------- the wire
 
-    def resume(self) -> None:
-        motion, refusal = self._asked, self._jaws.unready()
-        if motion is not None and motion.state is MotionState.PAUSED and refusal:
-            raise MotionRefused(self.name, refusal)
-        self._owner.post(self._jaws.resume)
+    def _send(self, request: Plain | Move | Script, command: Command) -> None:
+        """Send a request; it is dropped while disconnected, and a connection that fails is lost."""
+        session = self._session
+        if session is None:
+            return
+        try:
+            session.send(request, command)
+        except OSError as error:
+            self._failed(error)
 
-    def settled(self) -> bool:
-        """Return True if the fingers were measured to rest, and a stop was obeyed.
+    def _serve(self, session: GripperSession) -> None:
+        replies = session.receive(self._patience())
+        if not replies and self._clock.now() - session.last_heard > self.options.silence:
+            replies = session.receive(0.0)  # this thread itself may have stalled
+        for reply in replies:
+            self._take(reply)
+        self._supervise()
+        if self._session is not session:
+            return
+        now = self._clock.now()
+        if not replies and now - session.last_heard > self.options.silence:
+            raise DeviceLost(self.name, f"no answer for {1e3 * (now - session.last_heard):.0f} ms")
+        command, came_at = min(self._updated.items(), key=lambda item: item[1])
+        if now - came_at > 2.0 * self.options.silence:
+            raise DeviceLost(self.name, f"has not sent its {command.name} for {1e3 * (now - came_at):.0f} ms")
 
-        Streamed speeds do not count as motion: force control may go on for hours. For a lost gripper only the latest
-        end of its last command is known.
-        """
-        if self._jaws.session is None:
-            return self._clock.now() > self._jaws.supervisor.rest_by
-        motion = self._asked
-        ended = motion is None or motion.settled or motion.state is MotionState.PAUSED
-        return ended and self._jaws.obeys()
+    def _patience(self) -> float:
+        """Receive timeout [s]: at most until the next set-point is due."""
+        if self._speed == self._sent == 0.0:
+            return PATIENCE
+        return min(max(self._sent_at + STREAM_PERIOD - self._clock.now(), 0.0), PATIENCE)
 
-    def close(self) -> None:
-        """Stop the fingers at their place and close the session: a gripper that loses its client makes a fast stop."""
-        self.safe_stop("closed")
-        self._owner.close()
-        session, self._jaws.session = self._jaws.session, None
-        if session is not None:
-            with contextlib.suppress(OSError):
-                session.send(Plain(Command.DISCONNECT), Command.DISCONNECT)
-            session.close()
-        self._jaws.problem = DeviceLost(self.name, "is closed")
+    def _watch(self, state: GripperState) -> None:
+        """Stream, enforce stops, and see whether the move has arrived."""
+        self._keep_streaming(self._clock.now())
+        session = self._session
+        if self._obey_by is not None and session is not None and not session.awaits(Command.STOP):
+            if self._still():
+                self._obey_by = None
+            elif state.stamp > self._obey_by:  # not the clock: this thread may have stalled
+                width = 1e3 * state.width
+                self._disobeyed(f"was not measured at rest {1e3 * STOPPING:.0f} ms after a stop, at {width:.1f} mm")
+        if self._move is not None:
+            self._arrive(self._move)
+
+    def _keep_streaming(self, now: float) -> None:
+        changed = self._speed != self._sent and (self._speed == 0.0 or now - self._sent_at >= STREAM_PERIOD)
+        # Renewing feeds the finger script's own watchdog.
+        if changed or (self._speed != 0.0 and now - self._sent_at >= 2.0 * STREAM_PERIOD):
+            self._start_stream(self._speed)
+
+    def _arrive(self, move: GripperMotion) -> None:
+        """A move is done once the measured width confirms it."""
+        if self._arriving is None or move.state is not MotionState.RUNNING:
+            return
+        if abs(move.measured - move.width) < ARRIVED:
+            move.measured = move.width
+            move.end(MotionState.DONE)
+        elif self._clock.now() > self._arriving:
+            here, there = 1e3 * move.measured, 1e3 * move.width
+            self._fail(f"measures {here:.1f} mm at the end of a move to {there:.1f} mm")
+
+    def _rests(self) -> bool:
+        return self._obey_by is None and self._still()
+
+    def _still(self) -> bool:
+        """Return True if the fingers are at rest, or follow the streamed speed."""
+        if self._sent != 0.0:
+            return self._supervisor.follows
+        return self._supervisor.at_rest and not self._bits & SystemState.MOVING
+
+    def _disobeyed(self, words: str) -> None:
+        """Report a failed stop before any other problem, and try the fast stop."""
+        self._stop_failed(words)
+        self._obey_by = self._clock.now() + STOPPING
+        self._send(Plain(Command.FAST_STOP), Command.FAST_STOP)
+
+    def _stop_failed(self, words: str) -> None:
+        with self._lock:
+            self._problem = StopFailed(self.name, words, self._problem)
+
+    def _fail(self, words: str) -> None:
+        if self._problem is None or self._obey_by is None:  # else it was stopped for a problem already
+            super()._fail(words)
+
+    def _take(self, reply: Reply) -> None:
+        good = reply.status is Status.SUCCESS
+        if good and reply.command in UPDATES:
+            self._updated[reply.command] = self._clock.now()
+        match reply.command:
+            case Command.SYSTEM_STATE if good:
+                self._take_bits(SystemState(int(reply.values[0])))
+            case Command.WIDTH if good:
+                self._take_width(reply.values[0])
+            case Command.SPEED if good:
+                self._rate = reply.values[0]
+            case Command.SCRIPT_SPEED if good:
+                self._rate = reply.values[1]
+                self._take_width(reply.values[0])
+            case Command.SCRIPT_SPEED:
+                self._blame(DeviceFault(self.name, f"refused a streamed speed: {reply.status.name}"))
+            case Command.STOP | Command.FAST_STOP:
+                self._take_stop(reply)
+            case Command.MOVE:
+                self._take_outcome(reply.status)
+
+    def _take_bits(self, bits: SystemState) -> None:
+        self._bits = bits
+        fault = next((words for bit, words in FAULTS.items() if bits & bit), None)
+        if fault is None or self._problem is not None or self._clock.now() <= self._grace_until:
+            return
+        if self._move is not None and not self._move.ended:
+            self._fail(fault)
+        else:  # the safe stop decides whether force control may go on
+            self._blame(DeviceFault(self.name, fault))
+
+    def _take_width(self, jaw: float) -> None:
+        """Note the width; `_supervise` looks at it, since the speed to it comes after it."""
+        width = jaw + self.options.finger_offset
+        moving = bool(self._bits & SystemState.MOVING) or abs(self._rate) > 5e-4
+        referenced = bool(self._bits & SystemState.REFERENCED)
+        self._state = GripperState(
+            self._clock.now(), width, self._rate, moving, referenced=referenced, aim=self._aim
+        )  # fmt: skip
+        if self._move is not None:
+            self._move.measured = width
+
+    def _take_stop(self, reply: Reply) -> None:
+        move, self._waiting = self._waiting, None
+        if reply.status is Status.SUCCESS:
+            if move is not None:
+                self._send(Move(move.width - self.options.finger_offset, move.speed), Command.MOVE)
+            return
+        words = f"refused {reply.command.name}: {reply.status.name}"
+        if move is not None:
+            move.end(MotionState.FAILED, f"{self.name}: {words}")
+        if reply.command is Command.STOP and not self._bits & SystemState.FAST_STOP:
+            self._disobeyed(words)
+        elif reply.command is Command.FAST_STOP:
+            self._stop_failed(words)
+
+    def _take_outcome(self, status: Status) -> None:
+        """The end of a MOVE. One that we ended answers CMD_ABORTED, which is no news."""
+        move = self._move
+        if move is None or status is Status.CMD_PENDING or move.state is not MotionState.RUNNING:
+            return
+        if self._waiting is move:  # the reply belongs to the previous move
+            return
+        self._supervisor.rest(self._clock.now())
+        if status is Status.SUCCESS:
+            self._arriving = self._clock.now() + ARRIVAL
+            self._arrive(move)
+        elif status is Status.AXIS_BLOCKED:
+            move.end(MotionState.FAILED, f"the fingers are blocked at {1e3 * move.measured:.1f} mm")
+        else:
+            move.end(MotionState.FAILED, f"the gripper ended the move: {status.name}")

@@ -20,7 +20,13 @@ from pomona.tools.kit.package import EMPTY_TREE, OWN_TREE, PACKAGE, TREE
 from pomona.tools.kit.piece import Piece
 
 GROUP = "pomona.new"
-KINDS_ELSEWHERE = ("cell", "driver", "fruit")  # kinds of the distribution `pomona` that the executive alone lacks
+KINDS_ELSEWHERE = (
+    "arm",
+    "cell",
+    "driver",
+    "fruit",
+    "gripper",
+)  # kinds of the distribution `pomona` that the executive alone lacks
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 

@@ -41,7 +41,7 @@ In an environment with Pomona (the distribution pomona or pomona-executive):
     pytest
     mypy $module
 
-`pomona new skill|node|driver NAME --into .` adds a piece.
+`pomona new skill|node|driver|gripper|arm NAME --into .` adds a piece.
 Install the package once more after that: its new name is found then.
 """,
     },

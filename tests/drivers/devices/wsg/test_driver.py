@@ -12,9 +12,8 @@ from pomona.devices.emulators.free_gripper import FreeGripper
 from pomona.devices.emulators.wsg import WsgEmulator
 from pomona.devices.wsg.codec import Command, Plain, Script, SystemState, encode
 from pomona.devices.wsg.connect import connect
-from pomona.devices.wsg.driver import WsgGripper
+from pomona.devices.wsg.driver import RECONNECT, WsgGripper
 from pomona.devices.wsg.handshake import WsgOptions
-from pomona.devices.wsg.jaws import RECONNECT
 from pomona.drivers.device import ConnectContext
 from pomona.drivers.errors import DeviceFault, DeviceLost, MotionRefused, StopFailed
 from pomona.drivers.interfaces import GripperState, MotionState
@@ -450,7 +449,7 @@ def test_fingers_that_move_without_a_command_are_reported_within_100_ms_and_stop
     with pytest.raises(DeviceFault, match=r"opens without a command: 65\.\d → 68\.\d mm"):
         gripper.check()
     serve_until(gripper, wire, lambda: wire.device.runaway == 0.0, 0.3)  # no stop helped: a fast stop did
-    assert isinstance(gripper._jaws.problem, StopFailed)
+    assert isinstance(gripper._problem, StopFailed)
     serve_until(gripper, wire, gripper.settled, 0.3)
 
 

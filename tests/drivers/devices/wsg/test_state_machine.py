@@ -13,9 +13,8 @@ from hypothesis import Phase, settings, strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from pomona.devices.wsg.codec import SystemState
-from pomona.devices.wsg.driver import WsgGripper
+from pomona.devices.wsg.driver import RECONNECT, WsgGripper
 from pomona.devices.wsg.handshake import WsgOptions
-from pomona.devices.wsg.jaws import RECONNECT
 from pomona.drivers.errors import DeviceError, DeviceLost
 from pomona.drivers.gripper_motion import GripperMotion
 from pomona.drivers.interfaces import MotionState
@@ -68,7 +67,7 @@ class GripperMachine(RuleBasedStateMachine):
             self.moving_since = None
         elif self.moving_since is None:
             self.moving_since = now
-        self.lost = self.lost or isinstance(self.gripper._jaws.problem, DeviceLost)
+        self.lost = self.lost or isinstance(self.gripper._problem, DeviceLost)
         moved_for = 0.0 if self.moving_since is None else now - self.moving_since
         whole = now - self.wire_since
         allowed = DISOBEYED if now - self.ran_away_at < 2.0 * DISOBEYED else OBEYED

@@ -21,7 +21,8 @@ def kit(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("new")
     assert main(["new", "package", "my_fruit_kit", "--into", str(folder)]) == 0
     package = folder / "my_fruit_kit"
-    for kind, name in (("node", "forgive"), ("driver", "WallCamera"), ("skill", "WeighFruit")):
+    pieces = "node forgive", "driver WallCamera", "gripper Clamp", "arm Reacher", "skill WeighFruit"
+    for kind, name in map(str.split, pieces):
         assert main(["new", kind, name, "--into", str(package)]) == 0
     return package
 
@@ -30,7 +31,7 @@ def test_its_tests_pass(kit: Path) -> None:
     words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "."]
     done = subprocess.run(words, cwd=kit, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "6 passed" in done.stdout
+    assert "14 passed" in done.stdout
 
 
 def test_its_tree_follows_its_scenario(kit: Path, monkeypatch, capsys) -> None:
@@ -50,6 +51,8 @@ def test_every_piece_is_found_by_an_entry_point(kit: Path) -> None:
         'WeighFruit = "my_fruit_kit.weigh_fruit:WeighFruit"',
         'forgive = "my_fruit_kit.forgive:ForgiveType"',
         'wall_camera = "my_fruit_kit.wall_camera:connect"',
+        'clamp = "my_fruit_kit.clamp:connect"',
+        'reacher = "my_fruit_kit.reacher:connect"',
     ):
         assert line in text
 

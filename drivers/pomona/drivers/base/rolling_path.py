@@ -12,8 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pomona.drivers import DeviceFault, PathFollower, PathMotion
-from pomona.executive import Clock, Float64
+from pomona.drivers.errors import DeviceFault
+from pomona.drivers.path_follower import PathFollower
+from pomona.drivers.path_motion import PathMotion
+from pomona.executive.clock import Clock
+from pomona.executive.values.arrays import Float64
 
 PERIOD = 0.01  # time between the points of a message, which a controller joins by cubics [s]
 BLEND = 0.3  # time over which the distance between the path's start and the arm's true position is taken up [s]

@@ -1,0 +1,1 @@
+"""Bases of drivers: the part that every device of a kind has."""

@@ -1,0 +1,58 @@
+"""Base of grippers without a wire, as simulated and mock ones: read when they are asked, at rest when a move ends."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+from pomona.drivers.base.parallel_gripper import ParallelGripper
+from pomona.drivers.errors import DeviceFault
+from pomona.drivers.gripper_motion import DirectMotion, GripperMotion
+from pomona.drivers.gripper_supervisor import GripperSupervision
+from pomona.drivers.interfaces import GripperLimits, GripperState
+from pomona.executive.clock import Clock
+
+
+class DirectGripper(ParallelGripper):
+    """A gripper in this process. A clock calls its `step`, which follows the base's `_move` and `_speed`."""
+
+    def __init__(
+        self,
+        name: str,
+        clock: Clock,
+        limits: GripperLimits,
+        *,
+        acceleration: float,
+        watchdog: float,
+        supervision: GripperSupervision | None = None,
+    ) -> None:
+        """See the base."""
+        super().__init__(
+            name, clock, limits, acceleration=acceleration, watchdog=watchdog, supervision=supervision
+        )  # fmt: skip
+        self._lost = False
+        self._supervisor.rest(clock.now())
+
+    @abstractmethod
+    def state(self) -> GripperState:
+        """Opening and speed now."""
+
+    def last_seen(self) -> float | None:
+        return self.state().stamp
+
+    def check(self) -> None:
+        wrong = self._supervisor.look(self._clock.now(), self.state())
+        if wrong:
+            self._blame(DeviceFault(self.name, wrong))
+        super().check()
+
+    def _start_move(self, move: GripperMotion) -> None:
+        """Nothing: `step` follows the move."""
+
+    def _start_stream(self, speed: float) -> None:
+        """Nothing: `step` follows the speed."""
+
+    def _new_move(self, width: float, speed: float) -> GripperMotion:
+        return DirectMotion(width, speed, self.state().width, self._rest)
+
+    def _rests(self) -> bool:
+        return True

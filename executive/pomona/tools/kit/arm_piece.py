@@ -1,0 +1,287 @@
+"""Files written by `pomona new arm`: a driver on the base of arms that get their path ahead, and an emulated arm."""
+
+from __future__ import annotations
+
+from pomona.tools.kit.piece import Piece
+
+ARM = Piece(
+    "an arm on the base `PathArm`, with an emulated one at the other end of its wire",
+    {
+        "$module/$name.py": '''"""The driver `$name` of a cell file: an arm that gets its path a moment ahead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pomona.drivers.base.rolling_path import PERIOD, OutOfSetPointsError, RollingPath
+from pomona.drivers.device import ConnectContext
+from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, UnusableRobotFile
+from pomona.drivers.interfaces import ArmLimits, ArmState
+from pomona.drivers.motion_supervisor import Supervision
+from pomona.drivers.path_arm import PathArm, words
+from pomona.drivers.path_motion import PathMotion
+from pomona.drivers.registration import Settings, driver
+from pomona.drivers.robot_file import read_limits
+from pomona.drivers.wire import Address, Link, Malformed, Nonsense, tcp_opener
+from pomona.executive.clock import Clock
+from pomona.executive.values.arrays import Float64
+from pomona.executive.values.kinds import Measure, PathTo, Whole
+from pomona.executive.values.sections import Problem, value
+from pomona.executive.values.units import TIME
+
+ASK, TELL, SILENCE = 0.01, 0.03, 0.1  # between questions, between paths; without an answer for this long it is lost [s]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ${Name}Options:
+    """An arm on TCP; without an address an emulated one in this process."""
+
+    tcp: tuple[str, int] | None = value(Address(4002), None, "HOST or HOST:PORT; default: an emulated arm")
+    robot: Path = value(PathTo("file"), help="the robot's description (MJCF or URDF), with its limits")
+    joints: int = value(Whole(1, 12), 7, "joints of the description")
+    lead: float = value(Measure(TIME, "40 ms", "700 ms"), "150 ms", "how far ahead in time points are sent to the arm")
+
+    @property
+    def wires(self) -> tuple[str, ...]:
+        return () if self.tcp is None else (f"{self.tcp[0]}:{self.tcp[1]}",)
+
+    def problems(self) -> Iterator[Problem]:
+        try:
+            read_limits(self.robot, self.joints)
+        except UnusableRobotFile as error:
+            yield Problem("robot", str(error))
+
+
+class $Name(PathArm):
+    """The arm. Its lines: `joints?`, and `path SECONDS Q… SECONDS Q…`, which replaces the last and ends at rest."""
+
+    def __init__(
+        self, wire: Link, clock: Clock, robot: Path, limits: ArmLimits, lead: float, name: str = "arm"
+    ) -> None:
+        super().__init__(name, clock, robot, limits, Supervision(), PERIOD)
+        self._wire, self._begun, self._lead = wire, b"", lead
+        self._asked_at = self._heard_at = clock.now()
+        self._told_at = -np.inf
+        self._path: RollingPath | None = None
+
+    def connect(self) -> None:
+        """Wait for the first joints; nothing moves. Raises DeviceLost: none come, or they are implausible."""
+        while self._state is None:
+            self._read()
+        self._problem = None
+
+    def step(self) -> None:
+        try:
+            self._read()
+        except DeviceLost as error:
+            self._doubt(error)  # it brakes on its path
+        if self._path is not None:
+            self._tell(self._path)
+        self._watch_motion()
+
+    def _read(self) -> None:
+        now = self._clock.now()
+        if now - self._asked_at >= ASK:
+            self._asked_at = now
+            self._wire.send(b"joints?\\n")
+        *lines, self._begun = (self._begun + self._wire.receive(0.004)).split(b"\\n")
+        for line in lines:
+            try:
+                q = np.array([float(word) for word in line.split()]).reshape(len(self.limits.lower))
+            except ValueError:
+                raise Nonsense(self.name, Malformed(line, "no joints")) from None
+            self._heard_at = self._clock.now()
+            self._believe(self._heard_at, q, None)
+        silent = self._clock.now() - self._heard_at
+        if silent > SILENCE:
+            raise DeviceLost(self.name, f"no answer for {1e3 * silent:.0f} ms")
+
+    def _tell(self, path: RollingPath) -> None:
+        try:
+            path.go_on()
+        except OutOfSetPointsError as error:  # the last path brings it to rest
+            self._blame(error)
+            self._abandon(error.message)
+            return
+        now = self._clock.now()
+        if now - self._told_at < TELL:
+            return
+        self._told_at = now
+        points = [(point.due - now, *point.q) for point in path.window() if point.due > now]
+        if points:
+            self._wire.send(" ".join(["path", *(f"{n:.6f}" for point in points for n in point)]).encode() + b"\\n")
+
+    @property
+    def _stream(self) -> RollingPath | None:
+        return self._path
+
+    def _begin_stream(self, motion: PathMotion, q_start: Float64, q_arm: Float64) -> None:
+        self._told_at = -np.inf
+        commanded = self._supervisor.command
+        self._path = RollingPath(self.name, motion, q_start, q_arm, self._clock, self._lead, commanded)
+
+    def _end_stream(self) -> None:
+        self._path = None
+
+    def _halt(self, problem: str) -> None:
+        self._doubted = True
+        if self._motion is not None:
+            self._motion.fail(problem)
+        if self._path is not None and not self._path.braking_now:
+            self._path.brake()
+            self._told_at = -np.inf
+
+    def _failed(self, error: BaseException) -> None:
+        found = error if isinstance(error, DeviceError) else DeviceFault(self.name, f"the driver failed: {error!r}")
+        self._blame(found)
+        self._abandon(found.message)
+
+    def _release(self) -> None:
+        self._problem = None
+        self._owner.post(self._begin_anew)
+
+    def _begin_anew(self) -> None:
+        self._doubted = False
+        if self._motion is None or self._motion.settled:
+            self._supervisor.forget()
+
+    def _leave(self) -> None:
+        self._wire.close()
+
+    def state(self) -> ArmState:
+        if not self._believed or self._state is None:
+            raise DeviceLost(self.name, words(self._problem))
+        return self._state
+
+
+class Emulated$Name:
+    """The other end of the wire: joints that follow the newest path exactly."""
+
+    def __init__(self, clock: Clock, joints: int) -> None:
+        self.silent = False
+        self._clock, self._answers = clock, b""
+        self._times, self._path = np.zeros(1), np.zeros((1, joints))
+
+    @property
+    def q(self) -> Float64:
+        """Joints now, (dof,) [rad]."""
+        now = self._clock.now()
+        return np.array([np.interp(now, self._times, column) for column in self._path.T])
+
+    def send(self, chunk: bytes) -> None:
+        for line in chunk.decode().splitlines():
+            word, *numbers = line.split()
+            if word == "path":
+                rows, now = np.array(numbers, float).reshape(-1, 1 + self._path.shape[1]), self._clock.now()
+                self._path = np.vstack([self.q, rows[:, 1:]])
+                self._times = np.concatenate([[now], now + rows[:, 0]])
+            elif not self.silent:
+                self._answers += " ".join(f"{angle:.6f}" for angle in self.q).encode() + b"\\n"
+
+    def receive(self, timeout: float) -> bytes:
+        self._clock.advance(timeout)
+        answers, self._answers = self._answers, b""
+        return answers
+
+    def close(self) -> None:
+        """Nothing: the newest path ends at rest."""
+
+
+@driver($Name, ${Name}Options)
+def connect(settings: Settings[${Name}Options], context: ConnectContext) -> $Name:
+    """`driver: $name`"""
+    options, clock = settings.values, context.clock
+    limits = read_limits(options.robot, options.joints)
+    try:
+        emulated = Emulated$Name(clock, options.joints)
+        wire = emulated if options.tcp is None else tcp_opener(*options.tcp, context.wires)()
+        arm = $Name(wire, clock, options.robot, limits, options.lead)
+        arm.connect()
+    except (OSError, DeviceError) as error:
+        raise settings.error(str(error), "tcp", "is the controller switched on, and on this network?") from error
+    arm.start()
+    return arm
+''',
+        "tests/test_$name.py": '''"""The driver `$name` at the emulated arm, on a clock that the test moves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pomona.drivers.errors import DeviceLost, MotionRefused
+from pomona.drivers.interfaces import Arm, ArmLimits, MotionState, Trajectory
+from pomona.executive.clock import ManualClock
+
+from $module.$name import Emulated$Name, $Name
+
+WIDE = np.full(7, 3.0)
+LIMITS = ArmLimits(-WIDE, WIDE, velocity=WIDE, acceleration=5.0 * WIDE, jerk=50.0 * WIDE)
+Pair = tuple[$Name, Emulated$Name]
+
+
+@pytest.fixture
+def pair() -> Pair:
+    clock = ManualClock()
+    wire = Emulated$Name(clock, 7)
+    arm = $Name(wire, clock, Path("robot.xml"), LIMITS, lead=0.15)
+    arm.connect()
+    serve(arm, 50)
+    return arm, wire
+
+
+def serve(arm: $Name, steps: int) -> None:
+    for _ in range(steps):  # of 4 ms
+        arm.step()
+
+
+def sweep(angle: float = 0.5, duration: float = 1.5) -> Trajectory:
+    """A path of the first joint, from rest to rest."""
+    x = np.linspace(0.0, 1.0, 151)
+    shape = 10.0 * x**3 - 15.0 * x**4 + 6.0 * x**5, 30.0 * x**2 * (1.0 - x) ** 2, 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x)
+    q, qd, qdd = (np.outer(part, np.eye(7)[0]) * angle / duration**n for n, part in enumerate(shape))
+    return Trajectory(x * duration, q, qd, qdd)
+
+
+def test_it_follows_a_path_to_its_end(pair: Pair) -> None:
+    arm, wire = pair
+    motion = arm.follow(sweep())
+    serve(arm, 600)
+    assert isinstance(arm, Arm)
+    assert (motion.state, motion.settled) == (MotionState.DONE, True)
+    assert wire.q[0] == pytest.approx(0.5, abs=1e-4)
+    arm.check()
+
+
+def test_a_safe_stop_brakes_on_the_path_and_refuses_another(pair: Pair) -> None:
+    arm, wire = pair
+    motion = arm.follow(sweep())
+    serve(arm, 150)
+    arm.safe_stop("test")
+    serve(arm, 250)
+    assert (motion.state, arm.settled()) == (MotionState.STOPPED, True)
+    assert 0.05 < wire.q[0] < 0.45
+    with pytest.raises(MotionRefused, match="latched"):
+        arm.follow(sweep())
+
+
+def test_silence_is_a_loss_until_it_is_acknowledged(pair: Pair) -> None:
+    arm, wire = pair
+    wire.silent = True
+    serve(arm, 50)
+    with pytest.raises(DeviceLost, match="no answer for"):
+        arm.check()
+    wire.silent = False
+    serve(arm, 50)
+    with pytest.raises(MotionRefused, match="not ready"):
+        arm.follow(sweep())
+    arm.acknowledge()
+    arm.check()
+''',
+    },
+    entry=("pomona.drivers", "$name", "$module.$name:connect"),
+)
