@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from pomona.drivers.interfaces import Intrinsics
-from pomona.executive.values.image_bytes import is_cut_off
+from pomona.executive.values.pictures import UnusablePicture, decode_picture, decode_plane
 
 IMAGE, COMPRESSED, INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/CameraInfo"
 
@@ -33,8 +34,7 @@ class UnusableImage(ValueError):
 def colour_of(message: Any, kind: str) -> NDArray[np.uint8]:
     """RGB, shape (h, w, 3). Raises UnusableImage: it is no colour image that can be read."""
     if kind == COMPRESSED:
-        image = _decoded(message, cv2.IMREAD_COLOR)
-        return np.ascontiguousarray(image[..., ::-1])
+        return _decoded(message, partial(decode_picture, as_taken=True))
     if message.encoding not in _COLOUR:
         raise UnusableImage(f"its encoding is '{message.encoding}', known are {', '.join(_COLOUR)}")
     channels, order = _COLOUR[message.encoding]
@@ -48,7 +48,7 @@ def depth_of(message: Any, kind: str) -> NDArray[np.float32]:
     Raises UnusableImage: it is no depth image that can be read.
     """
     if kind == COMPRESSED:
-        image = _decoded(message, cv2.IMREAD_UNCHANGED)
+        image = _decoded(message, decode_plane)
         if image.dtype != np.uint16 or image.ndim != 2:
             raise UnusableImage("it is compressed and not one channel of 16 bits [mm]")
         return image.astype(np.float32) * np.float32(1e-3)
@@ -84,14 +84,8 @@ def _rows(message: Any, dtype: np.dtype[Any], channels: int) -> NDArray[Any]:
     return np.ascontiguousarray(rows).view(dtype).reshape(height, width, channels)
 
 
-def _decoded(message: Any, flags: int) -> NDArray[Any]:
-    content = np.ascontiguousarray(message.data).tobytes()
-    if is_cut_off(content):
-        raise UnusableImage("it cannot be decoded: its end is missing")
+def _decoded(message: Any, decode: Callable[[bytes], NDArray[Any]]) -> NDArray[Any]:
     try:
-        image: NDArray[Any] | None = cv2.imdecode(np.frombuffer(content, np.uint8), flags)
-    except cv2.error as error:
-        raise UnusableImage("it cannot be decoded") from error
-    if image is None or image.shape[0] * image.shape[1] > MOST_PIXELS:
-        raise UnusableImage("it cannot be decoded")
-    return image
+        return decode(np.ascontiguousarray(message.data).tobytes())
+    except UnusablePicture as error:
+        raise UnusableImage(str(error)) from error

@@ -21,7 +21,8 @@ from scipy.spatial.transform import Rotation
 from pomona.devices.frames.folder import INTRINSICS_FILE, read_intrinsics
 from pomona.drivers.errors import CellFileError, DriverError
 from pomona.drivers.interfaces import Intrinsics
-from pomona.executive.values.arrays import Float64
+from pomona.executive.values.arrays import Float64, UInt8
+from pomona.executive.values.pictures import UnusablePicture, read_picture
 from pomona.executive.values.plain_text import read_plain_text
 from pomona.executive.values.read_only import ReadOnly
 from pomona.executive.values.rotations import is_rigid
@@ -150,16 +151,28 @@ def calibrate_folder(folder: Path, board: Chessboard) -> HandEye:
         if T.shape != (4, 4) or not is_rigid(T):
             raise UnusableLooks(f"{folder / 'poses.json'}: the pose of '{name}' is no rigid 4 × 4 transform")
         path = next((p for suffix in (".png", ".jpg", ".jpeg") if (p := folder / f"{name}{suffix}").is_file()), None)
-        image = cv2.imread(str(path), cv2.IMREAD_COLOR) if path is not None else None
-        if image is None:
+        if path is None:
             raise UnusableLooks(f"{folder}: there is no image of the look '{name}'")
-        T_camera_board = find_board(np.ascontiguousarray(image[..., ::-1]), intrinsics, board)
+        T_camera_board = find_board(_picture(path, intrinsics), intrinsics, board)
         if T_camera_board is not None:
             seen[name] = T_camera_board
     if len(seen) < LEAST_LOOKS:
         corners = f"{board.columns} × {board.rows} inner corners"
         raise UnusableLooks(f"{folder}: the board ({corners}) is seen in {len(seen)} of {len(poses)} images")
     return calibrate_hand_eye(np.stack([poses[name] for name in seen]), np.stack(list(seen.values())), tuple(seen))
+
+
+def _picture(path: Path, intrinsics: Intrinsics) -> UInt8:
+    """Read the picture of a look, RGB (h, w, 3), of the size of the intrinsics."""
+    try:
+        picture = read_picture(path, as_taken=True)
+    except UnusablePicture as error:
+        raise UnusableLooks(f"{path}: {error}") from error
+    if picture.shape[1::-1] != (intrinsics.width, intrinsics.height):
+        size = f"{picture.shape[1]} x {picture.shape[0]}"
+        words = f"{size} pixels, the intrinsics are for {intrinsics.width} x {intrinsics.height}"
+        raise UnusableLooks(f"{path}: is {words}: use the pictures as the camera gave them, and their intrinsics")
+    return picture
 
 
 def _starts_black(grey: NDArray[np.uint8], corners: Float64) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import csv
 import math
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -15,8 +16,8 @@ import numpy as np
 
 from pomona.executive.running.signals import raise_again
 from pomona.executive.values.arrays import UInt8
-from pomona.executive.values.image_bytes import is_cut_off
 from pomona.executive.values.kinds import Number
+from pomona.executive.values.pictures import ENDINGS, UnusablePicture, read_picture, write_picture
 from pomona.executive.values.plain_text import is_file
 
 if TYPE_CHECKING:
@@ -24,11 +25,10 @@ if TYPE_CHECKING:
     from pomona.skills.perception.detection.compact_detector import CompactDetector
     from pomona.skills.perception.detection.found_fruit import FoundFruit
 
-ENDINGS = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 DEPTH = "_depth_mm.png"  # of an RGB-D frame, beside its colour: no picture to find fruit in
 TABLE = "found.csv"
 COLUMNS = ("picture", "fruit", "score", "left_px", "top_px", "width_px", "height_px", "visible")
-COLOUR = (46, 176, 255)  # of boxes and numbers, BGR: `pomona.executive.palette.OVERLAY["found"]`
+COLOUR = (255, 176, 46)  # of boxes and numbers, RGB: `pomona.executive.palette.OVERLAY["found"]`
 
 
 Search = Callable[[UInt8], "Sequence[FoundFruit | ScoredBox]"]  # finds the fruit in a picture (h, w, 3) uint8 RGB
@@ -135,24 +135,25 @@ def _search(options: argparse.Namespace) -> Search:
 
 def _all(files: Sequence[Path], search: Search, score: float, out: Path, stream: TextIO) -> int:
     """Return each picture with its line on the screen and its rows in the table; how many could not be used."""
+    from pomona.skills.perception.detection.errors import BadFrame
+
     table = csv.writer(stream)
     table.writerow(COLUMNS)
     unusable = total = 0
     for number, file in enumerate(files):
         raise_again()
-        picture = _read(file)
-        if picture is None:
-            sys.stderr.write(f"pomona detect: {file} cannot be read as a picture\n")
+        try:
+            picture = read_picture(file)
+            found = [fruit for fruit in search(picture) if fruit.score >= score]
+        except (UnusablePicture, BadFrame) as error:
+            sys.stderr.write(f"pomona detect: {_shown(file)}: {error}\n")
             unusable += 1
             continue
-        found = [fruit for fruit in search(picture[:, :, ::-1]) if fruit.score >= score]
-        drawn = out / f"{number + 1:04d}_{file.stem}.jpg"
-        if not cv2.imwrite(str(drawn), _draw(picture, found)):
-            raise UnusableInput(f"{drawn} cannot be written")
+        write_picture(out / f"{number + 1:04d}_{file.stem}.jpg", _draw(picture, found))
         height, width = picture.shape[:2]
         table.writerows(
             (
-                file,
+                _shown(file),
                 k + 1,
                 f"{fruit.score:.3f}",
                 *(f"{value:.1f}" for value in fruit.outline(width, height)),
@@ -162,21 +163,16 @@ def _all(files: Sequence[Path], search: Search, score: float, out: Path, stream:
         )
         stream.flush()
         total += len(found)
-        sys.stdout.write(f"{number + 1}/{len(files)}  {file}: {len(found)} found\n")
+        sys.stdout.write(f"{number + 1}/{len(files)}  {_shown(file)}: {len(found)} found\n")
         sys.stdout.flush()
     used = len(files) - unusable
     sys.stdout.write(f"{total} fruit in {used} {'picture' if used == 1 else 'pictures'}\n")
     return unusable
 
 
-def _read(file: Path) -> Any:
-    """Return the picture (h, w, 3), BGR, or None; OpenCV's own reading of files complains beside us."""
-    content = file.read_bytes()
-    data = np.frombuffer(content, np.uint8)
-    try:
-        return cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size and not is_cut_off(content) else None
-    except cv2.error:  # the header gives a size beyond memory
-        return None
+def _shown(file: Path) -> str:
+    """Return a name that every screen can show: bytes that are not UTF-8 as \\xNN."""
+    return os.fsencode(file).decode("utf-8", "backslashreplace")
 
 
 def find_fruit(detector: CompactDetector, colour: UInt8) -> list[FoundFruit]:

@@ -11,10 +11,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import yaml
 
+from pomona.executive.values.pictures import UnusablePicture, read_picture
 from pomona.executive.values.plain_text import read_plain_text
 from pomona.skills.perception.detection.class_names import ClassUnknown, class_of
 from pomona.skills.perception.detection.errors import BadPhotographs
@@ -104,13 +104,14 @@ def _checked(item: Labelled) -> Photograph:
     path = item.path
     if not path.is_file():
         raise BadPhotographs(path, f"is labelled in {item.says}, but there is no such picture")
-    content = path.read_bytes()
-    picture = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR) if content else None
-    if picture is None:
-        raise BadPhotographs(path, "cannot be read as a picture: it is not one, or it is truncated")
-    height, width = picture.shape[:2]
+    try:
+        height, width = read_picture(path).shape[:2]
+    except UnusablePicture as error:
+        raise BadPhotographs(path, str(error)) from error
     if item.size is not None and item.size != (width, height):
-        raise BadPhotographs(path, f"is {width} × {height}, {item.says} says {item.size[0]} × {item.size[1]}")
+        words = f"is {width} × {height}, {item.says} says {item.size[0]} × {item.size[1]}"
+        turned = ": labels hold for pictures as they are seen, upright by their Exif orientation"
+        raise BadPhotographs(path, words + (turned if item.size == (height, width) else ""))
     boxes = np.array(item.boxes, np.float64).reshape(-1, 4)
     if item.parts:
         boxes *= (width, height, width, height)

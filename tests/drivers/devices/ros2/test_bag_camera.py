@@ -155,7 +155,7 @@ TEXT = STORE.types["std_msgs/msg/String"]("no image")
         (two(about=info(fx=0.0)), r"/info: it has no focal length", 5),
         (two(about=info(d=(0.1, 0, 0, 0, 0))), r"its lens distorts", 5),
         (two(image(colour()[:20], "rgb8")), r"colour is 40 x 20, the intrinsics are for 40 x 30", 2),
-        (two(compressed(colour(), ".jpg", -4))[:3], r"it cannot be decoded: its end is missing", 2),
+        (two(compressed(colour(), ".jpg", -4))[:3], r"cannot be read as a picture: its end is missing", 2),
         (two(image(colour(), "bayer_rggb8")), r"its encoding is 'bayer_rggb8'", 2),
         (two(image(colour(), "rgb8", step=4000)), r"in rows of 4000 bytes, but it has 3600 bytes", 2),
         (two(its_depth=image(colour(), "rgb8")), r"depth has 16UC1", 2),

@@ -4,8 +4,10 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from pomona.skills.perception.detection.errors import BadPhotographs
 from pomona.tools.training import labelled
@@ -55,6 +57,43 @@ def test_without_a_split_the_last_by_name_are_measured_on(tmp_path: Path) -> Non
     assert [photo.name for photo in photographs.val] == ["14.png", "15.png"]
 
 
+def turned(folder: Path, orientation: int, box: tuple[int, int, int, int], size: tuple[int, int]) -> Path:
+    """Photographs as a phone stores them: a disc at (80, 60) of the stored pixels, and labels of a tool."""
+    stored = np.full((240, 320, 3), 40, np.uint8)
+    cv2.circle(stored, (80, 60), 20, (220, 40, 40), -1)
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    (folder / "images").mkdir(parents=True)
+    Image.fromarray(stored).save(folder / "images" / "p.jpg", exif=exif.tobytes(), quality=98)
+    content = {
+        "images": [{"id": 0, "file_name": "p.jpg", "width": size[0], "height": size[1]}],
+        "annotations": [{"image_id": 0, "category_id": 1, "bbox": box}],
+        "categories": [{"id": 1, "name": "apple"}],
+    }
+    (folder / "labels.json").write_text(json.dumps(content))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("orientation", "box", "size"),
+    [(1, (60, 40, 40, 40), (320, 240)), (3, (219, 159, 40, 40), (320, 240)), (6, (159, 60, 40, 40), (240, 320)),
+     (8, (40, 219, 40, 40), (240, 320))],
+)  # fmt: skip
+def test_labels_and_pixels_of_a_turned_photograph_are_both_upright(
+    orientation: int, box: tuple[int, int, int, int], size: tuple[int, int], tmp_path: Path
+) -> None:
+    photo = read_photographs(turned(tmp_path, orientation, box, size)).train[0]
+    picture = photo.picture()
+    assert picture.shape == (photo.height, photo.width, 3) == (size[1], size[0], 3)
+    x, y, w, h = (int(v) for v in photo.boxes[0])
+    assert (picture[y : y + h, x : x + w, 0] > 150).mean() == pytest.approx(np.pi / 4, abs=0.05)
+
+
+def test_labels_of_stored_pixels_are_refused_with_the_reason(tmp_path: Path) -> None:
+    with pytest.raises(BadPhotographs, match=r"is 240 × 320, .* says 320 × 240: labels hold for pictures as they are"):
+        read_photographs(turned(tmp_path, 6, (60, 40, 40, 40), (320, 240)))
+
+
 def _write(name: str, text: str) -> Callable[[Path], object]:
     return lambda folder: (folder / name).write_text(text)
 
@@ -91,7 +130,7 @@ MISTAKES = [
     (tables, _append("images.csv", "b_2.jpg,a,val\n"), r"b_2\.jpg: is labelled in"),
     (tables, _write("images/a_0.jpg", ""), r"a_0\.jpg: cannot be read as a picture"),
     (tables, _write("images/a_0.jpg", "no picture"), r"a_0\.jpg: cannot be read as a picture"),
-    (tables, _cut("images/a_0.jpg", -2), r"a_0\.jpg: cannot be read as a picture: it is not one, or it is truncated"),
+    (tables, _cut("images/a_0.jpg", -2), r"a_0\.jpg: cannot be read as a picture: its end is missing"),
     (tables, _write("fruit.csv", "image,x,y,w,h\n"), r"no photograph of its train split has a box"),
     (
         yolo,
