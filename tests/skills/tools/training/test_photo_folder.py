@@ -37,6 +37,48 @@ def test_outlines_in_yolo_files_become_their_boxes(tmp_path: Path) -> None:
     assert np.allclose(read_photographs(folder).train[0].boxes, SIDE * np.array([[0.1, 0.2, 0.3, 0.4]]))
 
 
+def one_square(folder: Path, texts: Path, count: int = 8) -> None:
+    """Pictures with one fruit each, and its YOLO label in a folder."""
+    texts.mkdir(parents=True, exist_ok=True)
+    for k in range(count):
+        draw(folder / f"p{k}.jpg", [(120.0, 120.0, 30.0)])
+        (texts / f"p{k}.txt").write_text("1 0.5 0.5 0.25 0.25\n")
+
+
+def test_label_studios_export_is_read_in_spite_of_its_notes(tmp_path: Path) -> None:
+    one_square(tmp_path / "images", tmp_path / "labels")
+    (tmp_path / "classes.txt").write_text("leaf\napple\n")
+    (tmp_path / "notes.json").write_text('{"categories": [{"id": 1, "name": "apple"}], "info": {"version": "1.0"}}')
+    photographs = read_photographs(tmp_path)
+    assert (len(photographs.train), len(photographs.val)) == (7, 1)
+    assert np.allclose(photographs.train[0].boxes, [[90.0, 90.0, 60.0, 60.0]])
+
+
+@pytest.mark.parametrize("texts", ["labels", "images"])
+def test_labelimg_writes_its_classes_among_the_labels(texts: str, tmp_path: Path) -> None:
+    folder = tmp_path if texts == "labels" else tmp_path / "images"
+    one_square(tmp_path / "images", tmp_path / texts)
+    (tmp_path / texts / "classes.txt").write_text("leaf\napple\n")
+    assert len(read_photographs(folder).train) == 7
+
+
+def test_roboflows_splits_are_folders_with_a_coco_file_each(tmp_path: Path) -> None:
+    for split, count in (("train", 4), ("valid", 2), ("test", 1)):
+        for k in range(count):
+            draw(tmp_path / split / f"p{k}.jpg", [(120.0, 120.0, 30.0)])
+        images = [{"id": k, "file_name": f"p{k}.jpg", "width": SIDE, "height": SIDE} for k in range(count)]
+        boxes = [{"image_id": k, "category_id": "1", "bbox": [90, 90, 60, 60]} for k in range(count)]
+        names = [{"id": 0, "name": "apples", "supercategory": "none"}, {"id": 1, "name": "apple"}]
+        content = {"images": images, "annotations": boxes, "categories": names}
+        (tmp_path / split / "_annotations.coco.json").write_text(json.dumps(content))
+    photographs = read_photographs(tmp_path)
+    assert [(len(s), {p.path.parent.name for p in s}) for s in (photographs.train, photographs.val)] == [
+        (4, {"train"}),
+        (2, {"valid"}),
+    ]
+    assert all(len(photo.boxes) == 1 for photo in photographs.train)
+
+
 def test_crowds_in_coco_files_are_kept_apart(tmp_path: Path) -> None:
     folder = coco(tmp_path)
     path = folder / "annotations" / "instances_train.json"
@@ -137,9 +179,9 @@ MISTAKES = [
         _write("data.yaml", "names: [leaf, tomato]\n"),
         r"data\.yaml: has the classes leaf, tomato: none of them is apple",
     ),
-    (yolo, _write("data.yaml", "names: [apple, green apple]\n"), r"2 of them could be apple"),
+    (yolo, _write("data.yaml", "names: [red apple, green apple]\n"), r"2 of them could be apple"),
     (yolo, _write("data.yaml", "nc: 2\n"), r"data\.yaml: does not name the classes"),
-    (yolo, _remove("data.yaml"), r"its labels have 2 classes, and no data\.yaml names the one"),
+    (yolo, _remove("data.yaml"), r"its labels have 2 classes, and no data\.yaml or classes\.txt names the one"),
     (
         yolo,
         _remove("train/labels/a_0.txt"),
@@ -157,6 +199,9 @@ MISTAKES = [
         r"a_0\.txt: line 4: expected class, x, y, w, h, not 3 numbers",
     ),
     (yolo, _append("train/labels/a_0.txt", "apple 1 1 1 1\n"), r"a_0\.txt: line 4: expected numbers"),
+    (yolo, _append("train/labels/a_0.txt", "\n\n1 0.9 0.5\n"), r"a_0\.txt: line 6: expected class"),
+    (yolo, _append("train/labels/a_0.txt", "nan 0.5 0.5 0.1 0.1\n"), r"line 4: the class nan is no whole number"),
+    (yolo, _append("train/labels/a_0.txt", "0.7 0.5 0.5 0.1 0.1\n"), r"line 4: the class 0\.7 is no whole number"),
     (coco, _write("annotations/instances_val.json", "{"), r"instances_val\.json: is no COCO file"),
     (coco, _write("annotations/instances_val.json", '{"images": []}'), r"is no COCO file: KeyError 'annotations'"),
     (coco, _remove("images/b_0.jpg"), r"b_0\.jpg: is labelled in .*instances_val\.json, but there is no such picture"),
