@@ -169,4 +169,4 @@ def connect(settings: Settings[Ros2CameraFile], context: ConnectContext) -> Stre
 
 
 def _kind(topic: str) -> str:
-    return COMPRESSED if topic.endswith("/compressed") else IMAGE
+    return COMPRESSED if topic.endswith(("/compressed", "/compressedDepth")) else IMAGE
