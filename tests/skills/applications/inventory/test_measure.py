@@ -96,7 +96,11 @@ def test_a_frame_that_is_damaged_is_named_and_the_others_are_measured(
         (lambda folder: (folder / "intrinsics.yaml").unlink(), (), "the intrinsics are for 1920 x 1080"),
         (lambda folder: [path.unlink() for path in folder.glob("*_color.png")], (), "holds no frame"),
         (lambda folder: (folder / "a_depth_mm.png").unlink(), (), "a_depth_mm.png is missing"),
-        (lambda folder: (folder / "a_color.png").write_bytes(b"damaged"), (), "a_color.png: cannot be read as a picture"),
+        (
+            lambda folder: (folder / "a_color.png").write_bytes(b"damaged"),
+            (),
+            "a_color.png: cannot be read as a picture",
+        ),
         (lambda folder: None, ("--kind", "pear"), "no fruit named 'pear'"),
         (lambda folder: None, ("--score", "3"), "--score 3: score is at most 1"),
         (lambda folder: None, ("--every", "0"), "--every 0: it is 0, but must be"),
