@@ -134,7 +134,10 @@ def _pairs(bag: Bag, said: BagFile) -> tuple[BagFrame, ...]:
     """Pair each colour image with the depth that was taken nearest to it."""
     colours, depths = (bag.list_messages(topic) for topic in (said.colour, said.depth))
     stamped = all(place.taken for place in (*colours, *depths))
-    when = (lambda place: place.taken) if stamped else (lambda place: place.written)
+
+    def when(place: Message) -> int:
+        return place.taken if stamped else place.written
+
     colours, depths = sorted(colours, key=when), sorted(depths, key=when)
     times, unit = [when(place) for place in depths], _unit(bag, said.depth)
     frames = []
@@ -162,7 +165,7 @@ def _check_viewer(bag: Bag, said: BagFile) -> None:
             values = [numbers(bag.read_all(topic)[0]) for topic in topics]
         except NOT_ROS as error:
             raise UnusableFrames(bag.path, f"{' or '.join(topics)}: {why(error)}") from error
-        if len(values) == 2 and not np.allclose(*values, rtol=APART_K, atol=1e-4):
+        if len(values) == 2 and not np.allclose(values[0], values[1], rtol=APART_K, atol=1e-4):
             words = f"{topics[0]} and {topics[1]} differ: its depth is not registered to colour"
             raise UnusableFrames(bag.path, f"{words}: {REGISTER}")
 
