@@ -20,13 +20,13 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 import torch
 from rich.console import Console
 from rich.progress import Progress
 
 from benchmarks.photo_border import LEAST_SCORE, calibration_error, calibration_table, recall_at_border
+from pomona.executive.values.pictures import UnusablePicture, read_picture
 from pomona.skills.perception.detection.box_evaluation import box_figures, box_intervals, match_boxes
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.dope_decode import decode_maps
@@ -338,10 +338,10 @@ def box_of(instance: Instance, fruit: FruitModel) -> tuple[float, float, float, 
 
 
 def _read(path: Path) -> np.ndarray:
-    picture = cv2.imread(str(path))
-    if picture is None:
-        raise SystemExit(f"{path} cannot be read")
-    return np.ascontiguousarray(picture[..., ::-1])
+    try:
+        return read_picture(path, as_taken=True)
+    except UnusablePicture as error:
+        raise SystemExit(f"{path}: {error}") from error
 
 
 if __name__ == "__main__":

@@ -13,7 +13,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
@@ -24,6 +23,7 @@ from pomona.devices.frames.folder import list_frames
 from pomona.drivers.depth_model import AZURE_KINECT
 from pomona.drivers.interfaces import Frame, Intrinsics
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.pictures import read_plane
 from pomona.skills.geometry import transform
 from pomona.skills.perception.detection.detection import Detection
 from pomona.skills.perception.detection.options import DetectorOptions
@@ -43,7 +43,7 @@ def orchard_errors(folder: Path, fruit: FruitModel, console: Console) -> dict[st
     with (folder / "fruit.csv").open(newline="", encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if not row["fruit_id"].startswith("BALL")]
     depth = {
-        name: np.asarray(cv2.imread(str(folder / f"{name}_depth_mm.png"), cv2.IMREAD_UNCHANGED), np.float32) / 1e3
+        name: np.asarray(read_plane(folder / f"{name}_depth_mm.png"), np.float32) / 1e3
         for name in {row["frame"] for row in rows}
     }
     table = Table("method", "fruit", "measured", "raw bias", "raw MAE", "leave-one-out MAE", "of the calibre")

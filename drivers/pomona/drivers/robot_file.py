@@ -83,9 +83,9 @@ def read_limits(path: Path, dof: int | None = None) -> ArmLimits:
 @lru_cache(maxsize=8)
 def _limits(path: Path, dof: int | None, _changed: int) -> ArmLimits:
     model = read_spec(path).compile()
-    named = [model.actuator(i).name for i in range(model.nu)]
-    count = sum(name != "gripper" for name in named) if dof is None else dof
-    joints = model.actuator_trnid[:count, 0]
+    arm = [i for i in range(model.nu) if model.actuator(i).name != "gripper"]
+    count = len(arm) if dof is None else dof
+    joints = np.sort(model.actuator_trnid[arm, 0])[:count]  # from base to tool, whatever the order of the actuators
     if len(joints) < count:
         raise UnusableRobotFile(path, f"has {len(joints)} actuated joints, the arm has {count}")
     rates = []

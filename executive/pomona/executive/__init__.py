@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
-    from pomona.executive.behaviours import run_behaviour as run_behaviour
+    from pomona.executive.behaviours import (
+        run_behaviour as run_behaviour,
+    )
     from pomona.executive.clock import (
         Clock as Clock,
         ManualClock as ManualClock,
@@ -29,7 +31,9 @@ if TYPE_CHECKING:
         find_cell as find_cell,
         find_tree as find_tree,
     )
-    from pomona.executive.palette import OVERLAY as OVERLAY
+    from pomona.executive.palette import (
+        OVERLAY as OVERLAY,
+    )
     from pomona.executive.ports import (
         REQUIRED as REQUIRED,
         Acceleration as Acceleration,
@@ -65,9 +69,15 @@ if TYPE_CHECKING:
         SafeStopped as SafeStopped,
         StateChanged as StateChanged,
     )
-    from pomona.executive.running.runner import Runner as Runner
-    from pomona.executive.running.signals import raise_again as raise_again
-    from pomona.executive.running.starting import Starting as Starting
+    from pomona.executive.running.runner import (
+        Runner as Runner,
+    )
+    from pomona.executive.running.signals import (
+        raise_again as raise_again,
+    )
+    from pomona.executive.running.starting import (
+        Starting as Starting,
+    )
     from pomona.executive.skill import (
         CellFacts as CellFacts,
         Failure as Failure,
@@ -88,13 +98,19 @@ if TYPE_CHECKING:
         Float64 as Float64,
         UInt8 as UInt8,
     )
-    from pomona.executive.values.documents import ValueFile as ValueFile
+    from pomona.executive.values.documents import (
+        ValueFile as ValueFile,
+    )
     from pomona.executive.values.findings import (
         Finding as Finding,
         format_finding as format_finding,
     )
-    from pomona.executive.values.image_bytes import is_cut_off as is_cut_off
-    from pomona.executive.values.installation import install_extra as install_extra
+    from pomona.executive.values.image_bytes import (
+        is_cut_off as is_cut_off,
+    )
+    from pomona.executive.values.installation import (
+        install_extra as install_extra,
+    )
     from pomona.executive.values.kinds import (
         AsWritten as AsWritten,
         Counts as Counts,
@@ -110,13 +126,29 @@ if TYPE_CHECKING:
         Words as Words,
         choose as choose,
     )
-    from pomona.executive.values.plain_arrays import read_plain_arrays as read_plain_arrays
+    from pomona.executive.values.pictures import (
+        ENDINGS as ENDINGS,
+        UnusablePicture as UnusablePicture,
+        decode_picture as decode_picture,
+        decode_plane as decode_plane,
+        is_lfs_pointer as is_lfs_pointer,
+        read_picture as read_picture,
+        read_plane as read_plane,
+        write_picture as write_picture,
+    )
+    from pomona.executive.values.plain_arrays import (
+        read_plain_arrays as read_plain_arrays,
+    )
     from pomona.executive.values.plain_text import (
         is_file as is_file,
         read_plain_text as read_plain_text,
     )
-    from pomona.executive.values.read_only import ReadOnly as ReadOnly
-    from pomona.executive.values.rotations import is_rigid as is_rigid
+    from pomona.executive.values.read_only import (
+        ReadOnly as ReadOnly,
+    )
+    from pomona.executive.values.rotations import (
+        is_rigid as is_rigid,
+    )
     from pomona.executive.values.sections import (
         Problem as Problem,
         Section as Section,
@@ -165,11 +197,15 @@ PUBLIC = {
     "execute": "Executed RunOrder run_tree",
     "files": "find_cell find_tree",
     "palette": "OVERLAY",
-    "ports": "Acceleration Angle AngularSpeed Force Length Mass Outputs Port Pressure REQUIRED Rate Ratio "
-    "Speed Stiffness Time Torque",
+    "ports": (
+        "Acceleration Angle AngularSpeed Force Length Mass Outputs Port Pressure REQUIRED Rate "
+        "Ratio Speed Stiffness Time Torque"
+    ),
     "run_views": "RunView ViewedRun",
-    "running.events": "AttemptEnded ErrorRaised Event NodeChanged OperatorActed PortWritten Published RunEnded "
-    "RunStarted SafeStopped StateChanged",
+    "running.events": (
+        "AttemptEnded ErrorRaised Event NodeChanged OperatorActed PortWritten Published RunEnded "
+        "RunStarted SafeStopped StateChanged"
+    ),
     "running.runner": "Runner",
     "running.signals": "raise_again",
     "running.starting": "Starting",
@@ -182,16 +218,21 @@ PUBLIC = {
     "values.image_bytes": "is_cut_off",
     "values.installation": "install_extra",
     "values.kinds": "AsWritten Counts Flag MappingOf Measure Number OrWord PathTo Span Text Whole Words choose",
+    "values.pictures": (
+        "ENDINGS UnusablePicture decode_picture decode_plane is_lfs_pointer read_picture read_plane write_picture"
+    ),
     "values.plain_arrays": "read_plain_arrays",
     "values.plain_text": "is_file read_plain_text",
     "values.read_only": "ReadOnly",
     "values.rotations": "is_rigid",
     "values.sections": "Problem Section value",
-    "values.units": "ACCELERATION ANGLE ANGULAR_SPEED FORCE LENGTH MASS PRESSURE Quantity RATE RATIO SPEED STIFFNESS "
-    "TIME TORQUE",
+    "values.units": (
+        "ACCELERATION ANGLE ANGULAR_SPEED FORCE LENGTH MASS PRESSURE Quantity RATE RATIO SPEED STIFFNESS TIME TORQUE"
+    ),
     "values.yaml_nodes": "YamlMapping YamlNode YamlScalar",
-    "views": "BodiesView ImageView Line2 Line3 Mesh3 Pinhole Points3 PosesView ProgressView SceneView "
-    "SeriesView TableView",
+    "views": (
+        "BodiesView ImageView Line2 Line3 Mesh3 Pinhole Points3 PosesView ProgressView SceneView SeriesView TableView"
+    ),
 }
 """Public names by the module that defines them."""
 

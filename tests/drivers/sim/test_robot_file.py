@@ -215,3 +215,17 @@ def test_a_shipped_robot_is_read_without_a_trial_and_another_with_one(
         shutil.copy(file, tmp_path)
     robot_file.read_spec(tmp_path / ROBOT.name)
     assert tried == [str(tmp_path / ROBOT.name)]
+
+
+def test_limits_are_those_of_the_joints_from_base_to_tool_in_any_order_of_the_actuators(tmp_path: Path) -> None:
+    for file in ROBOT.parent.glob("*.xml"):
+        shutil.copy(file, tmp_path)
+    lines = ROBOT.read_text("utf-8").split("\n")
+    first = next(k for k, line in enumerate(lines) if "<actuator>" in line) + 1
+    last = next(k for k, line in enumerate(lines) if "</actuator>" in line)
+    assert last - first >= 7
+    path = tmp_path / ROBOT.name
+    path.write_text("\n".join([*lines[:first], *lines[first:last][::-1], *lines[last:]]), "utf-8")
+    given, turned = read_limits(ROBOT), read_limits(path)
+    assert np.array_equal(turned.lower, given.lower)
+    assert np.array_equal(turned.upper, given.upper)

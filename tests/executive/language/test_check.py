@@ -580,5 +580,28 @@ def test_a_tab_is_called_by_its_name(findings_of, text):
     assert found.message == "a tab indents this line, and YAML indents with spaces only"
 
 
+@pytest.mark.parametrize(
+    ("sign", "name"), [("\u00a0", "U+00A0 (no-break space)"), ("\u3000", "U+3000 (ideographic space)")]
+)
+@pytest.mark.parametrize(
+    "place", ["  Beep:{}{{}}", "{}{}Beep: {{}}", "  sequence:\n    - Beep: {{}}\n      timeout: 2{}s"]
+)
+def test_a_sign_that_only_looks_like_a_space_is_called_by_its_name_and_replaced(findings_of, sign, name, place):
+    wrong, right = (place.format(*[space] * 2) for space in (sign, " "))
+    found = only(findings_of(f"root:\n{wrong}\n"), "space")
+    assert found.message == f"{name} is no space in YAML: put a space in its place"
+    (line,) = [k for k, text in enumerate(wrong.split("\n")) if sign in text]
+    fixed = list(wrong.split("\n")[line])
+    for edit in found.edits:
+        fixed[edit.column - 1] = edit.text
+    assert "".join(fixed) == right.split("\n")[line]
+
+
+def test_a_sign_that_looks_like_a_space_may_stand_in_a_text(findings_of):
+    assert findings_of('description: "5\u00a0N\n  and 6\u00a0N"\nroot:\n  Beep: {times: 2}\n') == []
+    assert findings_of("description: |\n  5\u00a0N\nroot:\n  Beep: {times: 2}\n") == []
+    assert findings_of("# a\u00a0note\nroot:\n  Beep: {times: 2}  # 5\u00a0N\n") == []
+
+
 def test_a_tab_that_only_stands_between_words_is_no_mistake(findings_of):
     assert findings_of("root:\n  Beep:\t{times: 2}\n") == []

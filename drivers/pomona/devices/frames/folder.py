@@ -16,12 +16,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from pomona.drivers import DriverError, Intrinsics, IntrinsicsSection, read_section_file
-from pomona.executive import Float64, Section, is_cut_off, is_rigid, read_plain_text
+from pomona.executive import Float64, Section, UnusablePicture, is_rigid, read_picture, read_plain_text, read_plane
 
 COLOUR_SUFFIXES = ("_color.jpg", "_color.jpeg", "_color.png")
 DEPTH_SUFFIX = "_depth_mm.png"
@@ -88,8 +87,13 @@ def read_images(frame: RecordedFrame, intrinsics: Intrinsics) -> Images:
 
     Raises UnusableFrames: a file cannot be read, or its size or type does not match the intrinsics and the format.
     """
-    colour = _read(frame.colour, cv2.IMREAD_COLOR)
-    depth = _read(frame.depth, cv2.IMREAD_UNCHANGED)
+    try:
+        path = frame.colour
+        colour = read_picture(path, as_taken=True)
+        path = frame.depth
+        depth = read_plane(path)
+    except UnusablePicture as error:
+        raise UnusableFrames(path, str(error)) from error
     if colour.shape[:2] != (intrinsics.height, intrinsics.width):
         expected = f"{intrinsics.width} x {intrinsics.height}"
         raise UnusableFrames(frame.colour, f"is {_size(colour)} pixels, the intrinsics are for {expected}")
@@ -99,7 +103,7 @@ def read_images(frame: RecordedFrame, intrinsics: Intrinsics) -> Images:
     if depth.dtype != np.uint16 or depth.ndim != 2:
         channels = 1 if depth.ndim == 2 else depth.shape[2]
         raise UnusableFrames(frame.depth, f"holds {channels} x {depth.dtype}, depth in mm is one channel of uint16")
-    return np.ascontiguousarray(colour[..., ::-1]), metres(depth, frame.depth)
+    return colour, metres(depth, frame.depth)
 
 
 def metres(depth: NDArray[np.uint16], path: Path) -> NDArray[np.float32]:
@@ -125,23 +129,6 @@ def _other(depth: str, there: Collection[str]) -> str:
     )
     near = difflib.get_close_matches(depth, alone, 1, 0.0)
     return f"; {near[0]} has no colour and is of another moment" if near else ""
-
-
-def _read(path: Path, flags: int) -> NDArray[Any]:
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise UnusableFrames(path, f"cannot be read: {error.strerror}") from error
-    if is_cut_off(content):
-        raise UnusableFrames(path, "is not an image that can be read: its end is missing")
-    data = np.frombuffer(content, np.uint8)
-    try:
-        image: NDArray[Any] | None = cv2.imdecode(data, flags) if data.size else None
-    except cv2.error:  # a picture whose header gives a size beyond any memory
-        image = None
-    if image is None:
-        raise UnusableFrames(path, "is not an image that can be read")
-    return image
 
 
 def _size(image: NDArray[Any]) -> str:

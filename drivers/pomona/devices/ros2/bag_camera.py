@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_left
-from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pomona.devices.frames.camera import FramesCamera
 from pomona.devices.frames.folder import Images, UnusableFrames
-from pomona.devices.ros2.images import COMPRESSED, IMAGE, INFO, UnusableImage, colour_of, depth_of, intrinsics_of
+from pomona.devices.ros2.bag import NOT_ROS, Bag, Message, why
+from pomona.devices.ros2.images import (
+    COMPRESSED,
+    IMAGE,
+    INFO,
+    MILLIMETRE,
+    UnusableImage,
+    colour_of,
+    depth_of,
+    intrinsics_of,
+    is_rectified,
+)
 from pomona.drivers import (
     ConnectContext,
     DepthModelSection,
@@ -22,76 +34,15 @@ from pomona.drivers import (
     depth_model_of,
     driver,
 )
-from pomona.executive import TIME, Measure, Section, Text, Whole, install_extra, value
+from pomona.executive import TIME, Measure, Section, Text, Whole, value
 
-try:
-    from rosbags.highlevel import AnyReader
-    from rosbags.typesys import Stores, get_typestore
-except ImportError as error:
-    raise ImportError(f"it needs the extra 'ros2': {install_extra('ros2')} ({error})") from error
+APART_K = 1e-3  # intrinsics that differ by more than this ratio are of another zoom, focus or profile
 
+VIEWER = re.compile(r"(/device_\d+/sensor_\d+/)(\w+/)image/data")
+"""An image topic of RealSense's viewer: the sensor's topics begin with the first part, the stream's with both."""
 
-NOT_ROS = (AttributeError, TypeError, ValueError, IndexError)
-"""A bag brings its own types: one that bears a name of ROS may have other fields."""
-
-
-class Bag:
-    """A bag of ROS 2 (a folder, an .mcap or a .db3) or of ROS 1. Its file is open only while something is read.
-
-    The reader raises many kinds of errors for a damaged file; they all become `UnusableFrames`.
-    """
-
-    def __init__(self, path: Path) -> None:
-        """Raises UnusableFrames: there is none, or it cannot be read."""
-        self.path = path
-        if not path.exists():
-            raise UnusableFrames(path, "there is no such bag")
-        if not (path.is_file() or path.is_dir()):  # a pipe would be waited for
-            raise UnusableFrames(path, "is neither a file nor a folder")
-        kinds: dict[str, set[str]] = {}
-        with self._opened("is no bag that can be read") as reader:
-            for connection in reader.connections:
-                kinds.setdefault(connection.topic, set()).add(connection.msgtype)
-        self.topics = {topic: " and ".join(sorted(of)) for topic, of in kinds.items()}
-        """Types by topic; normally one each."""
-
-    def stamps(self, *topics: str) -> list[list[int]]:
-        """When the messages of each topic were written [ns]. Raises UnusableFrames: the bag is damaged."""
-        with self._opened() as reader:
-            return [[stamp for _connection, stamp, _raw in reader.messages(_of(reader, topic))] for topic in topics]
-
-    def messages(self, *wanted: tuple[str, int]) -> list[Any]:
-        """Return the messages that were written to these topics at these times [ns].
-
-        Raises UnusableFrames: the bag is damaged.
-        """
-        with self._opened() as reader:
-            return [self._one(reader, topic, stamp) for topic, stamp in wanted]
-
-    def _one(self, reader: Any, topic: str, stamp: int) -> Any:
-        with closing(reader.messages(_of(reader, topic), stamp, stamp + 1)) as found:
-            for connection, _stamp, raw in found:
-                return reader.deserialize(raw, connection.msgtype)
-        raise KeyError(f"the message of {topic} at {stamp} ns is missing; the bag has changed")
-
-    @contextmanager
-    def _opened(self, wrong: str = "is damaged") -> Iterator[Any]:
-        try:
-            with AnyReader([self.path], default_typestore=_types()) as reader:
-                yield reader
-        except (KeyboardInterrupt, SystemExit):
-            raise
-        except BaseException as error:
-            raise UnusableFrames(self.path, f"{wrong}: {str(error) or type(error).__name__}") from error
-
-
-@cache
-def _types() -> Any:
-    return get_typestore(Stores.ROS2_JAZZY)
-
-
-def _of(reader: Any, topic: str) -> list[Any]:
-    return [connection for connection in reader.connections if connection.topic == topic]
+UNITS = ("option/Depth_Units/value", "option/Depth Units/value")  # of a sensor of the viewer: metres per count
+REGISTER = "play it through realsense2_camera with align_depth, and record that"
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,23 +50,24 @@ class BagFrame:
     """Two messages that were taken together."""
 
     bag: Bag
-    colour: tuple[str, int]
-    depth: tuple[str, int]
+    colour: Message
+    depth: Message
+    unit: float  # of depth in whole numbers [m]
 
     @property
     def label(self) -> str:
-        return f"{self.bag.path.name} {self.colour[1]}"
+        return f"{self.bag.path.name} {self.colour.taken or self.colour.written}"
 
     def read(self, intrinsics: Intrinsics) -> Images:
         """Read both images. Raises UnusableFrames: an image cannot be used; the text names it and the reason."""
-        taken = self.bag.messages(self.colour, self.depth)
-        topic, stamp = self.colour
+        taken = self.bag.read(self.colour, self.depth)
+        place = self.colour
         try:
-            colour = colour_of(taken[0], self.bag.topics[topic])
-            topic, stamp = self.depth
-            depth = depth_of(taken[1], self.bag.topics[topic])
+            colour = colour_of(taken[0], self.bag.topics[place.topic])
+            place = self.depth
+            depth = depth_of(taken[1], self.bag.topics[place.topic], self.unit)
         except (UnusableImage, *NOT_ROS) as error:
-            raise UnusableFrames(self.bag.path, f"{topic} at {stamp} ns: {_why(error)}") from error
+            raise UnusableFrames(self.bag.path, f"{place.topic} at {place.written} ns: {why(error)}") from error
         size = (intrinsics.width, intrinsics.height)
         for name, image in (("colour", colour), ("depth", depth)):
             if image.shape[1::-1] != size:
@@ -157,12 +109,13 @@ def connect(settings: Settings[BagFile], context: ConnectContext) -> FramesCamer
         raise settings.error(str(error), "bag") from error
     key = "bag"
     try:
+        _check_viewer(bag, said)
         for key, kinds in (("colour", (IMAGE, COMPRESSED)), ("depth", (IMAGE, COMPRESSED))):
             _check_type(bag, getattr(said, key), kinds)
         key = "bag"
         frames = _pairs(bag, said)[:: said.every]
         key = "info"
-        intrinsics = said.intrinsics.intrinsics() if said.intrinsics else _intrinsics(bag, said.info)
+        intrinsics = said.intrinsics.intrinsics() if said.intrinsics else _intrinsics(bag, said.info, said.colour)
         key = "bag"
         frames[0].read(intrinsics)
     except UnusableFrames as error:
@@ -180,34 +133,83 @@ def _check_type(bag: Bag, topic: str, kinds: Sequence[str]) -> None:
 
 
 def _pairs(bag: Bag, said: BagFile) -> tuple[BagFrame, ...]:
-    colours, depths = map(sorted, bag.stamps(said.colour, said.depth))
-    if not colours or not depths:
-        raise UnusableFrames(bag.path, f"holds no message of {said.depth if colours else said.colour}")
+    """Pair each colour image with the depth that was taken nearest to it."""
+    colours, depths = (bag.list_messages(topic) for topic in (said.colour, said.depth))
+    stamped = all(place.taken for place in (*colours, *depths))
+
+    def when(place: Message) -> int:
+        return place.taken if stamped else place.written
+
+    colours, depths = sorted(colours, key=when), sorted(depths, key=when)
+    times, unit = [when(place) for place in depths], _unit(bag, said.depth)
     frames = []
-    for stamp in colours:
-        at = bisect_left(depths, stamp)
-        near = min(depths[max(at - 1, 0) : at + 1], key=lambda depth: abs(depth - stamp))
-        if abs(near - stamp) <= said.apart * 1e9:
-            frames.append(BagFrame(bag, (said.colour, stamp), (said.depth, near)))
+    for colour in colours:
+        at = bisect_left(times, when(colour))
+        near = min(depths[max(at - 1, 0) : at + 1], key=lambda depth: abs(when(depth) - when(colour)))
+        if abs(when(near) - when(colour)) <= said.apart * 1e9:
+            frames.append(BagFrame(bag, colour, near, unit))
     if not frames:
-        raise UnusableFrames(bag.path, f"no depth lies within {said.apart:g} s of a colour image")
+        by = "their headers" if stamped else "the time of writing"
+        raise UnusableFrames(bag.path, f"no depth lies within {said.apart:g} s of a colour image, by {by}")
     return tuple(frames)
 
 
-def _intrinsics(bag: Bag, topic: str) -> Intrinsics:
+def _check_viewer(bag: Bag, said: BagFile) -> None:
+    """Refuse a bag of RealSense's viewer, unless its topics are named and both streams are of one imager."""
+    viewer = sorted(topic for topic in bag.topics if VIEWER.fullmatch(topic))
+    if viewer and said.colour not in bag.topics:
+        words = f"is of RealSense's viewer ({', '.join(viewer)}): its depth is not registered to colour"
+        raise UnusableFrames(bag.path, f"{words}: {REGISTER}")
+    streams = [match[1] + match[2] for topic in (said.colour, said.depth) if (match := VIEWER.fullmatch(topic))]
+    for part, numbers in (("tf/0", _place), ("info/camera_info", _camera_matrix)):
+        topics = [stream + part for stream in streams if stream + part in bag.topics]
+        try:
+            values = [numbers(bag.read_all(topic)[0]) for topic in topics]
+        except NOT_ROS as error:
+            raise UnusableFrames(bag.path, f"{' or '.join(topics)}: {why(error)}") from error
+        if len(values) == 2 and not np.allclose(values[0], values[1], rtol=APART_K, atol=1e-4):
+            words = f"{topics[0]} and {topics[1]} differ: its depth is not registered to colour"
+            raise UnusableFrames(bag.path, f"{words}: {REGISTER}")
+
+
+def _place(transform: Any) -> list[float]:
+    t, r = transform.translation, transform.rotation
+    return [t.x, t.y, t.z, r.x, r.y, r.z, r.w]
+
+
+def _camera_matrix(info: Any) -> list[float]:
+    return list(np.asarray(info.K if hasattr(info, "K") else info.k, float))
+
+
+def _unit(bag: Bag, depth: str) -> float:
+    """Return the unit of depth in whole numbers [m]: that of the viewer's sensor, else a millimetre (REP 118)."""
+    stream = VIEWER.fullmatch(depth)
+    topic = next((t for end in UNITS if stream and (t := stream[1] + end) in bag.topics), "")
+    if not topic:
+        return MILLIMETRE
+    units = {float(message.data) for message in bag.read_all(topic)}
+    unit = units.pop() if len(units) == 1 else float("nan")
+    if not 1e-6 <= unit <= 1e-2:
+        raise UnusableFrames(bag.path, f"{topic} holds no single unit of depth between 1 µm and 10 mm")
+    return unit
+
+
+def _intrinsics(bag: Bag, topic: str, colour: str) -> Intrinsics:
     if topic not in bag.topics:
         raise UnusableFrames(bag.path, f"has no topic {topic}: write 'intrinsics:' here")
     _check_type(bag, topic, (INFO,))
-    (stamps,) = bag.stamps(topic)
-    if not stamps:
-        raise UnusableFrames(bag.path, f"holds no message of {topic}: write 'intrinsics:' here")
+    places = bag.list_messages(topic)
     try:
-        return intrinsics_of(*bag.messages((topic, stamps[0])))
+        found = [intrinsics_of(info, is_rectified(colour)) for info in bag.read_all(topic)]
     except (UnusableImage, *NOT_ROS) as error:
-        raise UnusableFrames(bag.path, f"{topic}: {_why(error)}") from error
+        raise UnusableFrames(bag.path, f"{topic}: {why(error)}") from error
+    for place, other in zip(places, found, strict=True):
+        if not np.allclose(_parts(other), _parts(found[0]), rtol=APART_K):
+            words = f"fx is {found[0].fx:g} px at first, {other.fx:g} px in the message at {place.written} ns"
+            raise UnusableFrames(bag.path, f"{topic} changes: {words}: cut the bag there, or write 'intrinsics:' here")
+    return found[0]
 
 
-def _why(error: Exception) -> str:
-    return (
-        str(error) if isinstance(error, UnusableImage) else f"its type differs from the ROS type of that name ({error})"
-    )
+def _parts(intrinsics: Intrinsics) -> tuple[float, ...]:
+    i = intrinsics
+    return i.fx, i.fy, i.cx, i.cy, i.width, i.height

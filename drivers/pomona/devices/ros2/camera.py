@@ -17,7 +17,16 @@ from pomona.devices.realsense.camera_mount import CameraMount
 from pomona.devices.realsense.driver import StreamingCamera
 from pomona.devices.realsense.mounted_camera import MountedCameraFile, read_hand_eye
 from pomona.devices.realsense.source import Pair
-from pomona.devices.ros2.images import COMPRESSED, IMAGE, INFO, UnusableImage, colour_of, depth_of, intrinsics_of
+from pomona.devices.ros2.images import (
+    COMPRESSED,
+    IMAGE,
+    INFO,
+    UnusableImage,
+    colour_of,
+    depth_of,
+    intrinsics_of,
+    is_rectified,
+)
 from pomona.drivers import Arm, ConnectContext, DeviceError, DeviceFault, Settings, driver
 from pomona.executive import TIME, Measure, Text, value
 from pomona.tools.ros2.peer import ADDRESS, Ros2Peer
@@ -78,7 +87,7 @@ class Ros2Images:
 
     def _pair(self, taken: Mapping[str, list[bytes]]) -> Pair | None:
         for raw in taken["info"][-1:]:
-            self._intrinsics = intrinsics_of(_message(raw, INFO))
+            self._intrinsics = intrinsics_of(_message(raw, INFO), is_rectified(self._topics.colour[0]))
         for kind, kept in (("colour", self._colours), ("depth", self._depths)):
             for raw in taken[kind]:
                 message = _message(raw, getattr(self._topics, kind)[1])
@@ -155,4 +164,4 @@ def connect(settings: Settings[Ros2CameraFile], context: ConnectContext) -> Stre
 
 
 def _kind(topic: str) -> str:
-    return COMPRESSED if topic.endswith("/compressed") else IMAGE
+    return COMPRESSED if topic.endswith(("/compressed", "/compressedDepth")) else IMAGE

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import struct
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from pomona.drivers import Intrinsics
-from pomona.executive import is_cut_off
+from pomona.executive import UnusablePicture, decode_picture, decode_plane
 
 IMAGE, COMPRESSED, INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/CameraInfo"
 
@@ -22,8 +24,10 @@ _COLOUR = {
     "bgra8": (4, (2, 1, 0)),
     "mono8": (1, (0, 0, 0)),
 }
-_DEPTH = {"16UC1": ("u2", 1e-3), "mono16": ("u2", 1e-3), "32FC1": ("f4", 1.0)}
-"""Type of a pixel, and metres of its unit (REP 118)."""
+MILLIMETRE = 1e-3  # unit of depth in whole numbers (REP 118) [m]
+_DEPTH = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}  # type of a pixel
+COMPRESSED_DEPTH = struct.Struct("<iff")
+"""What compressed_depth_image_transport writes before the PNG: its format, and a and b of depth = a / (value - b)."""
 
 
 class UnusableImage(ValueError):
@@ -33,8 +37,8 @@ class UnusableImage(ValueError):
 def colour_of(message: Any, kind: str) -> NDArray[np.uint8]:
     """RGB, shape (h, w, 3). Raises UnusableImage: it is no colour image that can be read."""
     if kind == COMPRESSED:
-        image = _decoded(message, cv2.IMREAD_COLOR)
-        return np.ascontiguousarray(image[..., ::-1])
+        content = np.ascontiguousarray(message.data).tobytes()
+        return _decoded(content, partial(decode_picture, as_taken=True))
     if message.encoding not in _COLOUR:
         raise UnusableImage(f"its encoding is '{message.encoding}', known are {', '.join(_COLOUR)}")
     channels, order = _COLOUR[message.encoding]
@@ -42,32 +46,62 @@ def colour_of(message: Any, kind: str) -> NDArray[np.uint8]:
     return np.ascontiguousarray(pixels[..., list(order)])
 
 
-def depth_of(message: Any, kind: str) -> NDArray[np.float32]:
+def depth_of(message: Any, kind: str, unit: float = MILLIMETRE) -> NDArray[np.float32]:
     """Return the depth [m], shape (h, w); 0 where nothing was measured, and where it was not finite or negative.
 
-    Raises UnusableImage: it is no depth image that can be read.
+    `unit` is of whole numbers [m]. Raises UnusableImage: it is no depth image that can be read.
     """
     if kind == COMPRESSED:
-        image = _decoded(message, cv2.IMREAD_UNCHANGED)
-        if image.dtype != np.uint16 or image.ndim != 2:
-            raise UnusableImage("it is compressed and not one channel of 16 bits [mm]")
-        return image.astype(np.float32) * np.float32(1e-3)
+        return _decompressed(message, unit)
     if message.encoding not in _DEPTH:
         raise UnusableImage(f"its encoding is '{message.encoding}', depth has {', '.join(_DEPTH)}")
-    kind_of, metres = _DEPTH[message.encoding]
-    order = ">" if message.is_bigendian else "<"
-    depth = _rows(message, np.dtype(order + kind_of), 1)[..., 0].astype(np.float32) * np.float32(metres)
+    order, of = ">" if message.is_bigendian else "<", _DEPTH[message.encoding]
+    metres = 1.0 if of == "f4" else unit
+    return _measured(_rows(message, np.dtype(order + of), 1)[..., 0].astype(np.float32) * np.float32(metres))
+
+
+def _decompressed(message: Any, unit: float) -> NDArray[np.float32]:
+    """Return the depth of a PNG of 16 bits, alone or as compressed_depth_image_transport writes it."""
+    said, content = str(message.format), np.ascontiguousarray(message.data).tobytes()
+    encoding, a, b = said.partition(";")[0].strip(), 0.0, 0.0
+    if "compressedDepth" in said:
+        if "rvl" in said.lower() or len(content) < COMPRESSED_DEPTH.size:
+            raise UnusableImage(f"its format is '{said}', which is not read: publish it as png or raw")
+        _format, a, b = COMPRESSED_DEPTH.unpack_from(content)
+        content = content[COMPRESSED_DEPTH.size :]
+    image = _decoded(content, decode_plane)
+    if image.dtype != np.uint16 or image.ndim != 2:
+        raise UnusableImage(f"its format is '{said}', compressed and not one channel of 16 bits")
+    if "compressedDepth" not in said or encoding != "32FC1":
+        return image.astype(np.float32) * np.float32(unit)
+    with np.errstate(divide="ignore"):
+        depth = a / (image.astype(np.float32) - np.float32(b))
+    return _measured(np.where(image > 0, depth, 0.0).astype(np.float32))
+
+
+def _measured(depth: NDArray[np.float32]) -> NDArray[np.float32]:
     depth[~np.isfinite(depth) | (depth < 0.0)] = 0.0
     return depth
 
 
-def intrinsics_of(info: Any) -> Intrinsics:
-    """Of a CameraInfo. Raises UnusableImage: they are none, or the lens distorts."""
-    fx, fy, cx, cy = (float(info.k[index]) for index in (0, 4, 2, 5))
+def is_rectified(topic: str) -> bool:
+    """Return True for a topic of image_proc: of a picture as P of its CameraInfo gives it, without distortion."""
+    return any(part.startswith("image_rect") for part in topic.split("/"))
+
+
+def intrinsics_of(info: Any, rectified: bool = False) -> Intrinsics:
+    """Of a CameraInfo of ROS 2 or 1, by K, or by P for a rectified image.
+
+    Raises UnusableImage: they are none, or the lens distorts.
+    """
+    k, d, p = (np.asarray(getattr(info, name, getattr(info, name.upper(), None)), float) for name in "kdp")
+    by_p = rectified and p.size == 12 and p[0] > 0.0
+    fx, fy, cx, cy = (float(value) for value in (p[[0, 5, 2, 6]] if by_p else k[[0, 4, 2, 5]]))
     if not (np.isfinite([fx, fy, cx, cy]).all() and fx > 0 and fy > 0 and info.width > 0 and info.height > 0):
         raise UnusableImage("it has no focal length, or no size: the camera was not calibrated")
-    if np.any(np.asarray(info.d, float) != 0.0):
-        raise UnusableImage("its lens distorts (D is not zero): only rectified images can be used")
+    if not by_p and np.any(d != 0.0):
+        remedy = "use the topic image_rect… of image_proc, or write 'intrinsics:' if the image is rectified"
+        raise UnusableImage(f"its lens distorts (D is not zero), and only rectified images can be used: {remedy}")
     return Intrinsics(fx, fy, cx, cy, int(info.width), int(info.height))
 
 
@@ -84,14 +118,8 @@ def _rows(message: Any, dtype: np.dtype[Any], channels: int) -> NDArray[Any]:
     return np.ascontiguousarray(rows).view(dtype).reshape(height, width, channels)
 
 
-def _decoded(message: Any, flags: int) -> NDArray[Any]:
-    content = np.ascontiguousarray(message.data).tobytes()
-    if is_cut_off(content):
-        raise UnusableImage("it cannot be decoded: its end is missing")
+def _decoded(content: bytes, decode: Callable[[bytes], NDArray[Any]]) -> NDArray[Any]:
     try:
-        image: NDArray[Any] | None = cv2.imdecode(np.frombuffer(content, np.uint8), flags)
-    except cv2.error as error:
-        raise UnusableImage("it cannot be decoded") from error
-    if image is None or image.shape[0] * image.shape[1] > MOST_PIXELS:
-        raise UnusableImage("it cannot be decoded")
-    return image
+        return decode(content)
+    except UnusablePicture as error:
+        raise UnusableImage(str(error)) from error

@@ -38,7 +38,7 @@ class RosNode(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointSample:
-    """Positions [rad or m] and velocities, shape (n,), in our order; `qd` is None where the topic has none."""
+    """Positions [rad or m] and velocities, shape (n,), in our order; `qd` is None where one of them is missing."""
 
     stamp: float
     q: Float64
@@ -138,12 +138,10 @@ class JointFeed:
             return None
         self._last_taken = taken
         self._last_stamp = max(self._clock.now() - age, self._last_stamp)  # two clocks are read one after the other
-        rates = message.velocity if len(message.velocity) == len(message.name) else None
-        return JointSample(
-            self._last_stamp,
-            np.array(message.position, float)[at],
-            None if rates is None else np.array(rates, float)[at],
-        )
+        rates = np.array(message.velocity, float)[at] if len(message.velocity) == len(message.name) else None
+        if rates is not None and not np.isfinite(rates).all():
+            rates = None  # NaN: joint_state_broadcaster, for a joint without an interface of its velocity
+        return JointSample(self._last_stamp, np.array(message.position, float)[at], rates)
 
 
 def stamped(host_time: float) -> Mapping[str, int]:

@@ -27,7 +27,7 @@ JUMP = 0.6  # step that the fault `jump` adds to the first joint's position [rad
 
 
 class SimArm(FaultyDevice):
-    """The robot's arm joints, in the order of the robot file's actuators.
+    """The robot's arm joints, from base to tool.
 
     Faults: `alarm` (the controller decelerates and reports a fault), `lost` (the same, and no answer), `nan`, `wild`,
     `jump` (implausible feedback), `frozen` (the same feedback for ever), `stuck` (the joints stand still at any

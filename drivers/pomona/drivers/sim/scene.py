@@ -246,8 +246,8 @@ def _add_contact_sensors(mujoco: Any, spec: Any, layout: Layout) -> None:
     geom, body, subtree = mujoco.mjtObj.mjOBJ_GEOM, mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_XBODY
     force, torque, found, pos = 2, 4, 1, 16
     net = 3  # reduce: one wrench for all contacts, in the global frame
-    first_joint = next(actuator.target for actuator in spec.actuators if actuator.name != "gripper")
-    arm = spec.joint(first_joint).parent.name
+    of_arm = {actuator.target for actuator in spec.actuators if actuator.name != "gripper"}
+    arm = next(joint.parent.name for joint in spec.joints if joint.name in of_arm)  # joints come from base to tool
 
     def sensor(name: str, kind: Any, first: str, other_kind: Any, other: str, fields: int) -> None:
         unknown = mujoco.mjtObj.mjOBJ_UNKNOWN

@@ -60,7 +60,8 @@ class PhysicsWorld(Device, ABC):
         self.state: Any = self.mujoco.MjData(self.model)
         self.before_step: list[Callable[[], None]] = []
         self.after_step: list[Callable[[], None]] = []
-        self.arm_actuators = np.array([i for i in range(self.model.nu) if self.model.actuator(i).name != "gripper"])
+        arm = [i for i in range(self.model.nu) if self.model.actuator(i).name != "gripper"]
+        self.arm_actuators = np.array(sorted(arm, key=lambda i: self.model.actuator_trnid[i, 0]))  # from base to tool
         self.arm_joints = self.model.actuator_trnid[self.arm_actuators, 0]
         self._place_robot(q_start)
         self._settle()

@@ -65,6 +65,43 @@ def report_unreadable(source: Source, error: Any, findings: Findings, modifiers:
     findings.error(Spot(source, line, column), "yaml", problem, hint)
 
 
+FALSE_SPACES = {
+    "\u00a0": "no-break space",
+    "\u2002": "en space",
+    "\u2003": "em space",
+    "\u2007": "figure space",
+    "\u2009": "thin space",
+    "\u200b": "zero width space",
+    "\u202f": "narrow no-break space",
+    "\u3000": "ideographic space",
+}
+"""Characters that look like spaces, as pages and chats write them, and are none in YAML; by their names in Unicode."""
+
+
+def report_false_spaces(source: Source, findings: Findings) -> bool:
+    """Report every line with a character that only looks like a space; True when there is one.
+
+    In quotes, in comments and in texts of several lines (`|`, `>`) they are part of a text.
+    """
+    found, text_of = False, -1  # indentation of the key to which a text of several lines belongs
+    plain_text = _FLOW.sub(lambda match: re.sub(r"[^\n\[\]{}]", " ", match[0]), source.text)
+    for line, (text, plain) in enumerate(zip(source.text.split("\n"), plain_text.split("\n"), strict=True), start=1):
+        indentation = len(text) - len(text.lstrip(" "))
+        if text.strip() and text_of >= 0 and indentation <= text_of:
+            text_of = -1
+        if text_of >= 0:
+            continue
+        places = [at for at, sign in enumerate(plain, start=1) if sign in FALSE_SPACES]
+        if places:
+            sign, found = plain[places[0] - 1], True
+            message = f"U+{ord(sign):04X} ({FALSE_SPACES[sign]}) is no space in YAML: put a space in its place"
+            edits = [Edit(line, at, 1, "" if plain[at - 1] == "\u200b" else " ") for at in places]
+            findings.error(Spot(source, line, places[0]), "space", message, "in a text, put it in quotes", edits)
+        if _BLOCK_SCALAR.search(text):
+            text_of = indentation
+    return found
+
+
 _CURVED = frozenset("\u201c\u201d\u201e\u2018\u2019")
 _Found = tuple[Spot, str, list[Edit]]
 

@@ -14,7 +14,7 @@ from typing import Any
 import yaml
 
 from pomona.executive.values.findings import Edit, Findings, Source
-from pomona.executive.values.yaml_errors import MAX_DEPTH, TOO_DEEP, report_unreadable
+from pomona.executive.values.yaml_errors import MAX_DEPTH, TOO_DEEP, report_false_spaces, report_unreadable
 
 MAX_CHARACTERS = 512 * 1024
 MAX_NODES = 100_000
@@ -96,6 +96,8 @@ def read_yaml(
     if len(source.text) > MAX_CHARACTERS:
         message = f"the file has {len(source.text) // 1024} KiB; {what} has at most {MAX_CHARACTERS // 1024} KiB"
         findings.error(start, "too-large", message)
+        return None
+    if not source.text.isascii() and report_false_spaces(source, findings):
         return None
     loader: Any = None
     try:

@@ -5,21 +5,20 @@ from __future__ import annotations
 import argparse
 import csv
 import math
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-import cv2
 import numpy as np
 
 from pomona.applications.inventory.picture_results import FORMATS, SHEET, PictureResults, UnusableInput
-from pomona.executive import Number, UInt8, is_cut_off, is_file, raise_again
+from pomona.executive import ENDINGS, Number, UInt8, UnusablePicture, is_file, raise_again, read_picture
 
 if TYPE_CHECKING:
     from pomona.skills.perception import CompactDetector, FoundFruit, ScoredBox
 
-ENDINGS = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 DEPTH = "_depth_mm.png"  # of an RGB-D frame, beside its colour: no picture to find fruit in
 TABLE = "found.csv"
 COLUMNS = ("picture", "fruit", "score", "left_px", "top_px", "width_px", "height_px", "visible")
@@ -155,10 +154,10 @@ def _all(files: Sequence[Path], search: Search, results: PictureResults, stream:
     for number, file in enumerate(files):
         raise_again()
         try:
-            picture = _read(file)
-            found = search(picture[:, :, ::-1])
-        except (UnusableInput, BadFrame, OSError) as error:
-            sys.stderr.write(f"pomona detect: {_named(file, error)}\n")
+            picture = read_picture(file)
+            found = search(picture)
+        except (UnusablePicture, BadFrame) as error:
+            sys.stderr.write(f"pomona detect: {_shown(file)}: {error}\n")
             unusable += 1
             continue
         sure = [fruit for fruit in found if fruit.score >= results.score]
@@ -167,39 +166,22 @@ def _all(files: Sequence[Path], search: Search, results: PictureResults, stream:
         table.writerows(_row(file, k + 1, fruit, width, height) for k, fruit in enumerate(sure))
         stream.flush()
         total += len(sure)
-        sys.stdout.write(f"{number + 1}/{len(files)}  {file}: {len(sure)} found\n")
+        sys.stdout.write(f"{number + 1}/{len(files)}  {_shown(file)}: {len(sure)} found\n")
         sys.stdout.flush()
     used = len(files) - unusable
     sys.stdout.write(f"{total} fruit in {used} {'picture' if used == 1 else 'pictures'}\n")
     return unusable
 
 
-def _named(file: Path, error: Exception) -> str:
-    return str(error) if isinstance(error, UnusableInput) else f"{file}: {error}"
-
-
 def _row(file: Path, number: int, fruit: FoundFruit | ScoredBox, width: int, height: int) -> tuple[object, ...]:
     box = (f"{value:.1f}" for value in fruit.outline(width, height))
     visible = "" if math.isnan(fruit.visibility) else f"{fruit.visibility:.2f}"
-    return file, number, f"{fruit.score:.3f}", *box, visible
+    return _shown(file), number, f"{fruit.score:.3f}", *box, visible
 
 
-def _read(file: Path) -> UInt8:
-    """Return the picture (h, w, 3), BGR; OpenCV's own reading of files complains beside us.
-
-    Raises:
-        OSError: the file cannot be read.
-        UnusableInput: it is no picture, or it is cut off.
-    """
-    content = file.read_bytes()
-    data = np.frombuffer(content, np.uint8)
-    try:
-        picture = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size and not is_cut_off(content) else None
-    except (cv2.error, MemoryError):  # the header gives a size beyond memory
-        picture = None
-    if picture is None:
-        raise UnusableInput(f"{file} cannot be read as a picture")
-    return np.asarray(picture, np.uint8)
+def _shown(file: Path) -> str:
+    """Return a name that every screen can show: bytes that are not UTF-8 as \\xNN."""
+    return os.fsencode(file).decode("utf-8", "backslashreplace")
 
 
 def find_fruit(detector: CompactDetector, colour: UInt8) -> list[FoundFruit]:

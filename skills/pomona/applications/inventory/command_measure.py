@@ -51,7 +51,7 @@ def main(options: argparse.Namespace) -> int:
     """
     if not options.frames.exists():
         raise UsageError(f"{options.frames}: there is no such folder or file")
-    bag = options.frames.suffix in BAGS or (options.frames / "metadata.yaml").is_file()
+    bag = _is_bag(options.frames)
     settings = {
         "bag" if bag else "folder": str(options.frames.absolute()),
         "every": options.every,
@@ -85,6 +85,12 @@ def main(options: argparse.Namespace) -> int:
     why = [reason.message for reason in result.reason.leaves()] if result.reason else [result.outcome]
     sys.stderr.write(f"pomona measure: {why[-1]}\n")
     return 2
+
+
+def _is_bag(path: Path) -> bool:
+    """Return True for a bag's file, or a folder with one, even without the metadata of a bag."""
+    names = [part.name for part in path.iterdir()] if path.is_dir() else [path.name]
+    return "metadata.yaml" in names or any(name.lower().endswith(BAGS) for name in names)
 
 
 def _in_own_words(error: UsageError, order: RunOrder) -> str:

@@ -13,10 +13,10 @@ import numpy as np
 
 from pomona.executive import Float64, UInt8
 
-COLOUR = (46, 176, 255)  # of boxes and numbers, BGR: `pomona.executive.palette.OVERLAY["found"]`
+COLOUR = (255, 176, 46)  # of boxes and numbers, RGB: `pomona.executive.palette.OVERLAY["found"]`
 ON_SHEET, COLUMNS = 10, 5  # pictures on a sheet, and pictures in a row
 CELL_WIDTH, CELL_HEIGHT, LINE = 400, 300, 24  # of a picture on the sheet, and of the line below it [px]
-PAPER, INK = (255, 255, 255), (40, 40, 40)  # colours of the sheet, BGR
+PAPER, INK = (255, 255, 255), (40, 40, 40)  # colours of the sheet, RGB
 
 
 class Outlined(Protocol):
@@ -31,7 +31,7 @@ class Outlined(Protocol):
 
 
 def draw(picture: UInt8, found: Sequence[Outlined]) -> None:
-    """Draw boxes and numbers of the fruit into a picture (h, w, 3), BGR."""
+    """Draw boxes and numbers of the fruit into a picture (h, w, 3), RGB."""
     height, width = picture.shape[:2]
     thick = max(1, round(width / 800))
     for k, fruit in enumerate(found):
@@ -52,7 +52,7 @@ class ContactSheet:
         self._cells: list[UInt8] = []
 
     def add(self, number: int, drawn: UInt8, name: str) -> None:
-        """Add the picture of this number, from 0, with its boxes (h, w, 3), BGR, if it is one of the chosen."""
+        """Add the picture of this number, from 0, with its boxes (h, w, 3), RGB, if it is one of the chosen."""
         if number not in self._chosen:
             return
         height, width = drawn.shape[:2]
@@ -66,7 +66,7 @@ class ContactSheet:
         self._cells.append(cell)
 
     def picture(self) -> UInt8 | None:
-        """Return the sheet (h, w, 3), BGR; None without a picture."""
+        """Return the sheet (h, w, 3), RGB; None without a picture."""
         if not self._cells:
             return None
         columns = min(COLUMNS, len(self._cells))

@@ -7,13 +7,12 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from pomona.applications.inventory.found_files import CocoFile, ContactSheet, Outlined, draw, yolo_lines
 from pomona.applications.inventory.label_figures import LabelFigures
 from pomona.applications.inventory.sizes_found import SizesFound
-from pomona.executive import UInt8
+from pomona.executive import UInt8, write_picture
 from pomona.skills.perception import read_labels
 
 SHEET, FIGURES, COCO, YOLO = "contact_sheet.jpg", "figures.md", "found.json", "labels"  # files and a folder
@@ -50,7 +49,7 @@ class PictureResults:
             self._figures = LabelFigures(read_labels(options.eval, self._fruit), options.score)
 
     def add(self, number: int, file: Path, picture: UInt8, found: Sequence[Outlined]) -> None:
-        """Take in the finds of a picture, and write its own files; boxes are drawn into the picture."""
+        """Take in the finds of a picture, and write its own files; boxes are drawn into the picture, RGB."""
         height, width = picture.shape[:2]
         sure = [fruit for fruit in found if fruit.score >= self.score]
         if self._figures is not None:
@@ -85,9 +84,3 @@ class PictureResults:
             table = self._figures.table()
             (self._out / FIGURES).write_text(f"{table}\n", encoding="utf-8")
             sys.stdout.write(f"{table}\n")
-
-
-def write_picture(path: Path, picture: UInt8) -> None:
-    """Write a picture (h, w, 3), BGR. Raises UnusableInput: the file cannot be written."""
-    if not cv2.imwrite(str(path), picture):
-        raise UnusableInput(f"{path} cannot be written")

@@ -53,7 +53,7 @@ class _Empty:
     """A space without obstacles."""
 
     def __init__(self, robot: RobotModel) -> None:
-        self.lower, self.upper = robot.lower, robot.upper
+        self.lower, self.upper, self.endless = robot.lower, robot.upper, robot.endless
 
     def free(self, q: np.ndarray) -> bool:
         return True

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float32, Float64, UInt8
+from pomona.executive.values.pictures import write_picture
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.sphere_in_box import NoSphere, sphere_in_box
 from pomona.skills.perception.fruit import FruitModel
@@ -87,7 +87,7 @@ def write_proposals(
     (folder / "images").mkdir(parents=True)
     for number, look in enumerate(looks):
         name = f"{number:05d}.png"
-        cv2.imwrite(str(folder / "images" / name), np.ascontiguousarray(look.colour[..., ::-1]))
+        write_picture(folder / "images" / name, look.colour)
         proposed = propose(searching, look, fruit)
         part = content["val" if runs.index(look.run) % VAL_EVERY == VAL_EVERY - 1 else "train"]
         height, width = look.colour.shape[:2]

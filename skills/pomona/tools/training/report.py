@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import UInt8
+from pomona.executive.values.pictures import write_picture
 from pomona.skills.perception.detection.box_evaluation import box_figures, curve
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.instances import find_instances
@@ -59,9 +60,8 @@ def write_report(
     ]
     for k in range(min(_PICTURES, len(folder))):
         name = f"frame_{k}.jpg"
-        cv2.imwrite(
-            str(out / name), draw(detector, folder.picture(k, halved=False), folder.annotation(k).K, model)[..., ::-1]
-        )
+        look = draw(detector, folder.picture(k, halved=False), folder.annotation(k).K, model)
+        write_picture(out / name, look)
         lines.append(f"![Held-out frame {k}: cuboids on the left, the finder's heat on the right]({name})")
     found = None
     if photographs is not None and photographs.val:
@@ -109,12 +109,12 @@ def _on_photographs(found: Sequence[Finds], photographs: PhotoSet, out: Path) ->
     crowded = [int(k) for k in order if pictures[int(k)].labelled >= 5]
     for name, chosen in (("best", crowded[:3]), ("worst", [int(k) for k in order[::-1]][:3])):
         for place, k in enumerate(chosen):
-            drawn = np.ascontiguousarray(photographs.val[k].picture()[..., ::-1])
+            drawn = photographs.val[k].picture()
             finds = found[k]
-            for some, colour in ((finds.labelled, (255, 160, 0)), (finds.boxes[finds.scores >= score], (0, 255, 255))):
+            for some, colour in ((finds.labelled, (0, 160, 255)), (finds.boxes[finds.scores >= score], (255, 255, 0))):
                 for x, y, w, h in np.round(some).astype(int).tolist():
                     cv2.rectangle(drawn, (x, y), (x + w, y + h), colour, 2)
-            cv2.imwrite(str(out / f"photograph_{name}_{place}.jpg"), drawn)
+            write_picture(out / f"photograph_{name}_{place}.jpg", drawn)
             lines.append(
                 f"![One of the {name} photographs, {errors[k]} errors at score ≥ {score:.2f}: detections yellow, boxes "
                 f"of the labels blue](photograph_{name}_{place}.jpg)"

@@ -14,6 +14,7 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from pomona.executive.values.arrays import Float64, UInt8
+from pomona.executive.values.pictures import UnusablePicture, read_picture
 from pomona.skills.perception.detection.close_look import REFERENCE_LENGTH, VirtualCamera, keypoint_size, look_at
 from pomona.skills.perception.detection.dope_network import IMAGENET_MEAN, IMAGENET_STD, STRIDE
 from pomona.skills.perception.detection.errors import BadAnnotation, BadTraining
@@ -59,8 +60,7 @@ class FrameFolder:
 
     def picture(self, index: int, halved: bool) -> UInt8:
         """RGB picture (h, w, 3), at half size where `halved`."""
-        flag = cv2.IMREAD_REDUCED_COLOR_2 if halved else cv2.IMREAD_COLOR
-        return _read(self.pictures[index], flag)
+        return _read(self.pictures[index], halved)
 
 
 class _FrameBatches(Dataset[tuple[Tensor, ...]]):
@@ -248,8 +248,8 @@ def _picture_of(annotation: Path) -> Path | None:
     return next((p for s in (".jpg", ".png") if (p := annotation.with_suffix(s)).is_file()), None)
 
 
-def _read(path: Path, flag: int) -> UInt8:
-    picture = cv2.imread(str(path), flag)
-    if picture is None:
-        raise BadTraining(f"{path} cannot be read as a picture")
-    return np.ascontiguousarray(picture[..., ::-1], np.uint8)
+def _read(path: Path, halved: bool) -> UInt8:
+    try:
+        return read_picture(path, as_taken=True, halved=halved)
+    except UnusablePicture as error:
+        raise BadTraining(f"{path} {error}") from error

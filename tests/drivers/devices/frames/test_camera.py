@@ -113,9 +113,9 @@ def test_intrinsics_in_the_folder_come_first(cell: Path, folder: Path) -> None:
             "the pose of 'a' is no rigid 4 x 4 transform",
         ),
         (lambda folder: write_frame(folder, "a", size=(20, 40)), "is 40 x 20 pixels, the intrinsics are for 40 x 30"),
-        (lambda folder: (folder / "a_color.png").write_bytes(b"no image"), "not an image"),
-        (lambda folder: (folder / "a_color.png").write_bytes(b""), "not an image"),
-        (cut_off, "a_color.jpg: is not an image that can be read: its end is missing"),
+        (lambda folder: (folder / "a_color.png").write_bytes(b"no image"), "cannot be read as a picture"),
+        (lambda folder: (folder / "a_color.png").write_bytes(b""), "cannot be read as a picture"),
+        (cut_off, "a_color.jpg: cannot be read as a picture: its end is missing"),
         (
             lambda folder: cv2.imwrite(str(folder / "a_depth_mm.png"), np.zeros((20, 40), np.uint16)),
             "is 40 x 20 pixels, and its colour 40 x 30: depth must be registered to colour",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,9 @@ import pytest
 
 pytest.importorskip("rosbags", reason="the extra ros2 is not installed")
 
+from mcap.reader import make_reader
+from mcap.writer import IndexType, Writer as McapWriter
+from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -27,15 +31,17 @@ IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 W, H = 40, 30
 
 
-def header() -> Any:
-    return STORE.types["std_msgs/msg/Header"](STORE.types["builtin_interfaces/msg/Time"](5, 0), "camera")
+def header(taken: int = 0) -> Any:
+    """A header of an image that was taken at a time [ns]; without a stamp the time of writing counts."""
+    stamp = STORE.types["builtin_interfaces/msg/Time"](*divmod(taken, 10**9))
+    return STORE.types["std_msgs/msg/Header"](stamp, "camera")
 
 
-def image(pixels: Any, encoding: str, step: int | None = None, big: bool = False) -> Any:
+def image(pixels: Any, encoding: str, step: int | None = None, big: bool = False, taken: int = 0) -> Any:
     data = np.ascontiguousarray(pixels)
     step = data.strides[0] if step is None else step
     return STORE.types[IMAGE](
-        header(), data.shape[0], data.shape[1], encoding, int(big), step, data.reshape(-1).view(np.uint8)
+        header(taken), data.shape[0], data.shape[1], encoding, int(big), step, data.reshape(-1).view(np.uint8)
     )
 
 
@@ -44,11 +50,17 @@ def compressed(pixels: Any, ending: str, length: int | None = None) -> Any:
     return STORE.types[COMPRESSED](header(), ending[1:], coded)
 
 
-def info(fx: float = 600.0, d: tuple[float, ...] = (0.0,) * 5) -> Any:
+def packed(content: bytes, form: str) -> Any:
+    return STORE.types[COMPRESSED](header(), form, np.frombuffer(content, np.uint8))
+
+
+def info(fx: float = 600.0, d: tuple[float, ...] = (0.0,) * 5, p: tuple[float, ...] = (0.0,) * 12) -> Any:
     k = np.array([fx, 0, 20, 0, 601, 15, 0, 0, 1.0])
     roi = STORE.types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
-    eye, p = np.eye(3).reshape(-1), np.zeros(12)
-    return STORE.types["sensor_msgs/msg/CameraInfo"](header(), H, W, "plumb_bob", np.array(d), k, eye, p, 0, 0, roi)
+    eye = np.eye(3).reshape(-1)
+    return STORE.types["sensor_msgs/msg/CameraInfo"](
+        header(), H, W, "plumb_bob", np.array(d), k, eye, np.array(p), 0, 0, roi
+    )
 
 
 def colour(red: int = 200) -> Any:
@@ -112,6 +124,109 @@ def test_pairs_of_colour_and_depth_come_in_their_order(cell: Path, plugin: Stora
     assert not camera.advance()
 
 
+MS = 1_000_000
+
+
+def shown(camera: FramesCamera) -> list[tuple[int, float]]:
+    """Red value and depth [m] of every frame."""
+    found = []
+    for _ in range(camera.count):
+        frame = camera.latest()
+        found.append((int(frame.colour[3, 3, 0]), round(float(frame.depth[3, 3]), 4)))  # type: ignore[index]
+        camera.advance()
+    return found
+
+
+@pytest.mark.parametrize("late", [0, 25, 40, 90])
+def test_images_belong_together_by_the_stamps_of_their_headers(cell: Path, late: int) -> None:
+    messages: list[tuple[str, int, Any]] = [("/info", 0, info())]
+    for i in range(6):
+        taken = (1000 + 33 * i) * MS
+        messages.append(("/colour", taken, image(colour(10 + i), "rgb8", taken=taken)))
+        messages.append(("/depth", taken + late * MS, image(depth(500 + 10 * i), "16UC1", taken=taken)))
+    messages.sort(key=lambda message: message[1])
+    expected = [(10 + i, round(0.5 + 0.01 * i, 4)) for i in range(6)]
+    assert shown(open_bag(cell, write(cell.parent / "bag", messages))) == expected
+
+
+def test_depth_that_was_taken_a_second_before_belongs_to_no_colour(cell: Path) -> None:
+    messages: list[tuple[str, int, Any]] = [("/info", 0, info())]
+    for i in range(3):
+        at = (5000 + 33 * i) * MS
+        messages += [
+            ("/colour", at, image(colour(), "rgb8", taken=at)),
+            ("/depth", at, image(depth(), "16UC1", taken=4000 * MS)),
+        ]
+    with pytest.raises(CellFileError, match=r"no depth lies within 0\.02 s of a colour image, by their headers"):
+        open_bag(cell, write(cell.parent / "bag", messages))
+
+
+def test_messages_that_were_written_at_the_same_time_are_told_apart(cell: Path) -> None:
+    messages = [("/info", 0, info())]
+    for i in range(3):
+        messages += [("/colour", 7 * MS, image(colour(i), "rgb8", taken=(1 + i) * 100 * MS)),
+                     ("/depth", 7 * MS, image(depth(500 + i), "16UC1", taken=(1 + i) * 100 * MS))]  # fmt: skip
+    assert shown(open_bag(cell, write(cell.parent / "bag", messages))) == [(0, 0.5), (1, 0.501), (2, 0.502)]
+
+
+def test_intrinsics_that_change_are_refused_unless_the_cell_gives_them(cell: Path) -> None:
+    bag = write(cell.parent / "bag", [*two(), ("/info", 100 * MS, info(fx=900.0))])
+    with pytest.raises(CellFileError, match="/info changes: fx is 600 px at first, 900 px in the message at") as caught:
+        open_bag(cell, bag)
+    assert caught.value.line == 5
+    own = "intrinsics: {fx: 610 px, fy: 610 px, cx: 20 px, cy: 15 px, width: 40, height: 30}"
+    assert open_bag(cell, bag, own).latest().intrinsics.fx == 610.0
+
+
+RECTIFIED = (580.0, 0, 21, 0, 0, 581, 16, 0, 0, 0, 1, 0)
+
+
+@pytest.mark.parametrize(
+    ("topic", "fx"),
+    [("/camera/image_rect_color", 580.0), ("/camera/image_rect/compressed", 580.0), ("/camera/image_raw", 0.0)],
+)
+def test_a_rectified_image_has_the_intrinsics_of_p(cell: Path, topic: str, fx: float) -> None:
+    renamed = [
+        (topic if t == "/colour" else t, s, m) for t, s, m in two(about=info(d=(0.1, -0.2, 0, 0, 0), p=RECTIFIED))
+    ]
+    bag = write(cell.parent / "bag", renamed)
+    cell.write_text(f"driver: bag\nbag: '{bag}'\ncolour: {topic}\ndepth: /depth\ninfo: /info\n")
+    if not fx:
+        with pytest.raises(
+            CellFileError, match=r"its lens distorts .* use the topic image_rect… of image_proc, or write"
+        ):
+            connect.connect(read_settings(connect, cell), ConnectContext(cell, ManualClock(5.0), 0))
+        return
+    camera = connect.connect(read_settings(connect, cell), ConnectContext(cell, ManualClock(5.0), 0))
+    assert (camera.intrinsics.fx, camera.intrinsics.fy, camera.intrinsics.cx, camera.intrinsics.cy) == (fx, 581, 21, 16)
+
+
+def png(pixels: Any) -> bytes:
+    return bytes(cv2.imencode(".png", pixels)[1].tobytes())
+
+
+INVERSE = np.full((H, W), 7, np.uint16)  # 3 / (7 - 1) m
+
+
+@pytest.mark.parametrize(
+    ("its_depth", "metres"),
+    [
+        (packed(struct.pack("<iff", 0, 0.0, 0.0) + png(depth()), "16UC1; compressedDepth png"), 0.75),
+        (packed(struct.pack("<iff", 0, 0.0, 0.0) + png(depth()), "16UC1; compressedDepth"), 0.75),
+        (packed(struct.pack("<iff", 0, 3.0, 1.0) + png(INVERSE), "32FC1; compressedDepth png"), 0.5),
+    ],
+)
+def test_compressed_depth_is_read_after_its_header(cell: Path, its_depth: Any, metres: float) -> None:
+    frame = open_bag(cell, write(cell.parent / "bag", two(its_depth=its_depth)[:3])).latest()
+    assert frame.depth[3, 3] == pytest.approx(metres)  # type: ignore[index]
+
+
+@pytest.mark.parametrize("form", ["16UC1; compressedDepth rvl", "16UC1; compressedDepth png"])
+def test_compressed_depth_of_another_form_is_refused_with_its_format(cell: Path, form: str) -> None:
+    with pytest.raises(CellFileError, match=r"compressedDepth|cannot be read as a picture"):
+        open_bag(cell, write(cell.parent / "bag", two(its_depth=packed(bytes(40), form))[:3]))
+
+
 FOUR = np.dstack([colour(), colour()[..., :1]])
 METRES = np.full((H, W), 0.5, np.float32)
 METRES[0, :3] = np.nan, -1.0, np.inf
@@ -155,7 +270,7 @@ TEXT = STORE.types["std_msgs/msg/String"]("no image")
         (two(about=info(fx=0.0)), r"/info: it has no focal length", 5),
         (two(about=info(d=(0.1, 0, 0, 0, 0))), r"its lens distorts", 5),
         (two(image(colour()[:20], "rgb8")), r"colour is 40 x 20, the intrinsics are for 40 x 30", 2),
-        (two(compressed(colour(), ".jpg", -4))[:3], r"it cannot be decoded: its end is missing", 2),
+        (two(compressed(colour(), ".jpg", -4))[:3], r"cannot be read as a picture: its end is missing", 2),
         (two(image(colour(), "bayer_rggb8")), r"its encoding is 'bayer_rggb8'", 2),
         (two(image(colour(), "rgb8", step=4000)), r"in rows of 4000 bytes, but it has 3600 bytes", 2),
         (two(its_depth=image(colour(), "rgb8")), r"depth has 16UC1", 2),
@@ -181,6 +296,110 @@ def test_no_bag_or_half_a_bag_is_refused(cell: Path) -> None:
         (cell.parent / "part.mcap").write_bytes(part)
         with pytest.raises(CellFileError, match=r"part\.mcap"):
             open_bag(cell, cell.parent / "part.mcap")
+
+
+def test_a_bag_without_metadata_or_message_index_is_refused_with_the_remedy(cell: Path) -> None:
+    bag = write(cell.parent / "bag", two())
+    (bag / "metadata.yaml").unlink()
+    with pytest.raises(
+        CellFileError, match=r"is a bag without metadata\.yaml.* `ros2 bag reindex` .* such as bag\.mcap"
+    ):
+        open_bag(cell, bag)
+    assert shown(open_bag(cell, bag / "bag.mcap")) == [(200, 0.75), (20, 1.0)]
+    (bag / "bag.mcap").rename(bag / "bag.MCAP")
+    with pytest.raises(CellFileError, match=r"ends with \.MCAP: rename it to end with \.mcap"):
+        open_bag(cell, bag / "bag.MCAP")
+    (bag / "bag.mcap").write_bytes(b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n")
+    with pytest.raises(CellFileError, match="is a pointer of Git LFS"):
+        open_bag(cell, bag / "bag.mcap")
+
+
+def test_an_mcap_without_message_index_is_not_called_empty(cell: Path) -> None:
+    source, path = next(write(cell.parent / "bag", two()).glob("*.mcap")), cell.parent / "other.mcap"
+    with source.open("rb") as read, path.open("wb") as written:
+        writer = McapWriter(written, index_types=IndexType.CHUNK)
+        writer.start("ros2", "a test")
+        channels: dict[str, int] = {}
+        for schema, channel, message in make_reader(read).iter_messages():
+            if channel.topic not in channels:
+                of = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.topic] = writer.register_channel(channel.topic, channel.message_encoding, of)
+            writer.add_message(channels[channel.topic], message.log_time, message.data, message.publish_time)
+        writer.finish()
+    with pytest.raises(CellFileError, match=r"other\.mcap has no message index; `mcap recover` writes one"):
+        open_bag(cell, path)
+
+
+ROS1 = get_typestore(Stores.ROS1_NOETIC)
+VIEWER = ("/device_0/sensor_1/Color_0/", "/device_0/sensor_0/Depth_0/")
+
+
+def viewer_bag(path: Path, unit: float, counts: int, shift: float | None = None, fx: float = 600.0) -> Path:
+    """A bag of ROS 1 with the topics of RealSense's viewer."""
+    types = ROS1.types
+
+    def head(taken: int) -> Any:
+        return types["std_msgs/msg/Header"](0, types["builtin_interfaces/msg/Time"](*divmod(taken, 10**9)), "0")
+
+    def picture(pixels: Any, encoding: str, taken: int) -> Any:
+        data = np.ascontiguousarray(pixels)
+        return types[IMAGE](head(taken), H, W, encoding, 0, data.strides[0], data.reshape(-1).view(np.uint8))
+
+    def about(fx: float) -> Any:
+        k, roi = (
+            np.array([fx, 0, 20, 0, 600, 15, 0, 0, 1.0]),
+            types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False),
+        )
+        of = types["sensor_msgs/msg/CameraInfo"]
+        return of(head(0), H, W, "Brown-Conrady", np.zeros(5), k, np.zeros(9), np.zeros(12), 0, 0, roi)
+
+    messages = [("/device_0/sensor_0/option/Depth_Units/value", 0, types["std_msgs/msg/Float32"](unit))]
+    messages += [(f"{stream}info/camera_info", 0, about(f)) for stream, f in zip(VIEWER, (600.0, fx), strict=True)]
+    if shift is not None:
+        for stream, x in zip(VIEWER, (shift, 0.0), strict=True):
+            place, turn = (
+                types["geometry_msgs/msg/Vector3"](x, 0.0, 0.0),
+                types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0),
+            )
+            messages.append((f"{stream}tf/0", 0, types["geometry_msgs/msg/Transform"](place, turn)))
+    for i in range(2):
+        taken = (100 + 33 * i) * MS
+        messages.append((f"{VIEWER[0]}image/data", taken, picture(colour(), "rgb8", taken)))
+        messages.append(
+            (f"{VIEWER[1]}image/data", taken + MS, picture(np.full((H, W), counts, np.uint16), "mono16", taken))
+        )
+    with Writer1(path) as writer:
+        connections: dict[str, Any] = {}
+        for topic, written, message in messages:
+            kind = message.__msgtype__
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=ROS1)
+            writer.write(connections[topic], written, ROS1.serialize_ros1(message, kind))
+    return path
+
+
+def open_viewer(cell: Path, bag: Path) -> FramesCamera:
+    topics = f"colour: {VIEWER[0]}image/data\ndepth: {VIEWER[1]}image/data\ninfo: {VIEWER[0]}info/camera_info\n"
+    cell.write_text(f"driver: bag\nbag: '{bag}'\n{topics}")
+    return connect.connect(read_settings(connect, cell), ConnectContext(cell, ManualClock(5.0), 0))
+
+
+@pytest.mark.parametrize(("unit", "counts"), [(0.001, 750), (0.0001, 7500), (0.00025, 3000)])
+def test_depth_of_the_viewer_has_the_unit_that_the_bag_gives(cell: Path, unit: float, counts: int) -> None:
+    camera = open_viewer(cell, viewer_bag(cell.parent / "a.bag", unit, counts, shift=0.0))
+    assert shown(camera) == [(200, 0.75)] * 2
+    assert camera.intrinsics.fx == 600.0
+
+
+def test_depth_of_the_viewer_that_is_not_registered_is_refused(cell: Path) -> None:
+    with pytest.raises(CellFileError, match=r"tf/0 differ: its depth is not registered to colour: play it through"):
+        open_viewer(cell, viewer_bag(cell.parent / "a.bag", 0.001, 750, shift=0.015))
+    with pytest.raises(CellFileError, match=r"info/camera_info differ: its depth is not registered to colour"):
+        open_viewer(cell, viewer_bag(cell.parent / "b.bag", 0.001, 750, fx=390.0))
+    with pytest.raises(CellFileError, match=r"is of RealSense's viewer .*: its depth is not registered to colour"):
+        open_bag(cell, cell.parent / "a.bag")
+    with pytest.raises(CellFileError, match="holds no single unit of depth"):
+        open_viewer(cell, viewer_bag(cell.parent / "c.bag", 0.0, 750))
 
 
 def test_a_pipe_is_not_waited_for(cell: Path) -> None:

@@ -115,7 +115,9 @@ class Controller:
         self.qd = (v0 + s * (2 * b + s * 3 * a)) / h
 
     def state(
-        self, names: tuple[str, ...] = ("wrist", "gripper", "shoulder", "elbow"), velocities: bool = True
+        self,
+        names: tuple[str, ...] = ("wrist", "gripper", "shoulder", "elbow"),
+        velocities: Callable[[list[float]], list[float]] = list,
     ) -> bytes:
         """In an order of its own, with a joint that is not the arm's."""
         of = dict(zip(JOINTS, self.says(self.q), strict=True)) | {"gripper": 0.02}
@@ -127,7 +129,7 @@ class Controller:
             types["std_msgs/msg/Header"](stamp, ""),
             list(names),
             np.array([of[name] for name in names]),
-            np.array([rates[name] for name in names] if velocities else []),
+            np.array(velocities([rates[name] for name in names])),
             np.zeros(0),
         )
         return bytes(STORE.serialize_cdr(message, JOINT_STATE))
@@ -377,9 +379,12 @@ def test_a_stop_that_comes_late_is_no_jolt(setting: Setting) -> None:
     assert setting.controller.hardest <= 1.1 * LIMITS.acceleration[0]
 
 
-def test_velocities_may_be_missing(setting: Setting) -> None:
+@pytest.mark.parametrize(
+    "velocities", [lambda _: [], lambda rates: [np.nan] * len(rates), lambda rates: [np.nan, *rates[1:]]]
+)
+def test_velocities_may_be_missing_or_nan(setting: Setting, velocities: Callable[[list[float]], list[float]]) -> None:
     whole = setting.controller.state
-    setting.controller.state = lambda: whole(velocities=False)
+    setting.controller.state = lambda: whole(velocities=velocities)
     motion = setting.moving()
     assert np.abs(setting.arm.state().qd - setting.controller.qd).max() < 0.05
     setting.serve(2.0, lambda: motion.settled)

@@ -36,6 +36,7 @@ class Fingers:
         self.said: list[tuple[float, float]] = []
         self.silent = self.stuck = self.closed = False
         self.says: Callable[[float], float] = lambda q: q
+        self.rate: Callable[[float], float] = lambda rate: rate
 
     def subscribe(self, _topic: str, kind: str, take: Callable[[bytes], None]) -> None:
         assert kind == JOINT_STATE
@@ -67,7 +68,7 @@ class Fingers:
         if not self.silent:
             types, said = STORE.types, self.says(self.q)
             stamp = types["builtin_interfaces/msg/Time"](int(self.wall), round(self.wall % 1.0 * 1e9) % 10**9)
-            rates = np.array([(self.q - before) / seconds])
+            rates = np.array([self.rate((self.q - before) / seconds)])
             head = types["std_msgs/msg/Header"](stamp, "")
             message = types[JOINT_STATE](head, ["finger"], np.array([said]), rates, np.zeros(0))
             self.take(bytes(STORE.serialize_cdr(message, JOINT_STATE)))
@@ -131,6 +132,17 @@ def test_fingers_that_meet_something_end_the_move_and_press_no_more_than_they_ma
     assert "blocked at 45.0 mm" in motion.problem
     assert 0.045 - (0.002 + 2.0 * setting.fingers.set_point) == pytest.approx(0.01, abs=1e-6)  # `ahead`
     setting.gripper.check()  # which is no fault of the gripper
+
+
+def test_a_velocity_that_is_nan_is_computed_from_widths(setting: Setting) -> None:
+    setting.fingers.rate = lambda _rate: float("nan")
+    setting.serve(0.1)
+    motion = setting.gripper.move(0.05, 0.05)
+    speeds = []
+    setting.serve(4.0, lambda: motion.settled, lambda: speeds.append(setting.gripper.state().speed))
+    assert motion.state is MotionState.DONE
+    assert min(speeds) == pytest.approx(-0.05, abs=0.01)
+    setting.gripper.check()
 
 
 def test_a_streamed_speed_moves_and_ends_when_it_is_not_renewed(setting: Setting) -> None:

@@ -1,4 +1,5 @@
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -52,7 +53,7 @@ def test_exact_looks_give_the_exact_transform_and_no_residual() -> None:
     assert result.position_error.max() < 1e-9
 
 
-def test_noisy_looks_give_it_within_the_noise_and_an_outlier_stands_out_in_the_report() -> None:
+def test_noisy_looks_give_it_within_the_noise_and_an_outlier_is_refused_by_its_name() -> None:
     flanges, boards = looks(20)
     rng = np.random.default_rng(1)
     for T in boards:
@@ -62,8 +63,8 @@ def test_noisy_looks_give_it_within_the_noise_and_an_outlier_stands_out_in_the_r
     assert np.linalg.norm(result.T_tool0_camera[:3, 3] - T_TOOL0_CAMERA[:3, 3]) < 2.5e-3
     assert 2e-4 < np.sqrt((result.position_error**2).mean()) < 2e-3
     boards[7, :3, 3] += 0.02
-    spoilt = calibrate_hand_eye(flanges, boards, tuple(f"look {i}" for i in range(20)))
-    assert "worst: look 7" in str(spoilt)
+    with pytest.raises(UnusableLooks, match="worst: look 7"):
+        calibrate_hand_eye(flanges, boards, tuple(f"look {i}" for i in range(20)))
 
 
 def test_too_few_looks_or_no_turning_are_refused() -> None:
@@ -71,6 +72,35 @@ def test_too_few_looks_or_no_turning_are_refused() -> None:
         calibrate_hand_eye(*looks(4))
     with pytest.raises(UnusableLooks, match="hardly turned"):
         calibrate_hand_eye(*looks(10, turn=0.01))
+
+
+def in_millimetres(flanges: np.ndarray, boards: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    flanges[:, :3, 3] *= 1e3
+    return flanges, boards
+
+
+def twice_the_square(flanges: np.ndarray, boards: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    boards[:, :3, 3] *= 2.0
+    return flanges, boards
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        in_millimetres,
+        twice_the_square,
+        lambda flanges, boards: (np.linalg.inv(flanges), boards),
+        lambda flanges, boards: (np.roll(flanges, 1, axis=0), boards),
+        lambda flanges, boards: (flanges[[1, *range(1, 12)]], boards),
+    ],
+    ids=["millimetres", "square", "inverted", "of the next picture", "one of another picture"],
+)
+def test_looks_that_contradict_each_other_are_refused_with_the_likely_causes(
+    spoil: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]],
+) -> None:
+    with pytest.raises(UnusableLooks, match=r"contradict each other\. Check that poses\.json") as caught:
+        calibrate_hand_eye(*spoil(*looks()))
+    assert "worst: " in str(caught.value)
 
 
 def draw(T_camera_board: np.ndarray) -> np.ndarray:
@@ -114,4 +144,10 @@ def test_a_folder_of_looks_is_calibrated_and_its_file_holds_the_pose(tmp_path: P
     with pytest.raises(UnusableLooks, match="turned by 180°"):
         calibrate_folder(tmp_path, Chessboard(7, 5, 0.03))
     with pytest.raises(UnusableLooks, match="no image of the look 'look_3'"):
+        calibrate_folder(tmp_path, BOARD)
+    (tmp_path / "look_3.png").write_bytes(b"no picture")
+    with pytest.raises(UnusableLooks, match=r"look_3\.png: cannot be read as a picture"):
+        calibrate_folder(tmp_path, BOARD)
+    cv2.imwrite(str(tmp_path / "look_3.png"), cv2.resize(draw(boards[3]), (320, 240)))
+    with pytest.raises(UnusableLooks, match=r"look_3\.png: is 320 x 240 pixels, the intrinsics are for 640 x 480"):
         calibrate_folder(tmp_path, BOARD)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import csv
+import os
 import signal
 import struct
 import zlib
@@ -160,11 +161,36 @@ def test_a_file_that_is_no_picture_is_named_and_the_others_are_done(
     (pictures / "huge.png").write_bytes(b"\x89PNG\r\n\x1a\n" + huge)
     assert run(pictures, "--out", tmp_path / "out") == 2
     said = capsys.readouterr()
-    assert "broken.png cannot be read as a picture" in said.err
-    assert "cut.jpg cannot be read as a picture" in said.err
-    assert "empty.png cannot be read as a picture" in said.err
-    assert "huge.png cannot be read as a picture" in said.err
+    assert "broken.png: cannot be read as a picture" in said.err
+    assert "cut.jpg: cannot be read as a picture" in said.err
+    assert "empty.png: cannot be read as a picture" in said.err
+    assert "huge.png: cannot be read as a picture" in said.err
     assert "2 fruit in 2 pictures" in said.out
+
+
+def test_a_thumbnail_and_a_format_that_is_not_read_are_named_and_the_others_are_done(
+    pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cv2.imwrite(str(pictures / "m.png"), np.zeros((18, 24, 3), np.uint8))
+    (pictures / "n.HEIC").write_bytes(b"\x00\x00\x00\x18ftypheic" + bytes(64))
+    model = red_square_model(tmp_path / "model.onnx", [1, 3, 240, 320])
+    assert run(pictures, "--boxes", model, "--out", tmp_path / "out") == 2
+    said = capsys.readouterr()
+    assert "m.png: a picture must be (h, w, 3) uint8 RGB, at least 32 px on each side" in said.err
+    assert "n.HEIC: cannot be read as a picture: it is HEIC: convert it to JPEG or PNG" in said.err
+    assert "0 fruit in 2 pictures" in said.out
+
+
+@pytest.mark.skipif(os.name != "posix", reason="names of other systems are no bytes")
+def test_a_picture_whose_name_is_not_utf8_is_searched(
+    pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (pictures / "a.png").rename(pictures / os.fsdecode(b"\xc4pfel.png"))
+    assert run(pictures, "--out", tmp_path / "out") == 0
+    assert "\\xc4pfel.png: 1 found" in capsys.readouterr().out
+    rows = list(csv.DictReader((tmp_path / "out" / "found.csv").read_text("utf-8").splitlines()))
+    assert [row["picture"].rpartition("/")[2] for row in rows] == ["b.jpg", "\\xc4pfel.png"]
+    assert b"0002_\xc4pfel.jpg" in os.listdir(os.fsencode(tmp_path / "out"))
 
 
 @pytest.mark.parametrize(

@@ -82,10 +82,10 @@ def test_a_frame_that_is_damaged_is_named_and_the_others_are_measured(
     (frames / "b_depth_mm.png").write_bytes(b"damaged")
     assert main(["measure", str(frames)]) == 2
     said = capsys.readouterr().out
-    assert "b_depth_mm.png: is not an image that can be read" in said
+    assert "b_depth_mm.png: cannot be read as a picture" in said
     assert "3 of 3 frames, c: 2 found" in said
     assert {row["frame"] for row in rows(Path("measured/finds.csv"))} == {"a", "c"}
-    assert "b_depth_mm.png: is not an image" in Path("measured/index.html").read_text()
+    assert "b_depth_mm.png: cannot be read as a picture" in Path("measured/index.html").read_text()
 
 
 @pytest.mark.slow
@@ -96,7 +96,11 @@ def test_a_frame_that_is_damaged_is_named_and_the_others_are_measured(
         (lambda folder: (folder / "intrinsics.yaml").unlink(), (), "the intrinsics are for 1920 x 1080"),
         (lambda folder: [path.unlink() for path in folder.glob("*_color.png")], (), "holds no frame"),
         (lambda folder: (folder / "a_depth_mm.png").unlink(), (), "a_depth_mm.png is missing"),
-        (lambda folder: (folder / "a_color.png").write_bytes(b"damaged"), (), "a_color.png: is not an image"),
+        (
+            lambda folder: (folder / "a_color.png").write_bytes(b"damaged"),
+            (),
+            "a_color.png: cannot be read as a picture",
+        ),
         (lambda folder: None, ("--kind", "pear"), "no fruit named 'pear'"),
         (lambda folder: None, ("--score", "3"), "--score 3: score is at most 1"),
         (lambda folder: None, ("--every", "0"), "--every 0: it is 0, but must be"),

@@ -26,6 +26,7 @@ class DiscWorld:
     discs: np.ndarray
     lower: np.ndarray = field(default_factory=lambda: LIMITS.lower)
     upper: np.ndarray = field(default_factory=lambda: LIMITS.upper)
+    endless: np.ndarray = field(default_factory=lambda: np.zeros(2, np.bool_))
     asked: int = 0
 
     def distance_to_segment(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -112,3 +112,30 @@ def test_joints_that_are_no_joints_and_unknown_planners_are_refused():
         plan(request(wall_with_gap(0.4), np.array([[0.1, 0.0, 0.3]])))
     with pytest.raises(BadRequest, match="RRTConnect"):
         plan(request(wall_with_gap(0.4), planner="AORRTC"))
+
+
+FREE = np.array([[9.0, 9.0, 0.1]])
+
+
+@pytest.mark.parametrize(("start", "goal", "reached"), [
+    (3.1, 3.2, 3.2), (4.0, 4.2, 4.2), (7.0, 6.9, 6.9), (3.0, -3.0, 2 * np.pi - 3.0), (-40.0, -40.1 + 4 * np.pi, -40.1),
+])  # fmt: skip
+def test_a_joint_without_limits_goes_by_the_short_way(start: float, goal: float, reached: float) -> None:
+    endless = np.array([True, False])
+    turn = np.array([2.0 * np.pi, 2.0])
+    space = DiscWorld(FREE, lower=-turn, upper=turn, endless=endless)
+    limits = replace(LIMITS, lower=np.array([-100.0, -2.0]), upper=np.array([100.0, 2.0]))
+    result = plan(PlanRequest(space, np.array([start, 0.5]), np.array([[goal, -0.5]]), limits))
+    assert (result.goal, result.found_by) == (0, "straight")
+    assert result.path.q[0] == pytest.approx([start, 0.5])
+    assert result.path.q[-1] == pytest.approx([reached, -0.5])
+    assert result.waypoints[-1] == pytest.approx([reached, -0.5])
+    assert np.ptp(result.path.q[:, 0]) == pytest.approx(abs(reached - start), abs=1e-6)
+
+
+def test_a_joint_without_limits_goes_the_long_way_where_the_arm_has_limits() -> None:
+    turn = np.full(2, 2.0 * np.pi)
+    space = DiscWorld(FREE, lower=-turn, upper=turn, endless=np.array([True, False]))
+    limits = replace(LIMITS, lower=np.full(2, -3.1), upper=np.full(2, 3.1))
+    result = plan(PlanRequest(space, np.array([3.0, 0.0]), np.array([[-3.0, 0.0]]), limits))
+    assert result.path.q[-1] == pytest.approx([-3.0, 0.0])

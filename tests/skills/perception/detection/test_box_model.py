@@ -52,6 +52,8 @@ def test_yolos_scores_are_those_of_the_fruits_class(tmp_path: Path) -> None:
     assert (found.score, *found.box) == pytest.approx((0.75, 280, 200, 80, 80))
 
 
+PARTS = np.zeros((1, 5, 9))
+PARTS[0, :, 0] = 0.5, 0.5, 0.1, 0.1, 0.9
 ONE = {"boxes": [[10, 20, 40, 60]], "scores": [0.5]}
 
 
@@ -66,7 +68,21 @@ ONE = {"boxes": [[10, 20, 40, 60]], "scores": [0.5]}
         ({"output0": np.zeros((1, 6, 9))}, {}, "has several classes without names"),
         ({**ONE, "labels": [1]}, {}, "has several classes without names"),
         ({"output0": np.zeros((1, 6, 9))}, {"names": "['pear', 'plum']"}, "classes pear, plum: none of them is apple"),
-        ({"output0": np.zeros((1, 6, 9))}, {"names": "{7: 'apple'}"}, "names apple as class 7, and gives scores of 2"),
+        (
+            {"output0": np.zeros((1, 6, 9))},
+            {"names": "{0: 'pear', 7: 'apple'}"},
+            "names apple as class 7, and gives scores of 2",
+        ),
+        (
+            {"output0": np.zeros((1, 7, 9))},
+            {"names": "['apple', 'pear']"},
+            "gives 3 rows of scores for 2 named classes",
+        ),
+        ({"output0": np.zeros((1, 6, 9))}, {"names": "['apple', 'pear', 'leaf']"}, "gives 2 rows of scores for 3"),
+        ({"output0": np.zeros((1, 5, 9))}, {"names": "['pineapple']"}, "classes pineapple: none of them is apple"),
+        ({"output0": np.zeros((1, 5, 9))}, {"names": "['apple', 'pear']"}, "gives 1 rows of scores for 2"),
+        ({"output0": np.zeros((1, 300, 6))}, {"names": "['apple', 'pear']"}, "already chosen, export it without nms"),
+        ({"output0": PARTS}, {"names": "['apple']"}, "boxes in parts of the picture"),
         ({"output0": np.zeros((1, 6, 9))}, {"names": "apple, pear"}, "has metadata names 'apple, pear'"),
         (ONE, {"shape": [1, 240, 320, 3]}, r"has the input \(1, 240, 320, 3\) of tensor\(float\), expected one input"),
         (ONE, {"shape": [4, 3, 240, 320]}, r"has the input \(4, 3, 240, 320\)"),

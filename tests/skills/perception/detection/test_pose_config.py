@@ -76,6 +76,9 @@ def test_flat_sixteen_numbers_are_a_transform(tmp_path: Path) -> None:
     assert load_pose_config(write(tmp_path, text)).objects["a"].model_transform[:3, 3].tolist() == [5, 6, 7]
 
 
+ONE = "weights: {a: b}\ndimensions: {a: [1, 2, 3]}\n"
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -86,7 +89,17 @@ def test_flat_sixteen_numbers_are_a_transform(tmp_path: Path) -> None:
         ("weights: {a: b}\ndimensions: {c: [1, 2, 3]}\n", "a has weights but no dimensions"),
         ("weights: {a: b}\ndimensions: {a: [1, 2]}\n", "dimensions of a"),
         ("weights: {a: b}\ndimensions: {a: wide}\n", "dimensions of a"),
-        ("weights: {a: b}\ndimensions: {a: [1, 2, 3]}\nsigma: big\n", "not a number"),
+        ("weights: {a: b}\ndimensions: {a: [1, 2, 3]}\nsigma: big\n", "sigma must be numbers, not 'big'"),
+        (ONE + "sigma: .nan\n", "sigma must be a finite number, not nan"),
+        (ONE + "thresh_map:\n", "thresh_map must be a finite number, not None"),
+        (ONE + "downscale_height: .inf\n", "downscale_height must be a finite number"),
+        (ONE + "downscale_height: 0\n", "downscale_height must be positive"),
+        (ONE + "class_ids: {a: one}\n", "class_ids of a must be numbers, not 'one'"),
+        (ONE + "class_ids: {a: }\n", "class_ids of a must be a finite number"),
+        (ONE + "mesh_scales: {a: }\n", "mesh_scales of a must be a finite number"),
+        (ONE + "mesh_scales: {a: [1, 1]}\n", "mesh_scales of a must be a finite number"),
+        (ONE + "mesh_scales: {a: 0}\n", "mesh_scales of a must be positive"),
+        (ONE + "draw_colors: {a: red}\n", "draw_colors of a must be numbers"),
         ("weights: [a]\ndimensions: {a: [1, 2, 3]}\n", "must map"),
     ],
 )

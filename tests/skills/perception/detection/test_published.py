@@ -39,7 +39,7 @@ MASKS, PLACE = "detection/train/masks", "KFuji_RGB-DS_dataset/preprocessed data"
 MISTAKES = [
     (minneapple, lambda f: (f / MASKS / "2015_17a_image0.png").unlink(), r"image0\.png: has no mask in masks/, like 0"),
     (minneapple, lambda f: (f / "detection/train/images/2015_17a_image0.png").unlink(), r"has no picture in images/"),
-    (minneapple, lambda f: (f / MASKS / "2015_17a_image0.png").write_bytes(b"no"), r"cannot be read as a mask"),
+    (minneapple, lambda f: (f / MASKS / "2015_17a_image0.png").write_bytes(b"no"), r"cannot be read as a picture"),
     (minneapple, lambda f: draw(f / MASKS / "2015_17a_image0.png", []), r"has 3 channels, expected one"),
     (
         minneapple,

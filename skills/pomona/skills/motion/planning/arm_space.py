@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pomona.drivers.interfaces import Arm, Workspace
 from pomona.executive.values.arrays import Float64
@@ -16,6 +17,8 @@ from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.planning import rrt_connect
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.perception.measured_fruit import MeasuredFruit
+
+TURN = 2.0 * np.pi  # [rad]
 
 TARGET = "target"  # name of the fruit to be picked among the obstacles
 
@@ -30,12 +33,17 @@ class ArmSpace:
     @property
     def lower(self) -> Float64:
         """Lower joint limits, shape (dof,) [rad]."""
-        return self.world.shape.model.lower
+        return np.where(self.endless, -TURN, self.world.shape.model.lower)
 
     @property
     def upper(self) -> Float64:
         """Upper joint limits, shape (dof,) [rad]."""
-        return self.world.shape.model.upper
+        return np.where(self.endless, TURN, self.world.shape.model.upper)
+
+    @property
+    def endless(self) -> NDArray[np.bool_]:
+        """Which joints turn without limits, shape (dof,)."""
+        return self.world.shape.model.endless
 
     def at_width(self, width: float) -> ArmSpace:
         """Return the same with the fingers open to a width [m]."""

@@ -12,7 +12,7 @@ execute.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -23,6 +23,8 @@ from pomona.skills.motion.planning.planners import PLANNERS, BudgetUse, solve
 from pomona.skills.motion.planning.shortcut import path_length, shortcut
 from pomona.skills.motion.planning.space import Effort, Space
 from pomona.skills.motion.planning.timing import time_polyline
+
+TURN = 2.0 * np.pi  # [rad]
 
 GOOD_ENOUGH = 1.02  # a path this close to the straight distance to the nearest goal is not worth improving
 
@@ -98,6 +100,7 @@ def plan(request: PlanRequest) -> PlanResult:
             NO_PATH (iterations used up) or TIMEOUT (wall clock), with data.
         BadRequest: joints that are not finite or too many or few, or a planner that is not offered.
     """
+    given, (request, turns) = request, _by_the_short_way(request)
     progress = _Progress()
     rng = np.random.default_rng(request.seed)
     space, goals = request.space, _free_goals(request)
@@ -113,6 +116,8 @@ def plan(request: PlanRequest) -> PlanResult:
             if candidate.duration < path.duration:
                 waypoints, path, found_by = better, candidate, request.improve
     reached = int(np.linalg.norm(request.q_goals - waypoints[-1], axis=1).argmin())
+    if given is not request:
+        path, waypoints = replace(path, q=path.q + turns), waypoints + turns
     return PlanResult(
         path,
         reached,
@@ -123,6 +128,21 @@ def plan(request: PlanRequest) -> PlanResult:
         first_path_s,
         time.perf_counter() - progress.began,
     )
+
+
+def _by_the_short_way(request: PlanRequest) -> tuple[PlanRequest, Float64]:
+    """Return the request with the joints that turn without limits near zero, and the whole turns left out (dof,) [rad].
+
+    Each of them goes to its goal by the short way, or by the long one where that leaves the limits of the arm's motion.
+    """
+    endless, start, goals = request.space.endless, request.q_start, np.atleast_2d(request.q_goals)
+    if not endless.any() or start.shape != endless.shape or goals.shape[1:] != endless.shape:
+        return request, np.zeros(len(endless))
+    turns = np.where(endless, TURN * np.round(start / TURN), 0.0)
+    nearest = goals + np.where(endless, TURN * np.round((start - goals) / TURN), 0.0)
+    nearest = nearest - np.where(endless & (nearest > request.limits.upper), TURN, 0.0)
+    nearest = nearest + np.where(endless & (nearest < request.limits.lower), TURN, 0.0)
+    return replace(request, q_start=start - turns, q_goals=nearest - turns), turns
 
 
 def _free_goals(request: PlanRequest) -> Float64:

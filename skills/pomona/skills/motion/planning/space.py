@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pomona.executive.values.arrays import Float64
 
 
@@ -18,6 +21,10 @@ class Space(Protocol):
     @property
     def upper(self) -> Float64:
         """Joint limits, shape (dof,) [rad]."""
+
+    @property
+    def endless(self) -> NDArray[np.bool_]:
+        """Which joints turn without limits, shape (dof,); `lower` and `upper` are then one turn from zero."""
 
     def free(self, q: Float64) -> bool:
         """Return True if a configuration is free of collision."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.planning.arm_space import ArmSpace
@@ -60,6 +61,11 @@ class UprightSpace:
     def upper(self) -> Float64:
         """Upper joint limits, shape (dof,) [rad]."""
         return self.space.upper
+
+    @property
+    def endless(self) -> NDArray[np.bool_]:
+        """Which joints turn without limits, shape (dof,)."""
+        return self.space.endless
 
     def tilt(self, q: Float64) -> float:
         """How far it is tilted in a posture, shape (dof,) [rad]."""

@@ -20,8 +20,15 @@ from pomona.executive.values.importing import import_under
 from pomona.executive.values.read_only import ReadOnly
 from pomona.skills.geometry import inverse
 from pomona.skills.motion.robot.errors import BadRobotFile
+from pomona.skills.motion.robot.urdf import leaders, read_urdf, seen_only
 
 mujoco = import_under("mujoco", MUJOCO_GL="disable")  # nothing is drawn here
+
+ENDLESS = 32.0 * np.pi  # position limit of a joint that has none: 16 turns from its zero [rad]
+
+QUICKEST = 50.0  # speed of a joint that no arm reaches [rad/s]: small ones turn their wrists at 20 rad/s
+
+TOUCHING = 1e-6  # pads that are nearer to each other than this touch when the fingers are closed [m]
 
 KINDS = ("sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
 
@@ -57,7 +64,8 @@ class Description(ReadOnly):
     joint_names: tuple[str, ...]  # from base to tool
     steps: Float64  # pose of each joint in the frame of the link before it, shape (dof, 4, 4)
     sliding: NDArray[np.bool_]  # which joints shift instead of turn, shape (dof,)
-    lower: Float64  # lower, upper: position limits, shape (dof,) [rad or m]; ±pi for a joint without limits
+    endless: NDArray[np.bool_]  # which joints turn without limits, shape (dof,)
+    lower: Float64  # lower, upper: position limits, shape (dof,) [rad or m]; `ENDLESS` for a joint without limits
     upper: Float64
     velocity: Float64  # velocity, acceleration, jerk: limits, shape (dof,); infinite where the file states none
     acceleration: Float64
@@ -78,20 +86,22 @@ def read_description(path: Path, tool: str = "tool0") -> Description:
     """
     if not path.is_file():
         raise BadRobotFile(path, "there is no such file")
+    urdf = read_urdf(path)
     try:
-        spec = mujoco.MjSpec.from_file(str(path))
+        text = None if urdf is None else ElementTree.tostring(urdf, encoding="unicode")
+        spec = mujoco.MjSpec.from_file(str(path)) if text is None else mujoco.MjSpec.from_string(text)
         spec.compiler.fusestatic = False  # a URDF's fixed frames (tool0, tcp) must survive
         compiled = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         raise BadRobotFile(path, f"MuJoCo cannot compile it: {error}") from error
-    return _Reader(path, compiled, tool).description()
+    return _Reader(path, compiled, tool, urdf).description()
 
 
 class _Reader:
     """Reads one compiled model; lives for one call of `read_description`."""
 
-    def __init__(self, path: Path, model: Any, tool: str) -> None:
-        self.path, self.model = path, model
+    def __init__(self, path: Path, model: Any, tool: str, urdf: ElementTree.Element | None) -> None:
+        self.path, self.model, self.urdf = path, model, urdf
         self.at_zero = mujoco.MjData(model)
         self.at_zero.qpos[:] = 0.0
         mujoco.mj_kinematics(model, self.at_zero)
@@ -106,13 +116,14 @@ class _Reader:
         steps = np.array([inverse(a) @ b for a, b in zip(self.T_base_link, self.T_base_link[1:], strict=False)])
         dof = len(self.joints)
         limited = self.model.jnt_limited[self.joints].astype(bool)
-        ranges = np.where(limited[:, None], self.model.jnt_range[self.joints], (-np.pi, np.pi))
+        ranges = np.where(limited[:, None], self.model.jnt_range[self.joints], (-ENDLESS, ENDLESS))
         bodies, geoms = self._collision_geometry()
         return Description(
             path=self.path,
             joint_names=tuple(self._name("joint", j) for j in self.joints),
             steps=np.ascontiguousarray(steps),
             sliding=np.array([self._is_slide(j) for j in self.joints]),
+            endless=~limited,
             lower=ranges[:, 0].copy(),
             upper=ranges[:, 1].copy(),
             velocity=self._numeric("arm_velocity", dof, self._urdf_velocities()),
@@ -158,13 +169,33 @@ class _Reader:
         if not self.joints:
             raise BadRobotFile(self.path, f"has no joint between the base and '{tool}'")
         for joint in self.joints:
-            if self.model.jnt_type[joint] in (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL):
-                raise BadRobotFile(
-                    self.path,
-                    f"joint '{self._name('joint', joint)}' of the arm neither turns nor slides about one axis",
-                )
-            if self.model.jnt_limited[joint] and not np.all(np.isfinite(self.model.jnt_range[joint])):
-                raise BadRobotFile(self.path, f"joint '{self._name('joint', joint)}' has limits that are not finite")
+            problem = self._problem_of(joint)
+            if problem:
+                raise BadRobotFile(self.path, f"the joint '{self._name('joint', joint)}' {problem}")
+
+    def _problem_of(self, joint: int) -> str:
+        """Return the reason why a joint of the chain cannot be planned with, or an empty text."""
+        limited, (lower, upper) = self.model.jnt_limited[joint], self.model.jnt_range[joint]
+        if self.model.jnt_type[joint] in (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL):
+            return "neither turns nor slides about one axis"
+        if self.urdf is not None and self._name("joint", joint) not in {j.get("name") for j in self.urdf.iter("joint")}:
+            return "is part of a planar one; those of an arm turn or slide"  # MuJoCo makes three joints of it
+        if limited and not (np.isfinite(lower) and np.isfinite(upper)):
+            return "has limits that are not finite"
+        if not limited and self._is_slide(joint):
+            return "slides and needs a range"
+        if max(-lower, upper) > ENDLESS:
+            return f"has a range up to {max(-lower, upper):g} rad: is it in degrees?"
+        leader = self._leader_of(joint)
+        return f"follows '{leader}'; the joints of an arm must move independently of each other" if leader else ""
+
+    def _leader_of(self, joint: int) -> str:
+        """Return the name of the joint that another one follows (`mimic`, `equality`), or an empty text."""
+        for k in range(self.model.neq):
+            of_joints = self.model.eq_type[k] == mujoco.mjtEq.mjEQ_JOINT
+            if of_joints and self.model.eq_obj1id[k] == joint and self.model.eq_obj2id[k] >= 0:
+                return self._name("joint", int(self.model.eq_obj2id[k]))
+        return leaders(self.urdf).get(self._name("joint", joint), "")
 
     def _link_frames(self) -> list[Float64]:
         """Frames of all links at zero: origin at the joint's anchor, z along its axis."""
@@ -218,14 +249,12 @@ class _Reader:
             return 0.0, 0.0, {}
         apart = self.at_zero.site_xpos[pads[0]] - self.at_zero.site_xpos[pads[1]]
         closed = float(np.linalg.norm(apart))
-        gains: dict[int, float] = {}
-        for sign, pad in zip((1.0, -1.0), pads, strict=True):
-            for body in self._ancestors(int(self.model.site_bodyid[pad])):
-                if body in self.chain_bodies:
-                    break
-                for joint in self._joints_of(body):
-                    if self._is_slide(joint) and self.model.jnt_stiffness[joint] == 0.0:
-                        gains[joint] = sign * float(self.at_zero.xaxis[joint] @ apart) / closed
+        signs = {joint: sign for sign, pad in zip((1.0, -1.0), pads, strict=True) for joint in self._fingers(pad)}
+        if closed < TOUCHING:  # pads that meet have no direction; they part along it
+            middles = {joint: float(self.model.jnt_range[joint].mean()) for joint in signs}
+            apart = sum((signs[j] * middles[j] * self.at_zero.xaxis[j] for j in signs), np.zeros(3))
+        length = float(np.linalg.norm(apart))
+        gains = {j: signs[j] * float(self.at_zero.xaxis[j] @ apart) / length for j in signs if length > 0.0}
         total = sum(gains.values())
         if not gains or total <= 0.0:
             return closed, closed, {}
@@ -233,6 +262,16 @@ class _Reader:
         slides = {joint: R_link_base @ self.at_zero.xaxis[joint] / total for joint in gains}
         lower, upper = np.array([self.model.jnt_range[joint] for joint in gains]).T
         return closed + total * float(lower.max()), closed + total * float(upper.min()), slides
+
+    def _fingers(self, pad: int) -> list[int]:
+        """Return the sliding joints between a pad and the arm that no spring holds."""
+        found = []
+        for body in self._ancestors(int(self.model.site_bodyid[pad])):
+            if body in self.chain_bodies:
+                break
+            slides = [joint for joint in self._joints_of(body) if self._is_slide(joint)]
+            found += [joint for joint in slides if self.model.jnt_stiffness[joint] == 0.0]
+        return found
 
     def _slide_of_body(self, body: int) -> Float64:
         slide = np.zeros(3)
@@ -257,6 +296,10 @@ class _Reader:
             geoms.append(self._geom(index, numbers[body], bodies[numbers[body]]))
         if not any(body.link > 0 for body in bodies):
             raise BadRobotFile(self.path, "has no collision geometry on any moving link")
+        shown = seen_only(self.urdf)
+        if shown:
+            words = f"the link '{shown[0]}' has visual geometry and no collision geometry"
+            raise BadRobotFile(self.path, f"{words}: copy its <visual> to <collision>, or remove the <visual>")
         return tuple(bodies), tuple(geoms)
 
     def _body(self, body: int) -> Body:
@@ -300,8 +343,8 @@ class _Reader:
 
     def _urdf_velocities(self) -> Float64:
         """Velocity limits of a URDF, which MuJoCo does not keep; infinite in an MJCF."""
-        root = ElementTree.parse(self.path).getroot()
-        stated = {joint.get("name", ""): joint for joint in root.iter("joint")} if root.tag == "robot" else {}
+        joints = [] if self.urdf is None else self.urdf.findall("joint")
+        stated = {joint.get("name", ""): joint for joint in joints}
         names = [self._name("joint", j) for j in self.joints]
         return np.array([self._urdf_velocity(name, stated[name]) if name in stated else np.inf for name in names])
 
@@ -325,6 +368,9 @@ class _Reader:
             raise BadRobotFile(self.path, f"the joint '{name}' {words}")
         if values["velocity"] <= 0.0:
             raise BadRobotFile(self.path, f"the joint '{name}': velocity = '{said['velocity']}' is not positive")
+        if QUICKEST < values["velocity"] < np.inf:
+            words = f"velocity = '{said['velocity']}' is more than {QUICKEST:g} rad/s: is it in degrees?"
+            raise BadRobotFile(self.path, f"the joint '{name}': {words}")
         return values["velocity"]
 
 

@@ -36,6 +36,7 @@ class RobotModel(ReadOnly):
         width_min, width_max: range of the gripper's opening [m]; both 0 without a gripper.
         bodies, geoms: collision geometry, see `pomona.skills.motion.robot.description`.
         excluded: pairs of body names that the file excludes from contact.
+        endless: which joints turn without limits, shape (dof,).
         steps, sliding: the chain, for the kernels in `pomona.skills.motion.robot.chain`: shapes (dof, 3, 4) and (dof,).
         T_link_tool: pose of the flange in the last link's frame.
         T_link_frame: poses of all named frames on the last link, in its frame.
@@ -58,6 +59,7 @@ class RobotModel(ReadOnly):
     sliding: NDArray[np.bool_]
     T_link_tool: Float64
     T_link_frame: Mapping[str, Float64]
+    endless: NDArray[np.bool_]
 
     @staticmethod
     def load(path: Path | str, tool: str = "tool0", tcp: str = "tcp") -> RobotModel:
@@ -149,7 +151,7 @@ class RobotModel(ReadOnly):
         low, high = self.checked(lower), self.checked(upper)
         if np.any(low > high):
             raise BadJoints(self.joint_names, lower, "a lower limit is above the upper one")
-        return replace(self, lower=low, upper=high)
+        return replace(self, lower=low, upper=high, endless=np.zeros(self.dof, np.bool_))
 
 
 def checked_pose(T: ArrayLike) -> Float64:
@@ -186,4 +188,5 @@ def _load(path: Path, _modified: int, tool: str, tcp: str) -> RobotModel:
         sliding=read.sliding,
         T_link_tool=T_link_tool,
         T_link_frame=read.T_link_frame,
+        endless=read.endless,
     )

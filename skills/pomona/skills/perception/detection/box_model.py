@@ -32,6 +32,7 @@ from pomona.skills.perception.detection.onnx_graph import BadGraph, judge_model
 from pomona.skills.perception.detection.onnx_runtime import open_session
 from pomona.skills.perception.detection.options import WORKING_WIDTH
 
+IN_PARTS = 2.0  # corners that all lie below this are in parts of the picture, not in pixels
 MULTIPLE = 32  # sides of an input without a fixed size are multiples of this stride [px]
 GREY = (114, 114, 114)  # colour beside the picture, as in the training of YOLO networks
 LEAST_SCORE = 0.05  # boxes with less score are dropped
@@ -39,6 +40,8 @@ MOST_BOXES = 300  # boxes that are read, surest first
 DTYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16}  # types of the input that are served
 
 MEMORY_RATIO = 4  # memory of a loaded model over its file's size: its parameters, and copies of them in other layouts
+
+CHOSEN = 6  # values of a box in an end-to-end export: corners, score and class
 
 LAYOUTS = "boxes (n, 4) and scores (n,), or one output (1, 4 + classes, n)"
 
@@ -185,7 +188,10 @@ class BoxModel:
             # More classes than places: the axes are those of another export.
             if classes > rows.shape[1]:
                 raise self._unknown_layout(outputs)
-            number = 0 if classes == 1 else self._class()
+            if self._names and classes != len(self._names):
+                words = f"gives {classes} rows of scores for {len(self._names)} named classes"
+                raise BadWeights(self._path, f"{words}: expected {LAYOUTS}, without a row of objectness")
+            number = self._class() if self._names or classes > 1 else 0
             if number >= classes:
                 raise BadWeights(self._path, f"names {self._fruit} as class {number}, and gives scores of {classes}")
             middle, half, scores = rows[:2], 0.5 * rows[2:4], rows[4 + number]
@@ -196,6 +202,8 @@ class BoxModel:
         if finite.any() and not (scores[finite].min() >= -1e-3 and scores[finite].max() <= 1.001):
             extent = f"{scores[finite].min():.3g} to {scores[finite].max():.3g}"
             raise BadWeights(self._path, f"gives scores from {extent}, expected 0 to 1: export it with its sigmoid")
+        if 0.0 < np.abs(corners[np.isfinite(corners)]).max(initial=0.0) <= IN_PARTS:
+            raise BadWeights(self._path, "gives boxes in parts of the picture, expected pixels of the input")
         return corners[finite], np.clip(scores[finite], 0.0, 1.0)
 
     def _class(self) -> int:
@@ -208,7 +216,9 @@ class BoxModel:
 
     def _unknown_layout(self, outputs: list[Float64]) -> BadWeights:
         given = ", ".join(f"{name} {_words(o.shape)}" for name, o in zip(self._outputs, outputs, strict=True))
-        return BadWeights(self._path, f"has the outputs {given}, expected {LAYOUTS}")
+        chosen = any(o.ndim == 3 and o.shape[2] == CHOSEN and o.shape[1] > CHOSEN for o in outputs)
+        remedy = ". If its boxes are already chosen, export it without nms and with end2end=False" if chosen else ""
+        return BadWeights(self._path, f"has the outputs {given}, expected {LAYOUTS}{remedy}")
 
 
 def _judge(path: Path) -> None:

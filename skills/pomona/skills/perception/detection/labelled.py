@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 
+from pomona.executive.values.pictures import ENDINGS
 from pomona.skills.perception.detection.errors import BadPhotographs
 
-PICTURES = (".jpg", ".jpeg", ".png")
+PICTURES = ENDINGS
 
 MOST_FILES = 200_000  # a folder with more files is refused: each is looked at
 

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import yaml
 
+from pomona.executive.values.pictures import UnusablePicture, read_picture
 from pomona.executive.values.plain_text import read_plain_text
 from pomona.skills.perception.detection.class_names import ClassUnknown, class_of
 from pomona.skills.perception.detection.errors import BadPhotographs
@@ -23,6 +23,10 @@ from pomona.skills.perception.detection.photographs import Photograph, PhotoSet
 from pomona.skills.perception.detection.published import kfuji, kfuji_folder, minneapple, minneapple_folders
 
 SLACK = 3.0  # a box may end this far outside of its picture, as rounding leaves it, and is cut there [px]
+
+MOST_JSON = 1 << 30  # of a COCO file [bytes]; a hundred thousand pictures with their outlines have less
+
+CLASSES = "classes.txt"  # names of classes, one per line, as labelImg and Label Studio write them
 
 TRAIN, VAL, NEITHER = ("train", "training"), ("val", "valid", "validation"), ("test", "testing")
 
@@ -33,8 +37,9 @@ def read_photographs(
     """Read all labelled photographs of a folder; `progress` is called with (pictures checked, in all).
 
     Five layouts are known: `images.csv` (image, split, and tree or group) with `fruit.csv` (image, x, y, w, h in
-    pixels) and the pictures in `images/`; YOLO's `images/` with `labels/` of the same names and `data.yaml`; COCO's
-    `.json`; and the folders of MinneApple and KFuji RGB-DS as they are unpacked.
+    pixels) and the pictures in `images/`; YOLO's `images/` with `labels/` of the same names, or labels beside the
+    pictures, and `data.yaml` or `classes.txt`; COCO's `.json`, also in folders of the splits; and the folders of
+    MinneApple and KFuji RGB-DS as they are unpacked.
 
     Raises BadPhotographs: naming the file, and the line where there is one.
     """
@@ -50,20 +55,19 @@ def read_labels(
     Raises BadPhotographs: as of `read_photographs`.
     """
     if place.suffix.lower() == ".json" and place.is_file():
-        return tuple(_all_checked(_coco(place, place.parent, fruit), progress))
+        return tuple(_all_checked(_coco(place, _json(place), place.parent, fruit), progress))
     return tuple(_all_checked(_labelled(place, fruit), progress))
 
 
 def _labelled(folder: Path, fruit: str) -> list[Labelled]:
     if not folder.is_dir():
         raise BadPhotographs(folder, "no such folder")
-    jsons = sorted(p for place in (folder, folder / "annotations") if place.is_dir() for p in place.glob("*.json"))
     if (folder / "images.csv").is_file() or (folder / "fruit.csv").is_file():
         return _tables(folder)
-    if jsons:
-        return [item for path in jsons for item in _coco(path, folder, fruit)]
-    if any(folder.glob("labels")) or any(folder.glob("*/labels")):
-        return _yolo(folder, fruit)
+    if coco := _coco_files(folder):
+        return [item for path, content in coco.items() for item in _coco(path, content, folder, fruit)]
+    if yolo := _yolo_folders(folder):
+        return _yolo(folder, yolo, fruit)
     if (place := kfuji_folder(folder)) is not None:
         return kfuji(place)
     if minneapple_folders(folder):
@@ -123,13 +127,14 @@ def _checked(item: Labelled) -> Photograph:
     path = item.path
     if not path.is_file():
         raise BadPhotographs(path, f"is labelled in {item.says}, but there is no such picture")
-    content = path.read_bytes()
-    picture = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR) if content else None
-    if picture is None:
-        raise BadPhotographs(path, "cannot be read as a picture: it is not one, or it is truncated")
-    height, width = picture.shape[:2]
+    try:
+        height, width = read_picture(path).shape[:2]
+    except UnusablePicture as error:
+        raise BadPhotographs(path, str(error)) from error
     if item.size is not None and item.size != (width, height):
-        raise BadPhotographs(path, f"is {width} × {height}, {item.says} says {item.size[0]} × {item.size[1]}")
+        words = f"is {width} × {height}, {item.says} says {item.size[0]} × {item.size[1]}"
+        turned = ": labels hold for pictures as they are seen, upright by their Exif orientation"
+        raise BadPhotographs(path, words + (turned if item.size == (height, width) else ""))
     boxes = np.array(item.boxes, np.float64).reshape(-1, 4)
     if item.parts:
         boxes *= (width, height, width, height)
@@ -186,27 +191,36 @@ def _rows(path: Path, columns: tuple[str, ...]) -> Iterator[tuple[int, dict[str,
         raise BadPhotographs(path, f"is no table: {error}") from error
 
 
-def _yolo(folder: Path, fruit: str) -> list[Labelled]:
+def _yolo_folders(folder: Path) -> list[tuple[Path, Path]]:
+    """Return the folders of texts, and of the pictures that belong to each; labelImg writes texts beside pictures."""
+    found = [
+        (labels, labels.parent / "images") for labels in sorted([*folder.glob("labels"), *folder.glob("*/labels")])
+    ]
+    return found or ([(folder, folder)] if (folder / CLASSES).is_file() else [])
+
+
+def _yolo(folder: Path, places: Sequence[tuple[Path, Path]], fruit: str) -> list[Labelled]:
     """`images/` beside `labels/`, either with the splits as folders in them or inside folders of the splits."""
     wanted = _wanted(folder, fruit)
     items, seen = [], set()
-    for labels in sorted([*folder.glob("labels"), *folder.glob("*/labels")]):
-        images = labels.parent / "images"
-        texts = {p.relative_to(labels).with_suffix("") for p in files(labels) if p.suffix == ".txt"}
+    for labels, images in places:
+        texts = {
+            p.relative_to(labels).with_suffix("") for p in files(labels) if p.suffix == ".txt" and p.name != CLASSES
+        }
         pictures = {p.relative_to(images).with_suffix(""): p for p in files(images) if p.suffix.lower() in PICTURES}
         _both(images, labels, set(pictures), texts)
         for name in sorted(texts):
             split = next((w.lower() for w in (*name.parts[:-1], labels.parent.name) if _is_split(w)), "")
             text = (labels / name).with_name(f"{name.name}.txt")
             item = Labelled(pictures[name], str(text), split, parts=True)
-            for line, (kind, box) in enumerate(_yolo_lines(text), start=1):
+            for line, kind, box in _yolo_lines(text):
                 seen.add(kind)
                 if wanted is None or kind == wanted:
                     item.add(box, f"line {line}")
             items.append(item)
     if wanted is None and len(seen) > 1:
         raise BadPhotographs(
-            folder, f"its labels have {len(seen)} classes, and no data.yaml names the one that is {fruit}"
+            folder, f"its labels have {len(seen)} classes, and no data.yaml or {CLASSES} names the one that is {fruit}"
         )
     return items
 
@@ -221,30 +235,35 @@ def _both(images: Path, labels: Path, pictures: set[Path], texts: set[Path]) -> 
             raise BadPhotographs(where, text.format(n=len(some), first=min(some)))
 
 
-def _yolo_lines(path: Path) -> Iterator[tuple[int, tuple[float, float, float, float]]]:
-    """Yield class and box (in parts of the picture) of each line; outlines become their boxes."""
+def _yolo_lines(path: Path) -> Iterator[tuple[int, int, tuple[float, float, float, float]]]:
+    """Yield number, class and box (in parts of the picture) of each line; outlines become their boxes."""
     try:
         lines = read_plain_text(path).split("\n")
     except (OSError, ValueError) as error:
         raise BadPhotographs(path, f"is no text: {error}") from None
-    for number, line in enumerate((line for line in lines if line.strip()), start=1):
+    for number, line in enumerate(lines, start=1):
+        if not line.strip():
+            continue
         try:
             kind, *values = (float(word) for word in line.split())
         except ValueError:
             raise BadPhotographs(path, f"line {number}: expected numbers: class, x, y, w, h") from None
+        if not kind.is_integer():
+            raise BadPhotographs(path, f"line {number}: the class {kind:g} is no whole number")
         if len(values) == 4:
             x, y, w, h = values
-            yield int(kind), (x - 0.5 * w, y - 0.5 * h, w, h)
+            yield number, int(kind), (x - 0.5 * w, y - 0.5 * h, w, h)
         elif len(values) >= 6 and len(values) % 2 == 0:
             across, down = values[::2], values[1::2]
-            yield int(kind), (min(across), min(down), max(across) - min(across), max(down) - min(down))
+            yield number, int(kind), (min(across), min(down), max(across) - min(across), max(down) - min(down))
         else:
             raise BadPhotographs(path, f"line {number}: expected class, x, y, w, h, not {len(values) + 1} numbers")
 
 
 def _wanted(folder: Path, fruit: str) -> int | None:
     """Return the number of the fruit's class by `data.yaml` or `classes.txt`; None where there are no names."""
-    described = next((p for n in ("data.yaml", "data.yml", "classes.txt") if (p := folder / n).is_file()), None)
+    places = ("data.yaml", "data.yml", CLASSES, f"labels/{CLASSES}")
+    described = next((p for n in places if (p := folder / n).is_file()), None)
     if described is None:
         return None
     try:
@@ -264,31 +283,53 @@ def _class_of(path: Path, names: dict[int, str], fruit: str) -> int:
         raise BadPhotographs(path, str(error)) from None
 
 
-def _coco(path: Path, folder: Path, fruit: str) -> list[Labelled]:
+def _coco_files(folder: Path) -> dict[Path, Any]:
+    """Return the content of all COCO files by path: in the folder, in `annotations/`, and in folders of the splits.
+
+    Other tools write other JSON beside them. Raises BadPhotographs: a file is no JSON.
+    """
+    inside = sorted(place for place in folder.iterdir() if place.is_dir() and _is_split(place.name))
+    found = {}
+    for path in (path for place in (folder, folder / "annotations", *inside) for path in sorted(place.glob("*.json"))):
+        content = _json(path)
+        if isinstance(content, dict) and content.keys() & {"images", "annotations"}:
+            found[path] = content
+    return found
+
+
+def _json(path: Path) -> Any:
     try:
-        # bytes of a COCO file; a hundred thousand pictures with their outlines have less
-        content: Any = json.loads(read_plain_text(path, (1 << 30)))
+        return json.loads(read_plain_text(path, MOST_JSON))
+    except (OSError, ValueError, RecursionError) as error:
+        raise BadPhotographs(path, f"is no COCO file: {type(error).__name__} {error}") from error
+
+
+def _coco(path: Path, content: Any, folder: Path, fruit: str) -> list[Labelled]:
+    try:
         images, annotations, categories = (content[key] for key in ("images", "annotations", "categories"))
         wanted = _class_of(path, {int(c["id"]): str(c["name"]) for c in categories}, fruit)
-        split = next((word for word in path.stem.replace("-", "_").split("_") if _is_split(word)), "")
+        words = *path.stem.replace("-", "_").split("_"), path.parent.name if path.parent != folder else ""
+        split = next((word for word in words if _is_split(word)), "")
         items = {}
         for image in images:
             size = int(image["width"]), int(image["height"])
-            items[image["id"]] = Labelled(_picture(folder, path, str(image["file_name"])), str(path), split, size=size)
+            items[image["id"]] = Labelled(
+                _picture(folder, path, str(image["file_name"]).replace("\\", "/")), str(path), split, size=size
+            )
         for number, annotation in enumerate(annotations):
-            if annotation["category_id"] != wanted:
+            if int(annotation["category_id"]) != wanted:
                 continue
             if annotation["image_id"] not in items:
                 raise BadPhotographs(path, f"annotation {number} is of a picture that is not in images")
             x, y, w, h = (float(v) for v in annotation["bbox"])
             items[annotation["image_id"]].add((x, y, w, h), f"annotation {number}", bool(annotation.get("iscrowd")))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise BadPhotographs(path, f"is no COCO file: {type(error).__name__} {error}") from error
     return list(items.values())
 
 
 def _picture(folder: Path, described: Path, name: str) -> Path:
-    places = [root / name for root in (folder, folder / "images", described.parent, described.parent / "images")]
+    places = [root / name for root in (described.parent, described.parent / "images", folder, folder / "images")]
     return next((place for place in places if place.is_file()), places[0])
 
 

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64, UInt8
+from pomona.executive.values.pictures import UnusablePicture, read_picture
 from pomona.skills.perception.detection.errors import BadPhotographs
 
 FRUIT_IN_INPUT = 45.6
@@ -40,11 +40,11 @@ class Photograph:
         return camera_of(self.width, self.height)
 
     def picture(self) -> UInt8:
-        """RGB, (h, w, 3). Raises BadPhotographs: it can no longer be read."""
-        picture = cv2.imread(str(self.path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
-        if picture is None:
-            raise BadPhotographs(self.path, "cannot be read as a picture")
-        return np.ascontiguousarray(picture[..., ::-1], np.uint8)
+        """RGB, (h, w, 3), upright. Raises BadPhotographs: it can no longer be read."""
+        try:
+            return read_picture(self.path)
+        except UnusablePicture as error:
+            raise BadPhotographs(self.path, str(error)) from error
 
 
 def camera_of(width: int, height: int) -> Float64:

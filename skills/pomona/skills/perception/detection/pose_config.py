@@ -64,7 +64,7 @@ def load_pose_config(path: Path | str) -> PoseConfig:
             name=name,
             weights=str(source),
             dimensions=_numbers(path, f"dimensions of {name}", dimensions[name], (3,)) / 100.0,
-            class_id=int(_table(path, content, "class_ids").get(name, 0)),
+            class_id=round(_number(path, f"class_ids of {name}", _table(path, content, "class_ids").get(name, 0))),
             draw_colour=_colour(path, name, _table(path, content, "draw_colors").get(name, (255, 255, 255))),
             model_transform=_numbers(
                 path,
@@ -73,14 +73,11 @@ def load_pose_config(path: Path | str) -> PoseConfig:
                 (4, 4),
             ),
             mesh=str(_table(path, content, "meshes").get(name, "")),
-            mesh_scale=float(_table(path, content, "mesh_scales").get(name, 1.0)),
+            mesh_scale=_positive(path, f"mesh_scales of {name}", _table(path, content, "mesh_scales").get(name, 1.0)),
         )
-    try:
-        thresholds = DecodeThresholds(**{key: float(content[key]) for key in _THRESHOLDS if key in content})
-        downscale = int(content.get("downscale_height", 400))
-    except (TypeError, ValueError) as error:
-        raise BadPoseConfig(path, f"a threshold is not a number: {error}") from error
-    return PoseConfig(objects, thresholds, downscale, bool(content.get("input_is_rectified", True)))
+    thresholds = {key: _number(path, key, content[key]) for key in _THRESHOLDS if key in content}
+    downscale = round(_positive(path, "downscale_height", content.get("downscale_height", 400)))
+    return PoseConfig(objects, DecodeThresholds(**thresholds), downscale, bool(content.get("input_is_rectified", True)))
 
 
 def find_entry(path: Path, fruit: str, dimensions: NDArray[np.float64]) -> tuple[PoseConfig, ObjectEntry]:
@@ -133,8 +130,20 @@ def _numbers(path: Path | str, what: str, value: Any, shape: tuple[int, ...]) ->
     if numbers.size == int(np.prod(shape)):
         numbers = numbers.reshape(shape)
     if numbers.shape != shape or not np.isfinite(numbers).all():
-        raise BadPoseConfig(path, f"{what} must be {' by '.join(map(str, shape))} finite numbers")
+        count = f"{' by '.join(map(str, shape))} finite numbers" if shape else "a finite number"
+        raise BadPoseConfig(path, f"{what} must be {count}, not {value!r}")
     return numbers
+
+
+def _number(path: Path | str, what: str, value: Any) -> float:
+    return float(_numbers(path, what, value, ()))
+
+
+def _positive(path: Path | str, what: str, value: Any) -> float:
+    number = _number(path, what, value)
+    if number <= 0.0:
+        raise BadPoseConfig(path, f"{what} must be positive, not {value!r}")
+    return number
 
 
 def _colour(path: Path | str, name: str, value: Any) -> tuple[int, int, int]:

@@ -11,9 +11,9 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree import ElementTree
 
-import cv2
 import numpy as np
 
+from pomona.executive.values.pictures import UnusablePicture, read_plane
 from pomona.executive.values.plain_text import read_plain_text
 from pomona.skills.perception.detection.errors import BadPhotographs
 from pomona.skills.perception.detection.labelled import PICTURES, Labelled
@@ -46,12 +46,14 @@ def minneapple(folder: Path) -> list[Labelled]:
 
 
 def _masked(picture: Path, path: Path) -> Labelled:
-    mask = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    if mask is None:
-        raise BadPhotographs(path, "cannot be read as a mask: it is no picture, or it is truncated")
+    try:
+        mask = read_plane(path)
+    except UnusablePicture as error:
+        raise BadPhotographs(path, str(error)) from error
     if mask.ndim != 2:
         raise BadPhotographs(path, f"has {mask.shape[2]} channels, expected one: 0 for background, a value per apple")
-    item = Labelled(picture, str(path), group="_".join(picture.stem.split("_")[:-1]), size=mask.shape[::-1])
+    height, width = mask.shape
+    item = Labelled(picture, str(path), group="_".join(picture.stem.split("_")[:-1]), size=(width, height))
     for value in np.unique(mask[mask > 0]).tolist():
         rows, columns = (np.flatnonzero((mask == value).any(axis=axis)) for axis in (1, 0))
         left, top = float(columns[0]), float(rows[0])

@@ -1,0 +1,104 @@
+"""URDF as other tools write it, prepared for MuJoCo: files of meshes found, and nothing in it that is only drawn.
+
+Names of mesh files are found as ROS finds them: `package://NAME/…` above the file and in the environment's paths,
+`file://…`, or relative to the file.
+"""
+
+from __future__ import annotations
+
+import os
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+from pomona.skills.motion.robot.errors import BadRobotFile
+
+READ = (".stl", ".obj", ".msh")  # endings of mesh files that MuJoCo reads
+SMALLEST = {
+    "boundmass": "1e-6",
+    "boundinertia": "1e-9",
+}  # of links without inertia: only geometry is used here [kg, kg m²]
+
+
+def read_urdf(path: Path) -> ElementTree.Element | None:
+    """Return the root of a URDF with absolute paths of its collision meshes; None for a file that is none.
+
+    Raises BadRobotFile: two joints have one name, or a mesh is not found or in a format that is not read.
+    """
+    try:
+        root = ElementTree.parse(path).getroot()
+    except (ElementTree.ParseError, OSError, ValueError):
+        return None  # MuJoCo gives the reason
+    if root.tag != "robot":
+        return None
+    names = [joint.get("name", "") for joint in root.findall("joint")]
+    for name in names:
+        if names.count(name) > 1:
+            raise BadRobotFile(path, f"has two joints with the name '{name}'")
+    compiler = root.find("mujoco/compiler")
+    own_folder = compiler is not None and "meshdir" in compiler.attrib
+    for mesh in [] if own_folder else [mesh for part in root.iter("collision") for mesh in part.iter("mesh")]:
+        mesh.set("filename", str(_found(path, mesh.get("filename", ""))))
+    if compiler is None:
+        extension = root.find("mujoco")
+        compiler = ElementTree.SubElement(
+            ElementTree.SubElement(root, "mujoco") if extension is None else extension, "compiler"
+        )
+    for key, text in {"strippath": "false", **SMALLEST}.items():
+        if not own_folder:
+            compiler.set(key, text)
+    for link in root.iter("link"):
+        shown = link.findall("visual")
+        for visual in shown:
+            link.remove(visual)
+        if shown and link.find("collision") is None:
+            link.set(ONLY_SEEN, "true")
+    return root
+
+
+ONLY_SEEN = "only_seen"  # mark of a link of which only drawn geometry is known
+
+
+def seen_only(root: ElementTree.Element | None) -> list[str]:
+    """Return the links that have drawn geometry and none for collisions."""
+    return [] if root is None else [link.get("name", "") for link in root.iter("link") if link.get(ONLY_SEEN)]
+
+
+def leaders(root: ElementTree.Element | None) -> dict[str, str]:
+    """Return by the name of each joint that follows another one (`mimic`) the name of that one."""
+    joints = [] if root is None else root.findall("joint")
+    mimics = {joint.get("name", ""): joint.find("mimic") for joint in joints}
+    return {name: mimic.get("joint", "") or "another joint" for name, mimic in mimics.items() if mimic is not None}
+
+
+def _found(urdf: Path, name: str) -> Path:
+    places = list(dict.fromkeys(_places(urdf.resolve(), name)))
+    found = next((place for place in places if place.is_file()), None)
+    if found is None:
+        looked = ", ".join(str(place.parent) for place in places[:4]) + (", …" if len(places) > 4 else "")
+        remedy = "put its package beside the file or into ROS_PACKAGE_PATH, or write a path relative to the file"
+        raise BadRobotFile(urdf, f"the mesh '{name}' is not found (looked in {looked}): {remedy}")
+    if found.suffix.lower() not in READ:
+        words = f"the mesh '{name}' is a {found.suffix} file, and {', '.join(READ)} are read"
+        raise BadRobotFile(urdf, f"{words}: convert it, with Blender or MeshLab, and name that file in <collision>")
+    return found
+
+
+def _places(urdf: Path, name: str) -> Iterator[Path]:
+    scheme, _, rest = name.partition("://")
+    if not rest:
+        yield urdf.parent / name
+        yield urdf.parent / Path(name).name
+    elif scheme == "file":
+        yield Path(unquote(urlsplit(name).path))
+    elif scheme in ("package", "model"):
+        package, _, inside = rest.partition("/")
+        above = list(urdf.parents)
+        yield from (folder / inside for folder in above if folder.name == package)
+        yield from (folder / package / inside for folder in above)
+        for variable, below in (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share")):
+            roots = [Path(entry) for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
+            yield from (root / below / package / inside for root in roots)
+            yield from (root / inside for root in roots if root.name == package)
+        yield from (folder / inside for folder in above[:4])

@@ -1,0 +1,149 @@
+"""URDF as other tools write it: paths of meshes, joints that follow others, and links of which nothing is known."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from pomona.skills.motion.robot import BadRobotFile, RobotModel
+
+LIMIT = '<limit lower="-2" upper="2" velocity="2" effort="9"/>'
+BOX = '<collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>'
+
+
+def link(name: str, content: str = BOX) -> str:
+    return f'<link name="{name}">{content}</link>'
+
+
+def joint(name: str, parent: str, child: str, kind: str = "revolute", content: str = LIMIT) -> str:
+    ends = f'<parent link="{parent}"/><child link="{child}"/>'
+    return f'<joint name="{name}" type="{kind}">{ends}<origin xyz="0 0 0.3"/><axis xyz="0 1 0"/>{content}</joint>'
+
+
+def arm(content: str = BOX, kind: str = "revolute", of_joint: str = LIMIT) -> str:
+    """An arm of three joints: the content is of its second link, kind and limits are of its last joint."""
+    links = [link("base"), link("upper"), link("lower", content), link("hand"), link("tool0", "")]
+    joints = [joint("a", "base", "upper"), joint("b", "upper", "lower"), joint("c", "lower", "hand", kind, of_joint)]
+    fixed = joint("flange", "hand", "tool0", "fixed", "")
+    return f'<robot name="arm">{"".join([*links, *joints, fixed])}</robot>'
+
+
+def mesh(name: str) -> str:
+    return f'<collision><geometry><mesh filename="{name}"/></geometry></collision>'
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """A package of ROS with a folder of meshes and an empty one of descriptions."""
+    for part in ("meshes", "urdf"):
+        (tmp_path / "ros" / "my_arm" / part).mkdir(parents=True)
+    trimesh.creation.box((0.05, 0.06, 0.2)).export(tmp_path / "ros" / "my_arm" / "meshes" / "l3.stl")
+    return tmp_path / "ros" / "my_arm"
+
+
+def load(path: Path, text: str) -> RobotModel:
+    path.write_text(text, "utf-8")
+    return RobotModel.load(path)
+
+
+@pytest.mark.parametrize(
+    "name", ["package://my_arm/meshes/l3.stl", "../meshes/l3.stl", "file://{package}/meshes/l3.stl"]
+)
+def test_a_mesh_is_found_as_ros_finds_it(package: Path, name: str) -> None:
+    robot = load(package / "urdf" / "arm.urdf", arm(mesh(name.format(package=package))))
+    (shape,) = (geom for geom in robot.geoms if geom.kind == "mesh")
+    assert np.sort(np.ptp(shape.vertices, axis=0)) == pytest.approx([0.05, 0.06, 0.2], abs=1e-6)
+
+
+@pytest.mark.parametrize(("variable", "below"), [("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share")])
+def test_a_package_elsewhere_is_found_by_the_environment(
+    package: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, variable: str, below: str
+) -> None:
+    away = tmp_path / "ws" / below / "my_arm"
+    away.parent.mkdir(parents=True)
+    package.rename(away)
+    text = arm(mesh("package://my_arm/meshes/l3.stl"))
+    with pytest.raises(
+        BadRobotFile, match=r"'package://my_arm/meshes/l3\.stl' is not found \(looked in .*ROS_PACKAGE_PATH"
+    ):
+        load(tmp_path / "arm.urdf", text)
+    monkeypatch.setenv(variable, os.pathsep.join(["/nowhere", str(tmp_path / "ws")]))
+    assert load(tmp_path / "again.urdf", text).dof == 3
+
+
+def test_a_mesh_in_a_format_that_is_not_read_is_refused_with_the_remedy(package: Path) -> None:
+    (package / "meshes" / "l3.dae").write_text("<COLLADA/>")
+    with pytest.raises(BadRobotFile, match=r"is a \.dae file, and \.stl, \.obj, \.msh are read: convert it"):
+        load(package / "urdf" / "arm.urdf", arm(mesh("package://my_arm/meshes/l3.dae")))
+
+
+def test_what_is_only_drawn_is_not_looked_for_but_a_link_without_collision_geometry_is_refused(tmp_path: Path) -> None:
+    drawn = '<visual><geometry><mesh filename="package://none/l3.dae"/></geometry></visual>'
+    assert load(tmp_path / "both.urdf", arm(BOX + drawn)).dof == 3
+    assert load(tmp_path / "frame.urdf", arm("")).dof == 3
+    with pytest.raises(BadRobotFile, match="the link 'lower' has visual geometry and no collision geometry: copy its"):
+        load(tmp_path / "drawn.urdf", arm(drawn))
+
+
+@pytest.mark.parametrize("kind", ["revolute", "continuous"])
+def test_a_joint_that_follows_another_is_refused_by_its_name(tmp_path: Path, kind: str) -> None:
+    mimic = LIMIT + '<mimic joint="b" multiplier="-1"/>'
+    with pytest.raises(BadRobotFile, match="the joint 'c' follows 'b'; the joints of an arm must move independently"):
+        load(tmp_path / "arm.urdf", arm(kind=kind, of_joint=mimic))
+
+
+def test_a_joint_of_an_mjcf_that_follows_another_is_refused(tmp_path: Path) -> None:
+    text = """<mujoco><worldbody><body name="a"><joint name="first" range="-2 2"/><geom size="0.1"/>
+      <body name="tool0" pos="0 0 1"><joint name="second" range="-2 2"/><geom size="0.1"/></body></body></worldbody>
+      <equality><joint joint1="second" joint2="first"/></equality><compiler angle="radian"/></mujoco>"""
+    with pytest.raises(BadRobotFile, match="the joint 'second' follows 'first'"):
+        load(tmp_path / "arm.xml", text)
+
+
+@pytest.mark.parametrize(
+    ("kind", "limit", "complaint"),
+    [
+        ("planar", LIMIT, "the joint 'c_T[XY]' is part of a planar one"),
+        ("prismatic", "", "'c' slides and needs a range"),
+        (
+            "revolute",
+            LIMIT.replace("-2", "-180").replace('"2" v', '"180" v'),
+            "'c' has a range up to 180 rad: is it in degrees",
+        ),
+        ("revolute", LIMIT.replace('velocity="2"', 'velocity="180"'), "'c': velocity = '180' .* is it in degrees"),
+    ],
+)
+def test_a_joint_that_no_plan_could_use_is_refused(tmp_path: Path, kind: str, limit: str, complaint: str) -> None:
+    with pytest.raises(BadRobotFile, match=complaint):
+        load(tmp_path / "arm.urdf", arm(kind=kind, of_joint=limit))
+
+
+def test_two_joints_of_one_name_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadRobotFile, match="has two joints with the name 'b'"):
+        load(tmp_path / "arm.urdf", arm().replace('<joint name="c"', '<joint name="b"'))
+
+
+def test_a_continuous_joint_has_no_range(tmp_path: Path) -> None:
+    robot = load(tmp_path / "arm.urdf", arm(kind="continuous", of_joint='<limit effort="9" velocity="2"/>'))
+    assert robot.endless.tolist() == [False, False, True]
+    assert (robot.lower[2], robot.upper[2]) == pytest.approx((-32 * np.pi, 32 * np.pi))
+    assert not robot.with_limits(np.full(3, -1.0), np.full(3, 1.0)).endless.any()
+
+
+def test_jaws_that_close_to_nothing_have_an_opening(tmp_path: Path) -> None:
+    """Fingers that meet at zero have no direction there; they had an opening of NaN."""
+    finger = """<body name="{name}"><joint name="{name}" type="slide" axis="0 {axis} 0" range="0 0.04"/>
+      <geom type="box" size="0.01 0.005 0.02" pos="0 {y} 0"/><site name="pad_{name}"/></body>"""
+    fingers = finger.format(name="left", axis=1, y=0.005) + finger.format(name="right", axis=-1, y=-0.005)
+    text = f"""<mujoco><compiler angle="radian"/><worldbody><body name="arm"><joint name="turn" range="-2 2"/>
+      <geom size="0.05"/><site name="tool0" pos="0 0 0.1"/><body name="palm" pos="0 0 0.2">{fingers}</body></body>
+      </worldbody></mujoco>"""
+    robot = load(tmp_path / "arm.xml", text)
+    assert (robot.width_min, robot.width_max) == pytest.approx((0.0, 0.08))
+    assert sorted(
+        float(np.linalg.norm(body.slide)) for body in robot.bodies if body.group == "fingers"
+    ) == pytest.approx([0.5, 0.5])
