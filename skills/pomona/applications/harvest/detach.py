@@ -153,7 +153,9 @@ class Detach(MovingSkill):
             raise self.failure("REFUSED", f"{refused}; nothing has moved", device=refused.device) from refused
 
         def stand(felt: Felt) -> None:
-            fingers.set_speed(controller.stand(felt.duration, felt.wrenches), felt.press, BEARS)
+            state = gripper.state()
+            speed = controller.stand(felt.duration, felt.wrenches, state.width, state.motor_force)
+            fingers.set_speed(speed, felt.press, BEARS)
 
         pads.between_ticks(stand, lambda: motion.state is MotionState.PAUSED, self.clock.now)
         try:

@@ -432,3 +432,73 @@ def test_pads_that_read_too_little_are_not_closed_while_the_motor_presses():
         motor = float(press.sum())
         stem.move(control.step(DT, 0.3 * stem.wrenches(), False, stem.T, stem.width, stem.T_aimed, motor))
     assert max(presses) < 1.15 * BRUISE_FORCE
+
+
+def clipped(wrenches):
+    wrenches[0, :3] = np.clip(wrenches[0, :3], -0.5, 0.5)
+
+
+def halved(wrenches):
+    wrenches[0] *= 0.5
+
+
+def both_halved(wrenches):
+    wrenches *= 0.5
+
+
+def misread(stem, control, change, motor, since=lambda control: control.phase is DetachPhase.ROLL):
+    """Detach with pads that report otherwise from a moment on; the motor's force comes in steps of 0.5 N."""
+    false = False
+    while control.phase is not DetachPhase.DONE and stem.time < 40.0:
+        wrenches = stem.wrenches()
+        force = np.round(-2.0 * wrenches[:, 2].sum()) / 2.0 if motor else None
+        false = false or since(control)
+        if false:
+            change(wrenches)
+        stem.move(control.step(DT, wrenches, False, stem.T, stem.width, stem.T_aimed, force))
+    return control
+
+
+@pytest.mark.parametrize("motor", [True, False], ids=["motor", "no motor"])
+@pytest.mark.parametrize("change", [clipped, halved, both_halved])
+def test_pads_that_report_too_little_do_not_press_the_fruit_harder_than_it_bears(change, motor):
+    stem = Stem(STRONG, bending=0.01)
+    misread(stem, controller(stem), change, motor)
+    assert np.max(stem.presses) < 1.15 * BRUISE_FORCE
+
+
+@pytest.mark.parametrize("motor", [True, False], ids=["motor", "no motor"])
+def test_one_pad_that_reports_more_and_more_does_not_loosen_the_grip(motor):
+    stem, widths = Stem(WEAK), []
+    control = controller(stem)
+
+    def drifts(wrenches):
+        wrenches[0, 2] -= 0.5 * stem.time
+        widths.append(stem.width)
+
+    misread(stem, control, drifts, motor, lambda control: control.phase is DetachPhase.DRAW)
+    assert stem.broken is not None
+    assert max(widths) < DIAMETER - 5e-4
+
+
+def test_one_pad_that_reports_more_and_more_does_not_loosen_the_grip_of_a_paused_hand():
+    stem = Stem()
+    control = controller(stem)
+    while control.phase is not DetachPhase.ROLL:
+        stem.step(control)
+    for count in range(3000):
+        wrenches = stem.wrenches()
+        wrenches[0, 2] -= 0.5 * DT * count
+        stem.width += DT * control.stand(DT, wrenches, stem.width)
+    assert stem.width < DIAMETER - 5e-4
+
+
+def test_a_fruit_that_both_pads_press_too_hard_is_relieved_beyond_the_opening_of_the_grip():
+    stem = Stem()
+    control = controller(stem)
+    while control.phase is not DetachPhase.ROLL:
+        stem.step(control)
+    stem.diameter += 6e-3  # a fruit that turns
+    for _ in range(100):
+        stem.width += DT * control.stand(DT, stem.wrenches(), stem.width)
+    assert -stem.wrenches()[:, 2].min() < BRUISE_FORCE
