@@ -697,35 +697,3 @@ def _shortened(v: Float64, most: float) -> Float64:
     size = float(np.linalg.norm(v))
     shortened: Float64 = v * min(1.0, most / max(size, 1e-12))
     return shortened
-
-
-HAND_POINTS = np.array([[0.0, side, z] for side in (-1.0, 1.0) for z in (0.0, -0.025, -0.05, -0.075)])
-"""Points along both fingers in the TCP's frame: y in half openings, z in metres."""
-FINGER_BESIDE, FINGER_RADIUS = 0.0075, 0.013
-"""Distance of a finger's middle from its pad's face, and radius that encloses its section [m]."""
-
-
-def roll_clearance(
-    T_base_grasp: Float64, roll: float, width: float, p_base_knuckle: Float64, neighbours: Float64
-) -> float:
-    """Return the least distance between fingers and neighbours while the hand rolls about the knuckle [m].
-
-    Args:
-        T_base_grasp: of the TCP, shape (4, 4).
-        roll: angle about the approach [rad].
-        width: opening [m].
-        p_base_knuckle: where the stem sits on its spur, shape (3,) [m].
-        neighbours: positions and radii in the base frame, shape (n, 4) [m]. Negative distances are overlaps.
-    """
-    if not len(neighbours):
-        return float("inf")
-    scale = np.array([1.0, width / 2.0 + FINGER_BESIDE, 1.0])
-    points = (HAND_POINTS * scale) @ T_base_grasp[:3, :3].T + T_base_grasp[:3, 3] - p_base_knuckle
-    axis = T_base_grasp[:3, 2]
-    least = np.inf
-    for share in np.linspace(0.0, 1.0, 9):
-        c, s = np.cos(share * roll), np.sin(share * roll)
-        turned = points * c + np.cross(axis, points) * s + np.outer(points @ axis, axis) * (1.0 - c) + p_base_knuckle
-        apart = np.linalg.norm(turned[:, None] - neighbours[None, :, :3], axis=2) - neighbours[None, :, 3]
-        least = min(least, float(apart.min()) - FINGER_RADIUS)
-    return least

@@ -7,14 +7,10 @@ import pytest
 
 from pomona.applications.harvest.detaching import (
     BRUISE_FORCE,
-    FINGER_BESIDE,
-    FINGER_RADIUS,
     DetachController,
     DetachPhase,
     HeldFruit,
-    roll_clearance,
 )
-from pomona.applications.harvest.reachable import grasp_pose
 from tests.skills.applications.harvest.hanging_stem import DIAMETER, DT, LEVER, MASS, STRONG, WEAK, G, Stem
 
 
@@ -355,21 +351,6 @@ def test_the_hand_follows_the_pad_that_touches_first():
     w[0, 2] = -1.0
     command = control.step(DT, w, False, stem.T, DIAMETER + 0.01)
     assert command.velocity @ stem.T[:3, 1] == pytest.approx(0.004)
-
-
-def test_the_clearance_of_a_roll_is_the_fingers_distance_at_its_worst():
-    T = grasp_pose(np.array([0.0, -0.6, 0.4]), 0.0, 0.0, 0.0)
-    side, knuckle = T[:3, 1], T[:3, 3]
-    radius = 0.03
-    half = 0.08 / 2.0 + FINGER_BESIDE
-    beside = np.array([[*(T[:3, 3] + 0.10 * side), radius]])
-    expected = 0.10 - half - radius - FINGER_RADIUS
-    assert roll_clearance(T, 0.0, 0.08, knuckle, beside) == pytest.approx(expected)
-    up = np.cross(T[:3, 2], side)
-    above = np.array([[*(T[:3, 3] + 0.10 * up), radius]])
-    assert roll_clearance(T, np.pi / 2.0, 0.08, knuckle, above) == pytest.approx(expected)
-    assert roll_clearance(T, 0.0, 0.08, knuckle, above) > expected + 0.02
-    assert roll_clearance(T, 1.0, 0.08, knuckle, np.zeros((0, 4))) == np.inf
 
 
 def test_a_fruit_that_is_taken_after_the_break_is_lost_and_not_slipped():
