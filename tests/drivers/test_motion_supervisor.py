@@ -143,6 +143,38 @@ def test_a_controller_that_takes_no_more_of_the_motion_is_a_fault_within_the_sta
     assert rig.now - before == pytest.approx(0.5, abs=0.03)
 
 
+@pytest.mark.parametrize(
+    "act",
+    [
+        lambda motion: motion.stop(),
+        lambda motion: motion.pause(),
+        lambda motion: (motion.pause(), motion.resume()),
+        lambda motion: motion.set_speed(0.9 * motion.speed),
+    ],
+)
+def test_no_command_hides_a_controller_that_takes_no_more_of_the_motion(act):
+    rig = Rig(stall=0.5)
+    rig.run(0.4)
+    rig.halted, before = True, rig.now
+    rig.run(0.3)
+    act(rig.motion)
+    with pytest.raises(DeviceFault, match="has not continued the motion"):
+        rig.run(0.3)
+    assert rig.now - before == pytest.approx(0.5, abs=0.03)
+
+
+def test_a_controller_that_took_no_more_has_the_stall_time_again_for_its_stop():
+    rig = Rig(stall=0.5)
+    rig.run(0.4)
+    rig.halted = True
+    with pytest.raises(DeviceFault):
+        rig.run(2.0)
+    rig.motion.stop()
+    rig.run(0.4)
+    with pytest.raises(DeviceFault, match="has not continued the motion"):
+        rig.run(0.2)
+
+
 def test_a_motion_that_does_not_end_is_a_fault():
     rig = Rig(margin=1.0, following_error=0.3)
     shaking = iter(range(10**6))

@@ -170,15 +170,17 @@ class MotionSupervisor:
     def _watch_time(self, now: float, motion: PathMotion | StreamedMotion, advance: float) -> None:
         supervision = self._supervision
         if motion.phase is not self._phase or motion.speed != self._speed:
+            if self._phase is Phase.RESTING:  # a stop or a new speed does not show that the controller goes on
+                self._advanced = (advance, now)
             self._phase, self._speed = motion.phase, motion.speed
             left = motion.time_left if motion.phase is Phase.RUNNING else 0.0
             self._deadline = np.inf if motion.phase is Phase.RESTING else now + left + supervision.margin
-            self._advanced = (advance, now)
         running = motion.phase is Phase.RUNNING  # then it rests at its end only: not where it was paused
         if advance != self._advanced[0] or (motion.set_point_arrived if running else motion.set_point_rests):
             self._advanced = (advance, now)
         stalled = now - self._advanced[1]
         if stalled > supervision.stall and motion.phase is not Phase.RESTING:
+            self._advanced = (advance, now)  # the stop that follows has as much time
             raise DeviceFault(self._device, f"the controller has not continued the motion for {stalled:.1f} s")
         if now > self._deadline:
             words = "did not end" if motion.phase is Phase.RUNNING else "did not come to rest"

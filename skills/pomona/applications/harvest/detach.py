@@ -7,15 +7,15 @@ from typing import Annotated
 import numpy as np
 
 from pomona.applications.harvest.detaching import (
-    DetachCommand,
     DetachController,
     DetachPhase,
     DetachSettings,
     HeldFruit,
-    roll_clearance,
 )
 from pomona.applications.harvest.felt_pads import FeltPads, MeanWrench
 from pomona.applications.harvest.hanging import free_roll, knuckle_of
+from pomona.applications.harvest.roll_choice import CLEAR, ROLL_NEEDED, neighbours_of, ordered, roll_clearance
+from pomona.applications.harvest.set_point import HandAim, inner_robot
 from pomona.drivers import (
     Arm,
     BadTrajectory,
@@ -27,20 +27,22 @@ from pomona.drivers import (
     StreamedArm,
     Workspace,
 )
-from pomona.executive import ANGLE, FORCE, LENGTH, TIME, Angle, Float64, Force, Length, Outputs, Port, Ratio, Time, Work
-from pomona.skills import MOTION_FAILURES, MovingSkill, YieldingFingers, usable_field
+from pomona.executive import ANGLE, FORCE, LENGTH, TIME, Angle, Force, Length, Outputs, Port, Ratio, Time, Work
 from pomona.skills.grip import take_over
-from pomona.skills.motion import Grasp, OccupancyMap, RobotModel, arm_space, nearest_solution
+from pomona.skills.motion import Grasp, OccupancyMap, arm_space
 from pomona.skills.perception import AllDetections, MeasuredFruit, mass_of
+from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
+from pomona.skills.shared.usable_map import usable_field
+from pomona.skills.shared.yielding import YieldingFingers
 
 DENSITY = 850.0
-"""Of an apple [kg/m³], where its kind has no weighed fruit: docs/evidence/orchard-wall.md."""
+"""Of an apple [kg/m³], where its kind has no weighed fruit: docs/decisions/orchard-wall.md."""
 
 LONGEST = 0.06
 """Longest step of the controller [s]: a tick that comes later was stalled or paused, and the hand has stood since."""
-JUMP, BEYOND = 0.3, 0.4
-"""Largest step of a joint [rad], and time without a step that the arm can follow after which the motion is given up
-[s]: at the edge of the arm's reach the hand turns without moving, moves without turning, or waits for the way back."""
+BEYOND = 0.4
+"""Time without a step that the arm can follow after which the motion is given up [s]: at the edge of the arm's reach
+the hand turns without moving, moves without turning, or waits for the way back."""
 WITHIN = 0.9
 """Share of the joints' speeds within which set-points stay: joints that all follow keep the hand on its path."""
 TARE = 0.06
@@ -49,21 +51,13 @@ BEARS = 2.0
 """Force of a pad from which fingers that press outwards close no further [N]: no apple bruises by it."""
 STALE = 0.06
 """Age of the newest force sample at which the motion ends [s]."""
-LIMIT_MARGIN = 0.02
-"""Distance of set-points from the joints' limits [rad]: from a limit itself the next path would be refused."""
-ROLL_NEEDED = np.radians(60.0)
-"""Least roll that the arm must reach one way before the fruit is gripped: stems broke at 57° to 100°."""
-ROLL_WANTED = np.radians(100.0)
-"""A roll that is free so far is as good as a longer one."""
-CLEAR = -0.01
-"""Least distance to a neighbour during the roll [m]; a hanging neighbour gives way by 10 mm."""
 
 
 class Detached(Outputs):
     """Outputs of Detach."""
 
-    stem_force: Annotated[Force, Port(help="largest force of the stem")]
-    rolled: Annotated[Angle, Port(help="roll of the hand at which the stem broke")]
+    stem_force: Force
+    rolled: Angle
 
 
 class Detach(MovingSkill):
@@ -145,21 +139,18 @@ class Detach(MovingSkill):
             raise self.failure("REFUSED", f"{refused}; nothing has moved", device=refused.device) from refused
 
         def stand(felt: MeanWrench) -> None:
-            fingers.set_speed(controller.stand(felt.duration, felt.wrenches), felt.press, BEARS)
+            state = gripper.state()
+            speed = controller.stand(felt.duration, felt.wrenches, state.width, state.motor_force)
+            fingers.set_speed(speed, felt.press, BEARS)
 
         pads.between_ticks(stand, lambda: motion.state is MotionState.PAUSED, self.clock.now)
         try:
             yield from self._follow(controller, motion, fingers, pads)
-        except GeneratorExit:
+        except BaseException as ended:
             motion.stop()
             pads.close()
             gripper.set_speed(0.0)
-            raise
-        except BaseException:
-            motion.stop()
-            pads.close()
-            gripper.set_speed(0.0)
-            while not motion.settled:
+            while not (isinstance(ended, GeneratorExit) or motion.settled):
                 yield "stopping"
             raise
         motion.stop()
@@ -238,51 +229,7 @@ class Detach(MovingSkill):
             least = max(clear.values())
             words = f"a finger would come {-1e3 * least:.0f} mm into a neighbour; nothing has moved"
             raise self.failure("NEIGHBOUR_AT_RISK", words, candidate=grasp.index, overlap_m=-least)
-        free = {roll: free_roll(robot, q, knuckle, float(np.sign(roll)), most, space) for roll in kept}
-        if max(free.values()) >= ROLL_NEEDED:
-            kept = [roll for roll in kept if free[roll] >= ROLL_NEEDED]
-        return tuple(sorted(kept, key=lambda roll: (-min(free[roll], ROLL_WANTED), -min(clear[roll], 0.03))))
-
-
-class HandAim:
-    """Joints to aim at, and their pose, moved by the controller's commands as far as the arm reaches.
-
-    Attributes:
-        q: joints, shape (dof,) [rad]; T: pose of the hand there, shape (4, 4).
-        beyond, unturned: time without any step, and without a turn, that the arm can follow [s].
-    """
-
-    def __init__(self, robot: RobotModel, q: Float64) -> None:
-        self.q, self.T = q, robot.tcp(q)
-        self.beyond = self.unturned = 0.0
-        self._robot = robot
-
-    def follow(self, command: DetachCommand, dt: float, most: Float64) -> float:
-        """Move by a command for `dt` [s]: turn and move, else turn alone, else move alone, else stay.
-
-        Returns the share of the time that was used: 1 unless a joint would pass `most`, shape (dof,) [rad/s].
-        """
-        turned, moved = command.roll_rate != 0.0, bool(command.velocity.any())
-        self.beyond = self.beyond + dt if turned or moved else 0.0
-        self.unturned = self.unturned + dt if turned else 0.0
-        for turns, moves in ((turned, moved), (True, False), (False, True)):
-            if not (turns and turned) and not (moves and moved):
-                continue  # no step at all
-            q, share = nearest_solution(self._robot, command.moved(self.T, dt, turns, moves), self.q), 1.0
-            if q is not None and (fastest := float((np.abs(q - self.q) / (dt * most)).max())) > 1.0:
-                share = 1.0 / fastest
-                q = nearest_solution(self._robot, command.moved(self.T, share * dt, turns, moves), self.q)
-            if q is not None and np.abs(q - self.q).max() < JUMP:
-                self.q, self.T, self.beyond = q, command.moved(self.T, share * dt, turns, moves), 0.0
-                self.unturned = 0.0 if turns else self.unturned
-                return share
-        return 1.0
-
-
-def inner_robot(arm: Arm) -> RobotModel:
-    """Return the robot within its joint limits less `LIMIT_MARGIN`."""
-    limits = arm.limits
-    return RobotModel.load(arm.description).with_limits(limits.lower + LIMIT_MARGIN, limits.upper - LIMIT_MARGIN)
+        return ordered({roll: free_roll(robot, q, knuckle, np.sign(roll), most, space) for roll in kept}, clear)
 
 
 def held_fruit(measured: MeasuredFruit) -> HeldFruit:
@@ -291,15 +238,3 @@ def held_fruit(measured: MeasuredFruit) -> HeldFruit:
     known = mass_of(measured.fruit, dimensions, measured.covariance[3:, 3:])
     mass = DENSITY * np.pi / 6.0 * float(np.prod(dimensions)) if known is None else known[0]
     return HeldFruit(float(dimensions.max()), mass, knuckle_of(measured))
-
-
-def neighbours_of(target: MeasuredFruit, others: AllDetections | None) -> Float64:
-    """Return positions and radii of the other fruit of a look in the base frame, shape (n, 4) [m]."""
-    if others is None:
-        return np.zeros((0, 4))
-    rows = []
-    for each in others.detections:
-        p = (each.T_base_camera @ each.T_camera_object)[:3, 3]
-        if np.linalg.norm(p - target.T_base_fruit[:3, 3]) > float(target.dimensions.max()) / 2.0:
-            rows.append([*p, float(each.fruit.dimensions.max()) / 2.0])
-    return np.array(rows).reshape(-1, 4)

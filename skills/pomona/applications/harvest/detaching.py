@@ -87,6 +87,9 @@ class DetachSettings:
         lost_force: mean pad force below which the fruit is lost [N]; lost_time: duration of that [s].
         empty_force, empty_motor: largest force of a pad, and of the motor, at which pads count as empty [N];
             wider: opening beyond that of the grip at which they are empty though the motor presses [m].
+        stiffness: force of each pad per loss of opening [N/m]: that of the pads, since a fruit is harder.
+        rough: error of both pads' force by the motor, or by the opening [N]: its steps of 0.5 N and friction; a fruit
+            that turns in the pads changes its width.
         let_back_force: pads' force at which a branch that was drawn has come back [N].
         firm: share of the carrying force at which a detached fruit is moved; firm_time: longest wait for it [s].
         back_distance, back_speed, back_acceleration: of the way to the robot after the break [m, m/s, m/s²].
@@ -148,6 +151,8 @@ class DetachSettings:
     empty_force: float = 0.3
     empty_motor: float = 4.0
     wider: float = 4e-3
+    stiffness: float = 1000.0
+    rough: float = 1.5
     let_back_force: float = 0.5
     firm: float = 0.7
     firm_time: float = 0.3
@@ -247,7 +252,7 @@ class DetachController:
         self._R_start = self._p_aimed = self._p_phase = np.zeros(0)  # at first; set-point now, and when the phase began
         self._attempt = 0
         self._target = self.settings.first_grip
-        self._width_gripped = 0.0
+        self._width_gripped = self._press_gripped = 0.0
         self._lever = np.zeros(3)  # from the knuckle to the TCP, in the TCP's frame [m]
         self._recent: list[tuple[float, float]] = []
         self._jammed = self._empty = self._quiet = self._loaded = 0.0
@@ -315,21 +320,23 @@ class DetachController:
             command = STILL
             if self.phase not in (DetachPhase.DONE, DetachPhase.OPEN):
                 velocity, lever = self._move(dt, press, force)
-                command = DetachCommand(velocity, self._rate, self._grip(dt, wrenches), lever)
+                command = DetachCommand(velocity, self._rate, self._grip(dt, wrenches, width), lever)
         self._opening = command.opening
         return replace(command, velocity=self._pace * command.velocity, roll_rate=self._pace * command.roll_rate)
 
-    def stand(self, dt: float, wrenches: Float64) -> float:
+    def stand(self, dt: float, wrenches: Float64, width: float, motor_force: float | None = None) -> float:
         """Return the rate of the opening while the hand stands, in a pause: only the force of a grip goes on [m/s].
 
         Args:
-            dt, wrenches: as in `step`.
+            dt, wrenches, width, motor_force: as in `step`.
         """
+        self._motor = motor_force
         press = -wrenches[:, 2]
         if self.phase in HOLDING and press.min() > self.settings.touch:
-            return self._grip(dt, wrenches)
+            return self._grip(dt, wrenches, width)
         s = self.settings
-        return float(np.clip(s.grip_gain * (press.max() - self.grip_limit), 0.0, s.closing))
+        loose = self.phase in HOLDING and self._is_loose(press, width)
+        return float(np.clip(s.grip_gain * (press.max() - self.grip_limit), 0.0, s.closing)) * (not loose)
 
     def rejoin(self) -> None:
         """Go on after a pause: the motion meanwhile is not compared with commands."""
@@ -499,6 +506,7 @@ class DetachController:
             missing = s.first_grip - float(press.mean())
             if missing < 0.2 * s.first_grip:
                 self._width_gripped = width
+                self._press_gripped = float(press.max())  # a fruit that hangs free is pressed alike by both pads
                 self._lever = T[:3, :3].T @ (T[:3, 3] - self._fruit.p_base_knuckle)
                 self._enter(DetachPhase.DRAW)
             return replace(STILL, opening=-float(np.clip(s.grip_gain * missing, -s.closing, s.closing)))
@@ -600,11 +608,10 @@ class DetachController:
         most = (self.settings.relief_acceleration if relieving else self.settings.roll_acceleration) * dt
         self._rate += float(np.clip(wanted - self._rate, -most, most))
 
-    def _grip(self, dt: float, wrenches: Float64) -> float:
+    def _grip(self, dt: float, wrenches: Float64, width: float) -> float:
         """Rate of the opening that brings the mean of the pads to the force that holds the larger load.
 
-        Pads that feel nothing are not closed, nor pads that the motor already presses as hard as the fruit may bear.
-        Pads that the motor presses with less than the first grip are not opened.
+        Pads that feel nothing are not closed, nor pads of which one may press as hard as the fruit bears.
         """
         s, press = self.settings, -wrenches[:, 2]
         sideways = float(np.hypot(wrenches[:, 0], wrenches[:, 1]).max())
@@ -616,12 +623,24 @@ class DetachController:
         self._target = max(needed, self._target - decay * dt)
         most = s.grip_ceiling * self._fruit.bruise_force
         missing = min(self._target - press.mean(), most - press.max())
-        felt = press.mean() > s.lost_force and (self._motor is None or 0.5 * self._motor < most)
+        felt = press.mean() > s.lost_force and press.max() + self._unfelt(press, width) < most
         stuck = self.phase is DetachPhase.TEST and abs(self._behind) > s.stuck  # wood holds the fingers
-        loose = self._motor is not None and 0.0 <= 0.5 * self._motor < s.first_grip
-        loose = loose or self._width > self._width_gripped + s.wider  # no fruit is held there
-        least, most = 0.0 if loose else -s.closing, s.closing if felt else 0.0
+        least, most = 0.0 if self._is_loose(press, width) else -s.closing, s.closing if felt else 0.0
         return -float(np.clip(s.grip_gain * missing, least, most)) * (not stuck)
+
+    def _unfelt(self, press: Float64, width: float) -> float:
+        """Return the force of the pads beyond their reports, by the motor's force, else by the opening [N]."""
+        s = self.settings
+        squeezed = 2.0 * (self._press_gripped + s.stiffness * (self._width_gripped - width))
+        force = squeezed if self._motor is None else self._motor
+        return max(force - s.rough - float(press.sum()), 0.0)
+
+    def _is_loose(self, press: Float64, width: float) -> bool:
+        """Return True if fingers that open further may let the fruit fall: one pad alone may report too much."""
+        s, beyond = self.settings, width - self._width_gripped
+        if self._motor is None:
+            return beyond > (s.wider if press.min() > self.grip_limit else 0.0)
+        return 0.0 <= 0.5 * self._motor < s.first_grip or beyond > s.wider
 
     # ---------------------------------------------------------------------------------------------- phases
 
@@ -678,35 +697,3 @@ def _shortened(v: Float64, most: float) -> Float64:
     size = float(np.linalg.norm(v))
     shortened: Float64 = v * min(1.0, most / max(size, 1e-12))
     return shortened
-
-
-HAND_POINTS = np.array([[0.0, side, z] for side in (-1.0, 1.0) for z in (0.0, -0.025, -0.05, -0.075)])
-"""Points along both fingers in the TCP's frame: y in half openings, z in metres."""
-FINGER_BESIDE, FINGER_RADIUS = 0.0075, 0.013
-"""Distance of a finger's middle from its pad's face, and radius that encloses its section [m]."""
-
-
-def roll_clearance(
-    T_base_grasp: Float64, roll: float, width: float, p_base_knuckle: Float64, neighbours: Float64
-) -> float:
-    """Return the least distance between fingers and neighbours while the hand rolls about the knuckle [m].
-
-    Args:
-        T_base_grasp: of the TCP, shape (4, 4).
-        roll: angle about the approach [rad].
-        width: opening [m].
-        p_base_knuckle: where the stem sits on its spur, shape (3,) [m].
-        neighbours: positions and radii in the base frame, shape (n, 4) [m]. Negative distances are overlaps.
-    """
-    if not len(neighbours):
-        return float("inf")
-    scale = np.array([1.0, width / 2.0 + FINGER_BESIDE, 1.0])
-    points = (HAND_POINTS * scale) @ T_base_grasp[:3, :3].T + T_base_grasp[:3, 3] - p_base_knuckle
-    axis = T_base_grasp[:3, 2]
-    least = np.inf
-    for share in np.linspace(0.0, 1.0, 9):
-        c, s = np.cos(share * roll), np.sin(share * roll)
-        turned = points * c + np.cross(axis, points) * s + np.outer(points @ axis, axis) * (1.0 - c) + p_base_knuckle
-        apart = np.linalg.norm(turned[:, None] - neighbours[None, :, :3], axis=2) - neighbours[None, :, 3]
-        least = min(least, float(apart.min()) - FINGER_RADIUS)
-    return least

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from pomona.applications.harvest.detach import Detach, held_fruit, neighbours_of
-from pomona.applications.harvest.detaching import BRUISE_FORCE, DetachSettings, roll_clearance
+from pomona.applications.harvest.detach import Detach, held_fruit
+from pomona.applications.harvest.detaching import BRUISE_FORCE, DetachSettings
 from pomona.applications.harvest.hanging import free_roll
+from pomona.applications.harvest.roll_choice import neighbours_of, roll_clearance
 from pomona.drivers.errors import DeviceFault
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, StreamedArm, Workspace
 from pomona.drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
@@ -267,7 +268,7 @@ def test_at_the_edge_of_the_reach_the_hand_waits_and_the_other_roll_is_tried(mon
         rolls.append(float(np.arctan2(turned[1, 0], turned[0, 0])))
         return None if abs(rolls[-1]) > 0.9 else nearest_solution(robot, T, q)
 
-    monkeypatch.setattr("pomona.applications.harvest.detach.nearest_solution", solve)
+    monkeypatch.setattr("pomona.applications.harvest.set_point.nearest_solution", solve)
     assert code(rig.drive()) == "NOTHING_BROKE"
     assert min(rolls) < -0.8
     assert max(rolls) > 0.8
@@ -401,7 +402,7 @@ def test_a_pause_leaves_the_path_as_it_is(phase: str, duration: float) -> None:
 def test_a_minute_of_pause_in_the_roll_leaves_the_path_as_it_is() -> None:
     rig = Rig()
     turned = Turned(rig)
-    end = drive_until(rig, "rolling", paused(rig, 60.0))
+    end = drive_until(rig, "rolling", paused(rig, 60.0), limit=90.0)
     assert end.status is Status.SUCCESS, end.reason
     assert max(turned.rolls) < 140.0
 

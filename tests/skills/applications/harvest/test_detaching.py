@@ -7,14 +7,10 @@ import pytest
 
 from pomona.applications.harvest.detaching import (
     BRUISE_FORCE,
-    FINGER_BESIDE,
-    FINGER_RADIUS,
     DetachController,
     DetachPhase,
     HeldFruit,
-    roll_clearance,
 )
-from pomona.applications.harvest.reachable import grasp_pose
 from tests.skills.applications.harvest.hanging_stem import DIAMETER, DT, LEVER, MASS, STRONG, WEAK, G, Stem
 
 
@@ -357,21 +353,6 @@ def test_the_hand_follows_the_pad_that_touches_first():
     assert command.velocity @ stem.T[:3, 1] == pytest.approx(0.004)
 
 
-def test_the_clearance_of_a_roll_is_the_fingers_distance_at_its_worst():
-    T = grasp_pose(np.array([0.0, -0.6, 0.4]), 0.0, 0.0, 0.0)
-    side, knuckle = T[:3, 1], T[:3, 3]
-    radius = 0.03
-    half = 0.08 / 2.0 + FINGER_BESIDE
-    beside = np.array([[*(T[:3, 3] + 0.10 * side), radius]])
-    expected = 0.10 - half - radius - FINGER_RADIUS
-    assert roll_clearance(T, 0.0, 0.08, knuckle, beside) == pytest.approx(expected)
-    up = np.cross(T[:3, 2], side)
-    above = np.array([[*(T[:3, 3] + 0.10 * up), radius]])
-    assert roll_clearance(T, np.pi / 2.0, 0.08, knuckle, above) == pytest.approx(expected)
-    assert roll_clearance(T, 0.0, 0.08, knuckle, above) > expected + 0.02
-    assert roll_clearance(T, 1.0, 0.08, knuckle, np.zeros((0, 4))) == np.inf
-
-
 def test_a_fruit_that_is_taken_after_the_break_is_lost_and_not_slipped():
     """A hand that takes it loads the pads as a stem would."""
 
@@ -432,3 +413,73 @@ def test_pads_that_read_too_little_are_not_closed_while_the_motor_presses():
         motor = float(press.sum())
         stem.move(control.step(DT, 0.3 * stem.wrenches(), False, stem.T, stem.width, stem.T_aimed, motor))
     assert max(presses) < 1.15 * BRUISE_FORCE
+
+
+def clipped(wrenches):
+    wrenches[0, :3] = np.clip(wrenches[0, :3], -0.5, 0.5)
+
+
+def halved(wrenches):
+    wrenches[0] *= 0.5
+
+
+def both_halved(wrenches):
+    wrenches *= 0.5
+
+
+def misread(stem, control, change, motor, since=lambda control: control.phase is DetachPhase.ROLL):
+    """Detach with pads that report otherwise from a moment on; the motor's force comes in steps of 0.5 N."""
+    false = False
+    while control.phase is not DetachPhase.DONE and stem.time < 40.0:
+        wrenches = stem.wrenches()
+        force = np.round(-2.0 * wrenches[:, 2].sum()) / 2.0 if motor else None
+        false = false or since(control)
+        if false:
+            change(wrenches)
+        stem.move(control.step(DT, wrenches, False, stem.T, stem.width, stem.T_aimed, force))
+    return control
+
+
+@pytest.mark.parametrize("motor", [True, False], ids=["motor", "no motor"])
+@pytest.mark.parametrize("change", [clipped, halved, both_halved])
+def test_pads_that_report_too_little_do_not_press_the_fruit_harder_than_it_bears(change, motor):
+    stem = Stem(STRONG, bending=0.01)
+    misread(stem, controller(stem), change, motor)
+    assert np.max(stem.presses) < 1.15 * BRUISE_FORCE
+
+
+@pytest.mark.parametrize("motor", [True, False], ids=["motor", "no motor"])
+def test_one_pad_that_reports_more_and_more_does_not_loosen_the_grip(motor):
+    stem, widths = Stem(WEAK), []
+    control = controller(stem)
+
+    def drifts(wrenches):
+        wrenches[0, 2] -= 0.5 * stem.time
+        widths.append(stem.width)
+
+    misread(stem, control, drifts, motor, lambda control: control.phase is DetachPhase.DRAW)
+    assert stem.broken is not None
+    assert max(widths) < DIAMETER - 5e-4
+
+
+def test_one_pad_that_reports_more_and_more_does_not_loosen_the_grip_of_a_paused_hand():
+    stem = Stem()
+    control = controller(stem)
+    while control.phase is not DetachPhase.ROLL:
+        stem.step(control)
+    for count in range(3000):
+        wrenches = stem.wrenches()
+        wrenches[0, 2] -= 0.5 * DT * count
+        stem.width += DT * control.stand(DT, wrenches, stem.width)
+    assert stem.width < DIAMETER - 5e-4
+
+
+def test_a_fruit_that_both_pads_press_too_hard_is_relieved_beyond_the_opening_of_the_grip():
+    stem = Stem()
+    control = controller(stem)
+    while control.phase is not DetachPhase.ROLL:
+        stem.step(control)
+    stem.diameter += 6e-3  # a fruit that turns
+    for _ in range(100):
+        stem.width += DT * control.stand(DT, stem.wrenches(), stem.width)
+    assert -stem.wrenches()[:, 2].min() < BRUISE_FORCE

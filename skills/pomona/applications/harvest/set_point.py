@@ -1,0 +1,56 @@
+"""The set-point of a detaching hand: its commands as joints, as far as the arm reaches."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pomona.applications.harvest.detaching import DetachCommand
+from pomona.drivers import Arm
+from pomona.executive import Float64
+from pomona.skills.motion import RobotModel, nearest_solution
+
+JUMP = 0.3
+"""Largest step of a joint [rad]: more is another posture."""
+LIMIT_MARGIN = 0.02
+"""Distance of set-points from the joints' limits [rad]: from a limit itself the next path would be refused."""
+
+
+class HandAim:
+    """Joints to aim at, and their pose, moved by the controller's commands as far as the arm reaches.
+
+    Attributes:
+        q: joints, shape (dof,) [rad]; T: pose of the hand there, shape (4, 4).
+        beyond, unturned: time without any step, and without a turn, that the arm can follow [s].
+    """
+
+    def __init__(self, robot: RobotModel, q: Float64) -> None:
+        self.q, self.T = q, robot.tcp(q)
+        self.beyond = self.unturned = 0.0
+        self._robot = robot
+
+    def follow(self, command: DetachCommand, dt: float, most: Float64) -> float:
+        """Move by a command for `dt` [s]: turn and move, else turn alone, else move alone, else stay.
+
+        Returns the share of the time that was used: 1 unless a joint would pass `most`, shape (dof,) [rad/s].
+        """
+        turned, moved = command.roll_rate != 0.0, bool(command.velocity.any())
+        self.beyond = self.beyond + dt if turned or moved else 0.0
+        self.unturned = self.unturned + dt if turned else 0.0
+        for turns, moves in ((turned, moved), (True, False), (False, True)):
+            if not (turns and turned) and not (moves and moved):
+                continue  # no step at all
+            q, share = nearest_solution(self._robot, command.moved(self.T, dt, turns, moves), self.q), 1.0
+            if q is not None and (fastest := float((np.abs(q - self.q) / (dt * most)).max())) > 1.0:
+                share = 1.0 / fastest
+                q = nearest_solution(self._robot, command.moved(self.T, share * dt, turns, moves), self.q)
+            if q is not None and np.abs(q - self.q).max() < JUMP:
+                self.q, self.T, self.beyond = q, command.moved(self.T, share * dt, turns, moves), 0.0
+                self.unturned = 0.0 if turns else self.unturned
+                return share
+        return 1.0
+
+
+def inner_robot(arm: Arm) -> RobotModel:
+    """Return the robot within its joint limits less `LIMIT_MARGIN`."""
+    limits = arm.limits
+    return RobotModel.load(arm.description).with_limits(limits.lower + LIMIT_MARGIN, limits.upper - LIMIT_MARGIN)
