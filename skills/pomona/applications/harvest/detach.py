@@ -28,12 +28,10 @@ from pomona.drivers import (
     Workspace,
 )
 from pomona.executive import ANGLE, FORCE, LENGTH, TIME, Angle, Force, Length, Outputs, Port, Ratio, Time, Work
+from pomona.skills import MOTION_FAILURES, MovingSkill, YieldingFingers, usable_field
 from pomona.skills.grip import take_over
 from pomona.skills.motion import Grasp, OccupancyMap, arm_space
 from pomona.skills.perception import AllDetections, MeasuredFruit, mass_of
-from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
-from pomona.skills.shared.usable_map import usable_field
-from pomona.skills.shared.yielding import YieldingFingers
 
 DENSITY = 850.0
 """Of an apple [kg/m³], where its kind has no weighed fruit: docs/decisions/orchard-wall.md."""
