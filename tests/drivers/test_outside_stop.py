@@ -108,7 +108,7 @@ def gripper_place(place: Place) -> Place:
 @contextlib.contextmanager
 def moving(place: Place, way: str) -> Iterator[subprocess.Popen[str]]:
     """A run whose arm and fingers move."""
-    order = ["run", str(place.tree), "--cell", str(place.cell), "--record", str(place.records)]
+    order = ["run", str(place.tree), "--cell", str(place.cell), "--record", str(place.records), "--cleared"]
     with subprocess.Popen(
         [sys.executable, "-c", RUN, way, *order], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
@@ -161,7 +161,7 @@ def test_a_second_run_on_the_same_wires_is_refused_and_the_first_goes_on(gripper
     copy = tmp_path / "copy.yaml"
     copy.write_text(gripper_place.cell.read_text())
     with moving(gripper_place, "launched") as process:
-        order = ["run", str(gripper_place.tree), "--cell", str(copy), "--record", str(gripper_place.records)]
+        order = ["run", str(gripper_place.tree), "--cell", str(copy), "--record", str(gripper_place.records), "--cleared"]
         second = subprocess.run([sys.executable, "-c", RUN, "launched", *order], capture_output=True, text=True)
         assert second.returncode == 2
         assert "another run is going on on 127.0.0.1:" in second.stderr

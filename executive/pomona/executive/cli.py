@@ -19,7 +19,7 @@ from pomona.executive.commands.command_line import children, make_parser
 from pomona.executive.errors import UsageError
 from pomona.executive.extras import remedy
 from pomona.executive.running.launcher import in_child
-from pomona.executive.running.signals import WORDS, raising, report_end, signalled, status_of
+from pomona.executive.running.signals import WORDS, raise_again, raising, report_end, signalled, status_of
 from pomona.executive.terminal.output import unwaiting_output
 from pomona.executive.values.bounded import within
 
@@ -69,7 +69,11 @@ def _main(words: Sequence[str]) -> int:
     os.environ["MPLBACKEND"] = "agg"
     try:
         with raising():
-            status = _run(words)
+            try:
+                status = _run(words)
+            except Exception:
+                raise_again()  # a signal that a foreign module swallowed while it was imported
+                raise
     except KeyboardInterrupt as ended:
         status = status_of(ended)
     except ModuleNotFoundError as error:
