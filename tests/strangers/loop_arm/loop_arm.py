@@ -141,9 +141,7 @@ class Nod(MovingSkill):
         q = self.device(Arm).state().q
         last = np.eye(len(q))[-1]
         way = (0.25 * turn * one**2)[:, None] * last
-        qd, qdd = (
-            (0.5 * rate * turn * one * sin)[:, None] * last,
-            (0.5 * rate**2 * turn * (sin**2 + one * cos))[:, None] * last,
-        )
+        qd = (0.5 * rate * turn * one * sin)[:, None] * last
+        qdd = (0.5 * rate**2 * turn * (sin**2 + one * cos))[:, None] * last
         yield from self.travel(Trajectory(t, q + way, qd, qdd))
         return Outputs()
