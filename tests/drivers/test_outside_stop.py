@@ -161,7 +161,8 @@ def test_a_second_run_on_the_same_wires_is_refused_and_the_first_goes_on(gripper
     copy = tmp_path / "copy.yaml"
     copy.write_text(gripper_place.cell.read_text())
     with moving(gripper_place, "launched") as process:
-        order = ["run", str(gripper_place.tree), "--cell", str(copy), "--record", str(gripper_place.records), "--cleared"]
+        places = [str(gripper_place.tree), "--cell", str(copy), "--record", str(gripper_place.records)]
+        order = ["run", *places, "--cleared"]
         second = subprocess.run([sys.executable, "-c", RUN, "launched", *order], capture_output=True, text=True)
         assert second.returncode == 2
         assert "another run is going on on 127.0.0.1:" in second.stderr

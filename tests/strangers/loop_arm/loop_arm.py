@@ -140,10 +140,8 @@ class Nod(MovingSkill):
         one, sin, cos = 1.0 - np.cos(phase), np.sin(phase), np.cos(phase)
         q = self.device(Arm).state().q
         last = np.eye(len(q))[-1]
-        way = np.outer(0.25 * turn * one**2, last)
-        qd, qdd = (
-            np.outer(0.5 * rate * turn * one * sin, last),
-            np.outer(0.5 * rate**2 * turn * (sin**2 + one * cos), last),
-        )
+        way = (0.25 * turn * one**2)[:, None] * last
+        qd = (0.5 * rate * turn * one * sin)[:, None] * last
+        qdd = (0.5 * rate**2 * turn * (sin**2 + one * cos))[:, None] * last
         yield from self.travel(Trajectory(t, q + way, qd, qdd))
         return Outputs()
