@@ -1,11 +1,11 @@
-"""The table of topics and the definitions of messages that docs/interop.md has."""
+"""The table of topics and the definitions of messages that interop.md has."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
 
-TEXT = (Path(__file__).parents[2] / "docs" / "interop.md").read_text()
+TEXT = (Path(__file__).parents[2] / "executive" / "pomona" / "tools" / "ros2" / "interop.md").read_text()
 MESSAGE = re.compile(r"\w+/(?:msg|srv|action)/\w+")
 
 

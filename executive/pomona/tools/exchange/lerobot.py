@@ -1,7 +1,7 @@
 """Records as a dataset of LeRobot, version 3: tables in Parquet, images as they were recorded, no video.
 
 A JPEG and a 16-bit PNG stand in the table as they stand in the record, so every pixel comes back as it was.
-docs/interop.md has every feature with its unit.
+pomona/tools/ros2/interop.md has every feature with its unit.
 """
 
 from __future__ import annotations

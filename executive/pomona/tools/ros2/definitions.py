@@ -1,6 +1,6 @@
 """Definitions of the messages that no distribution of ROS 2 contains, in ROS 2's own language.
 
-`pomona_msgs` belongs to Pomona: docs/interop.md has every field with its unit. `py_trees_ros_interfaces` and
+`pomona_msgs` belongs to Pomona: interop.md has every field with its unit. `py_trees_ros_interfaces` and
 `octomap_msgs` are copied as published, without the comments.
 """
 

@@ -1,7 +1,7 @@
 """Messages of a record, or of a run that is being recorded, as ROS 2 messages.
 
 One translation for bags and for the live bridge: messages of a record in (topic, content), ROS 2 messages out.
-docs/interop.md lists every topic with its type and units.
+pomona/tools/ros2/interop.md lists every topic with its type and units.
 """
 
 from __future__ import annotations
