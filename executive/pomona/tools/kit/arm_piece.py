@@ -243,7 +243,7 @@ def sweep(angle: float = 0.5, duration: float = 1.5) -> Trajectory:
     """A path of the first joint, from rest to rest."""
     x = np.linspace(0.0, 1.0, 151)
     shape = 10.0 * x**3 - 15.0 * x**4 + 6.0 * x**5, 30.0 * x**2 * (1.0 - x) ** 2, 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x)
-    q, qd, qdd = (np.outer(part, np.eye(7)[0]) * angle / duration**n for n, part in enumerate(shape))
+    q, qd, qdd = (part[:, None] * np.eye(7)[0] * (angle / duration**n) for n, part in enumerate(shape))
     return Trajectory(x * duration, q, qd, qdd)
 
 
