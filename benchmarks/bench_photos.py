@@ -16,12 +16,12 @@ import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from benchmarks.bench_detect import processor_name, progress
 from pomona.applications.inventory.command_detect_pictures import MOST_LOOKS, MOST_LOOKS_AT_ONE_WIDTH, find_fruit
 from pomona.executive.values.arrays import UInt8
+from pomona.executive.values.pictures import write_picture
 from pomona.skills.perception.detection.box_evaluation import (
     JudgedPicture,
     box_figures,
@@ -117,7 +117,7 @@ def large(photographs: Sequence[Photograph]) -> list[str]:
     memory: list[str] = []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "large.jpg"
-        cv2.imwrite(str(path), mosaic(photographs))
+        write_picture(path, mosaic(photographs)[..., ::-1])
         for width in ((f"--width={BEFORE}",), ()):
             out = f"--out={folder}/{len(seconds)}"
             command = [sys.executable, "-m", "pomona.executive.cli", "detect", str(path), out, *width]

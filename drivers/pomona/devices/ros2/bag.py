@@ -29,7 +29,7 @@ FILES = (".mcap", ".db3")  # endings of the files in the folder of a bag of ROS 
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
+class BagMessage:
     """A place in a bag: the `nth` message of a topic among those that were written at the same time."""
 
     topic: str
@@ -59,21 +59,21 @@ class Bag:
         self.topics = {topic: " and ".join(sorted(of)) for topic, of in kinds.items()}
         """Types by topic; normally one each."""
 
-    def list_messages(self, topic: str) -> list[Message]:
+    def list_messages(self, topic: str) -> list[BagMessage]:
         """Return the places of all messages of a topic, in the order of writing.
 
         Raises UnusableFrames: the bag is damaged, has no such message, or another type of that name.
         """
-        found: list[Message] = []
+        found: list[BagMessage] = []
         with self._opened() as reader:
             for connection, written, raw in reader.messages(_of(reader, topic)):
                 nth = found[-1].nth + 1 if found and found[-1].written == written else 0
-                found.append(Message(topic, written, nth, _taken(reader, connection, raw)))
+                found.append(BagMessage(topic, written, nth, _taken(reader, connection, raw)))
         if not found:
             raise UnusableFrames(self.path, f"holds no message of {topic}{self._without_index()}")
         return found
 
-    def read(self, *wanted: Message) -> list[Any]:
+    def read(self, *wanted: BagMessage) -> list[Any]:
         """Return these messages. Raises UnusableFrames: the bag is damaged."""
         with self._opened() as reader:
             return [self._one(reader, place) for place in wanted]
@@ -84,7 +84,7 @@ class Bag:
             found = reader.messages(_of(reader, topic))
             return [reader.deserialize(raw, connection.msgtype) for connection, _written, raw in found]
 
-    def _one(self, reader: Any, place: Message) -> Any:
+    def _one(self, reader: Any, place: BagMessage) -> Any:
         found = reader.messages(_of(reader, place.topic), place.written, place.written + 1)
         for number, (connection, _written, raw) in enumerate(found):
             if number == place.nth:

@@ -13,7 +13,7 @@ import numpy as np
 
 from pomona.devices.frames.camera import FramesCamera
 from pomona.devices.frames.folder import Images, UnusableFrames
-from pomona.devices.ros2.bag import NOT_ROS, Bag, Message, why
+from pomona.devices.ros2.bag import NOT_ROS, Bag, BagMessage, why
 from pomona.devices.ros2.images import (
     COMPRESSED,
     IMAGE,
@@ -50,8 +50,8 @@ class BagFrame:
     """Two messages that were taken together."""
 
     bag: Bag
-    colour: Message
-    depth: Message
+    colour: BagMessage
+    depth: BagMessage
     unit: float  # of depth in whole numbers [m]
 
     @property
@@ -137,7 +137,7 @@ def _pairs(bag: Bag, said: BagFile) -> tuple[BagFrame, ...]:
     colours, depths = (bag.list_messages(topic) for topic in (said.colour, said.depth))
     stamped = all(place.taken for place in (*colours, *depths))
 
-    def when(place: Message) -> int:
+    def when(place: BagMessage) -> int:
         return place.taken if stamped else place.written
 
     colours, depths = sorted(colours, key=when), sorted(depths, key=when)

@@ -76,7 +76,10 @@ def read_plane(path: Path) -> NDArray[Any]:
 
 
 def decode_plane(content: bytes) -> NDArray[Any]:
-    """Decode depth or a mask; see `read_plane`. Raises UnusablePicture: it is none, too large or incomplete."""
+    """Decode depth or a mask, shape (h, w) or (h, w, channels); see `read_plane`.
+
+    Raises UnusablePicture: it is none, too large or incomplete.
+    """
     return _decoded(content, cv2.IMREAD_UNCHANGED)
 
 

@@ -54,8 +54,8 @@ STALE = 0.06
 class Detached(Outputs):
     """Outputs of Detach."""
 
-    stem_force: Force
-    rolled: Angle
+    stem_force: Annotated[Force, Port(help="largest pull of the stem")]
+    rolled: Annotated[Angle, Port(help="turn of the hand at which the stem broke")]
 
 
 class Detach(MovingSkill):

@@ -430,7 +430,7 @@ def test_a_pause_keeps_the_force_of_the_grip() -> None:
     def look() -> None:
         paused(rig, 3.0, swell)()
         assert max(presses) > 5.0
-        assert presses[-1] < 3.5
+        assert presses[-1] < 5.0  # fingers open beyond the grip's opening while both pads read more than its limit
 
     drive_until(rig, "rolling", look)
     assert presses

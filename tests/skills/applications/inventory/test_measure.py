@@ -133,7 +133,7 @@ def test_after_ctrl_c_the_partial_result_is_printed(
             Path("out/index.html").touch()
         return SimpleNamespace(result=result)
 
-    monkeypatch.setattr(measure, "execute", run)
+    monkeypatch.setattr(measure, "run_tree", run)
     assert main(["measure", str(tmp_path), "--out", "out"]) == 130
     assert words in capsys.readouterr().err
 

@@ -85,7 +85,9 @@ def _try(weights: Path) -> None:
     if size > MOST_TORCH_BYTES:
         words = f"has {size / 1e6:.0f} MB; a checkpoint of DOPE has at most {MOST_TORCH_BYTES / 1e6:.0f} MB"
         raise BadWeights(weights, words)
-    problem = trial("pomona.skills.perception.detection.weights:try_dope", str(weights), memory=MEMORY + size)
+    problem = trial(
+        "pomona.skills.perception.detection.weights:try_dope", str(weights), memory=MEMORY + size, processor_s=30
+    )
     if problem:
         raise BadWeights(weights, problem)
 
