@@ -52,7 +52,7 @@ def _array(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
         array.setflags(write=False)
         return array
     owner: Any = array.base
-    if isinstance(owner, bytes):
+    if isinstance(owner, bytes) and not array.flags.writeable:  # pickle gives writable arrays over bytes
         return array
     return np.ndarray(array.shape, array.dtype, array.tobytes())
 

@@ -66,7 +66,7 @@ def track_poses(
             size = np.abs(error).max()
             if size < _PRECISION:
                 break
-            jacobian(links, sliding, T[:, 3], J)
+            jacobian(links, sliding, T[:, 3].copy(), J)
             newton_step(J, error, 1e-9, A, step)
             for i in range(dof):
                 q[i] += step[i]

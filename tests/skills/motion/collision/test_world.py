@@ -21,7 +21,8 @@ from pomona.skills.motion.collision import (
     UnknownObstacle,
 )
 from pomona.skills.motion.collision.cover import fibonacci_sphere
-from pomona.skills.motion.collision.segment import SLACK
+from pomona.skills.motion.collision.kernel import check_states
+from pomona.skills.motion.collision.segment import SLACK, check_path
 from pomona.skills.motion.planning.timing import time_polyline
 from pomona.skills.motion.robot import BadJoints, RobotModel, inverse_kinematics
 
@@ -219,6 +220,18 @@ def test_a_world_travels_to_another_process() -> None:
     copy = pickle.loads(pickle.dumps(world))
     Q = np.random.default_rng(0).uniform(robot.lower, robot.upper, (50, 7))
     assert np.array_equal(copy.clearances(Q, OPEN), world.clearances(Q, OPEN))
+
+
+def test_neither_a_world_from_another_process_nor_a_read_only_path_compiles_a_kernel_again() -> None:
+    """numba compiles a kernel for each pattern of writable arrays: 20 s in the middle of a first pick."""
+    world = CollisionWorld.build(robot, table)
+    Q = np.linspace(robot.lower, robot.upper, 4)
+    world.clearances(Q, OPEN), world.check_path(Q, OPEN)
+    compiled = [set(kernel.signatures) for kernel in (check_states, check_path)]
+    Q.setflags(write=False)
+    for each in (world, pickle.loads(pickle.dumps(world, protocol=4)), pickle.loads(pickle.dumps(world, protocol=5))):
+        each.clearances(Q, OPEN), each.check_path(Q, OPEN)
+    assert [set(kernel.signatures) for kernel in (check_states, check_path)] == compiled
 
 
 NESTED = """<mujoco><worldbody><body name="post"><geom size="0.1"/>

@@ -212,7 +212,7 @@ class CollisionWorld:
         return arrays._replace(margins=arrays.margins + distance, self_margin=arrays.self_margin + 2.0 * distance)
 
     def _checked_many(self, Q: ArrayLike) -> Float64:
-        postures = np.ascontiguousarray(Q, dtype=np.float64)
+        postures = np.array(Q, dtype=np.float64, order="C")  # writable: read-only arrays compile all kernels again
         if postures.ndim != 2:
             self.shape.model.checked(postures)
             postures = postures[None]

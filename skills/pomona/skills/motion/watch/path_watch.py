@@ -254,7 +254,7 @@ class PathWatch:
         if map is not None and map.blocked.any():
             centres = map.origin + (np.argwhere(map.blocked) + 0.5) * map.resolution
             spheres = np.column_stack((centres, np.full(len(centres), map.resolution * np.sqrt(3.0) / 2.0)))
-            mark_spheres(spheres, reach - AROUND / 2.0, self._origin, CELL, marked)
+            mark_spheres(np.ascontiguousarray(spheres), reach - AROUND / 2.0, self._origin, CELL, marked)
         return marked
 
 
