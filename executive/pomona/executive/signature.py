@@ -22,6 +22,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 from pomona.executive.errors import SkillError
 from pomona.executive.ports import REQUIRED, Outputs, Port, Ports, Quantity
+from pomona.executive.values.annotations import without_alias
 
 _UNIONS = (Union, types.UnionType)
 
@@ -97,6 +98,7 @@ def _port(skill: str, name: str, annotation: Any, default: Any) -> Port:
 
 def _unwrapped(annotation: Any, about: list[Any]) -> tuple[Any, bool]:
     """Return the carried type and whether None is allowed; other annotations are appended to `about`."""
+    annotation = without_alias(annotation)
     if get_origin(annotation) is Annotated:
         inner, *said = get_args(annotation)
         about.extend(said)

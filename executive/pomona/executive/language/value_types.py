@@ -13,6 +13,7 @@ from typing import Any
 
 from pomona.executive.errors import PomonaError
 from pomona.executive.ports import RATIO, Quantity, type_name
+from pomona.executive.values.annotations import without_alias
 from pomona.executive.values.units import Array, with_article
 
 DECLARED_FIELDS = "__declared_fields__"  # of a class that stands in for one which is not imported: its fields and types
@@ -170,6 +171,7 @@ def _returned(member: property) -> ValueType:
 
 def from_annotation(annotation: Any) -> ValueType:
     """Return the static type of an annotated field; `ANY` if there is no counterpart."""
+    annotation = without_alias(annotation)
     origin = typing.get_origin(annotation)
     arguments = typing.get_args(annotation)
     if origin in (typing.Union, types.UnionType):

@@ -21,6 +21,7 @@ from pomona.executive.recording.json_text import LONGEST, moment_of
 from pomona.executive.recording.node_tree import tree_of
 from pomona.executive.running import events
 from pomona.executive.running.events import Event
+from pomona.executive.values.annotations import without_alias
 
 _EVENTS = {c.__name__: c for c in vars(events).values() if isinstance(c, type) and issubclass(c, Event)}
 _VIEWS = {c.__name__: c for c in vars(views).values() if isinstance(c, type) and dataclasses.is_dataclass(c)}
@@ -62,6 +63,7 @@ def _value(cls: type, key: str, hint: Any, value: Any) -> Any:
 @cache
 def _typed(hint: Any) -> Callable[[Any], Any]:
     """Return the decoder of a field with this type; it raises TypeError for a wrong value."""
+    hint = without_alias(hint)
     if hint is Any:
         return lambda value: value
     if hint is float:
@@ -129,6 +131,7 @@ def _field(hint: Any, value: Any) -> Any:
         return None
     if isinstance(value, Mapping) and value.get("type") in _VIEWS:
         return _view(value)
+    hint = without_alias(hint)
     origin = typing.get_origin(hint)
     if origin in (types.UnionType, typing.Union):
         return _field(next(h for h in typing.get_args(hint) if h is not type(None)), value)
