@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from pomona.drivers.errors import CellFileError
+from pomona.executive.cell.errors import CellFileError
 from pomona.executive.values.documents import ValueFile, read_value_file
 from pomona.executive.values.findings import Findings
 from pomona.executive.values.reading import Refused

@@ -24,8 +24,8 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Protocol, TypeVar, runtime_checkable
 
-from pomona.drivers.errors import DeviceLost
-from pomona.drivers.wire import raise_priority
+from pomona.executive.cell.errors import DeviceLost
+from pomona.executive.cell.wire import raise_priority
 from pomona.executive.clock import Clock
 
 T = TypeVar("T")
