@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from pomona.executive.cell.device import Device, World
 from pomona.executive.cell.errors import DeviceFault
 from pomona.executive.cell.faults import FaultSwitch
-from pomona.executive.cell.services import Services
+from pomona.executive.cell.services import Services, installed_services
 from pomona.executive.clock import Clock, ManualClock
 from pomona.executive.values.bounded import warn
 from pomona.executive.values.sentences import sentence_of
@@ -40,15 +40,17 @@ class Cell:
         record_required: bool = False,
         heartbeat_deadline: float = 1.0,
     ) -> None:
-        self.record_required, self.heartbeat_deadline = record_required, heartbeat_deadline
         """
         Args:
             devices: connected, in this order.
-            services: of these devices; none without it.
+            services: of these devices; without them, those of the installation.
         """
+        self.record_required, self.heartbeat_deadline = record_required, heartbeat_deadline
         self.name, self.kind, self.clock = name, kind, clock
         self.devices = dict(devices)
-        self.services = Services(self.devices) if services is None else services
+        if services is None:  # none where there is nothing to watch: a dry run loads no robot
+            services = (installed_services() if self.devices else Services)(self.devices)
+        self.services = services
         self._world = world
         self._latched: str | None = None
         self._lock = threading.Lock()

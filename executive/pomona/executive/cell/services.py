@@ -67,7 +67,7 @@ class Services:
         return {}
 
     def in_hand(self) -> str | None:
-        """Describe what may be between the fingers: an empty text for nothing, None in a cell without a hand."""
+        """Describe an object that may be between the fingers: an empty text for none, None in a cell without a hand."""
         return None
 
     def score(self, truth: Mapping[str, object], reported: Mapping[str, Any]) -> Mapping[str, object]:
