@@ -33,7 +33,7 @@ from pomona.drivers.sim.world import PhysicsWorld
 from pomona.executive import one_process
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.cell_file import read_cell_file
-from pomona.executive.cell.faults import FaultSwitch
+from pomona.executive.cell.device import FaultSwitch
 from pomona.executive.execute import Executed, RunOrder, execute
 from pomona.executive.files import find_cell, find_tree
 from pomona.executive.language import build

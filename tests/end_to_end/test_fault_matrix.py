@@ -13,7 +13,7 @@ from pomona.drivers.sim.arm import SimArm
 from pomona.drivers.sim.camera import SimCamera
 from pomona.drivers.sim.fingers import SimFingers
 from pomona.drivers.sim.gripper import SimGripper
-from pomona.executive.cell.faults import FaultSwitch
+from pomona.executive.cell.device import FaultSwitch
 
 TRIED = [
     "arm.frozen@following",

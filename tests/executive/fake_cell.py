@@ -6,8 +6,7 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from pomona.executive.cell.cell import Cell
-from pomona.executive.cell.device import Device
-from pomona.executive.cell.faults import FaultSwitch
+from pomona.executive.cell.device import Device, FaultSwitch
 from pomona.executive.cell.services import Services
 from pomona.executive.clock import ManualClock
 from pomona.executive.lease import command

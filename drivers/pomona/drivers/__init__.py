@@ -137,17 +137,15 @@ if TYPE_CHECKING:
     from pomona.executive.cell.connect import (
         load_cell as load_cell,
     )
-    from pomona.executive.cell.faults import (
+    from pomona.executive.cell.device import (
         FaultSwitch as FaultSwitch,
     )
     from pomona.executive.cell.owner import (
         Owner as Owner,
-    )
-    from pomona.executive.cell.section_file import (
-        read_section_file as read_section_file,
-    )
-    from pomona.executive.cell.watchdog import (
         Watchdog as Watchdog,
+    )
+    from pomona.executive.cell.registration import (
+        read_section_file as read_section_file,
     )
     from pomona.executive.cell.wire import (
         Address as Address,
@@ -186,10 +184,9 @@ PUBLIC = {
     "pomona.executive.cell.cell": "Cell",
     "pomona.executive.cell.cell_file": "read_cell_file",
     "pomona.executive.cell.connect": "load_cell",
-    "pomona.executive.cell.faults": "FaultSwitch",
-    "pomona.executive.cell.owner": "Owner",
-    "pomona.executive.cell.section_file": "read_section_file",
-    "pomona.executive.cell.watchdog": "Watchdog",
+    "pomona.executive.cell.device": "FaultSwitch",
+    "pomona.executive.cell.owner": "Owner Watchdog",
+    "pomona.executive.cell.registration": "read_section_file",
     "pomona.executive.cell.wire": "Address Link Malformed Nonsense TcpLink raise_priority tcp_opener",
     "registration": "Driver NoOptions Settings Surroundings driver",
     "robot_file": "read_limits",

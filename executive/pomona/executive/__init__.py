@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from pomona.executive.cell.device import (
         ConnectContext as ConnectContext,
         Device as Device,
+        FaultSwitch as FaultSwitch,
         World as World,
         paced as paced,
         stamped as stamped,
@@ -37,11 +38,9 @@ if TYPE_CHECKING:
         MotionRefused as MotionRefused,
         StopFailed as StopFailed,
     )
-    from pomona.executive.cell.faults import (
-        FaultSwitch as FaultSwitch,
-    )
     from pomona.executive.cell.owner import (
         Owner as Owner,
+        Watchdog as Watchdog,
     )
     from pomona.executive.cell.registration import (
         Driver as Driver,
@@ -49,12 +48,7 @@ if TYPE_CHECKING:
         Settings as Settings,
         Surroundings as Surroundings,
         driver as driver,
-    )
-    from pomona.executive.cell.section_file import (
         read_section_file as read_section_file,
-    )
-    from pomona.executive.cell.watchdog import (
-        Watchdog as Watchdog,
     )
     from pomona.executive.cell.wire import (
         Address as Address,
@@ -251,13 +245,10 @@ PUBLIC = {
     "cell.cell": "Cell",
     "cell.cell_file": "read_cell_file",
     "cell.connect": "load_cell",
-    "cell.device": "ConnectContext Device World paced stamped",
+    "cell.device": "ConnectContext Device FaultSwitch World paced stamped",
     "cell.errors": "CellFileError DeviceError DeviceFault DeviceLost DriverError MotionRefused StopFailed",
-    "cell.faults": "FaultSwitch",
-    "cell.owner": "Owner",
-    "cell.registration": "Driver NoOptions Settings Surroundings driver",
-    "cell.section_file": "read_section_file",
-    "cell.watchdog": "Watchdog",
+    "cell.owner": "Owner Watchdog",
+    "cell.registration": "Driver NoOptions Settings Surroundings driver read_section_file",
     "cell.wire": "Address Link Malformed Nonsense TcpLink raise_priority tcp_opener",
     "clock": "Clock ManualClock SystemClock",
     "errors": "PomonaError SkillError UsageError",

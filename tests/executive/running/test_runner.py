@@ -11,7 +11,7 @@ import pytest
 from fake_cell import COASTING, FakeCell
 from fake_runs import TURN, Turn, make as make_run
 
-from pomona.executive.cell.faults import FaultSwitch
+from pomona.executive.cell.device import FaultSwitch
 from pomona.executive.ports import Outputs
 from pomona.executive.registry import Registry
 from pomona.executive.running.breakpoints import UnknownNodeError

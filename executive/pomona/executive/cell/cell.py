@@ -8,9 +8,8 @@ import time
 from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from pomona.executive.cell.device import Device, World
+from pomona.executive.cell.device import Device, FaultSwitch, World
 from pomona.executive.cell.errors import DeviceFault
-from pomona.executive.cell.faults import FaultSwitch
 from pomona.executive.cell.services import Services, installed_services
 from pomona.executive.clock import Clock, ManualClock
 from pomona.executive.values.bounded import warn

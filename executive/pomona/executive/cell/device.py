@@ -114,6 +114,31 @@ class Device:
         """Bring the device to rest and disconnect."""
 
 
+class FaultSwitch:
+    """Simulated or emulated device, wire or sensor that can be made to fail in ways that it names, one at a time.
+
+    A cell names all of them in `Cell.switches`. Real devices have none.
+
+    Attributes:
+        fault: the present one, or None.
+    """
+
+    known_faults: tuple[str, ...] = ()
+
+    def __init__(self) -> None:
+        self.fault: str | None = None
+
+    def inject_fault(self, kind: str) -> None:
+        """Fail from now on. Raises ValueError: there is no such fault here."""
+        if kind not in self.known_faults:
+            raise ValueError(f"there are the faults {', '.join(self.known_faults)}, not {kind}")
+        self.fault = kind
+
+    def clear_fault(self) -> None:
+        """Clear the fault; its consequences remain."""
+        self.fault = None
+
+
 @runtime_checkable
 class World(Protocol):
     """A simulated world: a device that gives the cell its clock and its truth."""

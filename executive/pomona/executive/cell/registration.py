@@ -19,17 +19,17 @@ from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 from pomona.executive.cell.device import Device
 from pomona.executive.cell.errors import CellFileError
-from pomona.executive.cell.section_file import read_section_file
-from pomona.executive.values.documents import ValueFile
+from pomona.executive.values.documents import ValueFile, read_value_file
 from pomona.executive.values.findings import Findings
 from pomona.executive.values.installation import elsewhere
 from pomona.executive.values.kinds import Kind, Schema, Text
-from pomona.executive.values.reading import Reader
+from pomona.executive.values.reading import Reader, Refused
 from pomona.executive.values.sections import Placed, Problem, Section
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode
 
 GROUP = "pomona.drivers"
 Options = TypeVar("Options")
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,6 +161,25 @@ class DriverSection(Kind[Settings[Any]]):
             section["properties"] = {"driver": {"const": name}, **section["properties"]}
             sections.append({**section, "required": ["driver", *section.get("required", ())]})
         return {"type": "object", "required": ["driver"], "oneOf": sections}
+
+
+def read_section_file(path: Path, what: str, read: Callable[[ValueFile], T]) -> T:
+    """Read a file that holds one section and nothing else: a camera's intrinsics, a depth model, one device's settings.
+
+    Args:
+        what: kind of the file, for messages.
+        read: reads its content, and raises `Refused` if it cannot be used.
+
+    Raises CellFileError: it cannot be used; the exception has all errors with their places.
+    """
+    findings = Findings()
+    written = read_value_file(path, findings, what)
+    try:
+        if written is not None:
+            return read(written)
+    except Refused:
+        pass
+    raise CellFileError(findings.sorted())
 
 
 def read_settings(of: Driver[Options], path: Path) -> Settings[Options]:

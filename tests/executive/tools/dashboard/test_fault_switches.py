@@ -8,7 +8,7 @@ import pytest
 from fake_cell import FakeCell
 from fake_runs import Turn, make
 
-from pomona.executive.cell.faults import FaultSwitch
+from pomona.executive.cell.device import FaultSwitch
 from pomona.executive.registry import Registry
 from pomona.executive.running.events import OperatorActed
 from pomona.executive.running.requests import UnknownFaultError
