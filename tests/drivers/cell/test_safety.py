@@ -9,7 +9,6 @@ from pomona.drivers.device import Device
 from pomona.drivers.errors import DeviceFault, MotionRefused
 from pomona.drivers.interfaces import Arm, Gripper, MotionState, Trajectory, WrenchSample
 from pomona.drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
-from pomona.drivers.services import RobotServices
 from pomona.executive.cell.cell import Cell
 from pomona.executive.clock import ManualClock, SystemClock
 
@@ -34,7 +33,7 @@ def cell():
         "gripper": gripper,
         "fingers": MockForceSensor(clock),
     }
-    return Cell("test", "mock", clock, devices, RobotServices(devices))
+    return Cell("test", "mock", clock, devices)
 
 
 def test_one_device_that_fails_to_stop_does_not_keep_the_others_moving(cell):
