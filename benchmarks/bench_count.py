@@ -27,10 +27,10 @@ from benchmarks.synthetic_depth import as_d435i, looking_at
 from pomona.applications.inventory.book import FruitBook
 from pomona.applications.inventory.camera_motion import camera_motion
 from pomona.applications.inventory.sighting import Z_90, Sighting, sighting_of
-from pomona.drivers.cell import load_cell
 from pomona.drivers.interfaces import Frame
 from pomona.drivers.sim.gl import in_gl_thread
 from pomona.drivers.sim.world import SimWorld
+from pomona.executive.cell.connect import load_cell
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import inverse
 from pomona.skills.perception.detection.detection import Detection

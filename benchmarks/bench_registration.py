@@ -20,9 +20,9 @@ from rich.table import Table
 from benchmarks.bench_count import CELL, TABLE, _expose
 from benchmarks.synthetic_depth import looking_at
 from pomona.devices.frames.folder import folder_intrinsics, list_frames
-from pomona.drivers.cell import load_cell
 from pomona.drivers.interfaces import Camera, Frame
 from pomona.drivers.sim.world import SimWorld
+from pomona.executive.cell.connect import load_cell
 from pomona.executive.values.arrays import Float32
 from pomona.skills.perception.depth_registration import VARIANTS, misplaced_depth
 

@@ -19,12 +19,12 @@ from pathlib import Path
 import torch
 
 from benchmarks.bench_tree import Spin, bare_tree, seconds_per_tick
+from pomona.executive.cell.cell import Cell, dry_cell
 from pomona.executive.clock import SystemClock
 from pomona.executive.language import build, read
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.registry import Registry
 from pomona.executive.running.compute import Computations
-from pomona.executive.running.dry_cell import DryCell
 from pomona.executive.running.events import EventStream
 from pomona.executive.running.runner import Runner
 
@@ -51,7 +51,7 @@ def runner_tick(nodes: int, ticks: int, record: Path | None) -> float:
     recorder = None if record is None else Recorder(record)
     if recorder is not None:
         events.subscribe(recorder.on_event)
-    runner = Runner(lambda context, board: build(document, SKILLS, context=context, board=board), DryCell(), events)
+    runner = Runner(lambda context, board: build(document, SKILLS, context=context, board=board), dry_cell(), events)
     began = time.process_time()
     result = runner.run()
     if recorder is not None:
@@ -92,12 +92,11 @@ def busy_thread(seconds: float) -> float:
     return float(a[0, 0])
 
 
-class RealDryCell(DryCell):
+class RealDryCell(Cell):
     """Nothing, on the system's clock; notes when it is looked after, which is once a tick."""
 
     def __init__(self) -> None:
-        super().__init__()
-        self.clock = SystemClock()
+        super().__init__("dry", "mock", SystemClock(), {})
         self.looks: list[float] = []
 
     def check(self) -> None:

@@ -18,10 +18,11 @@ from typing import Any
 
 import numpy as np
 
-from pomona.drivers.cell import Cell, load_cell
 from pomona.drivers.interfaces import Arm, Camera, Cameras, Gripper, Trajectory, Workspace
 from pomona.drivers.sim.intruder import BODY, Intruder, Reach
 from pomona.drivers.sim.world import SimWorld
+from pomona.executive.cell.cell import Cell
+from pomona.executive.cell.connect import load_cell
 from pomona.executive.files import find_cell
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.executive.values.arrays import Float64

@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pomona.drivers.faults import FaultSwitch
 from pomona.drivers.interfaces import Arm, Gripper, Trajectory
 from pomona.drivers.sim.world import SimClock
+from pomona.executive.cell.device import FaultSwitch
 from pomona.executive.errors import NotOwnerError
 from pomona.executive.running.requests import AnswerRefusedError
 from pomona.executive.running.runner import Runner

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from pomona.drivers.faults import FaultSwitch
+from pomona.executive.cell.device import FaultSwitch
 
 
 @dataclass(frozen=True, slots=True)

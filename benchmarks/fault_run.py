@@ -25,14 +25,15 @@ from benchmarks.fault_table import Case, CaseVerdict
 from benchmarks.fault_truth import PRESSED, TableTruth, truth_of
 from benchmarks.strands import use_strands
 from pomona.devices.emulators.virtual_world import VirtualWorld
-from pomona.drivers.cell import Cell
-from pomona.drivers.cell_file import read_cell_file
 from pomona.drivers.device import ConnectContext
-from pomona.drivers.faults import FaultSwitch
 from pomona.drivers.interfaces import Arm, Gripper
+from pomona.drivers.services import RobotServices
 from pomona.drivers.sim.scene import TIMESTEP
 from pomona.drivers.sim.world import PhysicsWorld
 from pomona.executive import one_process
+from pomona.executive.cell.cell import Cell
+from pomona.executive.cell.cell_file import read_cell_file
+from pomona.executive.cell.device import FaultSwitch
 from pomona.executive.execute import Executed, RunOrder, execute
 from pomona.executive.files import find_cell, find_tree
 from pomona.executive.language import build
@@ -329,7 +330,8 @@ def connect_anew(name: str, world: VirtualWorld, seed: int) -> Cell:
     for name, settings in file.section.devices.items():
         context.devices[name] = settings.driver(settings, context)
         context.devices[name].name = name
-    return Cell(file.name, file.kind, world.clock, context.devices, file.workspace, world)
+    services = RobotServices(context.devices, file.workspace)
+    return Cell(file.name, file.kind, world.clock, context.devices, services, world)
 
 
 def _acknowledge(cell: Any) -> str:

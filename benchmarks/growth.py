@@ -22,12 +22,12 @@ from py_trees.behaviour import Behaviour
 from benchmarks.bench_tree import GROUP, Spin, processor, tree_text
 from benchmarks.planning_scenes import table_look
 from pomona.drivers.interfaces import Workspace
+from pomona.executive.cell.cell import dry_cell
 from pomona.executive.language import build, check, read
 from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.recording.read import read_events
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.registry import Registry
-from pomona.executive.running.dry_cell import DryCell
 from pomona.executive.running.events import EventStream
 from pomona.executive.running.runner import Runner
 from pomona.executive.skill import Skill, Work
@@ -143,7 +143,9 @@ def of_length(ticks: int) -> Iterator[Cost]:
     with tempfile.TemporaryDirectory() as folder:
         events, recorder = EventStream(), Recorder(Path(folder))
         events.subscribe(recorder.on_event)
-        runner = Runner(lambda context, board: build(document, skills, context=context, board=board), DryCell(), events)
+        runner = Runner(
+            lambda context, board: build(document, skills, context=context, board=board), dry_cell(), events
+        )
         yield Cost("run and record", "ticks", ticks, milliseconds(lambda: recorded(runner, recorder), 1))
         yield Cost("read a record", "ticks", ticks, milliseconds(lambda: list(read_events(Path(folder))), 1))
         yield Cost("size of a record", "ticks", ticks, (Path(folder) / EVENTS_FILE).stat().st_size / 1e3, "kB")

@@ -27,8 +27,9 @@ from pomona.applications.harvest.detaching import DetachSettings
 from pomona.applications.harvest.hanging import DRAWN, JUMP, HangingRules, knuckle_of, sample_hanging
 from pomona.applications.harvest.numbers import read_numbers
 from pomona.applications.harvest.reachable import SPARE, GraspSearch
-from pomona.drivers.cell import Cell, load_cell
 from pomona.drivers.interfaces import Arm, ForceSensor, Frame, Gripper, Intrinsics, Motion, StreamedArm, Workspace
+from pomona.executive.cell.cell import Cell
+from pomona.executive.cell.connect import load_cell
 from pomona.executive.skill_testing import drive
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.installation import commit_here

@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 
 from pomona.applications.policy.policy_network import PolicyNetwork, read_policy, write_policy
-from pomona.drivers.cell import load_cell
 from pomona.drivers.interfaces import Arm, Workspace
+from pomona.executive.cell.connect import load_cell
 from pomona.executive.errors import PomonaError
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.extras import need

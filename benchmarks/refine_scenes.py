@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from benchmarks.synthetic_depth import as_d435i, looking_at, standing, true_depth
-from pomona.drivers.cell import load_cell
 from pomona.drivers.interfaces import Frame, Intrinsics
 from pomona.drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
 from pomona.drivers.sim.world import SimWorld
+from pomona.executive.cell.connect import load_cell
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import apply, inverse, rot_y, transform
 from pomona.skills.perception.detection.cuboid import cuboid_keypoints

@@ -15,7 +15,7 @@ from greenlet import getcurrent, greenlet
 
 from pomona.devices.emulators import virtual_world
 from pomona.devices.emulators.virtual_time import VirtualTime
-from pomona.drivers import owner
+from pomona.executive.cell import owner
 
 
 class Strand:

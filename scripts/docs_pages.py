@@ -32,6 +32,7 @@ MODULES = (
     "pomona.executive.execute",
     "pomona.executive.views",
     "pomona.executive.recording.read",
+    "pomona.executive.cell.errors",
     "pomona.drivers.interfaces",
     "pomona.drivers.errors",
     "pomona.skills.geometry",

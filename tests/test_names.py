@@ -8,8 +8,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 
-SEEN_FROM_BOTH_SIDES = {"Cell", "CellFile", "CellFiles", "FaultSwitch"}
-"""The executive's Protocols, and the drivers' classes that fulfil them: one object on both sides of a wall."""
+SEEN_FROM_BOTH_SIDES = {"ConnectContext"}
+"""The executive's class, and the drivers' with the memory of a hand: one object on both sides of a wall."""
 
 WITH_THEIR_MODULE = {"Condition", "Ports", "Words"}
 """Values of words of the tree language: always written with their module, `takes.Condition`."""

@@ -21,6 +21,8 @@ from typing import Any
 
 import pytest
 
+from pomona.executive.values.public_names import full_name
+
 ROOT = Path(__file__).resolve().parents[1]
 PUBLIC_NAMES = "pomona.executive.values.public_names"
 COMPILING = {"pomona.skills.compiled_code", "pomona.executive.values.report_line"}  # set up by `pomona.skills` itself
@@ -57,7 +59,7 @@ def test_type_checkers_see_the_names_that_are_loaded_from_where_they_are_loaded(
     seen = {
         node.module: {each.asname for each in node.names} for node in block.body if isinstance(node, ast.ImportFrom)
     }
-    assert seen == {f"{package}.{home}": set(names.split()) for home, names in module.PUBLIC.items()}
+    assert seen == {full_name(package, home): set(names.split()) for home, names in module.PUBLIC.items()}
 
 
 def test_importing_the_packages_loads_no_module_of_their_api() -> None:

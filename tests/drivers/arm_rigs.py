@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pomona.drivers.cell import load_cell
 from pomona.drivers.interfaces import ArmLimits, Trajectory
 from pomona.drivers.mock import MockArm, MockClock
 from pomona.drivers.mock.arm import SIA5F_LIMITS
+from pomona.executive.cell.connect import load_cell
 from tests.drivers.sim.conftest import SIM, rest_to_rest
 
 Says = Callable[[np.ndarray], np.ndarray]

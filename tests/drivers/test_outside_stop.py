@@ -16,8 +16,8 @@ from pathlib import Path
 
 import pytest
 
-from pomona.drivers.cell import load_cell
 from pomona.drivers.interfaces import Arm, Gripper
+from pomona.executive.cell.connect import load_cell
 
 pytestmark = pytest.mark.slow
 

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pomona.drivers.cell import Cell, load_cell
 from pomona.drivers.errors import CellFileError
+from pomona.executive.cell.cell import Cell
+from pomona.executive.cell.connect import load_cell
 
 MOCK = """\
 name: bench

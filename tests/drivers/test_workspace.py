@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from pomona.drivers.cell_file import judge_cell_file
+from pomona.executive.cell.cell_file import judge_cell_file
 from pomona.executive.values.findings import Findings
 
 CELL = "kind: mock\nworkspace:\n  lower: -1 -1 -1 m\n  upper: 1 1 1 m\n{}\ndevices: {{}}\n"

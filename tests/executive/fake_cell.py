@@ -3,26 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from typing import Any, TypeVar, cast
+from typing import Any
 
+from pomona.executive.cell.cell import Cell
+from pomona.executive.cell.device import Device, FaultSwitch
+from pomona.executive.cell.services import Services
 from pomona.executive.clock import ManualClock
 from pomona.executive.lease import command
-
-T = TypeVar("T")
-
 
 COASTING = 0.06
 """Seconds that the wheel takes to come to rest: three ticks."""
 
 
-class Wheel:
+class Wheel(Device):
     """Turns from `start` until `stop`, and takes a while to come to rest."""
 
     def __init__(self, clock: ManualClock) -> None:
+        super().__init__("wheel")
         self._clock = clock
         self._stopped = -1.0
-        self.turning = False
+        self.turning = self.paused = False
         self.log: list[str] = []
+        self.trouble: Exception | None = None
 
     @property
     def coasting(self) -> bool:
@@ -38,80 +40,58 @@ class Wheel:
             self.turning, self._stopped = False, self._clock.now()
             self.log.append("stop")
 
-
-class FakeCell:
-    """The interface `pomona.executive.running.cell.Cell`."""
-
-    name, kind = "fake", "mock"
-    record_required = False
-    heartbeat_deadline = 1.0
-
-    def __init__(self) -> None:
-        self.clock = ManualClock()
-        self.wheel = Wheel(self.clock)
-        self.latched: str | None = None
-        self.paused = False
-        self.fault: Exception | None = None
-        self.changed = False
-        self.hand: str | None = None
-        self.closed = False
-        self.shown: dict[str, Any] = {}
-        self.switches: dict[str, Any] = {}
-        self.full_speed_only: tuple[str, ...] = ()
-        self.speeds: list[tuple[float, tuple[type, ...]]] = []
-
-    def set_speed(self, speed: float, of: Collection[type] = ()) -> None:
-        self.speeds.append((speed, tuple(of)))
-
-    def interfaces(self) -> tuple[type, ...]:
-        return (Wheel,)
-
-    def device(self, interface: type[T]) -> T:
-        return cast(T, {Wheel: self.wheel}[interface])
-
-    def links(self) -> Mapping[str, str]:
-        return {"wheel": "ok"}
-
-    def last_seen(self) -> Mapping[str, float]:
-        return {"wheel": self.clock.now()}
-
-    def pictures(self) -> Mapping[str, Any]:
-        return self.shown
-
-    def readings(self) -> Mapping[str, Mapping[str, Any]]:
-        return {"wheel": {"turning": float(self.wheel.turning)}}
+    def last_seen(self) -> float:
+        return self._clock.now()
 
     def check(self) -> None:
-        if self.fault is not None:
-            raise self.fault
+        if self.trouble is not None:
+            raise self.trouble
 
-    def safe_stop(self, reason: str) -> Mapping[str, str]:
-        self.latched = self.latched or reason
-        self.wheel.stop()
-        return {}
-
-    def acknowledge(self) -> None:
-        self.latched = None
+    def safe_stop(self, reason: str) -> None:
+        self.stop()
 
     def pause(self) -> None:
         self.paused = True
 
     def resume(self) -> None:
-        if self.changed:
-            raise RuntimeError("the wheel was turned by hand")
         self.paused = False
 
-    def in_hand(self) -> str | None:
-        return self.hand
-
-    def outside_stops(self) -> Mapping[str, Any]:
-        return {}
-
     def settled(self) -> bool:
-        return not self.wheel.coasting and (not self.wheel.turning or self.paused)
+        return not self.coasting and (not self.turning or self.paused)
 
-    def truth(self, reported: Mapping[str, object] | None = None) -> Mapping[str, Any] | None:
-        return None
 
-    def close(self) -> None:
-        self.closed = True
+Wheel.interfaces = (Wheel,)
+
+
+class WheelServices(Services):
+    """Readings of the wheel, and whether somebody has turned it by hand."""
+
+    changed = False
+
+    def compare(self) -> None:
+        if self.changed:
+            raise RuntimeError("the wheel was turned by hand")
+
+    def readings(self) -> Mapping[str, Mapping[str, Any]]:
+        wheel: Any = self.devices["wheel"]
+        return {"wheel": {"turning": float(wheel.turning)}}
+
+
+class FakeCell(Cell):
+    """A cell with a wheel, which notes the speeds that it is given."""
+
+    def __init__(self) -> None:
+        clock = ManualClock()
+        self.wheel = Wheel(clock)
+        self.surroundings = WheelServices({"wheel": self.wheel})
+        self.faults: dict[str, FaultSwitch] = {}
+        self.speeds: list[tuple[float, tuple[type, ...]]] = []
+        super().__init__("fake", "mock", clock, {"wheel": self.wheel}, self.surroundings)
+
+    @property
+    def switches(self) -> Mapping[str, FaultSwitch]:
+        return self.faults
+
+    def set_speed(self, speed: float, of: Collection[type] = ()) -> None:
+        self.speeds.append((speed, tuple(of)))
+        super().set_speed(speed, of)

@@ -54,6 +54,112 @@ print(urllib.request.urlopen("http://127.0.0.1:{port}/").status)
 dashboard.close()
 """
 
+OVEN = '''
+from dataclasses import dataclass
+from typing import Protocol
+
+from pomona.executive import (
+    ConnectContext, Device, DeviceFault, Outputs, Settings, Skill, Time, Work, command, driver, stamped
+)
+from pomona.executive.values.kinds import Number
+from pomona.executive.values.sections import value
+
+
+@dataclass(frozen=True)
+class Temperature:
+    stamp: float
+    celsius: float
+
+
+class Oven(Protocol):
+    @stamped
+    def latest(self) -> Temperature: ...
+
+    @command
+    def heat(self, on: bool) -> None: ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OvenOptions:
+    start: float = value(Number(-50.0, 500.0), "20", "temperature when it is connected, in degrees Celsius")
+    rate: float = value(Number(0.0, 100.0), "20", "degrees Celsius per second while it heats")
+
+
+class ModelOven(Device):
+    interfaces = (Oven,)
+    LIMIT = 200.0
+
+    def __init__(self, options, clock, name):
+        super().__init__(name)
+        self._options, self._clock = options, clock
+        self._celsius, self._since, self._on = options.start, clock.now(), False
+
+    def latest(self):
+        now = self._clock.now()
+        self._celsius += self._on * self._options.rate * (now - self._since)
+        self._since = now
+        return Temperature(now, self._celsius)
+
+    def heat(self, on):
+        self.latest()
+        self._on = on
+
+    def check(self):
+        if self.latest().celsius > self.LIMIT:
+            raise DeviceFault(self.name, f"is hotter than {self.LIMIT:g} degrees")
+
+    def safe_stop(self, reason):
+        self.heat(False)
+        print("the heating is off:", reason, flush=True)
+
+    def settled(self):
+        return not self._on
+
+    def close(self):
+        print("the oven is released", flush=True)
+
+
+@driver(ModelOven, OvenOptions)
+def connect(settings: Settings[OvenOptions], context: ConnectContext) -> ModelOven:
+    return ModelOven(settings.values, context.clock, settings.name)
+
+
+class Heated(Outputs):
+    celsius: float
+
+
+class Heat(Skill):
+    """Heat the oven for a while."""
+
+    devices = (Oven,)
+
+    def run(self, duration: Time = 0.5) -> Work[Heated]:
+        oven = self.device(Oven)
+        oven.heat(True)
+        yield from self.wait(duration)
+        oven.heat(False)
+        return Heated(oven.latest().celsius)
+'''
+"""A package of somebody else: a device that moves something, and a skill that commands it."""
+
+OVEN_POINTS = """[pomona.drivers]
+model-oven = oven:connect
+[pomona.skills]
+Heat = oven:Heat
+"""
+
+OVEN_CELL = """name: kitchen
+kind: mock
+options: {start: "20"}
+devices:
+  oven: {driver: model-oven, start: "{start}"}
+"""
+
+BAKE = """pomona: 1
+tree: bake
+root: {Heat: {duration: 500 ms, celsius: "{warmth}"}}
+"""
+
 
 def project(folder: Path) -> dict[str, Any]:
     found: dict[str, Any] = tomllib.loads((folder / "pyproject.toml").read_text("utf-8"))["project"]
@@ -242,7 +348,7 @@ def test_both_distributions_agree() -> None:
     for group, points in part["entry-points"].items():
         theirs = whole["entry-points"][group]
         for name, target in points.items():
-            assert target == theirs[name] or target.startswith("pomona.executive.running.empty_cell:"), name
+            assert target == theirs[name], name
 
 
 def test_commands_that_the_part_lacks_are_listed() -> None:
@@ -270,3 +376,49 @@ def test_a_missing_package_is_reported_with_the_command_that_installs_it() -> No
         need("no_such_module", "sums", "sums")
     assert remedy("pygls.lsp") == install_extra("lsp")
     assert remedy("no_such_module") == "pomona doctor"
+
+
+@pytest.fixture(scope="module")
+def with_oven(tmp_path_factory: pytest.TempPathFactory) -> Alone:
+    """An environment that holds somebody else's package as well, with a tree and a cell in its folder."""
+    alone = Alone(tmp_path_factory.mktemp("oven"))
+    (site,) = alone.folder.glob("env/lib/*/site-packages")
+    (site / "oven.py").write_text(OVEN)
+    points = site / "oven-1.0.dist-info" / "entry_points.txt"
+    points.parent.mkdir()
+    points.write_text(OVEN_POINTS)
+    (points.parent / "METADATA").write_text("Metadata-Version: 2.1\nName: oven\nVersion: 1.0\n")
+    (alone.folder / "kitchen.yaml").write_text(OVEN_CELL)
+    (alone.folder / "bake.yaml").write_text(BAKE)
+    return alone
+
+
+@pytest.mark.slow
+def test_a_device_of_somebody_else_is_checked_connected_commanded_and_released(with_oven: Alone) -> None:
+    assert with_oven.pomona("check", "bake.yaml", "kitchen.yaml").returncode == 0
+    done = with_oven.pomona("run", "bake.yaml", "--cell", "kitchen.yaml", "--record", "kept")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count("the oven is released") == 1
+    assert "the heating is off" not in done.stdout
+    assert "bake  succeeded" in with_oven.pomona("replay", "last", "--record", "kept").stdout
+
+
+@pytest.mark.slow
+def test_a_fault_of_that_device_ends_the_run_in_its_safe_state(with_oven: Alone) -> None:
+    done = with_oven.pomona("run", "bake.yaml", "--cell", "kitchen.yaml", "--set", "start=199", "--record", "hot")
+    assert done.returncode == 3, done.stdout + done.stderr
+    assert done.stdout.count("the heating is off: oven: is hotter than 200 degrees") == 1
+    assert done.stdout.index("the heating is off") < done.stdout.index("the oven is released")
+
+
+@pytest.mark.slow
+def test_a_wrong_option_or_a_workspace_is_an_error_at_its_place(with_oven: Alone) -> None:
+    path = with_oven.folder / "wrong.yaml"
+    path.write_text(OVEN_CELL.replace('"{start}"', "900") + "workspace: {lower: [0, 0, 0], upper: [1, 1, 1]}\n")
+    done = with_oven.pomona("run", "bake.yaml", "--cell", "wrong.yaml")
+    said = " ".join(done.stderr.split())
+    assert done.returncode == 2
+    assert "wrong.yaml:5:37" in said
+    assert "wrong.yaml:6:12" in said
+    assert "nothing installed here describes surroundings" in said
+    assert "Traceback" not in said

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from pomona.drivers.cell import CellFiles
 from pomona.executive.cli import main as pomona
 from pomona.executive.errors import UsageError
 from pomona.executive.execute import RunOrder, execute
@@ -58,7 +57,7 @@ def unconnected(monkeypatch: pytest.MonkeyPatch) -> None:
     def connect(*_arguments: object, **_more: object) -> None:
         raise AssertionError("a device was connected")
 
-    monkeypatch.setattr(CellFiles, "connect", connect)
+    monkeypatch.setattr("pomona.executive.cell.connect.connect_cell", connect)
 
 
 def judged(

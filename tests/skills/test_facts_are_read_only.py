@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pomona.drivers.cell import Cell, load_cell
 from pomona.drivers.interfaces import Arm, Camera, Cameras, ForceSensor, Hand, Workspace
 from pomona.executive.board import Board
+from pomona.executive.cell.cell import Cell
+from pomona.executive.cell.connect import load_cell
 from pomona.executive.errors import NotOwnerError
 from pomona.executive.language import BuiltTree
 from pomona.executive.running.events import EventStream

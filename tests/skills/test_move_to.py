@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from pomona.drivers.cell import load_cell
 from pomona.drivers.interfaces import Arm, Gripper, Workspace
+from pomona.executive.cell.connect import load_cell
 from pomona.executive.skill_testing import drive
 from pomona.skills.motion.collision import CollisionWorld, Convex
 from pomona.skills.move_to import MoveTo

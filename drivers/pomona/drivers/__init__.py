@@ -22,13 +22,6 @@ if TYPE_CHECKING:
     from pomona.drivers.camera_options import (
         IntrinsicsSection as IntrinsicsSection,
     )
-    from pomona.drivers.cell import (
-        Cell as Cell,
-        load_cell as load_cell,
-    )
-    from pomona.drivers.cell_file import (
-        read_cell_file as read_cell_file,
-    )
     from pomona.drivers.depth_model import (
         D4XX as D4XX,
         DEPTH_MODEL_FILE as DEPTH_MODEL_FILE,
@@ -56,9 +49,6 @@ if TYPE_CHECKING:
         StopFailed as StopFailed,
         UnusableMesh as UnusableMesh,
         UnusableRobotFile as UnusableRobotFile,
-    )
-    from pomona.drivers.faults import (
-        FaultSwitch as FaultSwitch,
     )
     from pomona.drivers.gripper_motion import (
         GripperMotion as GripperMotion,
@@ -109,9 +99,6 @@ if TYPE_CHECKING:
     from pomona.drivers.motion_supervisor import (
         Supervision as Supervision,
     )
-    from pomona.drivers.owner import (
-        Owner as Owner,
-    )
     from pomona.drivers.path_arm import (
         AT_REST as AT_REST,
         PathArm as PathArm,
@@ -134,9 +121,6 @@ if TYPE_CHECKING:
     from pomona.drivers.robot_file import (
         read_limits as read_limits,
     )
-    from pomona.drivers.section_file import (
-        read_section_file as read_section_file,
-    )
     from pomona.drivers.streams import (
         SIDES as SIDES,
         SILENCE as SILENCE,
@@ -144,10 +128,26 @@ if TYPE_CHECKING:
         FrameGuard as FrameGuard,
         WrenchStream as WrenchStream,
     )
-    from pomona.drivers.watchdog import (
+    from pomona.executive.cell.cell import (
+        Cell as Cell,
+    )
+    from pomona.executive.cell.cell_file import (
+        read_cell_file as read_cell_file,
+    )
+    from pomona.executive.cell.connect import (
+        load_cell as load_cell,
+    )
+    from pomona.executive.cell.device import (
+        FaultSwitch as FaultSwitch,
+    )
+    from pomona.executive.cell.owner import (
+        Owner as Owner,
         Watchdog as Watchdog,
     )
-    from pomona.drivers.wire import (
+    from pomona.executive.cell.registration import (
+        read_section_file as read_section_file,
+    )
+    from pomona.executive.cell.wire import (
         Address as Address,
         Link as Link,
         Malformed as Malformed,
@@ -161,15 +161,12 @@ PUBLIC = {
     "base.parallel_gripper": "ParallelGripper",
     "base.rolling_path": "OutOfSetPointsError PERIOD RollingPath SetPoint",
     "camera_options": "IntrinsicsSection",
-    "cell": "Cell load_cell",
-    "cell_file": "read_cell_file",
     "depth_model": ("D4XX DEPTH_MODEL_FILE DepthModel DepthModelSection SIMULATED depth_model_of folder_depth_model"),
     "device": "ConnectContext Device World",
     "errors": (
         "BadTrajectory CellFileError DeviceError DeviceFault DeviceLost DriverError FrameUnreadable "
         "MotionRefused NoBias StopFailed UnusableMesh UnusableRobotFile"
     ),
-    "faults": "FaultSwitch",
     "gripper_motion": "GripperMotion allowed_speed require_move",
     "gripper_supervisor": "GripperSupervision GripperSupervisor",
     "hand_memory": "HandMemory HandRecord",
@@ -181,16 +178,19 @@ PUBLIC = {
         "Workspace WrenchSample"
     ),
     "motion_supervisor": "Supervision",
-    "owner": "Owner",
     "path_arm": "AT_REST PathArm SetPointStream words",
     "path_follower": "PathFollower",
     "path_motion": "PathMotion",
+    "pomona.executive.cell.cell": "Cell",
+    "pomona.executive.cell.cell_file": "read_cell_file",
+    "pomona.executive.cell.connect": "load_cell",
+    "pomona.executive.cell.device": "FaultSwitch",
+    "pomona.executive.cell.owner": "Owner Watchdog",
+    "pomona.executive.cell.registration": "read_section_file",
+    "pomona.executive.cell.wire": "Address Link Malformed Nonsense TcpLink raise_priority tcp_opener",
     "registration": "Driver NoOptions Settings Surroundings driver",
     "robot_file": "read_limits",
-    "section_file": "read_section_file",
     "streams": "Belief FrameGuard SIDES SILENCE WrenchStream",
-    "watchdog": "Watchdog",
-    "wire": "Address Link Malformed Nonsense TcpLink raise_priority tcp_opener",
 }
 """Public names by the module that defines them."""
 

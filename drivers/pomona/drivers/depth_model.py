@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pomona.drivers.section_file import read_section_file
+from pomona.executive.cell.registration import read_section_file
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.kinds import Measure, Number, Text, choose
 from pomona.executive.values.sections import Problem, Section, value

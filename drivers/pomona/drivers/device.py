@@ -1,154 +1,27 @@
-"""Base of drivers, beyond their interface: the cell can watch, stop, pause and release a device.
-
-A device derives from `Device` and lists its interfaces in `interfaces` (`pomona.drivers.interfaces.Camera`, …).
-`pomona.drivers.registration` describes how a cell file connects it. The defaults below suit a device that cannot move.
-"""
+"""Context in which a robot's device is connected, and the names of `pomona.executive.cell.device`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, runtime_checkable
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 from pomona.drivers.hand_memory import HandMemory, memory_of
-from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper, Workspace
-from pomona.executive.clock import Clock
-from pomona.executive.values.arrays import UInt8
-
-if TYPE_CHECKING:
-    from pomona.drivers.wire import Link
-
-T = TypeVar("T")
-
-
-class Device:
-    """A named device of a cell. Methods are called from the tick's thread; `safe_stop` from any thread."""
-
-    interfaces: ClassVar[tuple[type, ...]] = ()
-    outlives: ClassVar[bool] = False
-    """Whether it moves something that keeps moving without this process. Its cell must then be declared real or
-    emulated: the checks before a run depend on that."""
-    distrusted = ""
-    hand_memory: HandMemory | None = None
-    """Where the last state of the hand is kept: of fingers with a bias, or of a gripper in a cell without fingers."""
-    outside_stop: tuple[str, tuple[Any, ...]] | None = None
-    """How another process stops the device when this one is gone: the function `module:name` and its arguments."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-
-    def link(self) -> str:
-        """State of the link: 'ok', or the problem."""
-        return "ok"
-
-    def picture(self) -> tuple[UInt8, float] | None:
-        """Return the newest colour image (h, w, 3) and its timestamp [s], if it costs nothing. From any thread."""
-        return None
-
-    def last_seen(self) -> float | None:
-        """Return the stamp [s] of the newest thing that the device sent, or None: nothing yet, or it sends nothing."""
-        device: Any = self
-        newest = None
-        if Arm in self.interfaces or Gripper in self.interfaces:
-            newest = device.state()
-        elif Camera in self.interfaces or ForceSensor in self.interfaces:
-            newest = device.latest()
-        return None if newest is None else float(newest.stamp)
-
-    def check(self) -> None:
-        """Look after the device; called each tick and must not block.
-
-        Raises:
-            DeviceLost: no answer within the device's deadline, or its stream is stale.
-            DeviceFault: the device reports a fault.
-        """
-
-    def distrust(self, reason: str) -> None:
-        """Mark the device's values as implausible: until `acknowledge` the cell's check raises `DeviceFault` with this.
-
-        Called from any thread, by code that compares its signals with others. The first reason stays.
-        """
-        self.distrusted = self.distrusted or reason
-
-    def safe_stop(self, reason: str) -> None:
-        """Bring the device to rest within its limits, hold, keep the grip; latch. Must not raise."""
-
-    def acknowledge(self) -> None:
-        """Release the latch; nothing resumes by itself."""
-
-    def pause(self) -> None:
-        """Stop motions on their paths so that they can be resumed; force control goes on."""
-
-    def resume(self) -> None:
-        """Resume the paused motion."""
-
-    def go_at(self, speed: float) -> None:
-        """Scale the commanded speed by this ratio (above 0 to 1) from now on, also of motions in progress.
-
-        For an arm: its paths take longer by this ratio, within its limits during the change. An arm whose driver leaves
-        this out has full speed only, and a request for less is refused. Other devices do nothing.
-        """
-
-    @property
-    def full_speed_only(self) -> bool:
-        """Whether it is an arm whose driver cannot reduce the speed."""
-        return Arm in self.interfaces and type(self).go_at is Device.go_at
-
-    def settled(self) -> bool:
-        """True when nothing of the device moves."""
-        return True
-
-    def close(self) -> None:
-        """Bring the device to rest and disconnect."""
-
-
-@runtime_checkable
-class World(Protocol):
-    """A simulated world: a device that gives the cell its clock and its truth."""
-
-    @property
-    def clock(self) -> Clock:
-        """The world's own time."""
-
-    def truth(self) -> Mapping[str, object]: ...
+from pomona.drivers.interfaces import Workspace
+from pomona.executive.cell import device
+from pomona.executive.cell.device import Device as Device, World as World
 
 
 @dataclass(slots=True)
-class ConnectContext:
-    """Context of a connection: the clock, the seed, and the devices connected before it.
+class ConnectContext(device.ConnectContext):
+    """Context of a connection: see `pomona.executive.cell.device.ConnectContext`.
 
     Attributes:
-        cell: the cell file; relative paths in it start at its folder.
-        seed: of everything random.
-        workspace: the surroundings in the cell file, or None.
-        devices: connected so far, by name; a cell file lists devices before those that build on them.
-        wires: for addresses and ports at which this process itself emulates a device, how to connect.
         hand: memory of an emulated world's hand; None where the hand is real.
-        cleared: an operator has checked that nothing is held: fingers without a reference may find it by moving.
     """
 
-    cell: Path
-    clock: Clock
-    seed: int
     workspace: Workspace | None = None
-    devices: dict[str, Device] = field(default_factory=dict)
-    wires: dict[str, Callable[[], Link]] = field(default_factory=dict)
     hand: HandMemory | None = None
-    cleared: bool = False
 
     def hand_memory(self, wires: Iterable[str]) -> HandMemory:
         """Return the memory of the hand at the end of these wires."""
         return memory_of(wires) if self.hand is None else self.hand
-
-    def find(self, interface: type[T]) -> T | None:
-        """Return the device connected before with this interface or of this class, or None."""
-        for device in self.devices.values():
-            if interface in device.interfaces or isinstance(device, _class_only(interface)):
-                return device  # type: ignore[return-value]  # its class promises the interface
-        return None
-
-
-def _class_only(interface: type) -> type | tuple[()]:
-    """Return the class itself for isinstance, but nothing for a Protocol, which matches by method names only."""
-    return () if getattr(interface, "_is_protocol", False) else interface

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from pomona.drivers.depth_model import D4XX, DepthModel
 from pomona.drivers.errors import DeviceFault
+from pomona.executive.cell.device import paced, stamped
 from pomona.executive.lease import command
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.read_only import ReadOnly
@@ -90,6 +91,7 @@ class Frame(ReadOnly):
 class Camera(Protocol):
     """An RGB-D camera that keeps the newest frame at hand."""
 
+    @stamped
     def latest(self) -> Frame | None:
         """Return the newest frame, or None before the first. Never waits; the caller judges the stamp's age."""
 
@@ -223,10 +225,12 @@ class Arm(Protocol):
     def limits(self) -> ArmLimits:
         """Limits of the arm, by joint."""
 
+    @stamped
     def state(self) -> ArmState:
         """Return the joints as last measured."""
 
     @command
+    @paced
     def follow(self, trajectory: Trajectory) -> Motion:
         """Start a trajectory.
 
@@ -309,6 +313,7 @@ class Gripper(Protocol):
     def limits(self) -> GripperLimits:
         """Limits of the gripper."""
 
+    @stamped
     def state(self) -> GripperState:
         """Opening and speed as last measured."""
 
@@ -365,6 +370,7 @@ class ForceSensor(Protocol):
     def rate(self) -> float:
         """Samples per second."""
 
+    @stamped
     def latest(self) -> WrenchSample | None:
         """Return the newest sample, or None before the first."""
 

@@ -12,6 +12,53 @@ if TYPE_CHECKING:
     from pomona.executive.behaviours import (
         run_behaviour as run_behaviour,
     )
+    from pomona.executive.cell.cell import (
+        Cell as Cell,
+    )
+    from pomona.executive.cell.cell_file import (
+        read_cell_file as read_cell_file,
+    )
+    from pomona.executive.cell.connect import (
+        load_cell as load_cell,
+    )
+    from pomona.executive.cell.device import (
+        ConnectContext as ConnectContext,
+        Device as Device,
+        FaultSwitch as FaultSwitch,
+        World as World,
+        paced as paced,
+        stamped as stamped,
+    )
+    from pomona.executive.cell.errors import (
+        CellFileError as CellFileError,
+        DeviceError as DeviceError,
+        DeviceFault as DeviceFault,
+        DeviceLost as DeviceLost,
+        DriverError as DriverError,
+        MotionRefused as MotionRefused,
+        StopFailed as StopFailed,
+    )
+    from pomona.executive.cell.owner import (
+        Owner as Owner,
+        Watchdog as Watchdog,
+    )
+    from pomona.executive.cell.registration import (
+        Driver as Driver,
+        NoOptions as NoOptions,
+        Settings as Settings,
+        Surroundings as Surroundings,
+        driver as driver,
+        read_section_file as read_section_file,
+    )
+    from pomona.executive.cell.wire import (
+        Address as Address,
+        Link as Link,
+        Malformed as Malformed,
+        Nonsense as Nonsense,
+        TcpLink as TcpLink,
+        raise_priority as raise_priority,
+        tcp_opener as tcp_opener,
+    )
     from pomona.executive.clock import (
         Clock as Clock,
         ManualClock as ManualClock,
@@ -30,6 +77,9 @@ if TYPE_CHECKING:
     from pomona.executive.files import (
         find_cell as find_cell,
         find_tree as find_tree,
+    )
+    from pomona.executive.lease import (
+        command as command,
     )
     from pomona.executive.palette import (
         OVERLAY as OVERLAY,
@@ -192,10 +242,19 @@ if TYPE_CHECKING:
 
 PUBLIC = {
     "behaviours": "run_behaviour",
+    "cell.cell": "Cell",
+    "cell.cell_file": "read_cell_file",
+    "cell.connect": "load_cell",
+    "cell.device": "ConnectContext Device FaultSwitch World paced stamped",
+    "cell.errors": "CellFileError DeviceError DeviceFault DeviceLost DriverError MotionRefused StopFailed",
+    "cell.owner": "Owner Watchdog",
+    "cell.registration": "Driver NoOptions Settings Surroundings driver read_section_file",
+    "cell.wire": "Address Link Malformed Nonsense TcpLink raise_priority tcp_opener",
     "clock": "Clock ManualClock SystemClock",
     "errors": "PomonaError SkillError UsageError",
     "execute": "Executed RunOrder run_tree",
     "files": "find_cell find_tree",
+    "lease": "command",
     "palette": "OVERLAY",
     "ports": (
         "Acceleration Angle AngularSpeed Force Length Mass Outputs Port Pressure REQUIRED Rate "

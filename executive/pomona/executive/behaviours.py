@@ -17,13 +17,13 @@ import py_trees
 from py_trees.behaviour import Behaviour
 
 from pomona.executive.board import Board
+from pomona.executive.cell.cell import dry_cell
 from pomona.executive.execute import Executed, versions
 from pomona.executive.language import BuiltTree
 from pomona.executive.language.built import NodeInfo
 from pomona.executive.language.names_of_nodes import UniquePaths
 from pomona.executive.recording.session import RecordingSession
 from pomona.executive.run_views import RunViews
-from pomona.executive.running.dry_cell import DryCell
 from pomona.executive.running.events import EventStream, Listener, RunStarted
 from pomona.executive.running.runner import Runner
 from pomona.executive.terminal.screen import Screen
@@ -91,7 +91,7 @@ def _run(
     listeners: Sequence[Listener],
     on_ready: Callable[[Runner], None] | None,
 ) -> Executed:
-    cell, events, summary = DryCell(), EventStream(), Summary()
+    cell, events, summary = dry_cell(), EventStream(), Summary()
     session = RecordingSession(record, cell)
     runner = Runner(
         lambda _context, board: as_built(root, board), cell, events, period=period, real_time=True, watchers=[session]

@@ -15,6 +15,9 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from pomona.executive.board import Board
+from pomona.executive.cell import connect
+from pomona.executive.cell.cell import Cell, dry_cell
+from pomona.executive.cell.cell_file import CellFile
 from pomona.executive.errors import UsageError
 from pomona.executive.files import read_text
 from pomona.executive.judging import judge, split_settings
@@ -29,9 +32,6 @@ from pomona.executive.recording.folder import refuse_unwritable
 from pomona.executive.recording.session import Reader, RecordingSession
 from pomona.executive.recording.unfinished import unfinished
 from pomona.executive.registry import Registry
-from pomona.executive.running.cell import Cell
-from pomona.executive.running.cell_files import CellFile, cell_files
-from pomona.executive.running.dry_cell import DryCell
 from pomona.executive.running.events import EventStream, Listener, OperatorActed, RunEnded, RunStarted
 from pomona.executive.running.one_run import alone_on
 from pomona.executive.running.run_state import RunResult
@@ -236,7 +236,7 @@ def _run_dry(order: RunOrder, followers: _Followers) -> Executed:
         raise UsageError(f"the tree has no parameter {', '.join(sorted(cell_settings))}, and a dry run has no cell")
     mocks = _read_mocks(order.mocks, order.texts, document, registry)
     with RunSignals() as signals, run_in_progress():
-        nothing = DryCell()
+        nothing = dry_cell()
         work = _Work(order, registry, document, settings, nothing, mocks, signals, RunSupervision(nothing))
         return _run(work, followers)
 
@@ -444,7 +444,7 @@ def connect_cell(file: CellFile, seed: int, cleared: bool = False) -> Cell:
         UsageError: a device cannot be reached, or refuses.
     """
     try:
-        return cell_files().connect(file, seed, cleared)
+        return connect.connect_cell(file, seed=seed, cleared=cleared)
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # any error of a driver while it connects: nothing has moved

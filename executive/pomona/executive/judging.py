@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from pomona.executive.cell.cell_file import CellFile, judge_cell_file, outline_cell
 from pomona.executive.errors import UsageError
 from pomona.executive.language.check import Analysis, analyse
 from pomona.executive.language.known_inputs import uses_of_skills
 from pomona.executive.language.model import Document
 from pomona.executive.registry import Registry
-from pomona.executive.running.cell_files import CellFile, cell_files
 from pomona.executive.skill import Skill
 from pomona.executive.values.documents import set_scalar
 from pomona.executive.values.findings import Finding, Findings, Located, TreeFileError, did_you_mean, format_findings
@@ -53,7 +53,7 @@ def judge(
     for_tree, for_cell = split_settings(document, settings)
     if cell is not None:
         _name_unknown(document, cell, for_cell, findings)
-        file = cell_files().judge(cell, findings, for_cell, texts or {})
+        file = judge_cell_file(cell, findings, for_cell, texts or {})
         interfaces = None if file is None else file.interfaces()
     overrides = for_tree if cell is not None else {key: _text(value) for key, value in settings.items()}
     analysis = analyse(document, registry, overrides=overrides, interfaces=interfaces)
@@ -83,7 +83,7 @@ def split_settings(
 
 def _name_unknown(document: Document, cell: Path, for_cell: dict[str, str | YamlScalar], findings: Findings) -> None:
     """Remove settings that neither the tree nor the cell declares, with a finding for each."""
-    outline = cell_files().outline(cell, Findings())
+    outline = outline_cell(cell, Findings())
     options = [option.name for option in outline.options] if outline is not None else list(for_cell)
     known = [*document.main.parameters, *options]
     for name in [name for name in for_cell if name not in options]:

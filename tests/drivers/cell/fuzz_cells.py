@@ -14,7 +14,7 @@ import traceback
 from pathlib import Path
 from types import ModuleType
 
-from pomona.drivers.cell_file import judge_cell_file
+from pomona.executive.cell.cell_file import judge_cell_file
 from pomona.executive.values.findings import Findings, format_findings
 
 REPOSITORY = Path(__file__).resolve().parents[3]

@@ -8,11 +8,11 @@ import pytest
 import yaml
 from hypothesis import given, settings, strategies as st
 
-from pomona.drivers.cell import CELL_FILES
-from pomona.drivers.cell_file import judge_cell_file, outline_cell, read_cell_file
 from pomona.drivers.errors import CellFileError
 from pomona.drivers.interfaces import Arm, ArmLimits, Camera, FruitKinds, Gripper, Workspace
-from pomona.drivers.registration import installed_drivers
+from pomona.executive.cell.cell_file import judge_cell_file, outline_cell, read_cell_file
+from pomona.executive.cell.connect import CELL_FILES
+from pomona.executive.cell.registration import installed_drivers
 from pomona.executive.values.findings import Findings
 from pomona.executive.values.sections import declared
 

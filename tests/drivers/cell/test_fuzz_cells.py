@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 from pathlib import Path
 
-from pomona.drivers.cell_file import judge_cell_file
+from pomona.executive.cell.cell_file import judge_cell_file
 from pomona.executive.values.findings import Findings
 
 SPEC = importlib.util.spec_from_file_location("fuzz_cells", Path(__file__).with_name("fuzz_cells.py"))

@@ -5,11 +5,11 @@ import threading
 import numpy as np
 import pytest
 
-from pomona.drivers.cell import Cell
 from pomona.drivers.device import Device
 from pomona.drivers.errors import DeviceFault, MotionRefused
 from pomona.drivers.interfaces import Arm, Gripper, MotionState, Trajectory, WrenchSample
 from pomona.drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
+from pomona.executive.cell.cell import Cell
 from pomona.executive.clock import ManualClock, SystemClock
 
 
@@ -159,7 +159,7 @@ def test_a_device_that_tries_to_leave_keeps_no_other_from_being_stopped_and_clos
 
 
 def test_on_a_real_clock_a_device_that_does_not_answer_keeps_no_other_from_being_stopped(monkeypatch):
-    monkeypatch.setattr("pomona.drivers.cell.STOPPING", 0.05)
+    monkeypatch.setattr("pomona.executive.cell.cell.STOPPING", 0.05)
     silent, gripper = Silent("silent"), MockGripper(MockClock())
     motion = gripper.move(0.05, 0.01)
     cell = Cell("test", "real", SystemClock(), {"silent": silent, "gripper": gripper})
@@ -169,7 +169,7 @@ def test_on_a_real_clock_a_device_that_does_not_answer_keeps_no_other_from_being
 
 
 def test_a_stop_that_comes_after_an_acknowledgement_latches_its_device_with_the_reason(monkeypatch):
-    monkeypatch.setattr("pomona.drivers.cell.STOPPING", 0.05)
+    monkeypatch.setattr("pomona.executive.cell.cell.STOPPING", 0.05)
     clock = MockClock()
     gripper, free, stopped = MockGripper(clock), threading.Event(), threading.Event()
     stop = gripper.safe_stop

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from pomona.drivers.cell import Cell, load_cell
 from pomona.drivers.interfaces import Arm, ArmLimits, ForceSensor, Gripper, Motion, Trajectory, WrenchSample
 from pomona.drivers.sim.gl import load_mujoco
 from pomona.drivers.sim.world import SimWorld
+from pomona.executive.cell.cell import Cell
+from pomona.executive.cell.connect import load_cell
 from pomona.executive.values.arrays import Float64
 
 TICK = 0.02

@@ -12,7 +12,7 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[3]
 
 MUJOCO = """
-from pomona.drivers.cell import load_cell
+from pomona.executive.cell.connect import load_cell
 from pomona.drivers.interfaces import Camera
 
 cell = load_cell("trees/cells/sim.yaml", seed=1)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pomona.drivers.cell import load_cell
 from pomona.drivers.interfaces import ForceSensor, Gripper, Hands, HandTask
+from pomona.executive.cell.connect import load_cell
 from pomona.executive.files import find_cell
 
 

@@ -7,11 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from pomona.drivers.cell import Cell, load_cell
 from pomona.drivers.errors import CellFileError
 from pomona.drivers.interfaces import Arm, Camera, Cameras
 from pomona.drivers.sim.camera import SimCamera
 from pomona.drivers.sim.intruder import BODY, Reach
+from pomona.executive.cell.cell import Cell
+from pomona.executive.cell.connect import load_cell
 from pomona.executive.files import find_cell
 from pomona.skills.geometry import inverse
 from pomona.skills.motion.robot import RobotModel

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from pomona.drivers import robot_file
-from pomona.drivers.cell import load_cell
-from pomona.drivers.cell_file import read_cell_file
 from pomona.drivers.errors import CellFileError, UnusableRobotFile
 from pomona.drivers.robot_file import read_limits
 from pomona.drivers.sim.gl import load_mujoco
+from pomona.executive.cell.cell_file import read_cell_file
+from pomona.executive.cell.connect import load_cell
 from pomona.skills.motion.robot import RobotModel
 
 ROBOT = Path(__file__).resolve().parents[3] / "trees" / "robots" / "sia5f_wsg32.xml"

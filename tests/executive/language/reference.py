@@ -18,11 +18,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+from pomona.executive.cell.cell import dry_cell
 from pomona.executive.language import build, read
 from pomona.executive.registry import Registry
 from pomona.executive.running.compute import Computations
 from pomona.executive.running.context import RunContext
-from pomona.executive.running.dry_cell import DryCell
 from pomona.executive.skill import Interrupted, Skill, Work
 
 PERIOD = 0.02
@@ -591,7 +591,7 @@ class Context(RunContext):
     """A real run's context, on a cell without devices; it notes the events of leaves."""
 
     def __init__(self) -> None:
-        cell = DryCell()
+        cell = dry_cell()
         super().__init__(cell, Computations(lambda *_: None), 0, lambda *_: None)
         self.world_clock = cell.clock  # a skill sees a clock that it cannot advance
         self.tick = 0

@@ -32,6 +32,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from py_trees.common import Status
 
+from pomona.executive.cell.cell import dry_cell
 from pomona.executive.encode import encoded
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.language import build, read
@@ -48,7 +49,6 @@ from pomona.executive.recording.read import read_events
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.recording.scan import examine
 from pomona.executive.registry import Registry
-from pomona.executive.running.dry_cell import DryCell
 from pomona.executive.running.events import (
     AttemptEnded,
     Event,
@@ -281,7 +281,9 @@ class Desk:
     def __init__(self) -> None:
         document = read(ASKING, "asking.yaml")
         self.runner = Runner(
-            lambda context, board: build(document, Registry({}), context=context, board=board), DryCell(), EventStream()
+            lambda context, board: build(document, Registry({}), context=context, board=board),
+            dry_cell(),
+            EventStream(),
         )
         for asked in self.runner.tree.questions.values():
             asked.ask()

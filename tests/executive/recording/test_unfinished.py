@@ -219,7 +219,7 @@ def test_a_run_does_not_begin_with_something_between_the_fingers_however_the_las
     order: RunOrder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     leave(order, "real", "", ended=True)
-    monkeypatch.setattr("pomona.drivers.cell.Cell.in_hand", lambda _cell: HELD)
+    monkeypatch.setattr("pomona.executive.cell.cell.Cell.in_hand", lambda _cell: HELD)
     with pytest.raises(UsageError, match=rf"bench: {HELD} before the run has begun") as refused:
         execute(order)
     assert "--recover" in str(refused.value)

@@ -127,7 +127,7 @@ def test_a_text_of_ten_megabytes_is_shortened_before_the_tick_prints_it() -> Non
 @pytest.mark.parametrize("lost", [False, True])
 def test_a_tree_that_ends_beside_something_that_still_moves_is_no_success(lost: bool) -> None:
     def lose(_runner: object, cell: FakeCell) -> None:
-        cell.fault = ConnectionError("the wheel does not answer") if lost else None
+        cell.wheel.trouble = ConnectionError("the wheel does not answer") if lost else None
 
     runner, cell, _events = make("pomona: 1\ntree: t\nroot: {Leave: {}}", Registry({"Leave": Leave}), {20: lose})
     result = runner.run()

@@ -65,7 +65,7 @@ def test_a_thread_that_outlives_its_skill_commands_nothing_and_is_named() -> Non
     (told,) = refusals(events)
     assert "/Lurk" in told.node
     assert told.during == "a refused command"
-    assert told.message.endswith("refused to command 'start' of the Wheel: the skill has ended; nothing has moved")
+    assert told.message.endswith("refused to command 'start' of the wheel: the skill has ended; nothing has moved")
     assert "test_leases.py" in told.place
     assert "in command" in told.place
     nodes = tuple(info.facts() for info in runner.tree.nodes)
@@ -152,9 +152,7 @@ def test_a_device_has_one_owner_under_all_its_names() -> None:
             yield None
 
     cell = FakeCell()
-    cell.wheel.interfaces = (Wheel, Spin)  # type: ignore[attr-defined]
-    cell.interfaces = lambda: (Wheel, Spin)  # type: ignore[method-assign, assignment, return-value]
-    cell.device = lambda _interface: cell.wheel  # type: ignore[method-assign, assignment, return-value]
+    cell.wheel.interfaces = (Wheel, Spin)
     computations = Computations()
     context = RunContext(cell, computations, 0, lambda *_: None)
     first, second = Turn("First"), Spins("Second")

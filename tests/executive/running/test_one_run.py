@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from pomona.drivers.cell_file import read_cell_file
+from pomona.executive.cell.cell_file import read_cell_file
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.files import find_cell
 from pomona.executive.recording.session import RecordingSession

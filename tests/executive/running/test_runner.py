@@ -11,7 +11,7 @@ import pytest
 from fake_cell import COASTING, FakeCell
 from fake_runs import TURN, Turn, make as make_run
 
-from pomona.drivers.faults import FaultSwitch
+from pomona.executive.cell.device import FaultSwitch
 from pomona.executive.ports import Outputs
 from pomona.executive.registry import Registry
 from pomona.executive.running.breakpoints import UnknownNodeError
@@ -114,7 +114,7 @@ def test_an_exception_ends_in_the_safe_state_with_the_skill_named() -> None:
 
 def test_a_lost_device_ends_in_the_safe_state_and_the_wheel_comes_to_rest() -> None:
     def lose(_runner: Runner, cell: FakeCell) -> None:
-        cell.fault = ConnectionError("the wheel does not answer")
+        cell.wheel.trouble = ConnectionError("the wheel does not answer")
 
     runner, cell, _events = make(TURN, {5: lose})
     result = runner.run()
@@ -199,7 +199,7 @@ def test_a_resume_ends_the_pause_that_it_names_and_no_other() -> None:
 
 def test_resume_into_a_changed_world_is_refused_and_safe() -> None:
     def change(runner: Runner, cell: FakeCell) -> None:
-        cell.changed = True
+        cell.surroundings.changed = True
         runner.resume(runner.pause_number, "ada")
 
     runner, cell, _events = make(TURN, {4: lambda runner, _cell: runner.pause("ada"), 12: change})

@@ -137,8 +137,10 @@ def test_the_speeds_of_a_run_are_repeated_at_its_moments() -> None:
 
 
 def test_an_arm_that_cannot_go_slower_is_refused_wherever_less_is_asked_for() -> None:
-    cell = FakeCell()
-    cell.full_speed_only = ("arm",)
+    class Fixed(FakeCell):
+        full_speed_only = ("arm",)
+
+    cell = Fixed()
     with pytest.raises(UsageError, match="arm: the driver cannot move it more slowly"):
         runner_of(TURN, cell, speed=0.5)
     with pytest.raises(UsageError, match="arm"):

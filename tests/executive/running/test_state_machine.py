@@ -12,6 +12,7 @@ from fake_runs import Turn, make
 from hypothesis import settings, strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
+from pomona.executive.cell.cell import Cell
 from pomona.executive.registry import Registry
 from pomona.executive.running.events import ErrorRaised, OperatorActed
 from pomona.executive.running.requests import AnswerRefusedError
@@ -84,7 +85,7 @@ class RunnerMachine(RuleBasedStateMachine):
         try:
             if self.refuses:
                 raise ConnectionError("the wheel is still lost")
-            self.cell.latched = None
+            Cell.acknowledge(self.cell)
         finally:
             self.answered.release()
 
@@ -153,9 +154,9 @@ class RunnerMachine(RuleBasedStateMachine):
             case "safe stop of the cell":
                 self.cell.safe_stop("light curtain")
             case "lost":
-                self.cell.fault = ConnectionError("the wheel does not answer")
+                self.cell.wheel.trouble = ConnectionError("the wheel does not answer")
             case _:
-                self.cell.changed = True
+                self.cell.surroundings.changed = True
         self._step()
 
     @precondition(lambda self: self.result is not None and self.latched_in_run and self.thread.is_alive())

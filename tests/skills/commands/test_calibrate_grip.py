@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 import yaml
 
-from pomona.drivers.cell import Cell
 from pomona.drivers.mock.clock import MockClock
 from pomona.drivers.mock.fingers import MockForceSensor, spring_fruit
 from pomona.drivers.mock.gripper import MockGripper
+from pomona.drivers.services import RobotServices
+from pomona.executive.cell.cell import Cell
 from pomona.executive.cli import main as pomona
 from pomona.executive.values.units import STIFFNESS
 from pomona.skills.commands import calibrate_grip
@@ -47,7 +48,8 @@ def mock_cell() -> tuple[Cell, Person]:
     gripper = MockGripper(clock)
     person = Person(clock, gripper)
     sensor = MockForceSensor(clock, person.feel)
-    return Cell("mock", "mock", clock, {"gripper": gripper, "fingers": sensor}), person
+    devices = {"gripper": gripper, "fingers": sensor}
+    return Cell("mock", "mock", clock, devices, RobotServices(devices)), person
 
 
 @pytest.mark.slow

@@ -108,7 +108,7 @@ def test_a_sensor_that_loses_a_sample_now_and_then_and_one_without_any_noise_pas
 
 
 def test_the_simulated_the_mock_and_the_emulated_fingers_pass() -> None:
-    from pomona.drivers.cell import load_cell
+    from pomona.executive.cell.connect import load_cell
 
     cell = load_cell(find_cell("sim"), seed=3)
     taken: list[np.ndarray] = []

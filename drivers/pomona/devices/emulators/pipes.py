@@ -13,7 +13,7 @@ LATE = 0.15  # delay that the fault `late` adds to bytes for the driver [s]
 
 
 class Pipe(FaultSwitch):
-    """A place where a driver finds an emulated device; `open` gives the driver's end, a `pomona.drivers.wire.Link`.
+    """A place where a driver finds an emulated device; `open` gives the driver's end, a `pomona.drivers.Link`.
 
     Faults: `cut` (every connection breaks, and none can be opened), `silent` (nothing arrives at either end), `late`,
     `lossy` and `garbage` (of the bytes to the driver).

@@ -99,7 +99,7 @@ class VirtualTime:
             self.step()
 
     def thread(self, name: str, run: Callable[[], None]) -> Turn:
-        """Return a thread that takes turns with the others, see `pomona.drivers.owner.TurnTaking`."""
+        """Return a thread that takes turns with the others, see `pomona.executive.cell.owner.TurnTaking`."""
         return Turn(name, run, self)
 
     def turn(self) -> Turn | None:

@@ -30,8 +30,7 @@ from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRe
 from pomona.drivers.gripper_motion import GripperMotion, allowed_speed, require_move
 from pomona.drivers.gripper_supervisor import GripperSupervision, GripperSupervisor
 from pomona.drivers.interfaces import Gripper, GripperLimits, GripperState, MotionState
-from pomona.drivers.owner import Owner
-from pomona.drivers.watchdog import Watchdog
+from pomona.executive.cell.owner import Owner, Watchdog
 from pomona.executive.clock import Clock
 
 ARRIVED, BLOCKED = 1e-3, 0.3

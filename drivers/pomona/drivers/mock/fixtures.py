@@ -14,13 +14,14 @@ from __future__ import annotations
 
 import pytest
 
-from pomona.drivers.cell import Cell
 from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper
 from pomona.drivers.mock.arm import MockArm
 from pomona.drivers.mock.camera import MockCamera
 from pomona.drivers.mock.clock import MockClock
 from pomona.drivers.mock.fingers import MockForceSensor
 from pomona.drivers.mock.gripper import MockGripper
+from pomona.drivers.services import RobotServices
+from pomona.executive.cell.cell import Cell
 
 
 @pytest.fixture
@@ -71,4 +72,4 @@ def mock_cell(
 ) -> Cell:
     """Return a whole cell of mock devices."""
     devices = {"arm": mock_arm, "gripper": mock_gripper, "fingers": mock_fingers, "camera": mock_camera}
-    return Cell("mock", "mock", mock_clock, devices)
+    return Cell("mock", "mock", mock_clock, devices, RobotServices(devices))

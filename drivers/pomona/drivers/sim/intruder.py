@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pomona.drivers.faults import FaultSwitch
+from pomona.executive.cell.device import FaultSwitch
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.kinds import Measure, OrWord, Row
 from pomona.executive.values.sections import Problem, value

@@ -97,8 +97,8 @@ def _look_now(name: str) -> list[NDArray[np.float32]]:
 
     Raises DriverError: the cell cannot be used, it has no camera, or no depth comes.
     """
-    from pomona.drivers.cell import load_cell
     from pomona.drivers.interfaces import Camera
+    from pomona.executive.cell.connect import load_cell
     from pomona.tools.calibration.command_doctor import find_cell
     from pomona.tools.calibration.depth_calibration import UnusableDepth
 

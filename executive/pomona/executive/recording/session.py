@@ -12,13 +12,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from pomona.executive.cell.cell import Cell
 from pomona.executive.errors import PomonaError
 from pomona.executive.recording.folder import RecordError, events_file, new_record_folder
 from pomona.executive.recording.picture import Picture
 from pomona.executive.recording.read import read_events
 from pomona.executive.recording.recorder import STALLED, Recorder
 from pomona.executive.recording.scan import examine
-from pomona.executive.running.cell import Cell
 from pomona.executive.running.events import EventStream, RunEnded
 from pomona.executive.running.runner import Runner
 from pomona.executive.values.bounded import within

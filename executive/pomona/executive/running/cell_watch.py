@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import ClassVar
 
+from pomona.executive.cell.cell import Cell
 from pomona.executive.errors import PomonaError
-from pomona.executive.running.cell import Cell
 from pomona.executive.running.watching import Watch
 
 

@@ -7,12 +7,12 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from pomona.executive.cell.cell import Cell
 from pomona.executive.errors import PomonaError
 from pomona.executive.language.built import BuiltTree, Side
 from pomona.executive.language.changes import changed_input
 from pomona.executive.nodes.question import Question
 from pomona.executive.running.breakpoints import BREAK_ACTIONS, Breakpoints
-from pomona.executive.running.cell import Cell
 from pomona.executive.speed import SpeedRefusedError, cannot_slow, checked_speed
 
 LATE = 2.0  # age on the wall clock from which a request that starts motion is rejected as unexpected [s]

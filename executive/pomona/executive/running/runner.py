@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 from py_trees.common import Status
 
 from pomona.executive.board import Board, Entry
+from pomona.executive.cell.cell import Cell
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.language import BuiltTree
 from pomona.executive.language.changes import change_input
@@ -28,7 +29,6 @@ from pomona.executive.lease import viewed
 from pomona.executive.one_process import leave_if_forked
 from pomona.executive.reasons import Reason
 from pomona.executive.running.breakpoints import BREAK_ACTIONS, Breakpoints
-from pomona.executive.running.cell import Cell
 from pomona.executive.running.cell_watch import CellWatch, InterruptRequestedError, SafeStopRequestedError
 from pomona.executive.running.compute import Computations
 from pomona.executive.running.context import RunContext

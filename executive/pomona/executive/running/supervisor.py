@@ -18,8 +18,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from pomona.executive.cell.cell import Cell
 from pomona.executive.errors import UsageError
-from pomona.executive.running.cell import Cell
 from pomona.executive.running.launcher import LauncherWatch
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.supervise import PRIORITY

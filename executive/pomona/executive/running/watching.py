@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib.metadata import entry_points
 from typing import Protocol
 
-from pomona.executive.running.cell import Cell
+from pomona.executive.cell.cell import Cell
 from pomona.executive.values.bounded import warn
 
 logger = logging.getLogger(__name__)

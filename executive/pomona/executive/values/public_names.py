@@ -10,6 +10,8 @@ from importlib import import_module
 def on_first_use(package: str, public: Mapping[str, str]) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
     """Return a package's `__getattr__` and `__dir__`; `public` has the names of each module, separated by blanks.
 
+    A module of the package is given without the package's name, a module of another package with its full name.
+
     Assign them where type checkers do not look: these see the package's imports under TYPE_CHECKING, and so refuse a
     name that is not public.
     """
@@ -19,7 +21,12 @@ def on_first_use(package: str, public: Mapping[str, str]) -> tuple[Callable[[str
     def load(name: str) -> object:
         if name not in homes:
             raise AttributeError(f"module '{package}' has no attribute '{name}'")
-        own[name] = found = getattr(import_module(f"{package}.{homes[name]}"), name)
+        own[name] = found = getattr(import_module(full_name(package, homes[name])), name)
         return found
 
     return load, lambda: sorted({*own, *homes})
+
+
+def full_name(package: str, home: str) -> str:
+    """Return the full name of a module that `public` gives."""
+    return home if home.startswith("pomona.") else f"{package}.{home}"

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
+from pomona.executive.cell.cell_file import CellFile, outline_cell
 from pomona.executive.errors import UsageError
 from pomona.executive.execute import RunOrder
 from pomona.executive.files import default_name, find_cell, find_tree, read_text
@@ -17,7 +18,6 @@ from pomona.executive.judging import judge
 from pomona.executive.language.documents import read_document
 from pomona.executive.language.model import Document
 from pomona.executive.registry import Registry
-from pomona.executive.running.cell_files import CellFile, cell_files
 from pomona.executive.values.documents import read_value_file, with_includes
 from pomona.executive.values.findings import Findings, did_you_mean, few_hints, format_findings
 from pomona.executive.values.kinds import Schema
@@ -241,7 +241,7 @@ class _Planner:
 
     def options_of(self, cell: Path) -> frozenset[str]:
         if cell not in self.options:
-            outline = cell_files().outline(cell, self.findings)
+            outline = outline_cell(cell, self.findings)
             self.options[cell] = frozenset(option.name for option in outline.options) if outline else frozenset()
         return self.options[cell]
 

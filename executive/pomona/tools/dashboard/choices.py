@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pomona.executive.cell.cell_file import outline_cell
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.files import default_name, find_cell, find_tree, read_text
 from pomona.executive.language import read
 from pomona.executive.language.model import Declared
-from pomona.executive.running.cell_files import cell_files
 from pomona.executive.values.findings import Findings, format_findings
 from pomona.executive.values.shipped import installed_trees
 from pomona.executive.values.yaml_nodes import YamlNode, YamlScalar
@@ -98,7 +98,7 @@ def _text(node: YamlNode | None) -> str:
 
 def _cell_facts(path: Path) -> dict[str, Any]:
     findings = Findings()
-    outline = cell_files().outline(path, findings)
+    outline = outline_cell(path, findings)
     if outline is None:
         raise UsageError(format_findings(findings.sorted()))
     options = [{"name": option.name, "default": option.default, "help": option.help} for option in outline.options]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from enum import Enum, EnumType
 from pathlib import Path
 
+from pomona.executive.cell.cell_file import CellFile, judge_cell_file
 from pomona.executive.file_kinds import file_kind, kind_names
 from pomona.executive.judging import judge
 from pomona.executive.language.check import Analysis, analyse
@@ -21,7 +22,6 @@ from pomona.executive.nodes.surroundings import COUNTERS, LastFailure
 from pomona.executive.nodes.takes import NAME, Value
 from pomona.executive.ports import Port, type_name
 from pomona.executive.registry import Registry, default_text
-from pomona.executive.running.cell_files import CellFile, cell_files
 from pomona.executive.skill import Skill
 from pomona.executive.values.findings import Finding, Findings, Located, Source, Spot
 from pomona.executive.values.plain_text import read_plain_text
@@ -131,7 +131,7 @@ class TreeService:
         """Offer the names of a cell from now on: its poses, and other names that skills look up in it."""
         self.cell, self.cell_file = cell, None
         if cell is not None:
-            self.cell_file = cell_files().judge(cell, Findings(), {}, {})
+            self.cell_file = judge_cell_file(cell, Findings())
 
     @property
     def lines(self) -> list[str]:

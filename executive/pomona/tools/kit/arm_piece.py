@@ -25,7 +25,7 @@ from pomona.drivers.path_arm import PathArm, words
 from pomona.drivers.path_motion import PathMotion
 from pomona.drivers.registration import Settings, driver
 from pomona.drivers.robot_file import read_limits
-from pomona.drivers.wire import Address, Link, Malformed, Nonsense, tcp_opener
+from pomona.executive import Address, Link, Malformed, Nonsense, tcp_opener
 from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.kinds import Measure, PathTo, Whole

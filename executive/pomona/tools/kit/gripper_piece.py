@@ -19,7 +19,7 @@ from pomona.drivers.errors import DeviceError, DeviceLost
 from pomona.drivers.gripper_motion import GripperMotion
 from pomona.drivers.interfaces import GripperLimits
 from pomona.drivers.registration import Settings, driver
-from pomona.drivers.wire import Address, Link, Malformed, Nonsense, TcpLink, tcp_opener
+from pomona.executive import Address, Link, Malformed, Nonsense, TcpLink, tcp_opener
 from pomona.executive.clock import Clock
 from pomona.executive.values.kinds import Measure, Span
 from pomona.executive.values.sections import value

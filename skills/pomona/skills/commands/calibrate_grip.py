@@ -7,12 +7,12 @@ import contextlib
 import sys
 import time
 from collections.abc import Callable
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
 from pomona.drivers.errors import DriverError
 from pomona.drivers.interfaces import ForceSensor, Gripper, Hands, HandTask
+from pomona.executive.cell.connect import load_cell
 from pomona.executive.values.kinds import Measure
 from pomona.executive.values.shipped import installed_trees
 from pomona.executive.values.units import FORCE, TIME
@@ -84,13 +84,13 @@ def _made_now(options: argparse.Namespace) -> tuple[list[Push], Push | None]:
 
 
 def _cell(name: str) -> Any:
-    """Return a cell by its file or the name of an installed one, through the entry point that runs use too."""
+    """Connect a cell by its file or the name of an installed one."""
     path = Path(name)
     if not path.is_file():
         path = installed_trees() / "cells" / f"{name}.yaml"
     if not path.is_file():
         raise GuidanceEnded(f"no cell '{name}': neither a file nor an installed cell")
-    return next(iter(entry_points(group="pomona.cells", name="file"))).load().load(path)
+    return load_cell(path)
 
 
 def _tell(sentence: str) -> None:

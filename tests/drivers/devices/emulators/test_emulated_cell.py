@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pomona.drivers.cell import load_cell
 from pomona.drivers.errors import CellFileError
 from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper
+from pomona.executive.cell.connect import load_cell
 
 CELL = Path(__file__).resolve().parents[4] / "trees" / "cells" / "emulated.yaml"
 PACE = "0.2"

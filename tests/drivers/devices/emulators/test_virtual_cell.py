@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from benchmarks.fault_plan import FaultPlan, PlannedFault
-from pomona.drivers.cell import Cell, load_cell
 from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
 from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper, MotionState
+from pomona.executive.cell.cell import Cell
+from pomona.executive.cell.connect import load_cell
 from pomona.skills.motion.planning.timing import time_polyline
 
 pytestmark = pytest.mark.slow

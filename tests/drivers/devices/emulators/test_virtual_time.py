@@ -5,7 +5,7 @@ import time
 
 from pomona.devices.emulators.pipes import LATE, Pipe
 from pomona.devices.emulators.virtual_time import VirtualTime
-from pomona.drivers.owner import Owner, TurnTaking
+from pomona.executive.cell.owner import Owner, TurnTaking
 from pomona.executive.clock import ManualClock
 
 PERIOD = 0.002

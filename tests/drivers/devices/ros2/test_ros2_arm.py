@@ -22,10 +22,10 @@ from pomona.devices.ros2 import arm as module, outside
 from pomona.devices.ros2.arm import TRAJECTORY, Ros2Arm, Ros2ArmOptions
 from pomona.devices.ros2.gripper import COMMAND
 from pomona.devices.ros2.joints import JOINT_STATE, KEPT, LARGEST, stamped
-from pomona.drivers.cell import load_cell
 from pomona.drivers.errors import CellFileError, DeviceError, DeviceFault, DeviceLost, MotionRefused
 from pomona.drivers.interfaces import Arm, ArmLimits, Gripper, MotionState, Trajectory
 from pomona.drivers.motion_supervisor import Supervision
+from pomona.executive.cell.connect import load_cell
 from pomona.executive.clock import ManualClock
 from pomona.tools.ros2.peer import Ros2Peer
 from pomona.tools.ros2.types import coder

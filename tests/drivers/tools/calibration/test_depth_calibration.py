@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pomona.drivers.cell import Cell
 from pomona.drivers.depth_model import SENSORS, read_depth_model
 from pomona.drivers.interfaces import Frame, Intrinsics
 from pomona.drivers.mock.camera import MockCamera
 from pomona.drivers.mock.clock import MockClock
+from pomona.executive.cell.cell import Cell
 from pomona.tools.calibration import command_calibrate as calibrate
 from pomona.tools.calibration.depth_calibration import (
     Ball,
@@ -245,7 +245,7 @@ def test_the_noise_of_a_camera_is_measured_on_a_wall(
         looks.append(Frame(0.0, number, colour, noisy.astype(np.float32), CAMERA, None, np.eye(4)))
     clock = MockClock()
     cell = Cell("lab", "lab", clock, {"camera": MockCamera(*looks)})
-    monkeypatch.setattr("pomona.drivers.cell.load_cell", lambda *_: cell)
+    monkeypatch.setattr("pomona.executive.cell.connect.load_cell", lambda *_: cell)
     out = tmp_path / "model.yaml"
     assert run("--cell", "sim", "--wall", "--out", str(out)) == 0
     assert "noise" in capsys.readouterr().out

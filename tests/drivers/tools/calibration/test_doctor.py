@@ -7,7 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from pomona.drivers.cell import Cell, load_cell
+from pomona.executive.cell.cell import Cell
+from pomona.executive.cell.connect import load_cell
 from pomona.executive.values.report_line import ReportLine
 from pomona.tools.calibration.command_doctor import add, find_cell
 from pomona.tools.calibration.doctor import examine

@@ -125,11 +125,11 @@ def test_pause_and_resume_show_the_acknowledged_state(show: Show, open_page: Ope
     pause.click()
     expect(page.locator("#why")).to_contain_text("Paused, at rest: by ada")
     expect(page.locator("#ack")).to_have_text("last: pause by ada")
-    assert show.cell.paused
+    assert show.cell.wheel.paused
     expect(pause).to_be_disabled()
     page.locator("#steps").get_by_role("button", name="Resume").click()
     expect(page.locator("#why")).to_contain_text("▶ Hold")
-    assert not show.cell.paused
+    assert not show.cell.wheel.paused
 
 
 def test_a_safe_stop_by_keys_stays_until_it_is_reset_and_the_skill_stands_interrupted(

@@ -8,6 +8,7 @@ import pytest
 from fake_cell import FakeCell
 from fake_runs import Turn, make
 
+from pomona.executive.cell.device import FaultSwitch
 from pomona.executive.registry import Registry
 from pomona.executive.running.events import OperatorActed
 from pomona.executive.running.requests import UnknownFaultError
@@ -16,26 +17,27 @@ from pomona.tools.dashboard.control_lock import ControlLock, RefusedError
 TREE = "pomona: 1\ntree: t\nroot: {Turn: {duration: 9 s}}"
 
 
-class Switch:
+class Switch(FaultSwitch):
     """The wheel's bearing."""
 
     known_faults = ("hot", "loose")
 
     def __init__(self, cell: FakeCell) -> None:
+        super().__init__()
         self.cell, self.told = cell, [""]
 
     def inject_fault(self, kind: str) -> None:
         self.told.append(kind)
-        self.cell.fault = RuntimeError(f"wheel: the bearing is {kind}")
+        self.cell.wheel.trouble = RuntimeError(f"wheel: the bearing is {kind}")
 
     def clear_fault(self) -> None:
         self.told.append("")
-        self.cell.fault = None
+        self.cell.wheel.trouble = None
 
 
 def run(acts: dict[int, Any]) -> tuple[Any, FakeCell, list[Any]]:
     runner, cell, events = make(TREE, Registry({"Turn": Turn}), acts)
-    cell.switches["wheel"] = Switch(cell)
+    cell.faults["wheel"] = Switch(cell)
     return runner.run(), cell, events
 
 

@@ -235,7 +235,8 @@ def test_a_camera_that_delivers_pictures_is_shown_live_with_the_last_look_in_a_c
     show.run("pomona: 1\ntree: demo\nroot:\n  sequence:\n    - Look: {seen: '{seen}'}\n    - Hold: {}\n")
     expect(page.locator("#camera .picture > img")).to_be_visible()
     expect(page.locator("#camera-age")).not_to_contain_text("live")
-    show.cell.shown = {"eye": (np.full((48, 64, 3), 120, np.uint8), 0.0)}
+    picture = np.full((48, 64, 3), 120, np.uint8), 0.0
+    show.cell.pictures = lambda: {"eye": picture}  # type: ignore[method-assign]
     expect(page.locator("#camera-age")).to_have_text(re.compile(r"^live · eye; last look .* ago$"))
     expect(page.locator("#camera .live")).to_have_attribute("src", re.compile("^data:image/jpeg"))
     expect(page.locator("#camera .inset polygon")).to_have_count(1)

@@ -248,7 +248,7 @@ def test_a_run_that_does_not_ask_imports_no_more_than_the_options(tmp_path: Path
     (tmp_path / "tree.yaml").write_text("pomona: 1\ntree: rest\nroot:\n  wait: 100 ms\n")
     program = (
         "import sys; from pomona.executive.cli import main; status = main(['run', 'tree.yaml', '--dry', '--quiet']);"
-        "import pomona.drivers.cell, pomona.tools.library.command_runs;"
+        "import pomona.executive.cell.cell, pomona.tools.library.command_runs;"
         f"found = [n for n in sys.modules if n.startswith({EXTRAS!r}) and not n.endswith({OPTIONS!r})];"
         "print(found); sys.exit(status)"
     )

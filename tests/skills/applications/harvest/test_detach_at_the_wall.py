@@ -11,8 +11,8 @@ from py_trees.common import Status
 
 from pomona.applications.harvest.detach import Detach
 from pomona.applications.harvest.reachable import GraspSearch
-from pomona.drivers.cell import load_cell
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, StreamedArm, Workspace
+from pomona.executive.cell.connect import load_cell
 from pomona.executive.skill_testing import drive
 from pomona.skills.motion.grasp import Grasp
 from tests.skills.applications.harvest.test_pulling import Script

@@ -9,7 +9,7 @@ import pytest
 
 from pomona.applications.harvest.numbers import read_numbers
 from pomona.applications.harvest.wall import draw_wall
-from pomona.drivers.cell_file import read_cell_file
+from pomona.executive.cell.cell_file import read_cell_file
 from pomona.skills.geometry import apply, inverse
 from pomona.skills.motion.collision import CollisionWorld, Margins, RobotShape
 from pomona.skills.motion.collision.cover import fibonacci_sphere

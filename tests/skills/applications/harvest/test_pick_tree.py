@@ -6,9 +6,9 @@ from pathlib import Path
 
 from pomona.applications.harvest.detach import Detach
 from pomona.applications.harvest.sample_hanging import SampleHanging
-from pomona.drivers.cell_file import read_cell_file
 from pomona.drivers.mock import MockArm, MockClock
 from pomona.drivers.mock.arm import ROBOT
+from pomona.executive.cell.cell_file import read_cell_file
 from pomona.executive.files import find_cell
 from pomona.executive.language import check, format_findings, read_file
 from pomona.executive.registry import Registry

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pomona.applications.harvest.reachable import GraspSearch, grasp_pose
-from pomona.drivers.cell import load_cell
 from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper, Trajectory
+from pomona.executive.cell.connect import load_cell
 
 from .test_world import BARE, CELL
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from pomona.applications.harvest.reachable import ROLLED, SPARE, GraspSearch, grasp_pose, rolled_poses
-from pomona.drivers.cell import load_cell
+from pomona.executive.cell.connect import load_cell
 
 from .test_world import BARE, CELL
 

@@ -7,11 +7,11 @@ import pytest
 
 from pomona.applications.harvest.bruises import impact_force
 from pomona.applications.harvest.stems import AT_SPUR
-from pomona.drivers.cell import load_cell
-from pomona.drivers.cell_file import read_cell_file
 from pomona.drivers.errors import CellFileError
 from pomona.drivers.gripper_supervisor import GripperSupervision
 from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper
+from pomona.executive.cell.cell_file import read_cell_file
+from pomona.executive.cell.connect import load_cell
 
 from .conftest import TREES
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pomona.drivers.watchdog import Watchdog
+from pomona.executive.cell.owner import Watchdog
 
 
 def test_a_command_lasts_as_long_as_the_limit_and_each_renewal_begins_anew() -> None:

@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from pomona.drivers import owner as owner_module
 from pomona.drivers.errors import DeviceFault, DeviceLost
-from pomona.drivers.owner import Owner
+from pomona.executive.cell import owner as owner_module
+from pomona.executive.cell.owner import Owner
 from pomona.executive.clock import ManualClock, SystemClock
 
 PATIENCE = 20.0

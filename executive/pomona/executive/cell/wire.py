@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
-from pomona.drivers.errors import DeviceLost, DriverError
+from pomona.executive.cell.errors import DeviceLost, DriverError
 from pomona.executive.values.kinds import ScalarKind, Schema
 from pomona.executive.values.reading import Unfit
 

@@ -1,7 +1,7 @@
 """A plan of faults turns its switches when it is time, once."""
 
 from benchmarks.fault_plan import FaultPlan, PlannedFault
-from pomona.drivers.faults import FaultSwitch
+from pomona.executive.cell.device import FaultSwitch
 
 
 class Lamp(FaultSwitch):

@@ -18,14 +18,15 @@ thread: it calls `step` by hand. A simulated clock may provide the thread, which
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Protocol, TypeVar, runtime_checkable
 
-from pomona.drivers.errors import DeviceLost
-from pomona.drivers.wire import raise_priority
+from pomona.executive.cell.errors import DeviceLost
+from pomona.executive.cell.wire import raise_priority
 from pomona.executive.clock import Clock
 
 T = TypeVar("T")
@@ -161,3 +162,38 @@ class Owner:
                 self._failed(error)
                 self._clock.advance(0.01)  # pause before the next try [s]: a wire that is cut fails at once
         self._make_calls()
+
+
+class Watchdog:
+    """End of a streamed command that is not renewed, the same for every driver.
+
+    It adds up the intervals between calls of `has_expired`, and an interval is never negative: a clock that steps back
+    costs one interval, and cannot keep a command alive.
+    """
+
+    def __init__(self, limit: float) -> None:
+        """Expired until the first `renew`.
+
+        Args:
+            limit: a command ends when it is older than this [s].
+        """
+        self.limit = limit
+        self._age, self._looked_at = math.inf, 0.0
+
+    def renew(self, now: float) -> None:
+        """A command has come.
+
+        Args:
+            now: the cell's clock [s].
+        """
+        self._age, self._looked_at = 0.0, now
+
+    def has_expired(self, now: float) -> bool:
+        """Return True when the command is too old; called again and again.
+
+        Args:
+            now: the cell's clock [s].
+        """
+        self._age += max(now - self._looked_at, 0.0)
+        self._looked_at = now
+        return self._age > self.limit + 1e-9

@@ -15,12 +15,17 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-import numpy as np
-
-from pomona.drivers.errors import CellFileError, DriverError
-from pomona.drivers.interfaces import ArmLimits, Workspace
-from pomona.drivers.registration import DriverSection, Emulating, Fitting, Settings, Surroundings, TellsOfCell, Wired
-from pomona.drivers.workspace import WorkspaceSection
+from pomona.executive.cell.errors import CellFileError, DriverError
+from pomona.executive.cell.registration import (
+    DriverSection,
+    Emulating,
+    Fitting,
+    Settings,
+    Surroundings,
+    TellsOfCell,
+    Wired,
+)
+from pomona.executive.cell.services import WorkspaceKind, installed_services
 from pomona.executive.values.documents import Option, Outline, ValueFile, read_value_file
 from pomona.executive.values.findings import Findings, Located, few_hints
 from pomona.executive.values.kinds import MappingOf, Measure, Text
@@ -51,7 +56,7 @@ class CellSection:
     clock: str = value(Text("system", "manual"), "system", "where time comes from when no world gives it")
     options: Mapping[str, str] = value(MappingOf(Text()), {}, 'options for --set; "{name}" stands for the value')
     score: Score | None = value(Section(Score), None, "score of a world that scores runs")
-    workspace: WorkspaceSection | None = value(Section(WorkspaceSection), None, "known surroundings")
+    workspace: Any = value(WorkspaceKind(), None, "known surroundings")
     world: Settings[Any] | None = value(DriverSection(), None, "a simulated world; it gives the clock and the truth")
     devices: Mapping[str, Settings[Any]] = value(
         MappingOf(DriverSection()), help="connected in this order: each may build on those above it"
@@ -67,7 +72,7 @@ class CellFile:
 
     path: Path  # of the file
     section: CellSection  # its values
-    workspace: Workspace | None  # for the skills, or None
+    workspace: Any  # for the skills, as the installed services describe it, or None
     options: tuple[Option, ...]  # values that may be changed, with defaults
     # its text and those of the files that it includes, by their path from its folder
     files: Mapping[str, str] = field(default_factory=dict)
@@ -92,7 +97,7 @@ class CellFile:
         """Return the device interfaces that the cell will have."""
         devices = [i for device in self.section.devices.values() for i in device.driver.device.interfaces]
         world = self.section.world.driver.device.interfaces if self.section.world else ()
-        return tuple(dict.fromkeys([*world, *devices, *([Workspace] if self.workspace else [])]))
+        return tuple(dict.fromkeys([*world, *devices, *([type(self.workspace)] if self.workspace else [])]))
 
     def wires(self) -> tuple[str, ...]:
         """Addresses at which the cell reaches devices outside this process."""
@@ -104,8 +109,8 @@ class CellFile:
 
     def known(self, what: type[T]) -> T | None:
         """Return an object that the file describes, before any connection: its workspace, limits of its arm …"""
-        if what is Workspace:
-            return self.workspace  # type: ignore[return-value]
+        if what is type(self.workspace):
+            return self.workspace
         return next((fact for fact in _facts(self.section) if isinstance(fact, what)), None)
 
     def place(self, interface: type) -> Located | None:
@@ -159,7 +164,8 @@ def judge_cell_file(
     workspace = section.workspace.workspace() if section.workspace else None
     for where, problem in _misfits(section, workspace):
         where.refuse(problem)
-    _judge_poses(placed, findings)
+    if not findings.errors:
+        installed_services().judge(placed, _facts(section), findings)
     return None if findings.errors else CellFile(path, section, workspace, written.options, written.files)
 
 
@@ -186,7 +192,7 @@ def outline_cell(path: Path, findings: Findings) -> Outline | None:
     return Outline(kind.text if isinstance(kind, YamlScalar) else "", written.options)
 
 
-def _misfits(section: CellSection, workspace: Workspace | None) -> Iterator[tuple[Placed[Any], Problem]]:
+def _misfits(section: CellSection, workspace: Any) -> Iterator[tuple[Placed[Any], Problem]]:
     """Yield the conflicts of a device with this cell; its own section is valid."""
     above: dict[str, Any] = {}
     world = section.world
@@ -207,18 +213,3 @@ def _facts(section: CellSection) -> Iterator[object]:
     for device in (*((section.world,) if section.world else ()), *section.devices.values()):
         if isinstance(device.values, TellsOfCell):
             yield from device.values.known()
-
-
-def _judge_poses(placed: Placed[CellSection], findings: Findings) -> None:
-    """Named poses must be reachable by the cell's arm, as far as its limits are known."""
-    section = placed.values
-    limits = None if findings.errors else next((f for f in _facts(section) if isinstance(f, ArmLimits)), None)
-    node = placed.node.get("workspace")
-    poses = node.get("poses") if isinstance(node, YamlMapping) else None
-    if limits is None or section.workspace is None or not isinstance(poses, YamlMapping):
-        return
-    for name, joints in section.workspace.poses.items():
-        q = np.array(joints)
-        if q.shape != limits.lower.shape or np.any((q < limits.lower) | (q > limits.upper)):
-            words = f"the pose '{name}' needs {limits.lower.size} joints within the arm's limits"
-            findings.error(poses.entries[name][1], "pose", words)
