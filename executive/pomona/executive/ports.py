@@ -11,7 +11,7 @@ from collections.abc import ItemsView, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
-from typing import Annotated, Any, dataclass_transform
+from typing import Annotated, Any, dataclass_transform, get_args, get_origin
 
 from pomona.executive.values.units import (
     ACCELERATION,
@@ -91,6 +91,18 @@ AngularSpeed = Annotated[float, ANGULAR_SPEED]
 Acceleration = Annotated[float, ACCELERATION]
 Rate = Annotated[float, RATE]
 Ratio = Annotated[float, RATIO]
+
+
+def without_alias(annotation: Any) -> Any:
+    """Return the type behind a name that a `type` statement made, such as numpy's NDArray from 2.5 on.
+
+    `NDArray[np.float64]` becomes `np.ndarray[…, np.dtype[np.float64]]`; every other annotation is returned as it is.
+    """
+    value = getattr(get_origin(annotation) or annotation, "__value__", None)
+    if value is None:
+        return annotation
+    arguments = get_args(annotation)
+    return without_alias(value[arguments] if arguments else value)
 
 
 def type_name(port_type: PortType) -> str:

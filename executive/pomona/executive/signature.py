@@ -21,8 +21,7 @@ from enum import Enum
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from pomona.executive.errors import SkillError
-from pomona.executive.ports import REQUIRED, Outputs, Port, Ports, Quantity
-from pomona.executive.values.annotations import without_alias
+from pomona.executive.ports import REQUIRED, Outputs, Port, Ports, Quantity, without_alias
 
 _UNIONS = (Union, types.UnionType)
 

@@ -12,8 +12,7 @@ from functools import cache
 from typing import Any
 
 from pomona.executive.errors import PomonaError
-from pomona.executive.ports import RATIO, Quantity, type_name
-from pomona.executive.values.annotations import without_alias
+from pomona.executive.ports import RATIO, Quantity, type_name, without_alias
 from pomona.executive.values.units import Array, with_article
 
 DECLARED_FIELDS = "__declared_fields__"  # of a class that stands in for one which is not imported: its fields and types

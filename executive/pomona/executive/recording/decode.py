@@ -16,12 +16,12 @@ import numpy as np
 
 from pomona.executive import views
 from pomona.executive.errors import PomonaError
+from pomona.executive.ports import without_alias
 from pomona.executive.reasons import DEEPEST_CAUSE, MOST_CAUSES, Reason
 from pomona.executive.recording.json_text import LONGEST, moment_of
 from pomona.executive.recording.node_tree import tree_of
 from pomona.executive.running import events
 from pomona.executive.running.events import Event
-from pomona.executive.values.annotations import without_alias
 
 _EVENTS = {c.__name__: c for c in vars(events).values() if isinstance(c, type) and issubclass(c, Event)}
 _VIEWS = {c.__name__: c for c in vars(views).values() if isinstance(c, type) and dataclasses.is_dataclass(c)}

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from typing_extensions import TypeAliasType
 
 from pomona.executive.language.value_types import from_annotation, is_array
-from pomona.executive.values.annotations import without_alias
+from pomona.executive.ports import without_alias
 
 T = TypeVar("T", bound=np.generic)
 Heights = TypeAliasType("Heights", np.ndarray[Any, np.dtype[np.float64]])
