@@ -190,8 +190,10 @@ if TYPE_CHECKING:
         read_plain_arrays as read_plain_arrays,
     )
     from pomona.executive.values.plain_text import (
+        NoTableError as NoTableError,
         is_file as is_file,
         read_plain_text as read_plain_text,
+        read_table as read_table,
     )
     from pomona.executive.values.read_only import (
         ReadOnly as ReadOnly,
@@ -281,7 +283,7 @@ PUBLIC = {
         "ENDINGS UnusablePicture decode_picture decode_plane is_lfs_pointer read_picture read_plane write_picture"
     ),
     "values.plain_arrays": "read_plain_arrays",
-    "values.plain_text": "is_file read_plain_text",
+    "values.plain_text": "NoTableError is_file read_plain_text read_table",
     "values.read_only": "ReadOnly",
     "values.rotations": "is_rigid",
     "values.sections": "Problem Section value",

@@ -11,7 +11,7 @@ from recorded_events import started, write
 from pomona.executive.cli import main
 from pomona.executive.errors import UsageError
 from pomona.executive.files import read_text
-from pomona.executive.values.plain_text import MOST_BYTES
+from pomona.executive.values.plain_text import MOST_BYTES, NoTableError, read_plain_text, read_table
 
 
 @pytest.mark.parametrize(
@@ -75,3 +75,37 @@ def test_a_longer_name_than_a_file_can_have_is_a_file_that_is_not_there(
     said = capsys.readouterr()
     assert "Traceback" not in said.out + said.err
     assert said.out + said.err
+
+
+def test_a_byte_order_mark_is_no_part_of_a_text(tmp_path: Path) -> None:
+    (file := tmp_path / "notes.txt").write_bytes("\ufeff0 0.5\r\n".encode())
+    assert read_plain_text(file) == "0 0.5\n"
+
+
+def test_rows_of_a_table_have_the_numbers_of_their_lines(tmp_path: Path) -> None:
+    (file := tmp_path / "fruit.csv").write_bytes('\ufeffimage,x\r\na.jpg,1\r\n\r\n"b, c.jpg",2\r\n'.encode())
+    assert read_table(file, ["image"]) == [(2, {"image": "a.jpg", "x": "1"}), (4, {"image": "b, c.jpg", "x": "2"})]
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"image;x\na.jpg;1\n", "not parted by commas"),
+        (b"image\tx\na.jpg\t1\n", "not parted by commas"),
+        (b"picture,x\n", "has no column image"),
+        (b"image,x,image\n", "has the column image twice"),
+        (b"", "has no column image"),
+        (b"\xff\xfei\x00", "it is UTF-16"),
+        (b"image,x\na\xe9.jpg,1\n", "byte 9 is not UTF-8"),
+    ],
+)
+def test_a_table_that_cannot_be_used_is_refused_with_the_reason(content: bytes, reason: str, tmp_path: Path) -> None:
+    (file := tmp_path / "fruit.csv").write_bytes(content)
+    with pytest.raises(NoTableError, match=reason):
+        read_table(file, ["image"])
+
+
+def test_an_absent_table_and_a_folder_are_refused(tmp_path: Path) -> None:
+    for path in (tmp_path, tmp_path / "absent.csv"):
+        with pytest.raises(NoTableError, match="irectory"):
+            read_table(path, ["image"])

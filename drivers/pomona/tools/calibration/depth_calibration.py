@@ -12,7 +12,6 @@ each other, where a correction learnt from the others makes the next one worse.
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -26,7 +25,9 @@ from pomona.drivers.depth_model import SENSORS, DepthModel
 from pomona.drivers.errors import DriverError
 from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.plain_text import NoTableError, read_table
 
+NAMES = ("name", "fruit_id", "id")  # columns of which one names the ball
 LEAST_BALLS = 3  # with fewer than this nothing can be held out
 
 LEAST_OFFSET, LEAST_SCALE = 5e-3, 1e-3  # lower bounds of deviations of offset [m] and scale, without a measurement
@@ -111,20 +112,15 @@ def read_balls(path: Path, diameter: str = "diameter_mm", only: str = "") -> lis
     Raises UnusableDepth: a column is missing, or a number is none; the text has the line.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            reader = csv.DictReader(file)
-            columns = reader.fieldnames or []
-            rows = list(reader)
-    except (OSError, ValueError, csv.Error) as error:
-        raise UnusableDepth(f"{path}: cannot be read as a table: {error}") from error
-    names = [column for column in ("name", "fruit_id", "id") if column in columns]
-    missing = [column for column in ("frame", "x", "y", "w", "h", diameter) if column not in columns]
-    if missing or not names:
-        lacks = ", ".join([*missing, *(() if names else ("name",))])
-        raise UnusableDepth(f"{path}:1: no column {lacks}: a table of balls has frame, name, x, y, w, h and {diameter}")
+        rows = read_table(path, ("frame", "x", "y", "w", "h", diameter))
+        if rows and not any(column in rows[0][1] for column in NAMES):
+            raise NoTableError("has no column name")
+    except NoTableError as error:
+        needed = f"a table of balls has frame, name, x, y, w, h and {diameter}"
+        raise UnusableDepth(f"{path}:1: {error}: {needed}") from error
     found = []
-    for line, row in enumerate(rows, 2):
-        name = row[names[0]] or ""
+    for line, row in rows:
+        name = next((row[column] for column in NAMES if row.get(column)), "")
         if not name.startswith(only):
             continue
         try:

@@ -1,15 +1,17 @@
-"""Text files that a person names: read whole, of a bounded length; a device or a pipe is refused, not waited for."""
+"""Texts and tables that a person names: read whole, of a bounded length; devices and pipes are refused at once."""
 
 from __future__ import annotations
 
+import csv
 import errno
+from collections.abc import Sequence
 from pathlib import Path
 
 MOST_BYTES = 16 * 1024 * 1024  # of a file: four for each character of a Groot2 project of 4 Mi characters
 
 
 def read_plain_text(path: Path, most: int = MOST_BYTES) -> str:
-    """Read the text of a file or of the target of a link; lines end with "\\n".
+    """Read the text of a file or of the target of a link, without a byte order mark; lines end with "\\n".
 
     Raises:
         UnicodeDecodeError: it is not UTF-8.
@@ -19,10 +21,40 @@ def read_plain_text(path: Path, most: int = MOST_BYTES) -> str:
     if path.exists() and not path.is_file():
         directory = path.is_dir()
         raise OSError(errno.EISDIR if directory else errno.EINVAL, "Is a directory" if directory else "Not a file")
-    with path.open(encoding="utf-8") as stream:
+    with path.open(encoding="utf-8-sig") as stream:
         if path.stat().st_size > most:
             raise OSError(errno.EFBIG, f"Larger than {most // 1024} KiB")
         return stream.read(most)
+
+
+class NoTableError(ValueError):
+    """The file is no table, or not the one that is needed; the text holds the reason."""
+
+
+def read_table(path: Path, needed: Sequence[str], most: int = MOST_BYTES) -> list[tuple[int, dict[str, str]]]:
+    """Return the rows of a table of comma-separated values, each with the number of its line.
+
+    Raises NoTableError: it cannot be read, or a needed column is missing or there twice.
+    """
+    try:
+        reader = csv.DictReader(read_plain_text(path, most).split("\n"))
+        rows = [(reader.line_num, row) for row in reader]
+    except UnicodeDecodeError as error:
+        raise NoTableError(f"is no table: {not_utf8(error)}") from error
+    except OSError as error:
+        raise NoTableError(f"cannot be read: {error.strerror}") from error
+    except csv.Error as error:
+        raise NoTableError(f"is no table: {error}") from error
+    columns = reader.fieldnames or []
+    missing = [name for name in needed if name not in columns]
+    if missing and len(columns) == 1 and any(mark in columns[0] for mark in ";\t"):
+        raise NoTableError("its columns are not parted by commas: save it with commas, and numbers with a point")
+    if missing:
+        raise NoTableError(f"has no column {', '.join(missing)}")
+    twice = [name for name in needed if columns.count(name) > 1]
+    if twice:
+        raise NoTableError(f"has the column {', '.join(twice)} twice")
+    return rows
 
 
 def not_utf8(error: UnicodeDecodeError) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from pomona.executive import Float64, is_file
+from pomona.executive import Float64, NoTableError, read_table
 from pomona.skills.perception import LEAST_FRUIT, FruitError, KindSizes, TooFewFruit, held_out, learn_sizes, load_fruit
 
 TRUE = "true_width_mm", "true_height_mm"  # columns that an operator adds to `finds.csv` for fruit measured by hand
@@ -118,26 +117,10 @@ def read_measured(tables: Sequence[Path], by_shape: bool) -> SizeTable:
 
 
 def _rows(table: Path, needed: Sequence[str]) -> list[tuple[int, dict[str, str]]]:
-    if not is_file(table):
-        raise UnusableTable(f"{table} is not a file")
     try:
-        with table.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file)
-            rows = [(reader.line_num, row) for row in reader]
-            columns = reader.fieldnames or []
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise UnusableTable(f"{table} is no table of comma-separated values: {error}") from error
-    missing = [name for name in needed if name not in columns]
-    if missing and len(columns) == 1 and any(mark in columns[0] for mark in ";\t"):
-        raise UnusableTable(
-            f"{table}: its columns are not parted by commas: save it with commas, and numbers with a point"
-        )
-    twice = [name for name in needed if columns.count(name) > 1]
-    if twice:
-        raise UnusableTable(f"{table}: the column {' and '.join(twice)} is there twice")
-    if missing:
-        raise UnusableTable(f"{table}: there is no column {' or '.join(missing)}")
-    return rows
+        return read_table(table, needed)
+    except NoTableError as error:
+        raise UnusableTable(f"{table}: {error}") from error
 
 
 def _by_hand(table: Path, line: int, row: dict[str, str]) -> list[float] | None:

@@ -195,7 +195,7 @@ def test_the_command_writes_a_file_that_a_camera_takes_and_a_picture(
 @pytest.mark.parametrize(
     ("table", "says"),
     [
-        ("frame,x,y,w,h,diameter_mm\n", "no column name"),
+        ("frame,x,y,w,h,diameter_mm\nf,1,2,30,40,60\n", "no column name"),
         ("frame,name,x,y,w,h,diameter_mm\nf,a,1,2,three,4,60\n", ":2: x, y, w, h"),
         ("frame,name,x,y,w,h,diameter_mm\nf,a,1,2,3,4,60\n", ":2: a box of 8 pixels"),
         ("frame,name,x,y,w,h,diameter_mm\nf,a,1,2,nan,40,60\n", ":2: a box of 8 pixels"),

@@ -137,18 +137,18 @@ def test_no_file_is_written_over_and_a_run_without_tables_is_reported(capsys) ->
     assert Path("sizes.yaml").read_text() == "mine"
     Path("picture.csv").write_bytes(bytes(range(256)))
     assert main(["calibrate", "sizes", "picture.csv", "--out", "new.yaml"]) == 2
-    assert "picture.csv is no table" in capsys.readouterr().err
+    assert "picture.csv: is no table" in capsys.readouterr().err
     text = Path(write(finds(12))).read_text()
     Path("parted.csv").write_text(text.replace(",", ";"))
     assert main(["calibrate", "sizes", "parted.csv", "--out", "new.yaml"]) == 2
     assert "parted.csv: its columns are not parted by commas" in capsys.readouterr().err
     Path("twice.csv").write_text("".join(f"{line},{line.rpartition(',')[2]}\n" for line in text.splitlines()))
     assert main(["calibrate", "sizes", "twice.csv", "--out", "new.yaml"]) == 2
-    assert "twice.csv: the column true_height_mm is there twice" in capsys.readouterr().err
+    assert "twice.csv: has the column true_height_mm twice" in capsys.readouterr().err
     assert main(["calibrate", "sizes", "finds.csv", "--out", "nowhere/new.yaml"]) == 2
     assert "nowhere/new.yaml: there is no folder nowhere" in capsys.readouterr().err
     assert main(["calibrate", "sizes", "nothing.csv", "--out", "new.yaml"]) == 2
-    assert "nothing.csv is not a file" in capsys.readouterr().err
+    assert "nothing.csv: cannot be read: No such file or directory" in capsys.readouterr().err
 
 
 def test_exchanged_width_and_height_are_found_by_the_kinds_proportions(capsys) -> None:

@@ -5,7 +5,6 @@ Everything is read and checked before anything is learnt: a mistake is named wit
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy as np
 import yaml
 
 from pomona.executive.values.pictures import UnusablePicture, read_picture
-from pomona.executive.values.plain_text import read_plain_text
+from pomona.executive.values.plain_text import NoTableError, read_plain_text, read_table
 from pomona.skills.perception.detection.class_names import ClassUnknown, class_of
 from pomona.skills.perception.detection.errors import BadPhotographs
 from pomona.skills.perception.detection.labelled import PICTURES, Labelled, files
@@ -178,17 +177,13 @@ def _rows(path: Path, columns: tuple[str, ...]) -> Iterator[tuple[int, dict[str,
     if not path.is_file():
         raise BadPhotographs(path, "no such file: images.csv lists the pictures and fruit.csv their boxes")
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            reader = csv.DictReader(file)
-            missing = [name for name in columns if name not in (reader.fieldnames or ())]
-            if missing:
-                raise BadPhotographs(path, f"has no column {', '.join(missing)}")
-            for row in reader:
-                if any(row[name] is None for name in columns):
-                    raise BadPhotographs(path, f"line {reader.line_num}: too few columns")
-                yield reader.line_num, row
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise BadPhotographs(path, f"is no table: {error}") from error
+        rows = read_table(path, columns, MOST_JSON)
+    except NoTableError as error:
+        raise BadPhotographs(path, str(error)) from error
+    for line, row in rows:
+        if any(row[name] is None for name in columns):
+            raise BadPhotographs(path, f"line {line}: too few columns")
+        yield line, row
 
 
 def _yolo_folders(folder: Path) -> list[tuple[Path, Path]]:
