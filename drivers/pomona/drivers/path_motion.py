@@ -97,11 +97,13 @@ class PathMotion:
             self._follower.halt()
 
     def pause(self) -> None:
+        """Slow down to rest on the path."""
         if self.state is MotionState.RUNNING and not self._stopping:
             self.state = MotionState.PAUSED
             self._follower.slow_down()
 
     def resume(self) -> None:
+        """Go on along the path after a pause."""
         if self.state is MotionState.PAUSED and not self._stopping:
             self.state = MotionState.RUNNING
             self._resting_since = math.inf  # it rested because it was paused

@@ -111,13 +111,13 @@ def read_balls(path: Path, diameter: str = "diameter_mm", only: str = "") -> lis
 
     Raises UnusableDepth: a column is missing, or a number is none; the text has the line.
     """
+    needed = f"a table of balls has frame, name, x, y, w, h and {diameter}"
     try:
         rows = read_table(path, ("frame", "x", "y", "w", "h", diameter))
-        if rows and not any(column in rows[0][1] for column in NAMES):
-            raise NoTableError("has no column name")
     except NoTableError as error:
-        needed = f"a table of balls has frame, name, x, y, w, h and {diameter}"
         raise UnusableDepth(f"{path}:1: {error}: {needed}") from error
+    if rows and not any(column in rows[0][1] for column in NAMES):
+        raise UnusableDepth(f"{path}:1: has no column name: {needed}")
     found = []
     for line, row in rows:
         name = next((row[column] for column in NAMES if row.get(column)), "")

@@ -83,10 +83,12 @@ class CellFile:
 
     @property
     def kind(self) -> str:
+        """Kind of the cell, such as `sim`."""
         return self.section.kind
 
     @property
     def record_required(self) -> bool:
+        """Whether a run without a record is refused."""
         return self.section.record == "required"
 
     @property

@@ -147,7 +147,8 @@ class World(Protocol):
     def clock(self) -> Clock:
         """The world's own time."""
 
-    def truth(self) -> Mapping[str, object]: ...
+    def truth(self) -> Mapping[str, object]:
+        """Return the true state of the world, for reports; empty where it is not known."""
 
 
 @dataclass(slots=True)

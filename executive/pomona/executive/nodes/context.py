@@ -36,7 +36,8 @@ class NodeText(Protocol):
         """Its type as written."""
 
     @property
-    def kind(self) -> str: ...
+    def kind(self) -> str:
+        """Its type's name."""
 
     @property
     def label(self) -> str: ...
