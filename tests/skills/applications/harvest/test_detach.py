@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -35,8 +36,10 @@ DOWN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 HEIGHT = 0.068
 
 
-def middle_posture(T: np.ndarray) -> np.ndarray:
-    """Joints from which the hand rolls furthest both ways."""
+@cache
+def middle_posture() -> np.ndarray:
+    """Joints from which the hand at an unbroken stem rolls furthest both ways."""
+    T = Stem().T
     postures = inverse_kinematics(ROBOT_MODEL, T, arm_angles=16)
     return max(postures, key=lambda q: min(roll_of(q, T, way) for way in (1.0, -1.0)))
 
@@ -51,7 +54,7 @@ class Rig:
     def __init__(self, strength: np.ndarray = WEAK, bending: float = 0.08) -> None:
         self.stem = Stem(strength, bending=bending)
         self.clock = MockClock()
-        self.arm = MockArm(self.clock, middle_posture(self.stem.T))
+        self.arm = MockArm(self.clock, middle_posture())
         self.gripper = MockGripper(self.clock, width=DIAMETER + 0.02)
         self.fingers = MockForceSensor(self.clock)
         self.fingers.feel = lambda _now: self.stem.wrenches()
@@ -378,7 +381,9 @@ def paused(rig: Rig, duration: float, meanwhile: Callable[[], None] = lambda: No
         rig.arm.pause()
         rig.gripper.pause()
         meanwhile()
-        rig.clock.advance(duration)
+        rig.clock.advance(min(duration, 2.0))
+        rig.clock._steps += max(round((duration - 4.0) / PERIOD), 0)  # hand and fingers stand: nothing steps
+        rig.clock.advance(min(max(duration - 2.0, 0.0), 2.0))
         rig.gripper.resume()
         rig.arm.resume()
 
