@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import fields
 from functools import cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -87,7 +87,7 @@ def keep(value: Any) -> None:
 @cache
 def is_frozen(kind: Any) -> bool:
     """Return True for a frozen dataclass."""
-    return is_dataclass(kind) and kind.__dataclass_params__.frozen  # type: ignore[attr-defined]
+    return bool(getattr(getattr(kind, "__dataclass_params__", None), "frozen", False))
 
 
 def _array(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
