@@ -75,7 +75,8 @@ def _copied(value: Any, convert: Callable[[Any], Any]) -> Any:
 
 def keep(value: Any) -> None:
     """Make the fields of a frozen dataclass read-only, in place; another value stays as it is."""
-    if isinstance(value, ReadOnly) or not is_frozen(type(value)):
+    kind: Any = type(value)
+    if isinstance(value, ReadOnly) or not is_frozen(kind):
         return
     for name in _names(type(value)):
         item = getattr(value, name)
