@@ -39,7 +39,7 @@ def run(cases: list[Case], cell: str, seed: int, jobs: int, alone: bool = False)
         verdicts.append(verdict)
         mark, case = "✗" if verdict.wrong else "✓", verdict.case
         words = f"{len(verdicts)}/{len(cases)} {mark} {case.name} {case.phase.name} {'; '.join(verdict.wrong)}"
-        print(words, file=sys.stderr, flush=True)
+        print(words, verdict.reason, file=sys.stderr, flush=True)
 
     if not alone:
         prepare_to_fork()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import resource
 import select
 import signal
 import tempfile
@@ -74,8 +75,11 @@ HOME = 0.01
 """An arm this near to a pose is there [rad]."""
 SHOWING: dict[str, type[Any]] = {"arm": Arm, "gripper": Gripper}
 """Devices whose faults show when they move; every other word of `shows` is a node's name."""
+ENDLESS = 600.0
+"""Time on the run's clock after its fault at which a case is given up [s]: a pause of a minute, or an arm at a tenth of
+its speed, takes less."""
 HANGS = 1200.0
-"""Time after which a case is given up [s]: a pause of a minute, or an arm at a tenth of its speed, takes less."""
+"""Processor time of a case after which it is given up [s]: the run's clock stands."""
 
 
 class Killed(BaseException):
@@ -111,7 +115,8 @@ class CaseWatcher:
         model = self.world.model
         self._qvel = model.jnt_dofadr[self.world.arm_joints]
         self._finger = model.joint("finger_left").qposadr[0]
-        self._killed_at = np.inf
+        self._killed_at = self._taken_at = np.inf
+        self.endless = False
         self.leftovers = Leftovers(runner, cell)
         self._clock = SteppedBack(self.world.clock, TIMESTEP)
         self._operator = Operator(runner)
@@ -121,7 +126,7 @@ class CaseWatcher:
 
     def take(self, case: Case) -> None:
         """Go on with a case, whose phase has begun."""
-        self.case, phase = case, case.phase
+        self.case, phase, self._taken_at = case, case.phase, self.now
         if case.ends == "recovered":
             self._killed_at = self.began_at[phase.node] + phase.after
             return
@@ -194,6 +199,9 @@ class CaseWatcher:
             if isinstance(self.cell.devices["world"], VirtualWorld):
                 self.cell.devices["world"].hang_up()
             raise Killed("the executive was killed")
+        if self.case is not None and now > self._taken_at + ENDLESS and not self.endless:
+            self.endless = True
+            self.runner.stop("fault matrix")
         self.peak = max(self.peak, self.truth.force)
         width = self._width
         if self.case is not None and self._plan is not None:
@@ -233,6 +241,9 @@ def judge(watcher: CaseWatcher, executed: Executed, verdict: CaseVerdict) -> Non
         return
     if not watcher.injected:
         wrong.append("the fault never began")
+        return
+    if watcher.endless:
+        wrong.append(f"does not end within {ENDLESS:.0f} s of the run's clock")
         return
     ended = np.fmin(watcher.safe_at, watcher.failed_at) if case.ends == "failure" else watcher.safe_at
     verdict.noticed = float(ended - np.fmin(watcher.shows_at, ended))  # some show before they must
@@ -433,7 +444,7 @@ class Forks:
         self.jobs, self.tell = jobs, tell
         self.answer: int | None = None
         """Where a child writes; None in the parent."""
-        self._children: dict[int, tuple[int, Case, float]] = {}
+        self._children: dict[int, tuple[int, Case]] = {}
 
     def fork(self, case: Case) -> bool:
         """True in the child."""
@@ -444,10 +455,12 @@ class Forks:
         if child == 0:
             os.close(reading)
             self.answer = writing
+            spent = int(time.process_time() + HANGS)
+            resource.setrlimit(resource.RLIMIT_CPU, (spent, spent))
             one_process.continue_here()
             return True
         os.close(writing)
-        self._children[reading] = child, case, time.monotonic() + HANGS
+        self._children[reading] = child, case
         return False
 
     def send(self, verdict: CaseVerdict) -> None:
@@ -464,17 +477,13 @@ class Forks:
 
     def _collect(self) -> None:
         """Wait for one child."""
-        wait = max(0.0, min(end for _, _, end in self._children.values()) - time.monotonic())
-        ready, _, _ = select.select(list(self._children), [], [], wait)
-        for reading in ready or [min(self._children, key=lambda key: self._children[key][2])]:
-            child, case, _ = self._children.pop(reading)
-            if not ready:
-                os.kill(child, signal.SIGKILL)
+        for reading in select.select(list(self._children), [], [])[0]:
+            child, case = self._children.pop(reading)
             with os.fdopen(reading, "rb") as stream:
                 said = stream.read()
-            os.waitpid(child, 0)
-            trouble = "" if said else "the process died" if ready else f"does not end within {HANGS:.0f} s"
-            self.tell(CaseVerdict(case, wrong=[trouble]) if trouble else pickle.loads(said))
+            spent = os.WTERMSIG(os.waitpid(child, 0)[1]) in (signal.SIGXCPU, signal.SIGKILL)
+            trouble = f"does not end within {HANGS:.0f} s of processor time" if spent else "the process died"
+            self.tell(pickle.loads(said) if said else CaseVerdict(case, wrong=[trouble]))
 
 
 def branch_cases(cases: Sequence[Case], cell: str, seed: int, jobs: int, tell: Callable[[CaseVerdict], None]) -> None:

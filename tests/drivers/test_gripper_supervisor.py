@@ -61,6 +61,23 @@ def test_fingers_that_follow_their_commands_are_left_alone(fingers: Fingers) -> 
     assert not any(fingers.said)
 
 
+@pytest.mark.parametrize("speed", [0.06, -0.06])
+@pytest.mark.parametrize("after", [0.0, 0.1, 0.29])
+def test_a_speed_that_follows_a_move_at_once_is_a_command(fingers: Fingers, speed: float, after: float) -> None:
+    """Detach closes, and fingers give way to a push, while those of a move may still come to rest."""
+    fingers.supervisor.rest(fingers.now)
+    assert fingers.run(after) == []
+    for _ in range(20):
+        fingers.supervisor.stream(fingers.now, speed, 0.1)
+        assert fingers.run(0.02, speed) == []
+
+
+def test_fingers_that_go_on_against_a_speed_that_follows_a_move_at_once_stray(fingers: Fingers) -> None:
+    fingers.supervisor.rest(fingers.now)
+    fingers.supervisor.stream(fingers.now, -0.02, 0.1)
+    assert "opens without a command" in fingers.run(0.2, 0.03)[0]
+
+
 def test_fingers_that_something_blocks_for_a_moment_are_left_alone(fingers: Fingers) -> None:
     fingers.supervisor.stream(fingers.now, -0.05, 0.1)
     assert fingers.run(0.25) == []  # 12.5 mm, 5 of them by the lag that is allowed

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import dataclass, field
 
+import numpy as np
 import pytest
 
 from pomona.executive.board import Board, Entry, WrongThread
 from pomona.executive.clock import ManualClock
+from pomona.executive.values.arrays import Float64
+from pomona.executive.values.read_only import LARGE, own
 
 
 @pytest.fixture
@@ -53,3 +57,47 @@ def test_a_snapshot_does_not_change(board):
     taken = board.snapshot()
     board.write("/a", 2, "t")
     assert taken["/a"].value == 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measured:
+    """A value of a skill that protects nothing by itself."""
+
+    size: Float64
+    parts: list[Float64] = field(default_factory=list)
+    inner: Measured | None = None
+
+
+def reader_of(board, key):
+    """A skill's read, as `bind_skill` makes it."""
+    return own(board.get(key).value)
+
+
+@pytest.mark.parametrize("large", [False, True])
+def test_a_written_value_can_be_changed_neither_by_its_writer_nor_by_a_reader(board, large):
+    array = np.zeros(LARGE if large else 2)
+    board.write("/a", Measured(array, [array.copy()], Measured(array.copy())), "t")
+    read = reader_of(board, "/a")
+    for kept in (read.size, read.parts[0], read.inner.size):
+        with pytest.raises(ValueError, match="read-only"):
+            kept += 1.0
+    with pytest.raises(AttributeError):
+        read.parts.append(array)
+    if not large:
+        array += 1.0
+    assert board.get("/a").value.size[0] == 0.0
+
+
+def test_a_list_keeps_its_type_and_each_reader_has_its_own(board):
+    given = [1, {"b": [np.zeros(2)]}, {2}]
+    board.write("/a", given, "t")
+    given.append(3)
+    read = reader_of(board, "/a")
+    read[1]["b"].clear()
+    read[2].add(5)
+    del read[0]
+    again = reader_of(board, "/a")
+    assert [type(item) for item in again] == [int, dict, set]
+    assert again[2] == {2}
+    with pytest.raises(ValueError, match="read-only"):
+        again[1]["b"][0][0] = 1.0

@@ -14,14 +14,18 @@ from pomona.drivers.interfaces import Arm, Camera, Cameras, ForceSensor, Hand, W
 from pomona.executive.board import Board
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.connect import load_cell
+from pomona.executive.clock import ManualClock
 from pomona.executive.errors import NotOwnerError
 from pomona.executive.language import BuiltTree
 from pomona.executive.running.events import EventStream
 from pomona.executive.running.runner import Runner
 from pomona.executive.skill import Skill, SkillContext, Work
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.read_only import own
 from pomona.skills.motion.collision import RobotShape
+from pomona.skills.motion.grasp import GraspCandidates
 from pomona.skills.motion.robot import RobotModel
+from tests.skills.picking_scene import a_grasp, seen_map
 from tests.skills.reach import changes, places
 
 MOCK = """
@@ -111,6 +115,22 @@ def test_the_walk_reaches_limits_poses_boxes_readings_and_the_robot(cell: Cell) 
     assert reached >= {*expected, "ForceSensor.latest().wrenches", "shape.model.geoms[0].size", "shape.arrays.spheres"}
     if cell.kind == "simulated":
         assert {"Cameras.all[0].latest().depth", "Cameras.all[0].latest().T_mount_camera"} <= reached
+
+
+def board_values() -> dict[str, Callable[[], Any]]:
+    """Values that skills exchange, as a skill reads them."""
+    board, grasp = Board(ManualClock()), a_grasp()
+    values = {"map": seen_map(), "candidates": GraspCandidates((grasp,), (), 1)}
+    for name, value in {**values, "list": [grasp.width, {"q": grasp.q_pre_grasp.copy()}]}.items():
+        board.write(name, value, "a test")
+    return {name: lambda name=name: own(board.entries[name].value) for name in board.entries}
+
+
+def test_no_value_of_the_board_can_be_changed_by_its_reader() -> None:
+    roots = board_values()
+    reached = {place.path for place in places(roots)}
+    assert reached >= {"map.states", "candidates.grasps[0].fruit.T_base_fruit", "list[1]['q']"}
+    assert changes(roots) == []
 
 
 @dataclass(frozen=True, slots=True, eq=False)

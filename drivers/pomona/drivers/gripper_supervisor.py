@@ -171,7 +171,8 @@ class GripperSupervisor:
         if stamp <= self._free_until:
             self._lower_bound, self._upper_bound = width, width
             nearest = min(max(width, self._way[0]), self._way[1])
-            return self._astray(nearest, width) if abs(width - nearest) > self._supervision.stray else ""
+            late = self._supervision.lag * (self._opening if width > nearest else self._closing)
+            return self._astray(nearest, width) if abs(width - nearest) > self._supervision.stray + late else ""
         self._lower_bound, self._upper_bound = min(self._lower_bound, width), max(self._upper_bound, width)
         stray, lag = self._supervision.stray, self._supervision.lag
         if width - self._lower_bound > stray + lag * self._opening:
@@ -208,5 +209,6 @@ class GripperSupervisor:
         elapsed = max(now - self._told_at, 0.0) if math.isfinite(self._told_at) else 0.0
         self._told_at = max(self._told_at, now)
         self._behind += self._speed * elapsed
-        self._lower_bound += max(self._speed, 0.0) * elapsed
-        self._upper_bound += min(self._speed, 0.0) * elapsed
+        opened, closed = max(self._speed, 0.0) * elapsed, min(self._speed, 0.0) * elapsed
+        self._lower_bound, self._upper_bound = self._lower_bound + opened, self._upper_bound + closed
+        self._way = self._way[0] + closed, self._way[1] + opened

@@ -10,6 +10,7 @@ from typing import Any
 
 from pomona.executive.clock import Clock
 from pomona.executive.errors import PomonaError
+from pomona.executive.values.read_only import shared
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,13 +58,13 @@ class Board:
         self._listeners.append(listener)
 
     def write(self, key: str, value: Any, writer: str) -> None:
-        """Set a value; the tick thread alone may, once it has adopted the board.
+        """Set a value, which nothing can change then; the tick thread alone may, once it has adopted the board.
 
         Raises WrongThread: another thread writes.
         """
         if self._owner is not None and threading.get_ident() != self._owner:
             raise WrongThread(key)
-        entry = Entry(value, self._clock.now(), self.tick, writer)
+        entry = Entry(shared(value), self._clock.now(), self.tick, writer)
         self._entries[key] = entry
         for listener in self._listeners:
             listener(key, entry)

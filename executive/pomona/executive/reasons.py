@@ -15,7 +15,15 @@ DEEPEST_CAUSE, MOST_CAUSES = 90, 10_000  # how far down, and how many, causes of
 
 
 class NoValue(PomonaError):
-    """A required value is missing: an unwritten port, a division by zero."""
+    """A required value is missing: an unwritten port, a division by zero; `place` is the file and line, if known."""
+
+    place = ""
+
+    def at(self, place: str) -> NoValue:
+        """Return the error with its place; one that has a place keeps it."""
+        if not self.place:
+            self.place, self.args = place, (f"{self}, in {place}",)
+        return self
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import pytest
 from hypothesis import given, strategies as st
@@ -36,6 +37,7 @@ def test_a_value_that_grows_fails_where_it_is_calculated(built, start: str, agai
     assert reason.code == "BAD_VALUE"
     assert reason.node_path.endswith("Grow")
     assert words in reason.message
+    assert re.search(r", in \w+\.yaml:6$", reason.message)
 
 
 @pytest.mark.parametrize("text", ["{s} + {s}", "{s} * 1000000", "[1] + [2]", "{s} - {s}", "[1, 2] * 2"])

@@ -11,6 +11,7 @@ from pomona.executive.language.values import out_of_range
 from pomona.executive.ports import Port, Ports, Quantity, type_name
 from pomona.executive.reasons import NoValue
 from pomona.executive.skill import Failure, Skill, SkillContext, SkillFailure
+from pomona.executive.values.read_only import own
 
 
 def bind_skill(
@@ -39,7 +40,7 @@ def bind_skill(
                     raise SkillFailure(Failure("BAD_VALUE", f"input {name}: {missing}", {"port": name})) from None
                 value = port.default_value
             values[name] = _accepted(name, port, value)
-        return values
+        return {name: own(value) for name, value in values.items()}
 
     def write(name: str, value: Any) -> None:
         key = keys.get(name)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from pathlib import PurePath
+from typing import Any, TypeVar
 
 from pomona.executive.board import Board
 from pomona.executive.language.bind_ports import plain
@@ -16,6 +17,8 @@ from pomona.executive.language.scope import ComputedValue, Given, Value
 from pomona.executive.nodes.conditions import Condition
 from pomona.executive.nodes.surroundings import ForEachCount, LastFailure, RepeatCount, RetryCount
 from pomona.executive.reasons import NoValue
+
+T = TypeVar("T")
 
 
 def constant(value: Any) -> Getter:
@@ -69,7 +72,7 @@ def getter(value: Value, scope: InstanceScope) -> Getter:
     """Reads a value of a port or a modifier."""
     if isinstance(value, Given):
         return constant(value.value)
-    compiled = compile_expression(value.expression, scope.getter)
+    compiled = _placed(compile_expression(value.expression, scope.getter), value)
     return lambda: plain(compiled())
 
 
@@ -81,7 +84,19 @@ def condition(value: Value, scope: InstanceScope) -> Condition:
     for name, shown in (("retry", "attempt"), ("repeat", "round"), ("for_each", "index"), ("failure", "code")):
         if name in names:
             reads[f"{name}.{shown}"] = _field(scope.getter(name), shown)
-    return Condition(value.text, compile_condition(value.expression, scope.getter), reads)
+    return Condition(value.text, _placed(compile_condition(value.expression, scope.getter), value), reads)
+
+
+def _placed(get: Callable[[], T], value: ComputedValue) -> Callable[[], T]:
+    """Name the file and line of an expression that gives no value, also where another one reads it."""
+
+    def read() -> T:
+        try:
+            return get()
+        except NoValue as missing:
+            raise missing.at(f"{PurePath(value.where.source.path).name}:{value.where.line}") from None
+
+    return read
 
 
 def _field(get: Getter, name: str) -> Getter:

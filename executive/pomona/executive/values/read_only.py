@@ -10,13 +10,15 @@ where it is made, and no view and no flag of an array gives the right to write b
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import sys
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import cache
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
+if TYPE_CHECKING:
+    import numpy as np
 
 LARGE = 65_536
 """Size from which an array is marked as read-only in place, without a copy [bytes]: images and maps, which have one
@@ -27,13 +29,14 @@ _AS_THEY_ARE = frozenset((float, int, bool, str, type(None)))  # the most freque
 
 
 def read_only(value: Any) -> Any:
-    """Return a value whose arrays and containers cannot be changed; other objects are returned as they are.
+    """Return a value whose arrays, containers and frozen dataclasses cannot be changed; others stay as they are.
 
     Lists become tuples, sets frozen sets, mappings read-only views of a copy. Their content is treated alike.
     """
     if type(value) in _AS_THEY_ARE:
         return value
-    if isinstance(value, np.ndarray):
+    numpy = sys.modules.get("numpy")  # most trees hold no array
+    if numpy is not None and isinstance(value, numpy.ndarray):
         return _array(value)
     if isinstance(value, tuple):
         if _AS_THEY_ARE.issuperset(map(type, value)):
@@ -44,7 +47,48 @@ def read_only(value: Any) -> Any:
         return MappingProxyType({key: read_only(item) for key, item in value.items()})
     if isinstance(value, list):
         return tuple(map(read_only, value))
+    keep(value)
     return frozenset(value) if isinstance(value, set) else value
+
+
+def shared(value: Any) -> Any:
+    """Return a value of the board, which several skills read: no array and no frozen dataclass in it can be changed.
+
+    Lists, sets and dictionaries keep their types and are copied; `own` gives each reader another copy.
+    """
+    return _copied(value, read_only)
+
+
+def own(value: Any) -> Any:
+    """Return a value with copies of its lists, sets and dictionaries: their reader may change them."""
+    return _copied(value, lambda item: item)
+
+
+def _copied(value: Any, convert: Callable[[Any], Any]) -> Any:
+    kind = type(value)
+    if kind in (list, set):
+        return kind(_copied(item, convert) for item in value)
+    if kind is dict:
+        return {key: _copied(item, convert) for key, item in value.items()}
+    return convert(value)
+
+
+def keep(value: Any) -> None:
+    """Make the fields of a frozen dataclass read-only, in place; another value stays as it is."""
+    kind: Any = type(value)
+    if isinstance(value, ReadOnly) or not is_frozen(kind):
+        return
+    for name in _names(type(value)):
+        item = getattr(value, name)
+        kept = read_only(item)
+        if kept is not item:
+            object.__setattr__(value, name, kept)
+
+
+@cache
+def is_frozen(kind: Any) -> bool:
+    """Return True for a frozen dataclass."""
+    return bool(getattr(getattr(kind, "__dataclass_params__", None), "frozen", False))
 
 
 def _array(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
@@ -54,6 +98,8 @@ def _array(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     owner: Any = array.base
     if isinstance(owner, bytes) and not array.flags.writeable:  # pickle gives writable arrays over bytes
         return array
+    import numpy as np
+
     return np.ndarray(array.shape, array.dtype, array.tobytes())
 
 

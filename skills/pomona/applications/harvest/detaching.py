@@ -90,6 +90,8 @@ class DetachSettings:
         stiffness: force of each pad per loss of opening [N/m]: that of the pads, since a fruit is harder.
         rough: error of both pads' force by the motor, or by the opening [N]: its steps of 0.5 N and friction; a fruit
             that turns in the pads changes its width.
+        least_gain, gain_time: smallest factor on the reported forces while motor and opening both show less, and its
+            time constant [s].
         let_back_force: pads' force at which a branch that was drawn has come back [N].
         firm: share of the carrying force at which a detached fruit is moved; firm_time: longest wait for it [s].
         back_distance, back_speed, back_acceleration: of the way to the robot after the break [m, m/s, m/s²].
@@ -153,6 +155,8 @@ class DetachSettings:
     wider: float = 4e-3
     stiffness: float = 1000.0
     rough: float = 1.5
+    least_gain: float = 0.4
+    gain_time: float = 0.1
     let_back_force: float = 0.5
     firm: float = 0.7
     firm_time: float = 0.3
@@ -262,6 +266,7 @@ class DetachController:
         self._seemed_free = False
         self._press = np.zeros(2)
         self._motor: float | None = None
+        self._gain = 1.0  # true over reported force of the pads
         self._opening = self._behind = 0.0  # commanded rate; commanded motion that the opening did not follow
         self._width = np.nan
         self._relieved_until = self._furthest = 0.0
@@ -307,6 +312,7 @@ class DetachController:
         self._note_pose(dt, T_base_tcp, T_base_tcp if T_base_aimed is None else T_base_aimed)
         self._time, self._path = self._time + dt, self._path + self._share * self._pace * dt
         self._motor = motor_force
+        wrenches = self._plausible(dt, wrenches, width)
         press = self._press = -wrenches[:, 2]
         force = _on_fruit(wrenches, T_base_tcp[:3, :3])
         self._note_stem(force)
@@ -331,6 +337,7 @@ class DetachController:
             dt, wrenches, width, motor_force: as in `step`.
         """
         self._motor = motor_force
+        wrenches = self._plausible(dt, wrenches, width)
         press = -wrenches[:, 2]
         if self.phase in HOLDING and press.min() > self.settings.touch:
             return self._grip(dt, wrenches, width)
@@ -382,6 +389,19 @@ class DetachController:
         behind = float(np.linalg.norm(T_aimed[:3, 3] - T[:3, 3])) / min(s.lead + s.lead_time * speed, s.lead_most)
         behind = max(behind, abs(self._aimed - roll) / (s.lead_angle + s.lead_time * turning))
         self._pace = float(np.clip(2.0 * (1.0 - behind), 0.0, 1.0))
+
+    def _plausible(self, dt: float, wrenches: Float64, width: float) -> Float64:
+        """Return the wrenches, scaled down while motor and opening both show that the pads report too much force."""
+        s, total = self.settings, float(-wrenches[:, 2].sum())
+        if self.phase in HOLDING and self._motor is not None:
+            likely = sorted((total, self._motor, self._squeezed(width)))[1]
+            gain = max(likely / total, s.least_gain) if total > likely + s.rough else 1.0
+            self._gain += min(dt / s.gain_time, 1.0) * (gain - self._gain)
+        return self._gain * wrenches
+
+    def _squeezed(self, width: float) -> float:
+        """Return the force of both pads by the opening since the grip [N]."""
+        return 2.0 * (self._press_gripped + self.settings.stiffness * (self._width_gripped - width))
 
     def _note_stem(self, force: Float64) -> None:
         """Estimate the stem's force on the fruit: the weight minus the pads' force."""
@@ -631,8 +651,7 @@ class DetachController:
     def _unfelt(self, press: Float64, width: float) -> float:
         """Return the force of the pads beyond their reports, by the motor's force, else by the opening [N]."""
         s = self.settings
-        squeezed = 2.0 * (self._press_gripped + s.stiffness * (self._width_gripped - width))
-        force = squeezed if self._motor is None else self._motor
+        force = self._squeezed(width) if self._motor is None else self._motor
         return max(force - s.rough - float(press.sum()), 0.0)
 
     def _is_loose(self, press: Float64, width: float) -> bool:

@@ -9,12 +9,13 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float32, Float64
+from pomona.executive.values.read_only import ReadOnly
 
 INTERPOLATION_ERROR = 0.27  # largest overestimate between corners, in cells (0.256 beside a corner)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DistanceField:
+class DistanceField(ReadOnly):
     """Distances to blocked cells as solid cubes, up to a limit.
 
     From a corner of the grid, the nearest point of a cube of the grid is a corner too: the distance transform of the

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -47,6 +48,10 @@ class CollisionWorld:
     table_z: float | None
     ignored: frozenset[tuple[str, str]]
     arrays: WorldArrays
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Leave the arrays out: another process makes its own, of the kinds for which functions are compiled."""
+        return _assemble, (self.shape, self.field, self.obstacles, self.margins, self.table_z, self.ignored)
 
     @staticmethod
     def build(

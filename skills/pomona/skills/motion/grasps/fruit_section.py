@@ -37,7 +37,7 @@ def fruit_section(measured: MeasuredFruit, vertices_base: Float64, R_base_tcp: F
     """
     widest = np.empty(3)
     # points within this distance of the outermost one belong to the widest section [m]
-    low, high, top = extent(vertices_base, measured.T_base_fruit[:3, 3], R_base_tcp, 1e-3, widest)
+    low, high, top = extent(vertices_base, measured.T_base_fruit.copy()[:3, 3], R_base_tcp, 1e-3, widest)
     axis = R_base_tcp.T @ measured.T_base_fruit[:3, :3] @ measured.fruit.symmetry_axis
     centre = (widest @ axis) * axis  # on the axis of the nearly round fruit: the load then has no lever on the pads
     centre[1] = (low + high) / 2.0

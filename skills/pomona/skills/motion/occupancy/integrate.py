@@ -65,14 +65,15 @@ def integrate(
     how = sensing or Sensing()
     if frame.depth is None:
         raise NothingMeasured(frame.label, 0, 0)
-    depth = np.require(frame.depth, np.float32, ["C", "W"])  # a read-only image would be compiled for once more
+    depth = np.require(frame.depth, np.float32, ["C", "W"])  # read-only arrays would be compiled for once more
     states, last_look = previous.states.copy(), previous.last_look.copy()
     look = len(previous.stamps)
+    T, origin = np.array(T_base_camera[:3]), np.array(previous.origin)
     labels = np.empty(depth.shape, np.uint8)
     points = np.zeros(states.shape, np.uint16)
     own = np.zeros(states.shape, np.bool_)
     if robot is not None and len(robot):
-        mark_spheres(np.ascontiguousarray(robot), how.robot_padding, previous.origin, previous.resolution, own)
+        mark_spheres(np.ascontiguousarray(robot), how.robot_padding, origin, previous.resolution, own)
     planes = np.empty((0, 4)) if target is None else target.planes
     bound = np.array([0.0, 0.0, 0.0, -1e9]) if target is None else target.bound
     leaves = excess_green(frame.colour) > how.foliage if how.foliage < 2.0 else np.zeros(depth.shape, np.bool_)
@@ -80,7 +81,7 @@ def integrate(
     camera = np.array([lens.fx, lens.fy, lens.cx, lens.cy])
     table_z = -np.inf if workspace.table_z is None else workspace.table_z
     valid, inside, below = _label_pixels(
-        depth, camera, np.ascontiguousarray(T_base_camera[:3]), previous.origin, previous.resolution, table_z,
+        depth, camera, T, origin, previous.resolution, table_z,
         how.table, own, planes, bound, how.target_margin, leaves, labels, points,
     )  # fmt: skip
     if below > _BELOW_TABLE_SHARE * max(below + inside, 1):
@@ -89,7 +90,7 @@ def integrate(
         raise NothingMeasured(frame.label, valid, inside)
     T_camera_base = np.ascontiguousarray(inverse(T_base_camera)[:3])
     _carve(
-        depth, labels, camera, T_camera_base, previous.origin, previous.resolution,
+        depth, labels, camera, T_camera_base, origin, previous.resolution,
         how.clear * previous.resolution, how.shadow, table_z, states, last_look, look,
     )  # fmt: skip
     occupied = points >= how.min_points

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.read_only import read_only
 from pomona.skills.motion.collision.distance_field import DistanceField
 from pomona.skills.motion.occupancy.errors import MapEmpty, MapStale
 
@@ -56,13 +57,14 @@ class OccupancyMap:
     @cached_property
     def blocked(self) -> NDArray[np.bool_]:
         """Which cells nothing may enter, shape (nx, ny, nz)."""
-        return self.states >= OCCUPIED
+        blocked: NDArray[np.bool_] = read_only(self.states >= OCCUPIED)
+        return blocked
 
     @cached_property
     def field(self) -> DistanceField:
         """Distance to blocked cells, computed once."""
         # distances are known up to this [m]
-        return DistanceField.of_blocked(self.blocked, self.origin, self.resolution, 0.30)
+        return DistanceField.of_blocked(self.states >= OCCUPIED, self.origin, self.resolution, 0.30)
 
     def usable_field(self, now: float, max_age: float) -> DistanceField:
         """Return the distance field if the newest look is at most `max_age` old at `now` on the cell's clock [s].
