@@ -11,6 +11,7 @@ from pomona.executive.values.arrays import Float64
 from pomona.executive.views import Points3, SceneView
 from pomona.skills.compiled_code import wait_for_first
 from pomona.skills.motion.collision import Convex, RobotShape
+from pomona.skills.motion.collision.world import standing
 from pomona.skills.motion.occupancy.camera_pose import check_camera_pose, pose_of_camera
 from pomona.skills.motion.occupancy.errors import CameraPoseMismatch, NothingMeasured
 from pomona.skills.motion.occupancy.integrate import Sensing, integrate, warm_up
@@ -20,6 +21,8 @@ from pomona.skills.perception.detection.detection import Detection
 from pomona.skills.perception.frame_check import MISMATCHES
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.frame_trust import require_true_look
+
+NEIGHBOUR = "neighbour"  # name of fruit measured beside the target, among the obstacles
 
 
 class Mapped(Outputs):
@@ -32,7 +35,8 @@ class UpdateMap(Skill):
     """Fuse a look into the occupancy map.
 
     The look is the measured fruit's, else the detection's, else the camera's newest. The measured fruit is kept out of
-    the map: planning knows it by its refined shape.
+    the map: planning knows it by its refined shape. Fruit measured beside it and fixed obstacles of the cell file are
+    obstacles by their shapes, without cells and shadows, so that gaps between them stay open.
     """
 
     devices = (Camera, Arm, Gripper, Workspace)
@@ -89,8 +93,11 @@ class UpdateMap(Skill):
             lower, upper = workspace.lower, workspace.upper
             grid = OccupancyMap.empty(lower, upper, resolution) if previous is None else previous
             target = None if measured is None else Convex.of_fruit(measured)
+            beside = () if measured is None else tuple(Convex.of_fruit(m, NEIGHBOUR) for m in measured.beside)
             sensing = Sensing(target_margin=target_margin, shadow=shadow, foliage=foliage)
-            fused = yield from self.compute(_fuse, grid, frame, T_base_camera, workspace, robot, target, sensing)
+            fused = yield from self.compute(
+                _fuse, grid, frame, T_base_camera, workspace, robot, target, beside, sensing
+            )
         except NothingMeasured as error:
             raise self.failure("NO_DEPTH", str(error), valid=error.valid, inside=error.inside) from error
         except (CameraPoseMismatch, BadJoints) as error:
@@ -119,9 +126,20 @@ def _fuse(
     workspace: Workspace,
     robot: Float64,
     target: Convex | None,
+    beside: tuple[Convex, ...],
     sensing: Sensing,
 ) -> OccupancyMap:
     """Integrate, and compute the distance field where it does not keep the tick waiting."""
-    fused = integrate(grid, frame, T_base_camera, workspace, robot=robot, target=target, sensing=sensing)
+    fused = integrate(
+        grid,
+        frame,
+        T_base_camera,
+        workspace,
+        robot=robot,
+        target=target,
+        beside=beside,
+        fixed=standing(workspace),
+        sensing=sensing,
+    )
     _ = fused.field
     return fused

@@ -127,6 +127,29 @@ def test_a_target_in_an_earlier_map_is_forgotten() -> None:
     assert np.linalg.norm(before.centres(OCCUPIED) - LEFT, axis=1).min() < RADIUS + 0.005  # the old snapshot stays
 
 
+def test_measured_neighbours_are_shapes_and_the_gap_between_them_stays_open() -> None:
+    gap = 0.012
+    near = LEFT + np.array([2.0 * RADIUS + gap, 0.0, 0.0])
+    frame = look(FROM_ABOVE, LEFT, near)
+    target, other = (Convex.of_points("ball", c + RADIUS * fibonacci_sphere(500)) for c in (LEFT, near))
+    between = (LEFT + near)[None] / 2.0
+    assert integrate(empty(), frame, FROM_ABOVE, CELL, target=target).field.distance(between)[0] < gap / 4.0
+    fused = integrate(empty(), frame, FROM_ABOVE, CELL, target=target, beside=(other,))
+    assert fused.field.distance(between)[0] > 0.1
+    assert fused.shapes == fused.field.shapes == (other,)
+    assert integrate(fused, look(FROM_ABOVE), FROM_ABOVE, CELL).shapes == (other,), "a later look adds to the map"
+
+
+def test_known_obstacles_are_no_cells_and_what_stands_beside_them_is() -> None:
+    frame = look(FROM_ABOVE, LEFT, RIGHT)
+    box = Convex.of_points("ball", LEFT + RADIUS * fibonacci_sphere(500))
+    fused = integrate(empty(), frame, FROM_ABOVE, CELL, fixed=(box,))
+    blocked = fused.centres(OCCUPIED, HIDDEN)
+    assert np.linalg.norm(blocked - LEFT, axis=1).min() > 0.10
+    assert np.linalg.norm(blocked - RIGHT, axis=1).min() < RADIUS
+    assert fused.shapes == (), "collision checks have the cell file's obstacles"
+
+
 def test_the_robot_itself_is_no_obstacle() -> None:
     frame = look(FROM_ABOVE, LEFT, RIGHT)
     robot = np.array([[*RIGHT, RADIUS]])

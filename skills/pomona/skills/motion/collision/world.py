@@ -68,15 +68,15 @@ class CollisionWorld:
 
         Args:
             workspace: table, fixed obstacles, meshes and zones of the cell.
-            field: of the map (`OccupancyMap.usable_field`); obstacles: further shapes, such as the target
-                (`Convex.of_fruit`).
+            field: of the map, with its shapes (`OccupancyMap.usable_field`).
+            obstacles: further shapes, such as the target (`Convex.of_fruit`).
         """
         shape = RobotShape.of(robot) if isinstance(robot, RobotModel) else robot
         fixed = (*standing(workspace), *map(Convex.of_box, workspace.zones)) if workspace else ()
         return _assemble(
             shape,
             field or DistanceField.nothing_blocked(),
-            (*fixed, *obstacles),
+            (*fixed, *(() if field is None else field.shapes), *obstacles),
             margins or Margins(),
             workspace.table_z if workspace else None,
             frozenset(),

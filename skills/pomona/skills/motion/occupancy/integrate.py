@@ -2,11 +2,12 @@
 
 A cell well in front of the surface seen at its pixel is free. A cell that holds enough surface points is occupied. A
 cell close behind such a surface is hidden: the rest of the object. The table is a known plane, not part of the map;
-neither are the robot itself, the fruit to pick, and the cells hidden behind them.
+neither are the robot itself, the fruit to pick, other known shapes, and the cells hidden behind them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pomona.drivers.interfaces import Frame, Intrinsics, Workspace
-from pomona.executive.values.arrays import Float32, Float64, UInt8
+from pomona.executive.values.arrays import Float32, Float64, Int64, UInt8
 from pomona.skills.geometry import inverse
 from pomona.skills.motion.collision.convex import Convex
 from pomona.skills.motion.occupancy.errors import CameraPoseMismatch, NothingMeasured
@@ -49,6 +50,8 @@ def integrate(
     *,
     robot: Float64 | None = None,
     target: Convex | None = None,
+    beside: Sequence[Convex] = (),
+    fixed: Sequence[Convex] = (),
     sensing: Sensing | None = None,
 ) -> OccupancyMap:
     """Return the map after one more frame; `previous` is not changed.
@@ -57,6 +60,8 @@ def integrate(
         frame: the look; its stamp becomes the age of the cells that it saw.
         robot: spheres that cover the robot at the look, shape (n, 4), in the base frame [m].
         target: refined shape of the fruit to be picked; its cells are kept out of the map.
+        beside: refined shapes of other fruit: the map keeps them instead of their cells, so that gaps stay open.
+        fixed: obstacles of the cell file, whose cells are kept out, too: collision checks have them.
 
     Raises:
         NothingMeasured: the frame has no depth, or none of it lies inside the mapped volume.
@@ -73,15 +78,19 @@ def integrate(
     own = np.zeros(states.shape, np.bool_)
     if robot is not None and len(robot):
         mark_spheres(np.ascontiguousarray(robot), how.robot_padding, previous.origin, previous.resolution, own)
-    planes = np.empty((0, 4)) if target is None else target.planes
-    bound = np.array([0.0, 0.0, 0.0, -1e9]) if target is None else target.bound
+    shapes = (*(() if target is None else (target,)), *beside)
+    margins = np.array([how.target_margin] * len(shapes) + [how.table] * len(fixed))
+    left_out = (*shapes, *fixed)
+    planes = np.vstack([np.empty((0, 4)), *(shape.planes for shape in left_out)])
+    start = np.cumsum([0] + [len(shape.planes) for shape in left_out])
+    bounds = np.array([shape.bound for shape in left_out]).reshape(-1, 4)
     leaves = excess_green(frame.colour) > how.foliage if how.foliage < 2.0 else np.zeros(depth.shape, np.bool_)
     lens = frame.intrinsics
     camera = np.array([lens.fx, lens.fy, lens.cx, lens.cy])
     table_z = -np.inf if workspace.table_z is None else workspace.table_z
     valid, inside, below = _label_pixels(
         depth, camera, np.ascontiguousarray(T_base_camera[:3]), previous.origin, previous.resolution, table_z,
-        how.table, own, planes, bound, how.target_margin, leaves, labels, points,
+        how.table, own, planes, start, bounds, margins, leaves, labels, points,
     )  # fmt: skip
     if below > _BELOW_TABLE_SHARE * max(below + inside, 1):
         raise CameraPoseMismatch(f"{below} of {below + inside} points would lie more than 30 mm below the table")
@@ -94,9 +103,10 @@ def integrate(
     )  # fmt: skip
     occupied = points >= how.min_points
     states[occupied], last_look[occupied] = OCCUPIED, look
-    if target is not None:
-        _clear_target(states, previous, target, how.target_margin)
-    return OccupancyMap(previous.origin, previous.resolution, states, last_look, (*previous.stamps, frame.stamp))
+    for shape, margin in zip(left_out, margins, strict=True):
+        _clear_shape(states, previous, shape, float(margin))
+    stamps, kept = (*previous.stamps, frame.stamp), tuple(beside) if target is not None else previous.shapes
+    return OccupancyMap(previous.origin, previous.resolution, states, last_look, stamps, kept)
 
 
 def excess_green(colour: UInt8) -> Float32:
@@ -112,8 +122,8 @@ def excess_green(colour: UInt8) -> Float32:
     return index
 
 
-def _clear_target(states: UInt8, grid: OccupancyMap, target: Convex, margin: float) -> None:
-    """Clear the blocked cells inside the target: it is an obstacle of its own."""
+def _clear_shape(states: UInt8, grid: OccupancyMap, target: Convex, margin: float) -> None:
+    """Clear the blocked cells inside a shape: it is an obstacle of its own."""
     reach = target.bound[3] + margin + grid.resolution
     first = np.maximum(grid.cell_of(target.bound[:3] - reach), 0)
     last = np.minimum(np.array(grid.cell_of(target.bound[:3] + reach)) + 1, states.shape)
@@ -155,13 +165,12 @@ def mark_spheres(
 @njit(cache=True, nogil=True)
 def _label_pixels(
     depth: Float32, camera: Float64, T: Float64, origin: Float64, resolution: float, table_z: float, table: float,
-    own: NDArray[np.bool_], planes: Float64, bound: Float64, margin: float,
+    own: NDArray[np.bool_], planes: Float64, start: Int64, bounds: Float64, margins: Float64,
     leaves: NDArray[np.bool_], labels: UInt8, points: NDArray[np.uint16],
 ) -> tuple[int, int, int]:  # fmt: skip
     """Label every pixel, and count the surface's points in each cell."""
     nx, ny, nz = own.shape
     valid, inside, below = 0, 0, 0
-    near = bound[3] + margin
     for v in range(depth.shape[0]):
         ry = (v - camera[3]) / camera[1]
         for u in range(depth.shape[1]):
@@ -194,14 +203,19 @@ def _label_pixels(
             if own[i, j, k]:
                 labels[v, u] = _ROBOT
                 continue
-            ax, ay, az = x - bound[0], y - bound[1], z - bound[2]
-            if near > 0.0 and ax * ax + ay * ay + az * az < near * near:
-                outside = -1e9
-                for f in range(planes.shape[0]):
-                    outside = max(outside, planes[f, 0] * x + planes[f, 1] * y + planes[f, 2] * z - planes[f, 3])
-                if outside < margin:
-                    labels[v, u] = _TARGET
-                    continue
+            for n in range(bounds.shape[0]):
+                ax, ay, az, near = x - bounds[n, 0], y - bounds[n, 1], z - bounds[n, 2], bounds[n, 3] + margins[n]
+                if ax * ax + ay * ay + az * az < near * near:
+                    outside = -1e9
+                    for f in range(start[n], start[n + 1]):
+                        outside = max(outside, planes[f, 0] * x + planes[f, 1] * y + planes[f, 2] * z - planes[f, 3])
+                        if outside >= margins[n]:
+                            break
+                    if outside < margins[n]:
+                        labels[v, u] = _TARGET
+                        break
+            if labels[v, u] == _TARGET:
+                continue
             if leaves[v, u]:
                 labels[v, u] = _FOLIAGE
             elif points[i, j, k] < 65535:
