@@ -129,8 +129,10 @@ class Scorer:
     _touching: dict[str, bool] = field(init=False, default_factory=dict)
     _forbidden: dict[str, Float64] = field(init=False)
     _wrenches: list[Float64] = field(init=False)
+    _source: list[str] = field(init=False)  # crate in which each fruit was at the start
 
     def __post_init__(self) -> None:
+        self._source = [self._inside(i) for i in range(len(self.scene.fruits))]
         count, carriers = len(self.scene.fruits), ("table", *fixed_names(self.scene.fixed))
         self._fruits = [FruitRecord(self._pose(i), self._pose(i)) for i in range(count)]
         self._sensors = [
@@ -167,7 +169,7 @@ class Scorer:
     def note_look(self) -> None:
         """Note an exposure, perhaps many times a second; a fruit in the hand or in a crate is not measured later."""
         for i, record in enumerate(self._fruits):
-            if record.grip is None and not self._inside(i):
+            if record.grip is None and not self._put_away(i):
                 record.looked = self._pose(i)
 
     def _watch_grip(self, i: int, record: FruitRecord, sensors: _Sensors) -> None:
@@ -261,7 +263,7 @@ class Scorer:
             if wrong := other.touches if never_gripped else other.bumps:
                 hits[self.scene.fruits[i].name] = wrong
         return {
-            "lifted": bool(risen > LIFTED and record.grip is not None) if grip and not self._inside(index) else None,
+            "lifted": bool(risen > LIFTED and record.grip is not None) if grip and not self._put_away(index) else None,
             "fruit": fruit.name,
             "place": fruit.place,
             "target": self.scene.fruits[0].name,
@@ -292,7 +294,7 @@ class Scorer:
                 }
                 for i, each in enumerate(self.scene.fruits)
             ],
-            "put_away": sum(bool(self._inside(i)) for i in range(len(self._fruits))),
+            "put_away": sum(self._put_away(i) for i in range(len(self._fruits))),
         }
 
     def _judged(self) -> int:
@@ -305,6 +307,10 @@ class Scorer:
     def _inside(self, i: int) -> str:
         """Return the name of the crate that a fruit lies in."""
         return container_of(self.scene.fixed, self._pose(i)[:3, 3], float(self.scene.fruits[i].dimensions.max()) / 2.0)
+
+    def _put_away(self, i: int) -> bool:
+        """Return True if a fruit lies in another crate than at the start."""
+        return self._inside(i) not in ("", self._source[i])
 
     def _pose(self, i: int) -> Float64:
         body = self.state.body(f"fruit_{i}")
