@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated
 
 from pomona.drivers.interfaces import Arm, Camera, Frame, Gripper, Workspace
@@ -11,7 +12,6 @@ from pomona.executive.values.arrays import Float64
 from pomona.executive.views import Points3, SceneView
 from pomona.skills.compiled_code import wait_for_first
 from pomona.skills.motion.collision import Convex, RobotShape
-from pomona.skills.motion.collision.world import standing
 from pomona.skills.motion.occupancy.camera_pose import check_camera_pose, pose_of_camera
 from pomona.skills.motion.occupancy.errors import CameraPoseMismatch, NothingMeasured
 from pomona.skills.motion.occupancy.integrate import Sensing, integrate, warm_up
@@ -92,12 +92,8 @@ class UpdateMap(Skill):
             robot = RobotShape.of(model).spheres(q, self.device(Gripper).state().width)
             lower, upper = workspace.lower, workspace.upper
             grid = OccupancyMap.empty(lower, upper, resolution) if previous is None else previous
-            target = None if measured is None else Convex.of_fruit(measured)
-            beside = () if measured is None else tuple(Convex.of_fruit(m, NEIGHBOUR) for m in measured.beside)
             sensing = Sensing(target_margin=target_margin, shadow=shadow, foliage=foliage)
-            fused = yield from self.compute(
-                _fuse, grid, frame, T_base_camera, workspace, robot, target, beside, sensing
-            )
+            fused = yield from self.compute(_fuse, grid, frame, T_base_camera, workspace, robot, measured, sensing)
         except NothingMeasured as error:
             raise self.failure("NO_DEPTH", str(error), valid=error.valid, inside=error.inside) from error
         except (CameraPoseMismatch, BadJoints) as error:
@@ -125,21 +121,13 @@ def _fuse(
     T_base_camera: Float64,
     workspace: Workspace,
     robot: Float64,
-    target: Convex | None,
-    beside: tuple[Convex, ...],
+    measured: MeasuredFruit | None,
     sensing: Sensing,
 ) -> OccupancyMap:
     """Integrate, and compute the distance field where it does not keep the tick waiting."""
-    fused = integrate(
-        grid,
-        frame,
-        T_base_camera,
-        workspace,
-        robot=robot,
-        target=target,
-        beside=beside,
-        fixed=standing(workspace),
-        sensing=sensing,
-    )
+    target = None if measured is None else Convex.of_fruit(measured)
+    if measured is not None:
+        grid = replace(grid, shapes=tuple(Convex.of_fruit(other, NEIGHBOUR) for other in measured.beside))
+    fused = integrate(grid, frame, T_base_camera, workspace, robot=robot, target=target, sensing=sensing)
     _ = fused.field
     return fused

@@ -7,7 +7,6 @@ neither are the robot itself, the fruit to pick, other known shapes, and the cel
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +17,7 @@ from pomona.drivers.interfaces import Frame, Intrinsics, Workspace
 from pomona.executive.values.arrays import Float32, Float64, Int64, UInt8
 from pomona.skills.geometry import inverse
 from pomona.skills.motion.collision.convex import Convex
+from pomona.skills.motion.collision.world import standing
 from pomona.skills.motion.occupancy.errors import CameraPoseMismatch, NothingMeasured
 from pomona.skills.motion.occupancy.occupancy_map import FREE, HIDDEN, OCCUPIED, UNKNOWN, OccupancyMap
 
@@ -50,8 +50,6 @@ def integrate(
     *,
     robot: Float64 | None = None,
     target: Convex | None = None,
-    beside: Sequence[Convex] = (),
-    fixed: Sequence[Convex] = (),
     sensing: Sensing | None = None,
 ) -> OccupancyMap:
     """Return the map after one more frame; `previous` is not changed.
@@ -59,9 +57,8 @@ def integrate(
     Args:
         frame: the look; its stamp becomes the age of the cells that it saw.
         robot: spheres that cover the robot at the look, shape (n, 4), in the base frame [m].
-        target: refined shape of the fruit to be picked; its cells are kept out of the map.
-        beside: refined shapes of other fruit: the map keeps them instead of their cells, so that gaps stay open.
-        fixed: obstacles of the cell file, whose cells are kept out, too: collision checks have them.
+        target: refined shape of the fruit to be picked; its cells are kept out of the map. So are those of the shapes
+            of `previous` and of the workspace's obstacles, which collision checks have: gaps between them stay open.
 
     Raises:
         NothingMeasured: the frame has no depth, or none of it lies inside the mapped volume.
@@ -78,7 +75,7 @@ def integrate(
     own = np.zeros(states.shape, np.bool_)
     if robot is not None and len(robot):
         mark_spheres(np.ascontiguousarray(robot), how.robot_padding, previous.origin, previous.resolution, own)
-    shapes = (*(() if target is None else (target,)), *beside)
+    shapes, fixed = (*(() if target is None else (target,)), *previous.shapes), standing(workspace)
     margins = np.array([how.target_margin] * len(shapes) + [how.table] * len(fixed))
     left_out = (*shapes, *fixed)
     planes = np.vstack([np.empty((0, 4)), *(shape.planes for shape in left_out)])
@@ -105,8 +102,7 @@ def integrate(
     states[occupied], last_look[occupied] = OCCUPIED, look
     for shape, margin in zip(left_out, margins, strict=True):
         _clear_shape(states, previous, shape, float(margin))
-    stamps, kept = (*previous.stamps, frame.stamp), tuple(beside) if target is not None else previous.shapes
-    return OccupancyMap(previous.origin, previous.resolution, states, last_look, stamps, kept)
+    return replace(previous, states=states, last_look=last_look, stamps=(*previous.stamps, frame.stamp))
 
 
 def excess_green(colour: UInt8) -> Float32:
