@@ -54,6 +54,8 @@ def clear(kind: str, seed: int, settings: Sequence[str] = ()) -> dict[str, Any]:
         "time_s": found["time_s"],
         "drops": truth["drops"],
         "lost": truth["lost"],
+        "bruised": truth["bruised"],
+        "largest_press": truth["largest_press"],
         "touched": truth["collided_with"],
         "finger_peak_n": truth["finger_peak_n"],
         "left": [each["why"] for each in tally["left"]],
@@ -62,7 +64,7 @@ def clear(kind: str, seed: int, settings: Sequence[str] = ()) -> dict[str, Any]:
 
 def table(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return the figures of each kind as text."""
-    lines = ["kind     scenes  cleared  of  share, 95 % interval   s per apple  dropped  lost  ended"]
+    lines = ["kind     scenes  cleared  of  share, 95 % interval   s per apple  dropped  lost  bruised  ended"]
     for kind in KINDS:
         own = [row for row in rows if row["kind"] == kind]
         if not own:
@@ -70,10 +72,11 @@ def table(rows: Sequence[Mapping[str, Any]]) -> str:
         part, of = sum(row["cleared"] for row in own), sum(row["fruit"] for row in own)
         low, high = wilson(part, of)
         pace = np.median([row["time_s"] / max(row["cleared"], 1) for row in own])
+        dropped, lost, bruised = (sum(row[key] for row in own) for key in ("drops", "lost", "bruised"))
         ended = sum(row["outcome"] == "success" for row in own)
         lines.append(
             f"{kind:8} {len(own):6} {part:8} {of:3}  {part / of:4.0%}  {low:4.0%} to {high:4.0%}   {pace:11.1f} "
-            f"{sum(row['drops'] for row in own):8} {sum(row['lost'] for row in own):5} {ended:3} of {len(own)}"
+            f"{dropped:8} {lost:5} {bruised:8} {ended:4} of {len(own)}"
         )
     return "\n".join(lines)
 
