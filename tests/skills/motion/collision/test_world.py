@@ -316,3 +316,21 @@ def test_only_what_is_touched_may_be_left_and_the_rest_keeps_its_margin() -> Non
 
 def test_a_deep_overlap_is_no_contact() -> None:
     assert leaving(ball((0.050, 0.0, 0.0), 0.04, "inside")).check_path(rise(0.1), 0.08) is not None
+
+
+@pytest.mark.parametrize(("deep", "free"), [(0.001, True), (0.012, False)])
+def test_fingers_may_leave_cells_that_they_touch_and_not_cells_that_they_are_in(deep: float, free: bool) -> None:
+    q, width = above(0.05), 0.08
+    robot_shape = RobotShape.of(robot)
+    outside = max(
+        float((spheres[:, 1] + spheres[:, 3]).max())
+        for geom, group in enumerate(robot_shape.geom_groups)
+        if group == "fingers" and len(spheres := robot_shape.spheres_of(geom, q, width))
+    )
+    blocked = np.zeros((30, 30, 60), np.bool_)
+    blocked[10:20, 10:20, 8:16] = True  # cells of 5 mm beside a finger
+    origin = np.array([-0.03 - 0.075, outside - deep - 0.05, -0.12])
+    field = DistanceField.of_blocked(blocked, origin, 0.005, 0.3)
+    world = CollisionWorld.build(robot_shape, table, field, margins=Margins().scaled(0.5))
+    leaving = world.leaving(q, width, "held", "fingers")
+    assert (leaving.check_path(rise(0.05), width) is None) == free

@@ -34,6 +34,9 @@ DEEPEST = 16e-3
 """Overlap of touching objects by measurement and model [m]: two positions within 2 mm each in 95 % of looks, and
 covering spheres that protrude by up to 12 mm from a ball of 80 mm."""
 
+DEEPEST_IN_MAP = 2.5e-3
+"""The same for cells of the map [m]: a finger sphere of 4.4 mm in a cell is in it by that, however deep the cell."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CollisionWorld:
@@ -112,8 +115,8 @@ class CollisionWorld:
         """Return the same world in which groups of geoms may leave what they touch in a posture q, shape (dof,) [rad].
 
         Their distance to it may not shrink by more than `GIVES`: a fruit below another one is not free to rise. A
-        distance below -`DEEPEST` is no contact but an error of a measurement, and keeps its margin. This is the last
-        variation: others restore the margins.
+        distance below -`DEEPEST`, in the map -`DEEPEST_IN_MAP`, is no contact but an error of a measurement, and keeps
+        its margin. This is the last variation: others restore the margins.
 
         Raises:
             BadJoints: q is no posture of this robot.
@@ -128,7 +131,7 @@ class CollisionWorld:
             alone[other, geom] = False
             kernel.check_states(robot, arrays._replace(ignored=alone), joints, width, _FAR, clearances, closest)
             distance = clearances[0] + margins[other, geom]
-            if -DEEPEST < distance < margins[other, geom]:
+            if -(DEEPEST_IN_MAP if other == kernel.MAP else DEEPEST) < distance < margins[other, geom]:
                 margins[other, geom] = distance - GIVES
         return replace(self, arrays=arrays._replace(margins=margins))
 
