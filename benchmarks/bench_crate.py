@@ -31,7 +31,7 @@ LIMIT = 7200.0  # wall-clock time after which a scene is given up [s]
 
 def clear(kind: str, seed: int, settings: Sequence[str] = ()) -> dict[str, Any]:
     """Run one scene and return its row."""
-    cell, number = KINDS[kind]
+    commit, (cell, number) = commit_here(), KINDS[kind]
     command = [
         *(sys.executable, "-m", "pomona.executive.cli", "run", str(ROOT / "trees" / "empty_crate.yaml")),
         *("--cell", str(ROOT / "trees" / "cells" / f"{cell}.yaml"), "--seed", str(seed), "--no-record", "--json"),
@@ -46,7 +46,7 @@ def clear(kind: str, seed: int, settings: Sequence[str] = ()) -> dict[str, Any]:
     return {
         "kind": kind,
         "seed": seed,
-        "commit": commit_here(),
+        "commit": commit,
         "outcome": found["outcome"],
         "reason": (found.get("reason") or {}).get("message", ""),
         "fruit": number,
