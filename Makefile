@@ -197,6 +197,9 @@ orchard-law: $(STAMP) ## simulated pulls of apples beside measured ones, in docs
 orchard: $(STAMP) ## simulated fruit walls picked by trees/experimental/pick_tree.yaml, in docs/reports/orchard_pick; WALLS=201..203 STOPS=-350,0,350 CELL=orchard
 	$(BIN)/python -m benchmarks.orchard_pick --walls $(or $(WALLS),201..203) --stops=$(or $(STOPS),0) --cell $(or $(CELL),orchard)
 
+bench-crate: $(STAMP) ## heaps and crates of fruit that touches, cleared of n with intervals; SEEDS=1..20 KINDS=heap5,crate6 (hours)
+	$(BIN)/python -m benchmarks.bench_crate --seeds $(or $(SEEDS),1..20) $(if $(KINDS),--kinds $(KINDS))
+
 oracle: $(STAMP) ## the collision model beside MuJoCo over 10 000 random states
 	$(BIN)/python -m benchmarks.collision_oracle --states 10000
 

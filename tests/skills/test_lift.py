@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
+from pomona.drivers.interfaces import Box
 from pomona.drivers.mock.fingers import spring_fruit
 from pomona.executive.skill_testing import SkillEnd, drive
+from pomona.skills.geometry import transform
 from pomona.skills.grip.grip import GripProblem
 from pomona.skills.grip.hold import Hold
 from pomona.skills.grip.pads import MIRROR
@@ -15,7 +17,7 @@ from pomona.skills.lift import Lift
 from pomona.skills.motion.lines import straight_line
 from pomona.skills.shared.touch import something_between
 from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
-from tests.skills.picking_scene import ROBOT_MODEL, PickingScene, a_grasp, q_at_grasp, seen_map
+from tests.skills.picking_scene import APPLES, ROBOT_MODEL, WORKSPACE, PickingScene, a_grasp, q_at_grasp, seen_map
 
 
 def holding() -> PickingScene:
@@ -129,6 +131,30 @@ def test_something_above_is_known_before_anything_moves():
     assert outcome.reason.code == "LIFT_BLOCKED"
     assert outcome.reason.data["obstacle"] == "map"
     assert scene.arm.followed == []
+
+
+def beside(rise: float, over: float) -> Box:
+    """A box beside the held fruit and `over` it, its lower edge so far above the fruit's middle [m]."""
+    T = holding().tcp
+    return Box("box", transform(T[:3, :3], (T @ [0.0485 - over, 0.0, -rise - 0.02, 1.0])[:3]), (0.004, 0.02, 0.02))
+
+
+@pytest.mark.parametrize(("rise", "over", "code"), [(-0.04, 0.001, None), (0.025, 0.02, "LIFT_BLOCKED")])
+def test_a_fruit_leaves_the_wall_that_it_touches_and_not_the_lip_above_it(rise, over, code):
+    workspace = replace(WORKSPACE, obstacles=(*WORKSPACE.obstacles, beside(rise, over)))
+    scene = PickingScene(q=q_at_grasp().copy(), width=0.085, workspace=workspace)
+    scene.hold_fruit()
+    outcome = drive(Lift(), {"grasp": a_grasp()}, scene.devices, clock=scene.clock)
+    assert (outcome.reason and outcome.reason.code) == code
+    assert (scene.arm.followed == []) == (code is not None)
+
+
+def test_a_fruit_leaves_the_floor_of_the_crate_that_it_stands_on():
+    p = holding().tcp[:3, 3]
+    floor = Box("crate", transform(None, [p[0], p[1], p[2] - APPLES[1][1] / 2e3 - 0.004]), (0.15, 0.15, 0.004))
+    scene = PickingScene(q=q_at_grasp().copy(), width=0.085, workspace=replace(WORKSPACE, obstacles=(floor,)))
+    scene.hold_fruit()
+    assert drive(Lift(), {"grasp": a_grasp()}, scene.devices, clock=scene.clock).status is Status.SUCCESS
 
 
 def test_the_held_fruit_is_part_of_the_robot():

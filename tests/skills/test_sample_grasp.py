@@ -65,6 +65,13 @@ def test_when_nothing_is_left_the_reasons_are_counted():
     assert "16 unreachable" in outcome.reason.message
 
 
+def test_the_fingers_open_by_the_air_that_is_given():
+    widths = [
+        sample(SampleGrasp(), PickingScene(), air=air).outputs["candidates"].grasps[0].width for air in (3e-3, 6e-3)
+    ]
+    assert widths[1] - widths[0] == pytest.approx(6e-3, abs=1e-4)
+
+
 @pytest.mark.slow
 def test_a_stale_or_empty_map_is_not_free():
     scene = PickingScene()

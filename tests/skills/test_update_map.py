@@ -23,7 +23,7 @@ from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.executive.views import SceneView
 from pomona.skills.geometry import rot_y, transform
 from pomona.skills.motion.collision import fruit_points
-from pomona.skills.motion.occupancy import HIDDEN, OccupancyMap
+from pomona.skills.motion.occupancy import HIDDEN, OCCUPIED, OccupancyMap
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.measured_fruit import MeasuredFruit
@@ -189,3 +189,14 @@ def test_interrupted_it_gives_up_and_the_previous_map_stays_as_it_was() -> None:
     assert outcome.outputs == {}
     assert outcome.published == ()
     assert np.array_equal(previous.states, before)
+
+
+def test_fruit_beside_the_target_and_the_cells_obstacles_are_not_mapped_as_cells():
+    frame, apple = table_with_apple()
+    other = transform(UPRIGHT, [0.08, -0.34, -0.12 + apple.dimensions[1] / 2.0])
+    both = replace(apple, beside=(replace(apple, T_base_fruit=other),))
+    alone, crowd = (run(frame, measured=m).outputs["map"] for m in (apple, both))
+    near = [0.08, -0.34, -0.08]
+    assert np.linalg.norm(alone.centres(OCCUPIED) - near, axis=1).min() < 0.05
+    assert crowd.blocked.sum() < 0.1 * alone.blocked.sum()
+    assert [shape.name for shape in crowd.shapes] == ["neighbour"]

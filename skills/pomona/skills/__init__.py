@@ -13,6 +13,7 @@ from pomona.skills.compiled_code import keep_apart
 if TYPE_CHECKING:
     from pomona.skills.geometry import (
         inverse as inverse,
+        rot_x as rot_x,
         rot_z as rot_z,
         transform as transform,
     )
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
         MOTION_FAILURES as MOTION_FAILURES,
         MovingSkill as MovingSkill,
     )
+    from pomona.skills.shared.frame_trust import require_true_look as require_true_look
     from pomona.skills.shared.grasp_view import (
         fruit_mesh as fruit_mesh,
         summary as summary,
@@ -28,8 +30,9 @@ if TYPE_CHECKING:
     from pomona.skills.shared.yielding import YieldingFingers as YieldingFingers
 
 PUBLIC = {
-    "geometry": "inverse rot_z transform",
+    "geometry": "inverse rot_x rot_z transform",
     "shared.following": "MOTION_FAILURES MovingSkill",
+    "shared.frame_trust": "require_true_look",
     "shared.grasp_view": "fruit_mesh summary",
     "shared.usable_map": "usable_field",
     "shared.yielding": "YieldingFingers",

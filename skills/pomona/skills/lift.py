@@ -100,7 +100,7 @@ class Lift(MovingSkill):
         T_base_goal = T_base_start.copy()
         T_base_goal[2, 3] += height
         width, field = self.device(Gripper).state().width, usable_field(self, map)
-        space = arm_space(arm, self.device(Workspace), field, width, clearance, held=grasp).leaving_table()
+        space = arm_space(arm, self.device(Workspace), field, width, clearance, held=grasp).leaving(arm.state().q)
         line = free_line(self, T_base_goal, space, ("LIFT_BLOCKED", "LIFT_BLOCKED"), "on the way up")
         jerk, braking = acceleration / JERK_TIME, deceleration or acceleration
         trajectory = time_curve(line.q, height, arm.limits, speed, acceleration, jerk, deceleration=braking)

@@ -13,7 +13,7 @@ from pomona.executive.skill import Skill, Work
 from pomona.executive.views import Points3, SceneView
 from pomona.skills.compiled_code import wait_for_first
 from pomona.skills.motion.grasp import Grasp, GraspCandidates, RuledOut
-from pomona.skills.motion.grasps.sample import GraspRules, sample_pre_grasps, warm_up
+from pomona.skills.motion.grasps.sample import GraspRules, sample_pre_grasps, support_below, warm_up
 from pomona.skills.motion.grasps.sphere import Sphere, pre_grasp_position
 from pomona.skills.motion.grasps.tried import Tried, direction
 from pomona.skills.motion.occupancy import OccupancyMap
@@ -70,6 +70,9 @@ class SampleGrasp(Skill):
         sigmas: Annotated[
             Ratio, Port(min=0.0, max=10.0, help="clearance in standard deviations of the measurement")
         ] = 2.0,
+        air: Annotated[
+            Length, Port(min="2 mm", max="30 mm", help="between each pad and the fruit on the approach")
+        ] = LENGTH("6 mm"),
         count: Annotated[int, Port(min=0, help="maximum number of candidates; 0: all")] = 0,
         check: Annotated[bool, Port(help="exclude grasps without a free approach; the paper: no")] = True,
     ) -> Work[Sampled]:
@@ -81,10 +84,11 @@ class SampleGrasp(Skill):
         field = usable_field(self, map)
         space = arm_space(arm, workspace, field, robot.width_max, clearance, target=around)
         sphere = Sphere(radius, (theta_min, theta_max), (alpha_min, alpha_max), thetas, alphas)
-        rules, tried_before = GraspRules(sigmas=sigmas, check=check), self._tried.directions
+        rules = GraspRules(side=(air, GraspRules().side[1]), sigmas=sigmas, check=check)
+        support, tried_before = support_below(workspace, around.T_base_fruit[:3, 3]), self._tried.directions
         for level in range(1 + FINER):
             grasps, ruled_out = yield from self.compute(
-                sample_pre_grasps, around, robot, space, arm.state().q, workspace.table_z, sphere, rules
+                sample_pre_grasps, around, robot, space, arm.state().q, support, sphere, rules
             )
             left = tuple(grasp for grasp in grasps if direction(grasp) not in tried_before)
             if left or level == FINER:

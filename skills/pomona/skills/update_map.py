@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated
 
 from pomona.drivers.interfaces import Arm, Camera, Frame, Gripper, Workspace
@@ -21,6 +22,8 @@ from pomona.skills.perception.frame_check import MISMATCHES
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.frame_trust import require_true_look
 
+NEIGHBOUR = "neighbour"  # name of fruit measured beside the target, among the obstacles
+
 
 class Mapped(Outputs):
     """Outputs of UpdateMap."""
@@ -32,7 +35,8 @@ class UpdateMap(Skill):
     """Fuse a look into the occupancy map.
 
     The look is the measured fruit's, else the detection's, else the camera's newest. The measured fruit is kept out of
-    the map: planning knows it by its refined shape.
+    the map: planning knows it by its refined shape. Fruit measured beside it and fixed obstacles of the cell file are
+    obstacles by their shapes, without cells and shadows, so that gaps between them stay open.
     """
 
     devices = (Camera, Arm, Gripper, Workspace)
@@ -88,9 +92,8 @@ class UpdateMap(Skill):
             robot = RobotShape.of(model).spheres(q, self.device(Gripper).state().width)
             lower, upper = workspace.lower, workspace.upper
             grid = OccupancyMap.empty(lower, upper, resolution) if previous is None else previous
-            target = None if measured is None else Convex.of_fruit(measured)
             sensing = Sensing(target_margin=target_margin, shadow=shadow, foliage=foliage)
-            fused = yield from self.compute(_fuse, grid, frame, T_base_camera, workspace, robot, target, sensing)
+            fused = yield from self.compute(_fuse, grid, frame, T_base_camera, workspace, robot, measured, sensing)
         except NothingMeasured as error:
             raise self.failure("NO_DEPTH", str(error), valid=error.valid, inside=error.inside) from error
         except (CameraPoseMismatch, BadJoints) as error:
@@ -118,10 +121,13 @@ def _fuse(
     T_base_camera: Float64,
     workspace: Workspace,
     robot: Float64,
-    target: Convex | None,
+    measured: MeasuredFruit | None,
     sensing: Sensing,
 ) -> OccupancyMap:
     """Integrate, and compute the distance field where it does not keep the tick waiting."""
+    target = None if measured is None else Convex.of_fruit(measured)
+    if measured is not None:
+        grid = replace(grid, shapes=tuple(Convex.of_fruit(other, NEIGHBOUR) for other in measured.beside))
     fused = integrate(grid, frame, T_base_camera, workspace, robot=robot, target=target, sensing=sensing)
     _ = fused.field
     return fused

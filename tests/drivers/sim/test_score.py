@@ -76,3 +76,18 @@ def test_contacts_that_part_again_and_again_are_no_drop_as_long_as_the_fruit_sta
     step(1.0)
     assert (record.drops, record.lost) == (drops, drops)
     assert record.grip is not None
+
+
+def test_a_light_grip_bruises_nothing_and_a_hard_one_does(open_cell, probe_of, pick_with):
+    cell = open_cell(seed=9, fruit="apple_5", mass="85 g")
+    probe = probe_of(cell)
+    pick_with(probe)
+    truth = cell.truth()
+    assert truth["bruised"] == 0
+    assert 0.05 < truth["largest_press"] < 1.0
+    record = probe.world.score._fruits[0]
+    assert record.pressed[1] < 0.1 * record.pressed[0], "pads are no hard parts"
+    probe.force_wanted = 7.0  # 5.0 N bruise a fruit of 62 mm
+    for _ in range(100):
+        cell.clock.advance(0.02)
+    assert cell.truth()["bruised"] == 1

@@ -14,6 +14,7 @@ from pomona.drivers.registration import Surroundings
 from pomona.drivers.robot_file import read_limits
 from pomona.drivers.sim.fruit_model import UnusableModel, read_model
 from pomona.drivers.sim.fruit_shape import APPLES, SKINS
+from pomona.drivers.sim.gathering import SOURCE, Gathering, crate_of
 from pomona.drivers.sim.intruder import IntruderSection
 from pomona.drivers.sim.robot import read_robot
 from pomona.executive.values.arrays import Float64
@@ -77,6 +78,7 @@ class Layout:
     friction: float  # sliding friction of the pads
     torsion: float  # torsional friction of the pads [m]
     intruder: IntruderSection | None = None  # a person's hand that comes into the cell, or None
+    gathering: Gathering | None = None  # where fruit is brought together before the run; None: each at its place
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,13 +126,18 @@ class WorldOptions:
     shape_noise: float = value(Number(0.0, 3.0), "1", "how uneven the shape is; 0 gives the CAD model's form")
     tilt: float = value(Measure(ANGLE, "0 rad", "180 deg"), "0.1 rad", "largest tilt of a stem")
     jitter: float = value(Measure(LENGTH, "0 mm", "50 mm"), "0 mm", "of a place, in x and y")
+    fruits_at: str = value(
+        Text("places", "heap", "crate"),
+        "places",
+        f"where the fruit is: at its places, pulled together among them, or in the crate '{SOURCE}' of the workspace",
+    )
     intruder: IntruderSection | None = value(Section(IntruderSection), None, "a person's hand that comes into the cell")
 
     def problems(self) -> Iterator[Problem]:
         for key, word, known in (("fruit", self.fruit, self.fruits), ("place", self.place, self.places)):
             if word not in known:
                 yield Problem(key, f"it cannot be '{word}'", choose(word, known))
-        if self.others > len(self.places) - 1:
+        if self.fruits_at == "places" and self.others > len(self.places) - 1:
             yield Problem("others", f"it is {self.others}, but must be between 0 and {len(self.places) - 1}")
         try:
             read_robot(self.robot)
@@ -142,6 +149,8 @@ class WorldOptions:
         poses = around.workspace.poses if around.workspace else {}
         if self.start not in poses:
             yield Problem("start", f"it cannot be '{self.start}'", choose(self.start, poses))
+        if self.fruits_at == "crate" and (around.workspace is None or crate_of(around.workspace.obstacles) is None):
+            yield Problem("fruits_at", f"the workspace has no crate '{SOURCE}'", f"{{name: {SOURCE}, …, wall: 8 mm}}")
 
     def known(self) -> Iterator[object]:
         yield read_limits(self.robot)
@@ -158,7 +167,12 @@ def draw_layout(said: WorldOptions, seed: int, fixed: tuple[Box, ...] = ()) -> L
     drawn = {matter: np.random.default_rng([seed, 1, i]) for i, matter in enumerate(("places", "scatter", "friction"))}
     rng = drawn["places"]
     spots = [np.array(xy) for xy in said.places.values()]
-    place = list(said.places).index(said.place)
+    gathering, place = None, list(said.places).index(said.place)
+    if said.fruits_at != "places":
+        middle = np.eye(4)
+        middle[:3, 3] = [*np.mean(spots, axis=0), said.table_z]
+        gathering = crate_of(fixed) if said.fruits_at == "crate" else Gathering(middle, None)
+        spots, place = [middle[:2, 3]] * (said.others + 1), 0
     free = [i for i in rng.permutation(len(spots)) if i != place][: said.others]
     target = said.fruits[said.fruit]
     alike = [name for name, kind in said.fruits.items() if name != said.fruit and kind.model == target.model]
@@ -197,6 +211,7 @@ def draw_layout(said: WorldOptions, seed: int, fixed: tuple[Box, ...] = ()) -> L
         friction=float(drawn["friction"].uniform(*(said.friction or FRICTION))),
         torsion=said.torsion,
         intruder=said.intruder,
+        gathering=gathering,
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from pomona.drivers.interfaces import Box
 from pomona.drivers.sim.fruit_shape import FruitShape, make_fruit
+from pomona.drivers.sim.gathering import Gathering
 from pomona.drivers.sim.gl import load_mujoco
 from pomona.drivers.sim.intruder import IntruderSection, add_intruder
 from pomona.drivers.sim.layout import Distractor, FruitOnTable, Layout
@@ -35,6 +36,7 @@ class SimScene:
     torsion: float
     table_z: float
     intruder: IntruderSection | None = None
+    gathering: Gathering | None = None
 
     @property
     def dof(self) -> int:
@@ -73,6 +75,7 @@ def build_scene(layout: Layout, seed: int) -> SimScene:
         layout.torsion,
         layout.table_z,
         layout.intruder,
+        layout.gathering,
     )
 
 

@@ -21,6 +21,13 @@ milliseconds repeatedly without that.
 """
 
 
+BRUISE_PRESSURE, BRUISE_TIME = 0.10e6, 0.05
+"""Mean pressure over this time by which an apple bruises [Pa, s]: trees/walls/apple_wall.yaml has the source."""
+
+MODULI = 1.0e6, 1.5e6
+"""Of contact with a pad and with anything hard [Pa], as there."""
+
+
 @dataclass(slots=True)
 class HeldForce:
     """Normal forces of one grip, as the simulator has them."""
@@ -91,6 +98,8 @@ class FruitRecord:
     lost: int = 0
     touches: int = 0
     bumps: int = 0
+    pressed: tuple[float, float] = (0.0, 0.0)  # mean force of the harder pad, and of the robot's other parts [N]
+    press: float = 0.0  # largest such force, as a share of the one that bruises
     touching: bool = False
 
     def end_grip(self) -> None:
@@ -129,8 +138,10 @@ class Scorer:
     _touching: dict[str, bool] = field(init=False, default_factory=dict)
     _forbidden: dict[str, Float64] = field(init=False)
     _wrenches: list[Float64] = field(init=False)
+    _source: list[str] = field(init=False)  # crate in which each fruit was at the start
 
     def __post_init__(self) -> None:
+        self._source = [self._inside(i) for i in range(len(self.scene.fruits))]
         count, carriers = len(self.scene.fruits), ("table", *fixed_names(self.scene.fixed))
         self._fruits = [FruitRecord(self._pose(i), self._pose(i)) for i in range(count)]
         self._sensors = [
@@ -161,13 +172,25 @@ class Scorer:
             record.touches += begins
             record.bumps += begins and any(other.grip is not None for other in self._fruits if other is not record)
             record.touching = touching
+            self._watch_press(i, record, sensors)
             if touching or record.grip is not None or record.ending is not None:
                 self._watch_grip(i, record, sensors)
+
+    def _watch_press(self, i: int, record: FruitRecord, sensors: _Sensors) -> None:
+        """Compare the robot's force on a fruit with the one that bruises it; by Hertz's contact of a ball."""
+        pads = [pad[1:4] for pad in sensors.pads]
+        now = max(float(np.linalg.norm(pad)) for pad in pads), float(np.linalg.norm(sensors.robot[1:4] - sum(pads)))
+        share = 0.01 / BRUISE_TIME  # of a mean over this time that one look adds
+        old, radius = record.pressed, float(self.scene.fruits[i].dimensions[0]) / 2.0
+        record.pressed = old[0] + share * (now[0] - old[0]), old[1] + share * (now[1] - old[1])
+        for force, modulus in zip(record.pressed, MODULI, strict=True):
+            limit = np.pi**3 * radius**2 * BRUISE_PRESSURE**3 / (6.0 * modulus**2)
+            record.press = max(record.press, force / limit)
 
     def note_look(self) -> None:
         """Note an exposure, perhaps many times a second; a fruit in the hand or in a crate is not measured later."""
         for i, record in enumerate(self._fruits):
-            if record.grip is None and not self._inside(i):
+            if record.grip is None and not self._put_away(i):
                 record.looked = self._pose(i)
 
     def _watch_grip(self, i: int, record: FruitRecord, sensors: _Sensors) -> None:
@@ -261,7 +284,7 @@ class Scorer:
             if wrong := other.touches if never_gripped else other.bumps:
                 hits[self.scene.fruits[i].name] = wrong
         return {
-            "lifted": bool(risen > LIFTED and record.grip is not None) if grip and not self._inside(index) else None,
+            "lifted": bool(risen > LIFTED and record.grip is not None) if grip and not self._put_away(index) else None,
             "fruit": fruit.name,
             "place": fruit.place,
             "target": self.scene.fruits[0].name,
@@ -273,6 +296,8 @@ class Scorer:
             **(grip.held if grip else HeldForce()).report(),
             "drops": sum(each.drops for each in self._fruits),
             "lost": sum(each.lost for each in self._fruits),
+            "bruised": sum(each.press > 1.0 for each in self._fruits),
+            "largest_press": max(each.press for each in self._fruits),
             "collisions": sum(hits.values()),
             "collided_with": sorted(hits),
             "dimensions_m": [float(d) for d in fruit.dimensions],
@@ -292,7 +317,7 @@ class Scorer:
                 }
                 for i, each in enumerate(self.scene.fruits)
             ],
-            "put_away": sum(bool(self._inside(i)) for i in range(len(self._fruits))),
+            "put_away": sum(self._put_away(i) for i in range(len(self._fruits))),
         }
 
     def _judged(self) -> int:
@@ -305,6 +330,10 @@ class Scorer:
     def _inside(self, i: int) -> str:
         """Return the name of the crate that a fruit lies in."""
         return container_of(self.scene.fixed, self._pose(i)[:3, 3], float(self.scene.fruits[i].dimensions.max()) / 2.0)
+
+    def _put_away(self, i: int) -> bool:
+        """Return True if a fruit lies in another crate than at the start."""
+        return self._inside(i) not in ("", self._source[i])
 
     def _pose(self, i: int) -> Float64:
         body = self.state.body(f"fruit_{i}")

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from pomona.drivers.device import Device
+from pomona.drivers.sim.gathering import gather
 from pomona.drivers.sim.gl import load_mujoco
 from pomona.drivers.sim.intruder import Intruder, Reach
 from pomona.drivers.sim.scene import TIMESTEP, SimScene
@@ -113,8 +114,8 @@ class SimWorld(PhysicsWorld):
     """The table with fruit on it, and the score that only reports read."""
 
     def __init__(self, scene: SimScene, description: Path, q_start: Float64, seed: int) -> None:
-        super().__init__(scene.model, description, q_start, seed)
         self.scene = scene
+        super().__init__(scene.model, description, q_start, seed)
         self.score = Scorer(scene, self.state)
         self.intruder: Intruder | None = None
         said = scene.intruder
@@ -124,6 +125,12 @@ class SimWorld(PhysicsWorld):
             dofs = self.model.jnt_dofadr[self.arm_joints]
             self.intruder = Intruder(self.mujoco, self.model, self.state, dofs, reach, said.after)
             self.before_step.append(self.intruder.step)
+
+    def _settle(self) -> None:
+        if self.scene.gathering is not None:
+            sizes = np.array([fruit.dimensions[:2] for fruit in self.scene.fruits])
+            gather(self.mujoco, self.model, self.state, sizes, self.scene.gathering, self.seed)
+        super()._settle()
 
     @property
     def switches(self) -> Mapping[str, FaultSwitch]:

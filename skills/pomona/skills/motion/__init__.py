@@ -8,10 +8,18 @@ from typing import TYPE_CHECKING
 from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
+    from pomona.skills.motion.collision import (
+        Convex as Convex,
+        fruit_points as fruit_points,
+    )
     from pomona.skills.motion.grasp import (
         Grasp as Grasp,
         GraspCandidates as GraspCandidates,
         RuledOut as RuledOut,
+    )
+    from pomona.skills.motion.grasps.gripper_shape import (
+        GripperShape as GripperShape,
+        gripper_shape as gripper_shape,
     )
     from pomona.skills.motion.grasps.sample import (
         CandidateRejected as CandidateRejected,
@@ -34,7 +42,9 @@ if TYPE_CHECKING:
     )
 
 PUBLIC = {
+    "collision": "Convex fruit_points",
     "grasp": "Grasp GraspCandidates RuledOut",
+    "grasps.gripper_shape": "GripperShape gripper_shape",
     "grasps.sample": "CandidateRejected GraspRules grasp_setting judge_candidate warm_up",
     "grasps.sphere": "Sphere",
     "grasps.tried": "SAME_PLACE",

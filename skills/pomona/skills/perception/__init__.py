@@ -54,6 +54,9 @@ if TYPE_CHECKING:
         search_sides as search_sides,
         shared_part as shared_part,
     )
+    from pomona.skills.perception.frame_check import (
+        MISMATCHES as MISMATCHES,
+    )
     from pomona.skills.perception.fruit import (
         FruitModel as FruitModel,
         find_weights as find_weights,
@@ -76,6 +79,10 @@ if TYPE_CHECKING:
     from pomona.skills.perception.measured_fruit import (
         MeasuredFruit as MeasuredFruit,
     )
+    from pomona.skills.perception.refinement.errors import (
+        RefineError as RefineError,
+    )
+    from pomona.skills.perception.refinement.measure import measure as measure
 
 PUBLIC = {
     "depth_registration": "misplaced_depth",
@@ -89,11 +96,14 @@ PUBLIC = {
     "detection.photo_folder": "read_labels",
     "detection.photographs": "Photograph",
     "detection.pyramid": "LARGEST_SIDE at_edge findable_sizes search_sides shared_part",
+    "frame_check": "MISMATCHES",
     "fruit": "FruitModel find_weights load_fruit",
     "fruit.catalogue": "mass_model mass_of",
     "fruit.errors": "FruitError",
     "fruit.sizes": "KindSizes LEAST_FRUIT TooFewFruit held_out learn_sizes",
     "measured_fruit": "MeasuredFruit",
+    "refinement.errors": "RefineError",
+    "refinement.measure": "measure",
 }
 """Public names by the module that defines them."""
 

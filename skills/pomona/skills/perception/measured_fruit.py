@@ -38,6 +38,7 @@ class MeasuredFruit:
     earlier: tuple[tuple[Frame, Float64], ...] = ()  # those looks: frames with the pose of the camera, T_base_camera
     # contradiction between the fruit's surroundings and the cell file, for the operator; empty without one
     doubt: str = ""
+    beside: tuple[MeasuredFruit, ...] = ()  # other fruit of the same look
 
     @property
     def sentence(self) -> str:

@@ -43,17 +43,20 @@ def specified_clearances(world: CollisionWorld, q: np.ndarray, width: float) -> 
         support = robot.support[robot.support_start[g] : robot.support_start[g + 1]]
         distances = []
         if not w.ignored[0, g]:
-            distances += [lookup(w.field, w.origin, w.resolution, *c) - r for c, r in zip(centres, radii, strict=True)]
+            away = [lookup(w.field, w.origin, w.resolution, *c) - r for c, r in zip(centres, radii, strict=True)]
+            distances += list(np.array(away) - w.margins[0, g])
         for k, bound in enumerate(w.bounds):
             if not w.ignored[1 + k, g]:
                 planes = w.planes[w.plane_start[k] : w.plane_start[k + 1]]
                 outside = np.max(centres @ planes[:, :3].T - planes[:, 3], axis=1)
                 from_bound = np.linalg.norm(centres - bound[:3], axis=1) - bound[3]
-                distances += list(np.maximum(outside, from_bound) - radii)
+                distances += list(np.maximum(outside, from_bound) - radii - w.margins[1 + k, g])
         for h, plane in enumerate(w.half_spaces):
-            if not w.ignored[1 + len(w.bounds) + h, g]:
-                distances += list(placed(support[:, :3], g) @ plane[:3] - plane[3] - support[:, 3])
-        clearances.append(min(distances, default=1e9) - w.margins[g])
+            number = 1 + len(w.bounds) + h
+            if not w.ignored[number, g]:
+                away = placed(support[:, :3], g) @ plane[:3] - plane[3] - support[:, 3]
+                distances += list(away - w.margins[number, g])
+        clearances.append(min(distances, default=1e9))
     for i, j in robot.pairs:
         (a, r_a), (b, r_b) = spheres(i), spheres(j)
         apart = np.linalg.norm(a[:, None] - b[None], axis=2) - r_a[:, None] - r_b[None]

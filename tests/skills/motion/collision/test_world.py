@@ -23,6 +23,7 @@ from pomona.skills.motion.collision import (
 from pomona.skills.motion.collision.cover import fibonacci_sphere
 from pomona.skills.motion.collision.kernel import check_states
 from pomona.skills.motion.collision.segment import SLACK, check_path
+from pomona.skills.motion.lines import straight_line
 from pomona.skills.motion.planning.timing import time_polyline
 from pomona.skills.motion.robot import BadJoints, RobotModel, inverse_kinematics
 
@@ -277,3 +278,72 @@ def test_a_cylinder_contains_its_original() -> None:
     inside = np.column_stack((radius * np.cos(angle), radius * np.sin(angle), z)) @ T[:3, :3].T + T[:3, 3]
     assert np.all(can.distance(inside) <= 1e-12)
     assert can.distance(np.array([[0.0, 0.0, 0.15]]) @ T[:3, :3].T + T[:3, 3])[0] == pytest.approx(0.05, abs=1e-9)
+
+
+def ball(offset: tuple[float, float, float], radius: float, name: str) -> Convex:
+    """A ball beside the TCP of `above(0.05)`."""
+    centre = robot.tcp(above(0.05))[:3, 3] + np.array(offset)
+    return Convex.of_points(name, centre + radius * fibonacci_sphere(162))
+
+
+def leaving(*obstacles: Convex) -> CollisionWorld:
+    """A world in which a held ball of 80 mm may leave what it touches in the posture `above(0.05)`."""
+    held = RobotShape.of(robot).holding(0.04 * fibonacci_sphere(162))
+    return CollisionWorld.build(held, table, obstacles=obstacles).leaving(above(0.05), 0.08, "held", "fingers")
+
+
+def rise(height: float) -> np.ndarray:
+    """Joints along a straight way up."""
+    return straight_line(
+        robot, above(0.05), robot.tcp(above(0.05)) + transform(translation=[0, 0, height]) - np.eye(4)
+    ).q
+
+
+@pytest.mark.parametrize("beside", [(0.079, 0.0, 0.0), (0.06, 0.052, -0.01), (-0.05, 0.06, -0.01), (0.0, 0.0, -0.079)])
+def test_a_held_fruit_leaves_a_neighbour_that_it_touches(beside: tuple[float, float, float]) -> None:
+    neighbour = ball(beside, 0.04, "neighbour")
+    assert CollisionWorld.build(leaving().shape, table, obstacles=[neighbour]).check_path(rise(0.1), 0.08) is not None
+    assert leaving(neighbour).check_path(rise(0.1), 0.08) is None
+
+
+@pytest.mark.parametrize("above_it", [(0.06, 0.03, 0.042), (0.06, 0.0, 0.05)])
+def test_a_fruit_below_another_one_is_not_free_to_rise(above_it: tuple[float, float, float]) -> None:
+    hit = leaving(ball(above_it, 0.04, "upper")).check_path(rise(0.1), 0.08)
+    assert hit is not None
+    assert hit.other == "upper"
+    assert "not pressed more" in str(hit)
+
+
+def test_a_fruit_under_a_lip_is_not_free_to_rise() -> None:
+    centre = robot.tcp(above(0.05))[:3, 3]
+    lip = Box("lip", transform(translation=[*(centre + np.array([0.05, 0.0, 0.045]))]), (0.02, 0.1, 0.005))
+    assert leaving(Convex.of_box(lip)).check_path(rise(0.1), 0.08) is not None
+
+
+def test_only_what_is_touched_may_be_left_and_the_rest_keeps_its_margin() -> None:
+    world = leaving(ball((0.079, 0.0, 0.0), 0.04, "touched"), ball((0.06, 0.0, 0.09), 0.02, "on the way"))
+    hit = world.check_path(rise(0.1), 0.08)
+    assert hit is not None
+    assert (hit.other, hit.margin) == ("on the way", Margins().held)
+
+
+def test_a_deep_overlap_is_no_contact() -> None:
+    assert leaving(ball((0.050, 0.0, 0.0), 0.04, "inside")).check_path(rise(0.1), 0.08) is not None
+
+
+@pytest.mark.parametrize(("deep", "free"), [(0.001, True), (0.012, False)])
+def test_fingers_may_leave_cells_that_they_touch_and_not_cells_that_they_are_in(deep: float, free: bool) -> None:
+    q, width = above(0.05), 0.08
+    robot_shape = RobotShape.of(robot)
+    outside = max(
+        float((spheres[:, 1] + spheres[:, 3]).max())
+        for geom, group in enumerate(robot_shape.geom_groups)
+        if group == "fingers" and len(spheres := robot_shape.spheres_of(geom, q, width))
+    )
+    blocked = np.zeros((30, 30, 60), np.bool_)
+    blocked[10:20, 10:20, 8:16] = True  # cells of 5 mm beside a finger
+    origin = np.array([-0.03 - 0.075, outside - deep - 0.05, -0.12])
+    field = DistanceField.of_blocked(blocked, origin, 0.005, 0.3)
+    world = CollisionWorld.build(robot_shape, table, field, margins=Margins().scaled(0.5))
+    leaving = world.leaving(q, width, "held", "fingers")
+    assert (leaving.check_path(rise(0.05), width) is None) == free

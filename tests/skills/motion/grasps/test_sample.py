@@ -3,11 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pomona.skills.geometry import is_pose, rot_z, transform
+from pomona.drivers.interfaces import Box
+from pomona.skills.geometry import is_pose, rot_y, rot_z, transform
 from pomona.skills.motion.collision import CollisionWorld, Convex, fruit_points
 from pomona.skills.motion.grasps.fruit_section import fruit_section
 from pomona.skills.motion.grasps.gripper_shape import gripper_shape
-from pomona.skills.motion.grasps.sample import GraspRules, sample_pre_grasps
+from pomona.skills.motion.grasps.sample import GraspRules, sample_pre_grasps, support_below
 from pomona.skills.motion.grasps.sphere import Sphere
 from pomona.skills.motion.planning.arm_space import TARGET, ArmSpace
 from pomona.skills.perception.fruit import load_fruit
@@ -112,6 +113,48 @@ def test_a_neighbour_on_one_side_rules_out_grasps_that_would_touch_it():
     assert any("finger" in out.reason and "fruit" in out.reason for out in blocked)
     for grasp in beside:  # a finger between the two would have to open along x
         assert abs(grasp.T_base_grasp[0, 1]) < 0.95
+
+
+def test_a_finger_is_never_placed_beyond_a_wall_that_it_would_close_on():
+    target = apple_at(5, 3)
+    centre, half = target.T_base_fruit[:3, 3], APPLES[5][0] / 2e3
+    wall = Box("crate", transform(translation=centre + np.array([half + 0.003, 0.0, 0.0])), (0.002, 0.15, 0.03))
+    space = space_around(target)
+    space = replace(space, world=space.world.with_obstacles(Convex.of_box(wall)))
+    alongside = Sphere(theta=(0.0, 0.0), tilts=1, turns=12)
+    grasps, ruled_out = sample_pre_grasps(
+        target, ROBOT_MODEL, space, OBSERVE, TABLE_Z, alongside, GraspRules(side=(0.018, 2e-3))
+    )
+    assert grasps
+    assert all(abs(grasp.T_base_grasp[0, 1]) < 0.8 for grasp in grasps)
+    assert any("close" in out.reason and "crate" in out.reason for out in ruled_out)
+
+
+def test_less_air_needs_less_room_beside_the_fruit():
+    target = apple_at(4, 3)
+    neighbours = []
+    for side in (-1.0, 1.0):  # slots of 23 mm for fingers of 10 mm, which spheres cover
+        beside = replace(target, T_base_fruit=target.T_base_fruit.copy())
+        beside.T_base_fruit[0, 3] += side * (APPLES[4][0] * 1e-3 + 0.023)
+        neighbours.append(beside)
+    widths = {}
+    for air in (6e-3, 3e-3):
+        grasps, _ = sample(target, *neighbours, side=(air, 2e-3), sigmas=0.0)
+        widths[air] = [g.width for g in grasps if abs(g.T_base_grasp[0, 1]) > 0.95 and g.theta == 0.0]
+    assert not widths[6e-3]
+    assert widths[3e-3]
+    assert max(widths[3e-3]) < APPLES[4][0] * 1e-3 + 7e-3
+
+
+def test_a_fruit_stands_on_the_highest_floor_below_it():
+    T_floor = transform(rot_z(0.3), [0.0, -0.4, TABLE_Z + 0.004])
+    crate = Box("crate", T_floor, (0.2, 0.15, 0.004))
+    tilted = Box("lid", transform(rot_y(0.5), [0.0, -0.4, TABLE_Z + 0.02]), (0.2, 0.15, 0.004))
+    cell = replace(WORKSPACE, obstacles=(crate, tilted))
+    assert support_below(cell, np.array([0.05, -0.42, -0.07])) == pytest.approx(TABLE_Z + 0.008)
+    assert support_below(cell, np.array([0.4, -0.42, -0.07])) == TABLE_Z
+    assert support_below(cell, np.array([0.05, -0.42, TABLE_Z])) == TABLE_Z, "not one above it"
+    assert support_below(replace(cell, table_z=None), np.array([0.4, -0.42, -0.07])) is None
 
 
 def test_without_the_check_candidates_come_in_the_order_of_sampling():

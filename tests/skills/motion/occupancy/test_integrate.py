@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from pomona.drivers.interfaces import Frame, Intrinsics, Workspace
+from pomona.drivers.interfaces import Box, Frame, Intrinsics, Workspace
 from pomona.skills.geometry import rot_x, rot_y, transform
 from pomona.skills.motion.collision import Convex
 from pomona.skills.motion.collision.cover import fibonacci_sphere
@@ -125,6 +125,29 @@ def test_a_target_in_an_earlier_map_is_forgotten() -> None:
     near = np.linalg.norm(after.centres(OCCUPIED) - LEFT, axis=1)
     assert near.min() > RADIUS + 0.005
     assert np.linalg.norm(before.centres(OCCUPIED) - LEFT, axis=1).min() < RADIUS + 0.005  # the old snapshot stays
+
+
+def test_measured_neighbours_are_shapes_and_the_gap_between_them_stays_open() -> None:
+    gap = 0.012
+    near = LEFT + np.array([2.0 * RADIUS + gap, 0.0, 0.0])
+    frame = look(FROM_ABOVE, LEFT, near)
+    target, other = (Convex.of_points("ball", c + RADIUS * fibonacci_sphere(500)) for c in (LEFT, near))
+    between = (LEFT + near)[None] / 2.0
+    assert integrate(empty(), frame, FROM_ABOVE, CELL, target=target).field.distance(between)[0] < gap / 4.0
+    fused = integrate(replace(empty(), shapes=(other,)), frame, FROM_ABOVE, CELL, target=target)
+    assert fused.field.distance(between)[0] > 0.1
+    assert fused.shapes == fused.field.shapes == (other,)
+    assert integrate(fused, look(FROM_ABOVE), FROM_ABOVE, CELL).shapes == (other,), "a later look adds to the map"
+
+
+def test_obstacles_of_the_cell_are_no_cells_and_what_stands_beside_them_is() -> None:
+    frame = look(FROM_ABOVE, LEFT, RIGHT)
+    cell = replace(CELL, obstacles=(Box("post", transform(None, LEFT), (RADIUS, RADIUS, RADIUS)),))
+    fused = integrate(empty(), frame, FROM_ABOVE, cell)
+    blocked = fused.centres(OCCUPIED, HIDDEN)
+    assert np.linalg.norm(blocked - LEFT, axis=1).min() > 0.10
+    assert np.linalg.norm(blocked - RIGHT, axis=1).min() < RADIUS
+    assert fused.shapes == (), "collision checks have the cell file's obstacles"
 
 
 def test_the_robot_itself_is_no_obstacle() -> None:

@@ -91,7 +91,9 @@ def test_objects_of_the_map_or_the_task_are_not_new() -> None:
     inside = np.linalg.norm(empty.origin + (cells + 0.5) * 0.01 - [x, y, z], axis=1) < 0.03
     empty.states[tuple(cells[inside].T)] = 2
     shape = np.array([x, y, z]) + 0.03 * np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
-    for known in ({"map": empty}, {"known": [Convex.of_points("fruit", shape)]}):
+    convex = Convex.of_points("fruit", shape)
+    measured = replace(OccupancyMap.empty(WORKSPACE.lower, WORKSPACE.upper, 0.01), shapes=(convex,))
+    for known in ({"map": empty}, {"map": measured}, {"known": [convex]}):
         looking = watch(**known)
         assert looking.look(frame(0.0, *robot_at(OBSERVE), ball), T_BASE_CAMERA, OBSERVE, 0.0, 0.2) is None
     assert watch().look(frame(0.0, *robot_at(OBSERVE), ball), T_BASE_CAMERA, OBSERVE, 0.0, 0.2) is not None

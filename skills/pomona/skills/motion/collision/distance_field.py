@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float32, Float64
 from pomona.executive.values.read_only import ReadOnly
+from pomona.skills.motion.collision.convex import Convex
 
 INTERPOLATION_ERROR = 0.27  # largest overestimate between corners, in cells (0.256 beside a corner)
 
@@ -28,6 +29,7 @@ class DistanceField(ReadOnly):
     origin: Float64  # position of corner (0, 0, 0) in the base frame, shape (3,) [m]
     resolution: float  # edge of a cell [m]
     limit: float  # larger distances are given as this [m]
+    shapes: tuple[Convex, ...] = ()  # obstacles that the map has as shapes; `distance` leaves them out
 
     @staticmethod
     def of_blocked(blocked: NDArray[np.bool_], origin: Float64, resolution: float, limit: float) -> DistanceField:

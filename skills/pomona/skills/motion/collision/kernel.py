@@ -31,7 +31,7 @@ class WorldArrays(NamedTuple):
     plane_start: Int64
     bounds: Float64  # a sphere around each convex obstacle, shape (c, 4)
     half_spaces: Float64  # normal n and offset d: free where n·p > d, shape (h, 4)
-    margins: Float64  # distance that each geom keeps from the world, shape (g,)
+    margins: Float64  # distance that each geom keeps from each obstacle, shape (1 + c + h, g)
     self_margin: float  # distance that the robot's parts keep from each other
     ignored: NDArray[np.bool_]  # which geom may touch which obstacle, shape (1 + c + h, g)
 
@@ -227,12 +227,13 @@ def evaluate_clearances(
         if not active[g]:
             continue
         enough = min(wanted[g], smallest + slack)
-        x, y, z, margin = centres[g, 0], centres[g, 1], centres[g, 2], margins[g]
+        x, y, z, radius = centres[g, 0], centres[g, 1], centres[g, 2], bounds[g, 3]
         sx, sy, sz = opening * slides[g, 0], opening * slides[g, 1], opening * slides[g, 2]
-        around, n, begin, end = bounds[g, 3] + margin, of_geom[g], start[g], start[g + 1]
+        n, begin, end = of_geom[g], start[g], start[g + 1]
         nearest, nearest_is = 1e9, -1
         if not ignored[MAP, g]:
-            nearest, nearest_is = lookup(field, origin, resolution, x, y, z) - around, MAP
+            margin = margins[MAP, g]
+            nearest, nearest_is = lookup(field, origin, resolution, x, y, z) - radius - margin, MAP
             if nearest < enough:
                 place_spheres(spheres, begin, end, links[n], sx, sy, sz, placed)
                 ready[g] = True
@@ -240,7 +241,9 @@ def evaluate_clearances(
         for h in range(half_spaces.shape[0]):
             if ignored[1 + obstacles + h, g]:
                 continue
-            away = half_spaces[h, 0] * x + half_spaces[h, 1] * y + half_spaces[h, 2] * z - half_spaces[h, 3] - around
+            margin = margins[1 + obstacles + h, g]
+            away = half_spaces[h, 0] * x + half_spaces[h, 1] * y + half_spaces[h, 2] * z - half_spaces[h, 3]
+            away -= radius + margin
             if away < min(enough, nearest):
                 away = _half_space_distance(
                     half_spaces[h], support, support_start[g], support_start[g + 1], links[n], sx, sy, sz
@@ -252,7 +255,8 @@ def evaluate_clearances(
             if ignored[1 + k, g]:
                 continue
             away = sqrt((x - convex[k, 0]) ** 2 + (y - convex[k, 1]) ** 2 + (z - convex[k, 2]) ** 2)
-            away -= convex[k, 3] + around
+            margin = margins[1 + k, g]
+            away -= convex[k, 3] + radius + margin
             if away < min(enough, nearest):
                 if not ready[g]:
                     place_spheres(spheres, begin, end, links[n], sx, sy, sz, placed)

@@ -43,4 +43,7 @@ class Collision:
         what = f"the arm's own {self.other}" if self.itself else f"the {self.other}"
         gap = self.margin - self.depth
         how = f"touches {what}" if gap <= 0.0 else f"comes within {1e3 * gap:.1f} mm of {what}"
-        return f"{self.body} {how} at ({x:.3f}, {y:.3f}, {z:.3f}) m; {1e3 * self.margin:.0f} mm are to be kept"
+        kept = (
+            f"{1e3 * self.margin:.0f} mm are to be kept" if self.margin >= 0.0 else "it may be left, not pressed more"
+        )
+        return f"{self.body} {how} at ({x:.3f}, {y:.3f}, {z:.3f}) m; {kept}"

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pomona.drivers.interfaces import Workspace
 from pomona.executive.values.arrays import Float64, Int64
-from pomona.skills.geometry import transform
+from pomona.skills.geometry import inverse, transform
 from pomona.skills.motion.collision import CollisionWorld, fruit_points
 from pomona.skills.motion.grasp import Grasp, RuledOut
 from pomona.skills.motion.grasps.follow_through import (
@@ -168,7 +169,7 @@ def judge_candidate(setting: GraspSetting, index: int, theta: float, alpha: floa
         raise CandidateRejected("UNREACHABLE", "the arm does not reach the pre-grasp")
     kept, clearance = solutions[: setting.rules.solutions], np.inf
     if setting.rules.check:
-        kept, clearance = _approachable(setting, solutions, T_base_grasp, width)
+        kept, clearance = _approachable(setting, solutions, T_base_grasp, width, section.width)
     return Grasp(
         index, theta, alpha, T_base_pre_grasp, T_base_grasp, width, kept, clearance, section.oblique, setting.measured
     )
@@ -213,9 +214,12 @@ def _above_table(setting: GraspSetting, section: CrossSection, T_base_grasp: Flo
 
 
 def _approachable(
-    setting: GraspSetting, solutions: Float64, T_base_grasp: Float64, width: float
+    setting: GraspSetting, solutions: Float64, T_base_grasp: Float64, width: float, closed_width: float
 ) -> tuple[Float64, float]:
-    """Joint solutions whose pre-grasp and whole approach are free, and the least distance kept on the first one's."""
+    """Joint solutions whose pre-grasp and whole approach are free, and the least distance kept on the first one's.
+
+    The fingers are free when they have closed on the fruit, too: one outside a crate would close on its wall.
+    """
     robot, rules, space = setting.robot, setting.rules, setting.space.at_width(width)
     tried = np.ascontiguousarray(solutions[: rules.tried_solutions])
     poses = np.repeat(T_base_grasp[None, :3], len(setting.back), axis=0)
@@ -224,6 +228,9 @@ def _approachable(
     good = np.flatnonzero(verdicts == GOOD)
     if len(good) == 0:
         raise _why_not(space, verdicts, witnesses)
+    closed, q_grasp = space.at_width(closed_width), lines[good[0], -1]
+    if closed.clearances(q_grasp[None])[0] < -closed.world.margins.fingers:  # in something, not only near it
+        raise CandidateRejected("IN_COLLISION", f"as the fingers close {closed.explain(q_grasp)[0]}")
     return tried[good], float(space.clearances(lines[good[0]]).min())
 
 
@@ -250,6 +257,19 @@ def _judge(
         witnesses,
     )
     return lines, verdicts, witnesses
+
+
+def support_below(workspace: Workspace, p_base: Float64) -> float | None:
+    """Return the height of the table or the floor of a crate below a point of the base frame, shape (3,); None: none.
+
+    Boxes of the cell file count that stand upright.
+    """
+    heights = [-np.inf if workspace.table_z is None else workspace.table_z]
+    for box in workspace.obstacles:
+        p_box, half = inverse(box.T_base_box)[:3] @ np.append(p_base, 1.0), np.array(box.half_extents)
+        if box.T_base_box[2, 2] > 0.999 and (np.abs(p_box[:2]) < half[:2]).all() and p_box[2] > half[2]:
+            heights.append(float(box.T_base_box[2, 3] + half[2]))
+    return max(heights) if np.isfinite(max(heights)) else None
 
 
 def warm_up(robot: RobotModel) -> None:

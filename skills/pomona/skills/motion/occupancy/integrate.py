@@ -2,7 +2,7 @@
 
 A cell well in front of the surface seen at its pixel is free. A cell that holds enough surface points is occupied. A
 cell close behind such a surface is hidden: the rest of the object. The table is a known plane, not part of the map;
-neither are the robot itself, the fruit to pick, and the cells hidden behind them.
+neither are the robot itself, the fruit to pick, other known shapes, and the cells hidden behind them.
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pomona.drivers.interfaces import Frame, Intrinsics, Workspace
-from pomona.executive.values.arrays import Float32, Float64, UInt8
+from pomona.executive.values.arrays import Float32, Float64, Int64, UInt8
 from pomona.skills.geometry import inverse
 from pomona.skills.motion.collision.convex import Convex
+from pomona.skills.motion.collision.world import standing
 from pomona.skills.motion.occupancy.errors import CameraPoseMismatch, NothingMeasured
 from pomona.skills.motion.occupancy.occupancy_map import FREE, HIDDEN, OCCUPIED, UNKNOWN, OccupancyMap
 
@@ -56,7 +57,8 @@ def integrate(
     Args:
         frame: the look; its stamp becomes the age of the cells that it saw.
         robot: spheres that cover the robot at the look, shape (n, 4), in the base frame [m].
-        target: refined shape of the fruit to be picked; its cells are kept out of the map.
+        target: refined shape of the fruit to be picked; its cells are kept out of the map. So are those of the shapes
+            of `previous` and of the workspace's obstacles, which collision checks have: gaps between them stay open.
 
     Raises:
         NothingMeasured: the frame has no depth, or none of it lies inside the mapped volume.
@@ -74,15 +76,19 @@ def integrate(
     own = np.zeros(states.shape, np.bool_)
     if robot is not None and len(robot):
         mark_spheres(np.ascontiguousarray(robot), how.robot_padding, origin, previous.resolution, own)
-    planes = np.empty((0, 4)) if target is None else target.planes
-    bound = np.array([0.0, 0.0, 0.0, -1e9]) if target is None else target.bound
+    shapes, fixed = (*(() if target is None else (target,)), *previous.shapes), standing(workspace)
+    margins = np.array([how.target_margin] * len(shapes) + [how.table] * len(fixed))
+    left_out = (*shapes, *fixed)
+    planes = np.vstack([np.empty((0, 4)), *(shape.planes for shape in left_out)])
+    start = np.cumsum([0] + [len(shape.planes) for shape in left_out])
+    bounds = np.array([shape.bound for shape in left_out]).reshape(-1, 4)
     leaves = excess_green(frame.colour) > how.foliage if how.foliage < 2.0 else np.zeros(depth.shape, np.bool_)
     lens = frame.intrinsics
     camera = np.array([lens.fx, lens.fy, lens.cx, lens.cy])
     table_z = -np.inf if workspace.table_z is None else workspace.table_z
     valid, inside, below = _label_pixels(
         depth, camera, T, origin, previous.resolution, table_z,
-        how.table, own, planes, bound, how.target_margin, leaves, labels, points,
+        how.table, own, planes, start, bounds, margins, leaves, labels, points,
     )  # fmt: skip
     if below > _BELOW_TABLE_SHARE * max(below + inside, 1):
         raise CameraPoseMismatch(f"{below} of {below + inside} points would lie more than 30 mm below the table")
@@ -95,9 +101,9 @@ def integrate(
     )  # fmt: skip
     occupied = points >= how.min_points
     states[occupied], last_look[occupied] = OCCUPIED, look
-    if target is not None:
-        _clear_target(states, previous, target, how.target_margin)
-    return OccupancyMap(previous.origin, previous.resolution, states, last_look, (*previous.stamps, frame.stamp))
+    for shape, margin in zip(left_out, margins, strict=True):
+        _clear_shape(states, previous, shape, float(margin))
+    return replace(previous, states=states, last_look=last_look, stamps=(*previous.stamps, frame.stamp))
 
 
 def excess_green(colour: UInt8) -> Float32:
@@ -113,8 +119,8 @@ def excess_green(colour: UInt8) -> Float32:
     return index
 
 
-def _clear_target(states: UInt8, grid: OccupancyMap, target: Convex, margin: float) -> None:
-    """Clear the blocked cells inside the target: it is an obstacle of its own."""
+def _clear_shape(states: UInt8, grid: OccupancyMap, target: Convex, margin: float) -> None:
+    """Clear the blocked cells inside a shape: it is an obstacle of its own."""
     reach = target.bound[3] + margin + grid.resolution
     first = np.maximum(grid.cell_of(target.bound[:3] - reach), 0)
     last = np.minimum(np.array(grid.cell_of(target.bound[:3] + reach)) + 1, states.shape)
@@ -156,13 +162,12 @@ def mark_spheres(
 @njit(cache=True, nogil=True)
 def _label_pixels(
     depth: Float32, camera: Float64, T: Float64, origin: Float64, resolution: float, table_z: float, table: float,
-    own: NDArray[np.bool_], planes: Float64, bound: Float64, margin: float,
+    own: NDArray[np.bool_], planes: Float64, start: Int64, bounds: Float64, margins: Float64,
     leaves: NDArray[np.bool_], labels: UInt8, points: NDArray[np.uint16],
 ) -> tuple[int, int, int]:  # fmt: skip
     """Label every pixel, and count the surface's points in each cell."""
     nx, ny, nz = own.shape
     valid, inside, below = 0, 0, 0
-    near = bound[3] + margin
     for v in range(depth.shape[0]):
         ry = (v - camera[3]) / camera[1]
         for u in range(depth.shape[1]):
@@ -195,14 +200,19 @@ def _label_pixels(
             if own[i, j, k]:
                 labels[v, u] = _ROBOT
                 continue
-            ax, ay, az = x - bound[0], y - bound[1], z - bound[2]
-            if near > 0.0 and ax * ax + ay * ay + az * az < near * near:
-                outside = -1e9
-                for f in range(planes.shape[0]):
-                    outside = max(outside, planes[f, 0] * x + planes[f, 1] * y + planes[f, 2] * z - planes[f, 3])
-                if outside < margin:
-                    labels[v, u] = _TARGET
-                    continue
+            for n in range(bounds.shape[0]):
+                ax, ay, az, near = x - bounds[n, 0], y - bounds[n, 1], z - bounds[n, 2], bounds[n, 3] + margins[n]
+                if ax * ax + ay * ay + az * az < near * near:
+                    outside = -1e9
+                    for f in range(start[n], start[n + 1]):
+                        outside = max(outside, planes[f, 0] * x + planes[f, 1] * y + planes[f, 2] * z - planes[f, 3])
+                        if outside >= margins[n]:
+                            break
+                    if outside < margins[n]:
+                        labels[v, u] = _TARGET
+                        break
+            if labels[v, u] == _TARGET:
+                continue
             if leaves[v, u]:
                 labels[v, u] = _FOLIAGE
             elif points[i, j, k] < 65535:

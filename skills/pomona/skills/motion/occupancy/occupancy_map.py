@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.read_only import read_only
+from pomona.skills.motion.collision.convex import Convex
 from pomona.skills.motion.collision.distance_field import DistanceField
 from pomona.skills.motion.occupancy.errors import MapEmpty, MapStale
 
@@ -26,6 +27,7 @@ class OccupancyMap:
         states: UNKNOWN, FREE, OCCUPIED or HIDDEN, shape (nx, ny, nz), uint8.
         last_look: number of the last frame with information about a cell, same shape, int16; -1 for none.
         stamps: time of each look on the cell's clock [s].
+        shapes: objects that were measured and are obstacles by their shapes instead of cells.
     """
 
     origin: Float64
@@ -33,6 +35,7 @@ class OccupancyMap:
     states: NDArray[np.uint8]
     last_look: NDArray[np.int16]
     stamps: tuple[float, ...]
+    shapes: tuple[Convex, ...] = ()
 
     @staticmethod
     def empty(lower: Float64, upper: Float64, resolution: float) -> OccupancyMap:
@@ -62,9 +65,10 @@ class OccupancyMap:
 
     @cached_property
     def field(self) -> DistanceField:
-        """Distance to blocked cells, computed once."""
+        """Distance to blocked cells, with the measured shapes; computed once."""
         # distances are known up to this [m]
-        return DistanceField.of_blocked(self.states >= OCCUPIED, self.origin, self.resolution, 0.30)
+        field = DistanceField.of_blocked(self.states >= OCCUPIED, self.origin, self.resolution, 0.30)
+        return replace(field, shapes=self.shapes)
 
     def usable_field(self, now: float, max_age: float) -> DistanceField:
         """Return the distance field if the newest look is at most `max_age` old at `now` on the cell's clock [s].

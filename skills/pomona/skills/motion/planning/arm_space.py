@@ -55,6 +55,10 @@ class ArmSpace:
             return self
         return replace(self, world=self.world.allowing(TABLE, "held", "fingers"))
 
+    def leaving(self, q: Float64) -> ArmSpace:
+        """Return the same for a rise from a posture: a held fruit and the fingers may leave what they touch there."""
+        return replace(self, world=self.world.leaving(q, self.width, "held", "fingers"))
+
     def free(self, q: Float64) -> bool:
         """Return True if a configuration keeps all margins."""
         return bool(self.world.free(q[None], self.width)[0])

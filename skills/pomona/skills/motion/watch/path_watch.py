@@ -91,7 +91,7 @@ class PathWatch:
         self._origin = workspace.lower - (BEYOND, BEYOND, 0.0)
         shape_of_grid = np.ceil((workspace.upper + BEYOND - self._origin) / CELL).astype(int)
         nx, ny, nz = (int(n) for n in shape_of_grid)
-        self._known = self._mark_known((nx, ny, nz), map, [*standing(workspace), *known])
+        self._known = self._mark_known((nx, ny, nz), map, [*standing(workspace), *known, *(map.shapes if map else ())])
         self._states: dict[int, UInt8] = {}  # by camera: two of them never agree to the millimetre at an edge
         self._area = np.zeros((nx, ny, nz), np.float32)
         self._touched = np.empty(nx * ny * nz, np.int64)
