@@ -13,7 +13,7 @@ import pytest
 
 from pomona.devices.emulators.motoman import FreeJoints
 from pomona.devices.emulators.server import Server, TcpPort
-from pomona.devices.emulators.universal_robots import UrEmulator
+from pomona.devices.laboratory_emulators.universal_robots import UrEmulator
 from pomona.devices.universal_robots import outside
 from pomona.devices.universal_robots.connect import PORTS, connect
 from pomona.devices.universal_robots.driver import UrArm

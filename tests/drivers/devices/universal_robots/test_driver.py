@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pomona.devices.emulators.motoman import FreeJoints
-from pomona.devices.emulators.universal_robots import UrEmulator
+from pomona.devices.laboratory_emulators.universal_robots import UrEmulator
 from pomona.devices.universal_robots.dashboard import WrongArmError
 from pomona.devices.universal_robots.driver import RECONNECT, UrArm
 from pomona.devices.universal_robots.rtde import RegisterTakenError

@@ -10,11 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from pomona.devices.emulators.emulated import EmulatedDevice, EmulatedWire, EmulatorKind, SimJoints, world_of
 from pomona.devices.emulators.motoman import Joints
 from pomona.devices.emulators.server import Peer
-from pomona.devices.emulators.urscript import compile_script
+from pomona.devices.laboratory_emulators.urscript import compile_script
+from pomona.devices.universal_robots.connect import PORTS
 from pomona.devices.universal_robots.rtde import FORMATS, RtdeKind, decode, encode
-from pomona.drivers import FaultSwitch, Malformed
+from pomona.drivers import Arm, Cell, FaultSwitch, Malformed
 from pomona.executive import Float64
 
 CYCLE = 0.002
@@ -525,3 +527,19 @@ class _RtdePort(_UrPort):
             number = len(client.inputs) + 1
             client.inputs[number] = names, struct.Struct(">" + "".join(LAYOUTS[kind] for kind in kinds))
         client.peer.send(encode(RtdeKind.INPUTS, bytes([number]) + ",".join(kinds).encode()))
+
+
+def _addresses(address: str) -> tuple[str, ...]:
+    return tuple(f"{address}:{port}" for port in PORTS.values())
+
+
+def _make(cell: Cell, addresses: tuple[str, ...]) -> EmulatedDevice:
+    controller = UrEmulator(SimJoints(world_of(cell)), cell.device(Arm).limits.velocity)
+    wires = (
+        EmulatedWire(f"{name}_wire", address, getattr(controller, name), clients=4)
+        for name, address in zip(PORTS, addresses, strict=True)
+    )
+    return EmulatedDevice(tuple(wires), controller.advance, {"": controller})
+
+
+UNIVERSAL_ROBOTS = EmulatorKind(_addresses, _make)
