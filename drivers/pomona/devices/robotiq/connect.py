@@ -20,7 +20,7 @@ from pomona.drivers import (
     driver,
     tcp_opener,
 )
-from pomona.executive import FORCE, LENGTH, TIME, Flag, Measure, Problem, Section, Span, Text, Whole, value
+from pomona.executive import FORCE, LENGTH, TIME, Counts, Flag, Measure, Problem, Section, Text, value
 
 BAUD = 115200  # of the grippers when they are delivered [bit/s]
 URCAP_PORT = 63352
@@ -38,7 +38,7 @@ class RobotiqFile:
     finger_offset: float = value(
         Measure(LENGTH, "0 mm", "500 mm"), "0 mm", "opening between the pads' faces when the gripper is closed"
     )
-    counts: tuple[int, int] = value(Span(Whole(0, 255)), (3, 230), "positions of the open and of the closed gripper")
+    counts: tuple[int, ...] = value(Counts(2, 0, 255), (3, 230), "positions of the open and of the closed gripper")
     force: float | None = value(
         Measure(FORCE, "1 N", "300 N"), None, "limit of one finger's force while it moves; default: the least"
     )
@@ -65,7 +65,7 @@ class RobotiqFile:
     def options(self) -> RobotiqOptions:
         """Options of the driver."""
         silence = self.silence or (0.06 if self.urcap is None else 0.3)
-        fingers = self.model, self.finger_offset, self.counts, self.force
+        fingers = self.model, self.finger_offset, (self.counts[0], self.counts[1]), self.force
         return RobotiqOptions(*fingers, self.activate, self.watchdog, silence, self.supervision)
 
     def problems(self) -> Iterator[Problem]:
