@@ -47,7 +47,8 @@ class RobotiqEmulator(FaultSwitch):
         self._fingers, self._model = fingers, MODELS[model]
         self._active_at: float | None = None
         self._then: float | None = None
-        self._still_since, self._last = 0.0, fingers.state().width
+        self._set_point = self._last = fingers.state().width  # where the motor shall be, and where the fingers were
+        self._still_since = self._speed = 0.0
         self._frozen = self._position()
 
     def inject_fault(self, kind: str) -> None:
@@ -70,22 +71,19 @@ class RobotiqEmulator(FaultSwitch):
             self.activation, self._active_at = 3, None
         state = self._fingers.state()
         goal = self._width(min(max(self.written[3], OPEN), CLOSED))
-        left = goal - state.width
+        self._set_point += self._speed * elapsed
         slowest, fastest = self._model.speeds
         speed = slowest + self.written[4] / 255.0 * (fastest - slowest)
         moves = self.activation == 3 and bool(self.written[0] & 8) and self.fault != "stuck"
         force = 0.0 if state.motor_force is None else 0.5 * state.motor_force
         if self.object == 0 or self.object == CLOSING:
             self.peak = max(self.peak, force)
-        if not moves or self._has_met(left, force, now, state.width):
-            self._fingers.set_speed(0.0)
-        elif abs(left) < 0.25 * self._step:
-            self.object = THERE
-            self._fingers.set_speed(0.0)
+        if not moves or self._has_met(goal - state.width, force, now, state.width):
+            self._speed = 0.0
         else:
-            self.object = 0 if abs(left) > self._step else THERE
-            nearest = abs(left) / max(elapsed, 1e-3)
-            self._fingers.set_speed(min(speed, nearest) * (1.0 if left > 0.0 else -1.0))
+            self.object = THERE if abs(goal - state.width) < self._step else 0
+            self._speed = min(max((goal - self._set_point) / max(elapsed, 1e-3), -speed), speed)
+        self._fingers.set_speed(self._speed)
         self.rtu.flush()
         self.urcap.flush()
 
