@@ -149,7 +149,10 @@ class RobotiqGripper(ParallelGripper):
         raise DeviceLost(self.name, f"{problem} within {seconds:g} s{nonsense}")
 
     def step(self) -> None:
-        """Serve the gripper once; its own thread calls this in a loop."""
+        """Serve the gripper once; its own thread calls this in a loop.
+
+        Raises OSError, DeviceLost, Nonsense: the wire failed, or no gripper answers.
+        """
         now = self._clock.now()
         if self._session is None:
             self._supervise()

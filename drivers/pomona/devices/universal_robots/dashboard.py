@@ -56,7 +56,7 @@ class UrDashboard:
             model: as in the cell file, "ur5e" or "ur5".
             version: of the controller's software.
 
-        Raises DeviceFault, DeviceLost: it is not, or does not answer.
+        Raises DeviceFault, WrongArmError, DeviceLost: it is too old, another one, or does not answer.
         """
         major, minor = version[:2]
         told = f"runs PolyScope {major}.{minor}"

@@ -16,7 +16,7 @@ def stop(host: str, port: int) -> None:
 
     The controller does so by itself when the heart beat has ended.
 
-    Raises DeviceLost, OSError: there is no answer, or a program goes on.
+    Raises DeviceLost: there is no answer; TimeoutError: a program goes on.
     """
     dashboard = UrDashboard("arm", lambda: TcpLink(host, port, ANSWER), SystemClock())
     dashboard.ask("stop")
