@@ -19,7 +19,10 @@ BAUD = 115200
 
 
 def stop(port: str | None, host: str | None, number: int) -> None:
-    """Forbid motion, with the position commanded where the fingers are. Raises OSError, TimeoutError: there is no answer."""
+    """Forbid motion, with the position commanded where the fingers are.
+
+    Raises OSError, TimeoutError: there is no answer.
+    """
     clock = SystemClock()
     session: RobotiqSession
     if host is not None:
