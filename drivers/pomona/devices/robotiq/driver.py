@@ -194,8 +194,8 @@ class RobotiqGripper(ParallelGripper):
         self._widths = [*(recent or self._widths[-1:]), (now, width)]
         then, before = self._widths[0]
         speed = (width - before) / (now - then) if now - then > 0.5 * SPEED_WINDOW else 0.0
-        presses = {CLOSING: 2.0 * self.limits.force_max, OPENING: -2.0 * self.limits.force_max}.get(status.object, 0.0)
-        self._measured(now, width, speed, presses)
+        limit = 2.0 * self.limits.force_max  # reached when the fingers were stopped; below it the force is unknown
+        self._measured(now, width, speed, {CLOSING: limit, OPENING: -limit}.get(status.object))
 
     # ------------------------------------------------------------------------------------------- counts
 

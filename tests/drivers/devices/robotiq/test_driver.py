@@ -152,6 +152,7 @@ def test_streamed_speeds_hold_a_force_far_below_the_least_one(stiffness: float, 
     step = 0.5 * gripper.limits.step * stiffness  # of the force
     assert cell.fingers.force == pytest.approx(goal, abs=1.5 * step)
     assert peak < goal + 4.0 * step
+    assert gripper.state().motor_force is None  # fingers that hold below their limit report no force
     gripper.check()
 
 
