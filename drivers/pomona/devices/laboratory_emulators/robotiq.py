@@ -20,8 +20,8 @@ TURN = 0.002
 """Time from a request to its answer [s], beside that of the bytes: plausible, not measured."""
 ACTIVATING = 0.3
 """Time of an activation [s]; a real one takes some seconds."""
-STALLED = 0.05
-"""Fingers that do not move for this long have met something [s]."""
+BEHIND = 1e-3
+"""Fingers without a measured force that are so far behind their motor have met something [m]."""
 
 
 class RobotiqEmulator(FaultSwitch):
@@ -47,8 +47,7 @@ class RobotiqEmulator(FaultSwitch):
         self._fingers, self._model = fingers, MODELS[model]
         self._active_at: float | None = None
         self._then: float | None = None
-        self._set_point = self._last = fingers.state().width  # where the motor shall be, and where the fingers were
-        self._still_since = self._speed = 0.0
+        self._set_point, self._speed = fingers.state().width, 0.0  # of the motor
         self._frozen = self._position()
 
     def inject_fault(self, kind: str) -> None:
@@ -75,30 +74,27 @@ class RobotiqEmulator(FaultSwitch):
         slowest, fastest = self._model.speeds
         speed = slowest + self.written[4] / 255.0 * (fastest - slowest)
         moves = self.activation == 3 and bool(self.written[0] & 8) and self.fault != "stuck"
-        force = 0.0 if state.motor_force is None else 0.5 * state.motor_force
-        if self.object == 0 or self.object == CLOSING:
-            self.peak = max(self.peak, force)
-        if not moves or self._has_met(goal - state.width, force, now, state.width):
+        self.peak = max(self.peak, 0.5 * (state.motor_force or 0.0))
+        if not moves or self._has_met(goal < self._set_point, state.motor_force, state.width):
             self._speed = 0.0
         else:
-            self.object = THERE if abs(goal - state.width) < self._step else 0
+            self.object = THERE if abs(goal - self._set_point) < 0.5 * self._step else 0
             self._speed = min(max((goal - self._set_point) / max(elapsed, 1e-3), -speed), speed)
         self._fingers.set_speed(self._speed)
         self.rtu.flush()
         self.urcap.flush()
 
-    def _has_met(self, left: float, force: float, now: float, width: float) -> bool:
-        """Whether the fingers have met something on their way: its force is at the limit, or they stand still."""
+    def _has_met(self, closes: bool, motor_force: float | None, width: float) -> bool:
+        """Whether the fingers have met something: its force is at the limit; without a force they do not follow."""
         least, most = self._model.forces
         limit = least + self.written[5] / 255.0 * (most - least)
-        if abs(width - self._last) > 1e-5 or abs(left) < self._step:
-            self._still_since, self._last = now, width
         if self.object in (OPENING, CLOSING):
             return True  # until another position is commanded: the screw locks itself
-        if (left < 0.0 and force >= limit) or now - self._still_since > STALLED:
-            self.object = CLOSING if left < 0.0 else OPENING
-            return True
-        return False
+        behind = motor_force is None and abs(self._set_point - width) > BEHIND
+        if behind or (closes and motor_force is not None and 0.5 * motor_force >= limit):
+            self._set_point = width if behind else self._set_point
+            self.object = CLOSING if closes else OPENING
+        return self.object in (OPENING, CLOSING)
 
     @property
     def _step(self) -> float:
@@ -122,7 +118,7 @@ class RobotiqEmulator(FaultSwitch):
         elif not before[0] & 1:
             self.activation, self._active_at = 1, self.now + ACTIVATING
         if self.written[3] != before[3] or self.written[0] & 8 != before[0] & 8:
-            self.object, self._still_since = 0, self.now
+            self.object = 0
 
     def status(self) -> bytes:
         """Return the six bytes of the status."""
