@@ -206,6 +206,7 @@ oracle: $(STAMP) ## the collision model beside MuJoCo over 10 000 random states
 faults: $(STAMP) ## every fault in every phase of a pick, simulated and emulated devices, judged by the simulator's truth
 	$(BIN)/python -m benchmarks.fault_matrix
 	$(BIN)/python -m benchmarks.fault_matrix --cell emulated
+	$(BIN)/python -m benchmarks.fault_matrix --cell emulated_ur5e_hand_e_fingers
 	$(BIN)/python -m benchmarks.fault_matrix --cell orchard
 
 fuzz: $(STAMP) ## a million each: damaged tree files, cell files, device streams, records, messages to and from the page; 100 000 random trees (three hours)

@@ -1,7 +1,7 @@
 """A Robotiq gripper as a `Gripper`: positions in counts, commanded at once or in steps.
 
 The gripper knows positions only. A move at its own speeds is one command; a slower one, and a streamed speed, becomes
-positions that advance in steps, at most `AHEAD` steps before the measured one: this bounds the force on soft pads. The
+positions that advance in steps, a few steps before the measured one: this bounds the force on soft pads. The
 force of the command is the limit of the motor's current while it moves; at the limit the fingers stop, and stay.
 """
 
@@ -29,7 +29,9 @@ from pomona.drivers import (
 from pomona.executive import Clock
 
 PATIENCE = 0.004  # the wire is waited for no longer than this at a time [s]
-AHEAD = 3  # most steps by which a position that advances precedes the measured one
+AHEAD = 3  # most steps by which a position that advances precedes the measured one, beside its way in DELAY
+DELAY = 0.04  # time from a command to the width that shows it [s]: two exchanges and the fingers' own
+CATCH_UP = 1.5  # speed of the fingers towards a position that advances, as a multiple of its own
 SPEED_WINDOW = 0.04  # window of a speed by differences [s]: positions are counts
 ACCELERATION = 1.0  # assumed acceleration for the supervisor [m/s²]
 CONNECT, ACTIVATION = 1.0, 8.0  # deadlines of the first status, and of the activation, which moves the fingers [s]
@@ -247,19 +249,19 @@ class RobotiqGripper(ParallelGripper):
         if self._speed or (running and move is not None and self._set_point != move.width):
             target = move.width if running and move is not None else math.copysign(math.inf, self._speed)
             speed = move.speed if running and move is not None else abs(self._speed)
-            self._advance(target, speed * elapsed, state.width)
+            self._advance(target, speed, elapsed, state.width)
         self._judge_move(state, self._set_point, 1.5 * self.limits.step)
 
-    def _advance(self, target: float, way: float, width: float) -> None:
-        """Let the set-point advance towards `target` by `way`, for fingers at `width` [m]."""
+    def _advance(self, target: float, speed: float, elapsed: float, width: float) -> None:
+        """Let the set-point advance towards `target` at a speed [m/s], for fingers at `width` [m]."""
         assert self._set_point is not None
-        limits, ahead = self.limits, AHEAD * self.limits.step
+        limits, ahead = self.limits, AHEAD * self.limits.step + speed * DELAY
         left = target - self._set_point
-        wanted = self._set_point + math.copysign(min(abs(left), way), left)
+        wanted = self._set_point + math.copysign(min(abs(left), speed * elapsed), left)
         wanted = min(max(wanted, limits.width_min), limits.width_max)
         least, most = min(width - ahead, self._set_point), max(width + ahead, self._set_point)
         self._set_point = min(max(wanted, least), most)
-        self._go_to(self._set_point, self.model.speeds[0])
+        self._go_to(self._set_point, CATCH_UP * speed)
 
     def _forget(self) -> None:
         self._command, self._set_point = None, None

@@ -156,6 +156,19 @@ def test_streamed_speeds_hold_a_force_far_below_the_least_one(stiffness: float, 
     gripper.check()
 
 
+@pytest.mark.parametrize("speed", [0.005, 0.02, 0.06, 0.12])
+def test_a_streamed_speed_is_followed(speed: float) -> None:
+    cell = Cell()
+    gripper = connected(cell)
+    start, count = cell.fingers.width, round(0.03 / speed / 0.01)
+    for _ in range(count):
+        gripper.set_speed(-speed)
+        serve(gripper, cell, 0.01)
+    streamed = 0.01 * count * speed
+    assert start - cell.fingers.width == pytest.approx(streamed, abs=2.0 * gripper.limits.step + 0.05 * speed)
+    gripper.check()
+
+
 def test_a_stream_that_is_not_renewed_stands() -> None:
     cell = Cell()
     gripper = connected(cell)
