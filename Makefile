@@ -116,6 +116,9 @@ ablations: $(STAMP) ## refinement, planning and force beside their baselines, in
 	  $(BIN)/pomona campaign benchmarks/ablation_$$part.yaml --report-to docs/reports/ablation_$$part $(CAMPAIGN) || exit 1; \
 	done
 
+bench-arms: $(STAMP) ## twenty picks on the emulated twin of a UR5e with a Hand-E, with force fingers and without
+	$(BIN)/pomona campaign benchmarks/arms.yaml $(CAMPAIGN)
+
 bench-tree: $(STAMP) ## the executive beside bare py_trees: ticks, recording, jitter, checking a large file
 	$(BIN)/python -m benchmarks.bench_tree
 	$(BIN)/python -m benchmarks.bench_runner
@@ -206,6 +209,7 @@ oracle: $(STAMP) ## the collision model beside MuJoCo over 10 000 random states
 faults: $(STAMP) ## every fault in every phase of a pick, simulated and emulated devices, judged by the simulator's truth
 	$(BIN)/python -m benchmarks.fault_matrix
 	$(BIN)/python -m benchmarks.fault_matrix --cell emulated
+	$(BIN)/python -m benchmarks.fault_matrix --cell emulated_ur5e_hand_e_fingers
 	$(BIN)/python -m benchmarks.fault_matrix --cell orchard
 
 fuzz: $(STAMP) ## a million each: damaged tree files, cell files, device streams, records, messages to and from the page; 100 000 random trees (three hours)

@@ -50,7 +50,7 @@ from pomona.skills.grip.hold import take_over
 TREES = Path(__file__).parent
 TABLE = {"fruit": "apple_4", "place": "2", "distractors": "0"}
 SETTINGS = {
-    "sim": TABLE, "emulated": TABLE,
+    "sim": TABLE, "emulated": TABLE, "emulated_ur5e_hand_e_fingers": TABLE,
     "orchard": {"leaves": "0", "behind": "0", "friction": "0.8", "looks": "1", "most": "1", "tries": "1"},
 }  # fmt: skip
 """Settings of each cell and its tree. Of the wall one apple is picked, from one view."""

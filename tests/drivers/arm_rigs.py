@@ -206,6 +206,56 @@ class MotomanRig(Rig):
         )
 
 
+class UrRig(Rig):
+    """The driver of Universal Robots against the emulated controller, which executes its script."""
+
+    period = 0.002
+    holds_up = True
+    shares = (1.01, 1.5, np.inf)  # cubics between knots 20 ms apart: their acceleration jumps
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        from tests.drivers.devices.universal_robots import test_driver
+
+        super().__init__(monkeypatch)
+        self.cell = test_driver.Cell()
+        self.limits = test_driver.LIMITS
+        controller = self.cell.controller
+        servo, end_program, self._measured = controller.servo, controller.end_program, controller.measured
+
+        def served(q: np.ndarray, lookahead: float) -> None:
+            self.played.append(q)
+            servo(q, lookahead)
+
+        def ended() -> None:
+            self.stop_noting()  # it brakes by itself
+            end_program()
+
+        controller.servo = served  # type: ignore[method-assign]
+        self.arm = test_driver.connected(self.cell)
+        controller.end_program = ended  # type: ignore[method-assign]
+        self._serve = test_driver.serve
+
+    @property
+    def q(self) -> np.ndarray:
+        return self.cell.joints.measured()[0]
+
+    def serve(self, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
+        self._serve(self.arm, self.cell, seconds, until)
+
+    def lie(self, says: Says) -> None:
+        def wrongly() -> tuple[np.ndarray, np.ndarray]:
+            q, qd = self._measured()
+            return says(q), qd
+
+        self.cell.controller.measured = wrongly  # type: ignore[method-assign]
+
+    def hold_up(self, seconds: float) -> None:
+        self.cell.let_pass(seconds)
+
+    def path(self) -> Trajectory:
+        return self.to(np.array([0.5, -0.4, 0.3, 0.2, -0.1, 0.6]))
+
+
 class Ros2Rig(Rig):
     """The driver of ROS 2 against a joint_trajectory_controller."""
 
@@ -256,5 +306,6 @@ RIGS: dict[str, type[Rig]] = {
     "mock": MockRig,
     "sim": SimRig,
     "motoman": MotomanRig,
+    "universal-robots": UrRig,
     "ros2": Ros2Rig,
 }

@@ -4,7 +4,7 @@ import pytest
 from py_trees.common import Status
 
 from pomona.drivers.gripper_motion import DirectMotion
-from pomona.drivers.interfaces import MotionState
+from pomona.drivers.interfaces import GripperLimits, MotionState
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.skills.grasp import NARROWEST, Grasp
 from tests.skills.picking_scene import PickingScene, apple_at
@@ -126,3 +126,31 @@ def test_interrupted_the_fingers_stop_where_they_are():
     assert outcome.status is Status.INVALID
     assert rig.scene.gripper.settled()
     assert 0.09 < rig.scene.gripper.width < 0.1
+
+
+class FactsOfGripper:
+    """Facts of a cell with fingers of this least force [N] and no force sensor."""
+
+    name = "cell"
+
+    def __init__(self, least: float) -> None:
+        self.limits = GripperLimits(0.03, 0.1, 0.1, max(least, 20.0), least)
+
+    def known(self, what: type) -> Any:
+        return self.limits if what is GripperLimits else None
+
+    def place(self, _interface: type) -> None:
+        return None
+
+
+@pytest.mark.parametrize(
+    ("least", "known", "told"),
+    [(20.0, {}, "40 N at least, and 'force' allows 10 N"), (20.0, {"force": 39.0}, "allows 39 N"),
+     (20.0, {"force": 40.0}, ""), (0.0, {"force": 1.0}, ""), (20.0, {"force": None}, "")],
+)  # fmt: skip
+def test_a_gripper_that_always_presses_harder_than_allowed_is_refused_with_numbers(
+    least: float, known: dict[str, Any], told: str
+) -> None:
+    errors = [p.message for p in Grasp.judge(known, FactsOfGripper(least)) if not p.warning]
+    assert len(errors) == bool(told)
+    assert all(told in error for error in errors)

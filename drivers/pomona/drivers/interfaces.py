@@ -274,12 +274,18 @@ class StreamedArm(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class GripperLimits:
-    """Opening between the pads' faces [m], speed of the opening [m/s], force of one finger [N]."""
+    """Opening between the pads' faces [m], speed of the opening [m/s], force of one finger [N].
+
+    `force_min`: with which fingers that meet something press at least [N]; `step`: of the opening that they can be
+    moved by [m]; 0 for none.
+    """
 
     width_min: float
     width_max: float
     speed_max: float
     force_max: float
+    force_min: float = 0.0
+    step: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

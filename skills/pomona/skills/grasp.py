@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
 
 from pomona.drivers.errors import MotionRefused
-from pomona.drivers.interfaces import ForceSensor, Gripper, GripperState, MotionState
+from pomona.drivers.interfaces import ForceSensor, Gripper, GripperLimits, GripperState, MotionState
 from pomona.drivers.plain_hand import between, gone
 from pomona.executive.ports import FORCE, LENGTH, SPEED, TIME, Force, Length, Port, Speed, Time
 from pomona.executive.skill import CellFacts, Work
@@ -19,6 +19,7 @@ NARROWEST = 0.5  # smallest width of a fruit between the fingers, relative to it
 WIDEST = 8e-3  # width over the fruit's largest dimension at which something else is between the fingers [m]
 LEAST_WAY = 1e-3  # distance that the fingers must be able to close before they meet the fruit [m]
 AIMED = 4e-3  # distance of the aim to the closed gripper [m]: twice that of fingers that hold nothing
+DEFAULT_FORCE = FORCE("10 N")
 CREEP = 2e-3  # change of the width in `settle` after which the fruit may slip out [m]
 
 UNMEASURED = (
@@ -44,7 +45,11 @@ class Grasp(MovingSkill):
 
     @classmethod
     def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
-        """Warn about the measurements that a cell without force sensor does not have."""
+        """Refuse a gripper that always presses harder than `force`; warn without a force sensor."""
+        limits, force = (None if cell is None else cell.known(GripperLimits)), known.get("force", DEFAULT_FORCE)
+        if limits is not None and force is not None and 2.0 * limits.force_min > force + 1e-6:
+            words = f"{2.0 * limits.force_min:g} N at least, and 'force' allows {force:g} N on the fruit"
+            yield Problem("force", f"the gripper presses with {words}", "allow it, or take another gripper")
         if cell is not None and cell.place(ForceSensor) is None:
             yield Problem("", UNMEASURED, "SlipAvoidGrasp needs `fingers:` in the cell file", True, cell.place(Gripper))
 
@@ -56,7 +61,7 @@ class Grasp(MovingSkill):
         ] = LENGTH("0 mm"),
         force: Annotated[
             Force, Port(min="1 N", max="100 N", help="grasp force by the motor's current at which the fingers stop")
-        ] = FORCE("10 N"),
+        ] = DEFAULT_FORCE,
         speed: Annotated[Speed, Port(min="1 mm/s", max="0.2 m/s", help="speed of closing")] = SPEED("0.02 m/s"),
         settle: Annotated[Time, Port(min="0 s", max="5 s", help="time before the grip is verified")] = TIME("0.3 s"),
     ) -> Work[None]:

@@ -1,4 +1,4 @@
-"""`pomona emulate wsg | suntouch | motoman`: a device without the device, in a process of its own, until Ctrl-C."""
+"""`pomona emulate DEVICE`: a device without the device, in a process of its own, until Ctrl-C."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,8 @@ from pomona.devices.motoman.connect import ORDERS
 from pomona.devices.suntouch.codec import decode, encode
 from pomona.executive import FORCE, LENGTH, TIME, Measure
 
+GROUP = "pomona.emulate"
+"""Entry point group of functions that add a device to the command."""
 SIA5_VELOCITY = np.radians([200.0, 200.0, 200.0, 200.0, 200.0, 230.0, 350.0])
 
 
@@ -39,7 +42,7 @@ def add(subparsers: Any) -> None:
     wsg.add_argument("--not-referenced", action="store_true", help="start without a reference: moves are refused")
     wsg.add_argument("--no-script", action="store_true", help="start without the finger script for streamed speeds")
     wsg.add_argument("--obstacle", type=Measure(LENGTH, "0 mm").option, metavar="WIDTH", help="part between the jaws")
-    wsg.set_defaults(main=lambda options: _serve(_wsg, options))
+    wsg.set_defaults(main=lambda options: serve(_wsg, options))
     suntouch = kinds.add_parser("suntouch", help="one force/tactile finger on a pseudo terminal")
     suntouch.add_argument("--link", type=Path, help="symbolic link to make to the terminal")
     suntouch.add_argument("--seed", type=int, default=0, help="finger: 0 for left, 1 for right")
@@ -52,7 +55,7 @@ def add(subparsers: Any) -> None:
     )
     suntouch.add_argument("--record", type=Path, help="write a recording for `pomona calibrate fingers`, then exit")
     suntouch.add_argument("--samples", type=int, default=20000, help="number of samples of the recording")
-    suntouch.set_defaults(main=lambda options: _record(options) if options.record else _serve(_suntouch, options))
+    suntouch.set_defaults(main=lambda options: _record(options) if options.record else serve(_suntouch, options))
     motoman = kinds.add_parser("motoman", help="Yaskawa controller with MotoROS on three TCP ports")
     motoman.add_argument("--host", default="127.0.0.1")
     motoman.add_argument("--port", type=int, default=50240, help="motion port; state: the next one (default: 50240)")
@@ -66,7 +69,9 @@ def add(subparsers: Any) -> None:
         metavar="TIME",
         help="length of the motion queue; a full one answers BUSY",
     )
-    motoman.set_defaults(main=lambda options: _serve(_motoman, options))
+    motoman.set_defaults(main=lambda options: serve(_motoman, options))
+    for point in sorted(entry_points(group=GROUP), key=lambda point: point.name):
+        point.load()(kinds)
 
 
 def _wsg(options: argparse.Namespace) -> tuple[list[Endpoint], list[Any]]:
@@ -103,7 +108,8 @@ def _motoman(options: argparse.Namespace) -> tuple[list[Endpoint], list[Any]]:
     return ports, [controller]
 
 
-def _serve(build: Callable[[argparse.Namespace], tuple[list[Endpoint], list[Any]]], options: argparse.Namespace) -> int:
+def serve(build: Callable[[argparse.Namespace], tuple[list[Endpoint], list[Any]]], options: argparse.Namespace) -> int:
+    """Serve a device until Ctrl-C; `build` gives its ports and what steps it. Returns an exit status."""
     try:
         ports, devices = build(options)
     except (OSError, ValueError) as error:

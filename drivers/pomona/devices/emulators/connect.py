@@ -8,6 +8,7 @@ world:
   arm: 127.0.0.1:50240                  # where the real drivers find their devices
   controller: fs100
   gripper: 127.0.0.1:41000
+  hand: wsg
   fingers: /run/user/1000/pomona        # folder with the links finger_left and finger_right
   camera: 127.0.0.1:41001
   pace: 1                               # of wall time; below 1 the cell's time runs slower, for a busy computer
@@ -30,9 +31,9 @@ from pathlib import Path
 
 import numpy as np
 
+from pomona.devices.emulators.emulated import kind_of, kinds
 from pomona.devices.emulators.sim_bridge import FRAME_HEADER, FRAME_MAGIC
 from pomona.devices.emulators.virtual_world import VirtualWorld
-from pomona.devices.motoman.connect import ORDERS
 from pomona.devices.realsense.camera_mount import CameraMount
 from pomona.devices.realsense.driver import StreamingCamera
 from pomona.devices.realsense.source import Pair
@@ -139,10 +140,11 @@ class EmulatedWorldFile:
     cell: Path = value(PathTo("file"), help="the simulated cell")
     options: Mapping[str, str] = value(MappingOf(Text()), {}, "of that cell")
     time: str = value(Text("virtual", "wall"), "virtual", "virtual time in this process, or wall-clock time")
-    arm: str = value(Text(), help="HOST:PORT where the arm's driver finds the controller")
-    controller: str = value(Text(*ORDERS), help="type of the arm's controller")
-    gripper: str = value(Text(), help="HOST:PORT of the gripper")
-    fingers: str = value(Text(), help="folder with the links finger_left and finger_right")
+    arm: str = value(Text(), help="address at which the arm's driver finds the controller")
+    controller: str = value(Text(*kinds()), help="emulator of the arm's controller")
+    gripper: str = value(Text(), help="address of the gripper: HOST:PORT or a serial port")
+    hand: str = value(Text(*kinds()), "wsg", "emulator of the gripper")
+    fingers: str = value(Text(), "", "folder with the links finger_left and finger_right; by default there are none")
     camera: str = value(Text(), help="HOST:PORT of the camera")
     pace: float = value(Number(0.01, 1.0), "1", "share of wall-clock speed; below 1 the cell's time runs slower")
 
@@ -151,9 +153,14 @@ class EmulatedWorldFile:
         """Wires that end in this process: all of them on virtual time, none of them on wall time."""
         if self.time != "virtual":
             return ()
-        addresses = (Address(0).parse(text) for text in (self.arm, self.gripper, self.camera))
-        fingers = (str(Path(self.fingers) / f"finger_{side}") for side in ("left", "right"))
-        return (*(f"{host}:{port}" for host, port in addresses), *fingers)
+        wires = (kind_of(name).addresses(address) for name, address in self.choices.values())
+        return (*(address for wire in wires for address in wire), self.camera)
+
+    @property
+    def choices(self) -> dict[str, tuple[str, str]]:
+        """Emulator and address of each device, by its role."""
+        fingers = {"fingers": ("suntouch", self.fingers)} if self.fingers else {}
+        return {"arm": (self.controller, self.arm), "gripper": (self.hand, self.gripper), **fingers}
 
     def problems(self) -> Iterator[Problem]:
         try:
@@ -188,8 +195,7 @@ def _open_virtual(settings: Settings[EmulatedWorldFile], context: ConnectContext
         cell = load_cell(said.cell, seed=context.seed, overrides=said.options)
     except DriverError as error:
         raise settings.error(f"the emulated world did not start: {error}", "cell") from error
-    addresses = {wire: Address(0).parse(getattr(said, wire)) for wire in ("arm", "gripper", "camera")}
-    world = VirtualWorld(cell, ORDERS[said.controller], addresses, Path(said.fingers))
+    world = VirtualWorld(cell, said.choices, said.camera)
     world.enter(context)
     return world
 
@@ -201,8 +207,9 @@ def _start_process(settings: Settings[EmulatedWorldFile], context: ConnectContex
     for name, text in said.options.items():
         command += ["--set", f"{name}={text}"]
     command += ["--pace", str(said.pace)]
-    for wire in ("arm", "controller", "gripper", "fingers", "camera"):
-        command += [f"--{wire}", getattr(said, wire)]
+    for role, (kind, address) in said.choices.items():
+        command += ["--device", role, kind, address]
+    command += ["--camera", said.camera]
     # A session of its own: Ctrl-C reaches the run, which stops safely, before the world ends.
     process = subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True

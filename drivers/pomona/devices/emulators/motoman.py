@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import numpy as np
 
+from pomona.devices.emulators.emulated import EmulatedDevice, EmulatedWire, EmulatorKind, SimJoints, world_of
 from pomona.devices.emulators.server import Peer
 from pomona.devices.motoman.codec import (
     Body,
@@ -26,7 +28,8 @@ from pomona.devices.motoman.codec import (
     Valid,
     encode,
 )
-from pomona.drivers import FaultSwitch
+from pomona.devices.motoman.connect import ORDERS
+from pomona.drivers import Address, Arm, Cell, FaultSwitch
 from pomona.executive import Float64
 
 START_TOLERANCE = 5e-4  # the first point must be this near to the arm [rad]
@@ -382,3 +385,21 @@ class _StatePort(_Port):
     def push(self, body: Body) -> None:
         for peer, _ in tuple(self._peers.values()):
             self.say(peer, Message(body, Communication.TOPIC))
+
+
+def _addresses(address: str) -> tuple[str, ...]:
+    host, port = Address(0).parse(address)
+    return f"{host}:{port}", f"{host}:{port + 1}"
+
+
+def _make(cell: Cell, addresses: tuple[str, ...], order: Order) -> EmulatedDevice:
+    controller = MotomanEmulator(SimJoints(world_of(cell)), cell.device(Arm).limits.velocity, order)
+    wires = (
+        EmulatedWire("motion_wire", addresses[0], controller.motion),
+        EmulatedWire("state_wire", addresses[1], controller.state, clients=4),
+    )
+    return EmulatedDevice(wires, controller.advance, {"": controller})
+
+
+FS100, DX100, DX200, YRC1000 = (EmulatorKind(_addresses, partial(_make, order=order)) for order in ORDERS.values())
+"""Of each controller, which differ by their byte order."""

@@ -6,21 +6,17 @@ import contextlib
 import socket
 import struct
 import time
-from functools import partial
+from collections.abc import Mapping
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import cast
 
 import numpy as np
 
-from pomona.devices.emulators.motoman import MotomanEmulator
+from pomona.devices.emulators.emulated import EmulatedDevice, kind_of, world_of
 from pomona.devices.emulators.server import Peer
-from pomona.devices.emulators.suntouch import SunTouchEmulator
-from pomona.devices.emulators.wsg import WsgEmulator
-from pomona.devices.motoman.codec import Order
-from pomona.drivers import Arm, Camera, Cell, ForceSensor, Frame, Gripper, load_cell, raise_priority
+from pomona.drivers import Camera, Cell, Frame, load_cell, raise_priority
 from pomona.drivers.sim import SimCamera, SimWorld, load_mujoco
-from pomona.executive import Float64
 
 FRAME_HEADER = struct.Struct("<4sIIddddddI")
 """Of a frame on the wire: magic, width, height, fx, fy, cx, cy, the camera's time [s], age [s], sequence; colour and
@@ -28,49 +24,26 @@ depth follow."""
 FRAME_MAGIC = b"RGBD"
 
 
-class SimJoints:
-    """The simulated arm's joints as an emulated controller drives them: position set-points with feed-forward."""
-
-    def __init__(self, world: SimWorld) -> None:
-        model = world.model
-        self._state, self._actuators = world.state, world.arm_actuators
-        self._qpos, self._qvel = model.jnt_qposadr[world.arm_joints], model.jnt_dofadr[world.arm_joints]
-        kp, kv = model.actuator_gainprm[self._actuators, 0], -model.actuator_biasprm[self._actuators, 2]
-        self._feed_forward = kv / kp
-
-    def measured(self) -> tuple[Float64, Float64]:
-        return self._state.qpos[self._qpos].copy(), self._state.qvel[self._qvel].copy()
-
-    def drive(self, q: Float64, qd: Float64) -> None:
-        self._state.ctrl[self._actuators] = q + self._feed_forward * qd
-
-
 class EmulatedDevices:
-    """The controllers of a simulated cell's arm, gripper and fingers, which live as the world makes its steps.
+    """The controllers of a simulated cell's devices, which live as the world makes its steps.
 
     Attributes:
-        hand: the gripper's.
-        pads: the left and the right finger.
+        devices: by their roles: "arm", "gripper", "fingers".
     """
 
-    def __init__(self, cell: Cell, order: Order) -> None:
-        self.world = cast(SimWorld, cell.devices["world"])
-        arm, gripper, fingers = cell.device(Arm), cell.device(Gripper), cell.device(ForceSensor)
-        self.controller = MotomanEmulator(SimJoints(self.world), arm.limits.velocity, order)
-        self.hand = WsgEmulator(gripper, finger_offset=gripper.limits.width_min)
-        self.pads = tuple(SunTouchEmulator(partial(_wrench, fingers, side), seed=side) for side in (0, 1))
-        fingers.latest()  # its first sample compiles code; later samples must not wait for that
+    def __init__(self, cell: Cell, choices: Mapping[str, tuple[str, str]]) -> None:
+        """`choices` are the kind of emulator and the address in the cell file, by role."""
+        self.world = world_of(cell)
+        self.devices: dict[str, EmulatedDevice] = {}
+        for role, (name, address) in choices.items():
+            kind = kind_of(name)
+            self.devices[role] = kind.make(cell, kind.addresses(address))
         self.world.before_step.append(self._live)
 
     def _live(self) -> None:
         now = self.world.clock.now()
-        self.controller.advance(now)
-        self.hand.advance(now)
-
-
-def _wrench(fingers: ForceSensor, side: int) -> Float64:
-    sample = fingers.latest()
-    return np.zeros(6) if sample is None else sample.wrenches[side]
+        for device in self.devices.values():
+            device.advance(now)
 
 
 class SightEmulator:

@@ -7,13 +7,10 @@ drivers' threads take turns as the world makes its steps. So a run is the same e
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 
 from pomona.devices.emulators.pipes import Pipe
 from pomona.devices.emulators.sim_bridge import EmulatedDevices, SightEmulator
-from pomona.devices.emulators.switches import finger_switch, gripper_switch
 from pomona.devices.emulators.virtual_time import VirtualTime
-from pomona.devices.motoman.codec import Order
 from pomona.devices.realsense.stamps import LATENCY
 from pomona.drivers import Camera, Cell, ConnectContext, Device, FaultSwitch, HandMemory, HandRecord
 from pomona.drivers.sim import TIMESTEP
@@ -29,46 +26,30 @@ class VirtualWorld(Device):
         switches: all fault switches: simulated devices, the arm's controller, and the wires.
     """
 
-    def __init__(self, cell: Cell, order: Order, addresses: Mapping[str, tuple[str, int]], fingers: Path) -> None:
+    def __init__(self, cell: Cell, choices: Mapping[str, tuple[str, str]], camera: str) -> None:
         """
         Args:
             cell: the simulated one.
-            order: of bytes at the arm's controller.
-            addresses: host and port of arm, gripper and camera.
-            fingers: folder in which the lines finger_left and finger_right seem to be.
+            choices: see `EmulatedDevices`.
+            camera: its address.
         """
         super().__init__("world")
         self._cell = cell
-        devices = EmulatedDevices(cell, order)
-        self._world = devices.world
+        emulated = EmulatedDevices(cell, choices)
+        self._world = emulated.world
         self.clock = VirtualTime(self._world.clock, TIMESTEP)
-        host, port = addresses["arm"]
-        motion, state = (Pipe(p, self.clock) for p in (devices.controller.motion, devices.controller.state))
-        gripper = Pipe(devices.hand, self.clock)
-        left, right = (Pipe(pad, self.clock) for pad in devices.pads)
-        camera = Pipe(SightEmulator(cell.device(Camera)), self.clock, LATENCY)
-        self.pipes = {
-            f"{host}:{port}": motion,
-            f"{host}:{port + 1}": state,
-            _text(addresses["gripper"]): gripper,
-            _text(addresses["camera"]): camera,
-            str(fingers / "finger_left"): left,
-            str(fingers / "finger_right"): right,
-        }
+        self.pipes: dict[str, Pipe] = {}
         simulated = {name: device for name, device in cell.devices.items() if isinstance(device, FaultSwitch)}
         self.hand = HandMemory(None, HandRecord())
-        self.switches: dict[str, FaultSwitch] = simulated | {
-            "arm": devices.controller,
-            "arm.motion_wire": motion,
-            "arm.state_wire": state,
-            "gripper.controller": gripper_switch(devices.hand),
-            "gripper.wire": gripper,
-            "fingers.left": finger_switch(devices.pads[0]),
-            "fingers.right": finger_switch(devices.pads[1]),
-            "fingers.left_wire": left,
-            "fingers.right_wire": right,
-            "camera.wire": camera,
-        }
+        self.switches: dict[str, FaultSwitch] = dict(simulated)
+        for role, device in emulated.devices.items():
+            self.switches |= {f"{role}.{name}".rstrip("."): switch for name, switch in device.switches.items()}
+            for wire in device.wires:
+                self._lay(f"{role}.{wire.name}", wire.address, Pipe(wire.emulator, self.clock))
+        self._lay("camera.wire", camera, Pipe(SightEmulator(cell.device(Camera)), self.clock, LATENCY))
+
+    def _lay(self, name: str, address: str, pipe: Pipe) -> None:
+        self.pipes[address] = self.switches[name] = pipe
 
     def enter(self, context: ConnectContext) -> None:
         """Let drivers that are connected from now on find the devices of this world and the memory of its hand."""
@@ -87,8 +68,3 @@ class VirtualWorld(Device):
 
     def close(self) -> None:
         self._cell.close()
-
-
-def _text(address: tuple[str, int]) -> str:
-    host, port = address
-    return f"{host}:{port}"

@@ -1,7 +1,7 @@
 """A process of its own in which the simulated world runs in real time behind emulated devices.
 
-    python -m pomona.devices.emulators.world_process --cell sim.yaml --arm 127.0.0.1:50240 --gripper 127.0.0.1:41000
-        --fingers /run/user/1000 --camera 127.0.0.1:41001
+    python -m pomona.devices.emulators.world_process --cell sim.yaml --device arm fs100 127.0.0.1:50240
+        --device gripper wsg 127.0.0.1:41000 --device fingers suntouch /run/user/1000 --camera 127.0.0.1:41001
 
 It prints `ready` on its standard output, answers every line `truth` with the world's score as JSON, and ends when its
 standard input is closed.
@@ -13,15 +13,16 @@ import argparse
 import json
 import multiprocessing
 import os
+import re
 import sys
 import time
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+from pomona.devices.emulators.emulated import EmulatedWire
 from pomona.devices.emulators.server import Endpoint, PtyPort, Server, TcpPort
 from pomona.devices.emulators.sim_bridge import EmulatedDevices, StatePort, serve_camera
-from pomona.devices.motoman.connect import ORDERS
 from pomona.drivers import Cell, DriverError, load_cell, raise_priority
 from pomona.drivers.sim import TIMESTEP, SimWorld
 
@@ -84,30 +85,27 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--cell", type=Path, required=True)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--set", action="append", default=[])
-    parser.add_argument("--arm", required=True, help="HOST:PORT of the motion connection; the state's port is the next")
-    parser.add_argument("--controller", default="fs100", choices=tuple(ORDERS))
-    parser.add_argument("--gripper", required=True, help="HOST:PORT")
-    parser.add_argument("--fingers", type=Path, required=True, help="folder for the links finger_left, finger_right")
+    parser.add_argument("--device", action="append", nargs=3, required=True, metavar=("ROLE", "EMULATOR", "ADDRESS"))
     parser.add_argument("--camera", required=True, help="HOST:PORT")
     parser.add_argument("--pace", type=float, default=1.0, help="of the world's time; 1 is real time")
     return parser.parse_args(arguments)
 
 
 def _set_up(cell: Cell, pipe: Connection, options: argparse.Namespace) -> tuple[Server, _Control, SimWorld]:
-    devices = EmulatedDevices(cell, ORDERS[options.controller])
-    options.fingers.mkdir(parents=True, exist_ok=True)
-    host, port = _address(options.arm)
+    emulated = EmulatedDevices(cell, {role: (kind, address) for role, kind, address in options.device})
     control = _Control(cell)
-    ports: list[Endpoint] = [
-        TcpPort(devices.controller.motion, host, port),
-        TcpPort(devices.controller.state, host, port + 1, clients=4),
-        TcpPort(devices.hand, *_address(options.gripper)),
-        StatePort(devices.world, pipe),
-        PtyPort(devices.pads[0], options.fingers / "finger_left"),
-        PtyPort(devices.pads[1], options.fingers / "finger_right"),
-        control,
-    ]
-    return Server(ports, [], time.monotonic), control, devices.world
+    wires = [wire for device in emulated.devices.values() for wire in device.wires]
+    ports: list[Endpoint] = [*map(_port, wires), StatePort(emulated.world, pipe), control]
+    return Server(ports, [], time.monotonic), control, emulated.world
+
+
+def _port(wire: EmulatedWire) -> Endpoint:
+    """Open a TCP port for HOST:PORT, and a pseudo terminal for a path."""
+    if re.fullmatch(r"[^/]+:\d+", wire.address):
+        return TcpPort(wire.emulator, *_address(wire.address), clients=wire.clients)
+    link = Path(wire.address)
+    link.parent.mkdir(parents=True, exist_ok=True)
+    return PtyPort(wire.emulator, link)
 
 
 def _run(server: Server, control: _Control, world: SimWorld, pace: float) -> None:

@@ -59,7 +59,7 @@ def test_every_device_answers_through_its_own_wire(tmp_path: Path) -> None:
         assert motion.state.value == "done"
         truth = cell.truth()
         assert truth is not None
-        assert truth["lifted"] is False
+        assert not truth["lifted"]
     finally:
         cell.close()
 

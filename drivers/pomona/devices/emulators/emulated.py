@@ -1,0 +1,100 @@
+"""Emulated devices of a simulated cell, found by entry point: the wires of each, and its fault switches.
+
+A package adds one by an `EmulatorKind` in the entry point group `pomona.emulators`; the cell file names it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from importlib.metadata import entry_points
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from pomona.devices.emulators.server import Emulator
+from pomona.drivers import Cell, FaultSwitch
+from pomona.executive import Float64
+
+if TYPE_CHECKING:
+    from pomona.drivers.sim import SimWorld
+
+GROUP = "pomona.emulators"
+
+
+@dataclass(frozen=True, slots=True)
+class EmulatedWire:
+    """A place where a driver finds a device.
+
+    Attributes:
+        name: of its switch for faults of the wire, after the device's: "motion_wire".
+        address: HOST:PORT or the path of a serial port.
+        clients: that are served at a time.
+    """
+
+    name: str
+    address: str
+    emulator: Emulator
+    clients: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class EmulatedDevice:
+    """A device of a simulated cell.
+
+    Attributes:
+        advance: called with the time [s] in each step of the world.
+        switches: for faults of the device, by the end of their names: "" is the device's own.
+    """
+
+    wires: tuple[EmulatedWire, ...]
+    advance: Callable[[float], None]
+    switches: Mapping[str, FaultSwitch] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class EmulatorKind:
+    """An entry point.
+
+    Attributes:
+        addresses: of the device's wires, from its address in the cell file.
+        make: builds the device in a simulated cell, for these addresses.
+    """
+
+    addresses: Callable[[str], tuple[str, ...]]
+    make: Callable[[Cell, tuple[str, ...]], EmulatedDevice]
+
+
+@lru_cache(maxsize=1)
+def kinds() -> tuple[str, ...]:
+    """Return the names of all kinds of emulators."""
+    return tuple(sorted({point.name for point in entry_points(group=GROUP)}))
+
+
+def kind_of(name: str) -> EmulatorKind:
+    """Return the kind with this name, which is one of `kinds`."""
+    kind: EmulatorKind = next(iter(entry_points(group=GROUP, name=name))).load()
+    return kind
+
+
+def world_of(cell: Cell) -> SimWorld:
+    """Return the world of a simulated cell."""
+    return cast("SimWorld", cell.devices["world"])
+
+
+class SimJoints:
+    """The simulated arm's joints as an emulated controller drives them: position set-points with feed-forward."""
+
+    def __init__(self, world: SimWorld) -> None:
+        model = world.model
+        self._state, self._actuators = world.state, world.arm_actuators
+        self._qpos, self._qvel = model.jnt_qposadr[world.arm_joints], model.jnt_dofadr[world.arm_joints]
+        kp, kv = model.actuator_gainprm[self._actuators, 0], -model.actuator_biasprm[self._actuators, 2]
+        self._feed_forward = kv / kp
+
+    def measured(self) -> tuple[Float64, Float64]:
+        return self._state.qpos[self._qpos].copy(), self._state.qvel[self._qvel].copy()
+
+    def drive(self, q: Float64, qd: Float64) -> None:
+        self._state.ctrl[self._actuators] = np.asarray(q) + self._feed_forward * qd

@@ -1,0 +1,1 @@
+"""Emulators of the arms and grippers that most laboratories have: Universal Robots, Robotiq."""

@@ -1,0 +1,99 @@
+"""The two ways to a gripper: Modbus RTU on a serial line of our own, and the text socket of Robotiq's URCap."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from pomona.devices.robotiq.codec import RobotiqCommand, RobotiqStatus, answer, request
+from pomona.drivers import Link, Malformed
+from pomona.executive import Clock
+
+SPACING = 0.005  # least time between requests [s] (instruction manual: 200 Hz at most)
+REPEAT = 0.03  # a request without an answer is sent again after this time [s]; an answer takes 4 ms at 115 200 baud
+
+
+class RobotiqSession(Protocol):
+    """Exchanges commands for the status."""
+
+    def serve(self, command: RobotiqCommand | None, patience: float) -> RobotiqStatus | None:
+        """Send the command when the wire is free, and return a status that has come, waiting up to `patience` [s].
+
+        Without a command the gripper is only read. Raises OSError: the wire failed; Malformed: no gripper answers.
+        """
+
+    def close(self) -> None: ...
+
+
+class RtuSession:
+    """Modbus RTU: one exchange writes the command and reads the status, about 100 a second."""
+
+    def __init__(self, link: Link, clock: Clock) -> None:
+        self._link, self._clock = link, clock
+        self._buffer = bytearray()
+        self._asked_at, self._waiting = -1.0, False
+
+    def serve(self, command: RobotiqCommand | None, patience: float) -> RobotiqStatus | None:
+        now = self._clock.now()
+        if now - self._asked_at >= (REPEAT if self._waiting else SPACING):
+            self._buffer.clear()
+            self._link.send(request(command))
+            self._asked_at, self._waiting = now, True
+        self._buffer += self._link.receive(patience)
+        try:
+            status = answer(self._buffer)
+        except Malformed:
+            self._buffer.clear()  # noise on the line: the request is repeated
+            raise
+        self._waiting = self._waiting and status is None
+        return status
+
+    def close(self) -> None:
+        self._link.close()
+
+
+QUESTIONS = {"STA": "activation", "OBJ": "object", "FLT": "fault", "POS": "position", "COU": "current"}
+"""Questions of the URCap by the field of the status that each answers."""
+
+
+class UrcapSession:
+    """The URCap on a UR: lines of text, one question at a time, about 30 statuses a second."""
+
+    def __init__(self, link: Link, clock: Clock) -> None:
+        self._link, self._clock = link, clock
+        self._buffer = b""
+        self._sent: RobotiqCommand | None = None
+        self._told: dict[str, int] = {}
+        self._asked = ""
+
+    def serve(self, command: RobotiqCommand | None, patience: float) -> RobotiqStatus | None:
+        if not self._asked:
+            self._ask(command)
+        self._buffer += self._link.receive(patience)
+        if self._asked == "SET":
+            if b"ack" in self._buffer:
+                self._buffer, self._asked = self._buffer.split(b"ack", 1)[1].lstrip(), ""
+            return None
+        if b"\n" not in self._buffer:
+            return None
+        line, self._buffer = self._buffer.split(b"\n", 1)
+        name, _, number = line.decode("ascii", "replace").partition(" ")
+        if name != self._asked or not number.strip().isdigit():
+            raise Malformed(line, f"is no answer to GET {self._asked}")
+        self._told[QUESTIONS[name]], self._asked = int(number), ""
+        if len(self._told) < len(QUESTIONS):
+            return None
+        status, self._told = RobotiqStatus(**self._told), {}
+        return status
+
+    def _ask(self, command: RobotiqCommand | None) -> None:
+        if command is not None and command != self._sent:
+            self._sent, self._asked = command, "SET"
+            values = {"ACT": command.active, "POS": command.position, "SPE": command.speed, "FOR": command.force}
+            told = " ".join(f"{name} {int(number)}" for name, number in (values | {"GTO": command.go}).items())
+            self._link.send(f"SET {told}\n".encode())
+        else:
+            self._asked = next(name for name, field in QUESTIONS.items() if field not in self._told)
+            self._link.send(f"GET {self._asked}\n".encode())
+
+    def close(self) -> None:
+        self._link.close()

@@ -1,0 +1,111 @@
+"""Gives a motion to the resident script knot by knot, a moment ahead of the arm.
+
+The script keeps a ring of knots and joins them by cubics. Knots in the ring cannot be changed, so it is kept short
+(`lead`): a stop on the path takes effect behind them.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pomona.drivers import PathMotion, Supervision
+from pomona.executive import Clock, Float64
+
+PERIOD = 0.004  # period of stepping the path here [s]
+CUSHION = 0.1  # time from the first knot until the script plays it [s], in which the next ones come; also in the script
+BLEND = 0.3  # time over which the distance between the path's start and the arm's true position is taken up [s]
+
+
+@dataclass(frozen=True, slots=True)
+class UrOptions:
+    """Options of the arm in the cell file."""
+
+    model: str = "ur5e"  # its name in the dashboard, with the "e" of the e-series
+    power_on: bool = True  # whether the arm is powered and its brakes released at the connection
+    rate: float = 125.0  # packages per second
+    point_period: float = 0.02  # time between knots [s]
+    lead: float = 0.12  # how far ahead of the arm knots are sent [s]: a stop takes effect behind them
+    silence: float = 0.05  # time without a package after which the arm is lost [s]
+    supervision: Supervision = field(default_factory=Supervision)  # how closely the arm must follow its commands
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Knot:
+    """Joints [rad] and their speeds [rad/s], shape (6,), at a time since the motion began or went on [s]."""
+
+    time: float
+    q: Float64
+    qd: Float64
+
+
+class KnotStream:
+    """The knots of one motion.
+
+    Attributes:
+        number: of the knot that the script takes next.
+        sent: knots that it has taken.
+        q_last: of the newest knot, (6,) [rad].
+    """
+
+    def __init__(
+        self,
+        motion: PathMotion,
+        q_start: Float64,
+        q_arm: Float64,
+        clock: Clock,
+        options: UrOptions,
+        number: int,
+        commanded: Callable[[float, Float64], None],
+    ) -> None:
+        """Begin at the arm's own position `q_arm`, which may differ a little from the path's start `q_start`.
+
+        `commanded` is called with each knot that was taken and the time at which the arm shall pass it [s].
+        """
+        self.motion, self.number, self.sent, self.q_last = motion, number, 0, q_arm
+        self._clock, self._lead, self._commanded = clock, options.lead, commanded
+        self._steps = max(round(options.point_period / PERIOD), 1)
+        self._offset, self._blended = q_arm - q_start, 0.0
+        self._time = 0.0  # of the newest knot [s]
+        self._began: float | None = None  # when the script plays the time 0; None until it has taken that knot
+        self._waiting = deque([Knot(0.0, q_arm, np.zeros_like(q_arm))])
+
+    @property
+    def played(self) -> bool:
+        """Whether the script must have played everything that was sent."""
+        return not self._waiting and self._began is not None and self._clock.now() >= self._began + self._time
+
+    def pump(self, taken: int) -> Knot | None:
+        """Take note that the script has taken the knot `taken`; return the one that it shall have now, if any."""
+        now = self._clock.now()
+        if self._waiting and taken == self.number:
+            knot = self._waiting.popleft()
+            self._began = now + CUSHION if self._began is None else self._began
+            self.number, self.sent = self.number + 1, self.sent + 1
+            self._commanded(self._began + knot.time, knot.q)
+        if not self._waiting and self._began is not None and self._began + self._time - now < self._lead:
+            self._extend(self._began + self._time < now)
+        return self._waiting[0] if self._waiting else None
+
+    def _extend(self, rested: bool) -> None:
+        """Add the next knot, unless the set-point rests; an arm that has rested, as after a pause, begins anew."""
+        rested_before = self.motion.set_point_rests
+        q, qd = self.motion.step()
+        if rested_before and self.motion.set_point_rests:
+            return
+        steps = 1
+        while steps < self._steps and not self.motion.set_point_rests:
+            q, qd = self.motion.step()
+            steps += 1
+        if rested:
+            self._began, self._time = None, 0.0
+            self._waiting.append(Knot(0.0, self.q_last, np.zeros_like(qd)))
+        self._time += steps * PERIOD
+        self._blended += steps * PERIOD
+        left = max(1.0 - self._blended / BLEND, 0.0)
+        self.q_last = q + left**2 * (3.0 - 2.0 * left) * self._offset
+        qd = qd - 6.0 * left * (1.0 - left) / BLEND * self._offset
+        self._waiting.append(Knot(self._time, self.q_last, np.zeros_like(qd) if self.motion.set_point_rests else qd))
