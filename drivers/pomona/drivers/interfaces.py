@@ -245,7 +245,7 @@ class SetPoints(Motion, Protocol):
 
     @property
     def delay(self) -> float:
-        """Time by which the arm is behind its set-points [s]: one with a time is followed best if it comes this early."""
+        """Delay of the arm behind its set-points [s]: one with a time is followed best if it comes so early."""
 
     @command
     def aim(self, q: Float64, qd: Float64 | None = None, at: float = 0.0) -> None:

@@ -21,7 +21,7 @@ from pomona.drivers.path_motion import Phase
 from pomona.executive.values.arrays import Float64
 
 CATCHING_UP = 0.25
-"""Share of the acceleration with which a joint falls in with a target that moves on; the rest is for the target's own."""
+"""Share of the acceleration with which a joint joins a target that moves on; the rest is for the target's own."""
 
 
 class StreamedMotion:
@@ -66,7 +66,7 @@ class StreamedMotion:
     # ------------------------------------------------------------------------------------ set-points
 
     def aim(self, q: Float64, qd: Float64 | None = None, at: float = 0.0) -> None:
-        """Go to joints, shape (dof,) [rad], from now on; with `qd` [rad/s] pass them at time `at` [s] with that velocity.
+        """Go to joints, shape (dof,) [rad], from now on; with `qd` [rad/s] pass them at `at` [s] with that velocity.
 
         Raises BadTrajectory: not finite, or outside the joints' limits; it is ignored, and the watchdog runs on.
         """

@@ -31,6 +31,9 @@ if TYPE_CHECKING:
         find_cell as find_cell,
         find_tree as find_tree,
     )
+    from pomona.executive.lease import (
+        command as command,
+    )
     from pomona.executive.palette import (
         OVERLAY as OVERLAY,
     )
@@ -80,6 +83,7 @@ if TYPE_CHECKING:
     )
     from pomona.executive.skill import (
         CellFacts as CellFacts,
+        Computation as Computation,
         Failure as Failure,
         Interrupted as Interrupted,
         Skill as Skill,
@@ -196,6 +200,7 @@ PUBLIC = {
     "errors": "PomonaError SkillError UsageError",
     "execute": "Executed RunOrder run_tree",
     "files": "find_cell find_tree",
+    "lease": "command",
     "palette": "OVERLAY",
     "ports": (
         "Acceleration Angle AngularSpeed Force Length Mass Outputs Port Pressure REQUIRED Rate "
@@ -209,7 +214,7 @@ PUBLIC = {
     "running.runner": "Runner",
     "running.signals": "raise_again",
     "running.starting": "Starting",
-    "skill": "CellFacts Failure Interrupted Skill SkillFailure Work",
+    "skill": "CellFacts Computation Failure Interrupted Skill SkillFailure Work",
     "skill_testing": "SkillEnd drive",
     "values.archives": "ArchiveTooLarge open_archive",
     "values.arrays": "Float64 UInt8",

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     )
     from pomona.skills.motion.robot import (
         RobotModel as RobotModel,
+        inverse_kinematics as inverse_kinematics,
         nearest_solution as nearest_solution,
     )
 
@@ -41,7 +42,7 @@ PUBLIC = {
     "lines": "straight_line",
     "occupancy": "OccupancyMap",
     "planning.arm_space": "ArmSpace arm_space",
-    "robot": "RobotModel nearest_solution",
+    "robot": "RobotModel inverse_kinematics nearest_solution",
 }
 """Public names by the module that defines them."""
 
