@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         find_in_frame as find_in_frame,
     )
     from pomona.skills.shared.usable_map import usable_field as usable_field
+    from pomona.skills.shared.warm_motion import prepare_moving as prepare_moving
     from pomona.skills.shared.yielding import YieldingFingers as YieldingFingers
 
 PUBLIC = {
@@ -40,6 +41,7 @@ PUBLIC = {
     "shared.grip_view": "show_grip",
     "shared.looking": "LOOKING_FAILURES LookingSkill find_in_frame",
     "shared.usable_map": "usable_field",
+    "shared.warm_motion": "prepare_moving",
     "shared.yielding": "YieldingFingers",
 }
 """Public names by the module that defines them."""

@@ -41,7 +41,7 @@ from pomona.drivers import (
     Workspace,
 )
 from pomona.executive import LENGTH, Float64, Interrupted, Length, Outputs, Port, Ratio, SkillFailure, Work
-from pomona.skills import MOTION_FAILURES, show_grip
+from pomona.skills import MOTION_FAILURES, prepare_moving, show_grip
 from pomona.skills.grip import GripController, GripPhase, Hold, SoftContact, surface_table, take_over, warm_up
 from pomona.skills.motion import Grasp, arm_space
 from pomona.skills.perception import MeasuredFruit
@@ -86,6 +86,7 @@ class Intercept(BeltSkill):
     )
 
     def prepare(self) -> None:
+        prepare_moving(self)
         warm_up(self.device(ForceSensor).rate)
 
     def run(

@@ -9,6 +9,7 @@ import numpy as np
 from pomona.applications.conveyor.belt_skill import BELT_FAILURES, FASTEST
 from pomona.applications.conveyor.belt_watch import BeltWatch
 from pomona.applications.conveyor.conveyor import Belt, Conveyor
+from pomona.applications.conveyor.drawn_frame import warm_up
 from pomona.applications.conveyor.travel import Travel
 from pomona.drivers import Arm, Camera, Frame
 from pomona.executive import SPEED, TIME, Float64, Outputs, Port, Speed, Time, Work
@@ -38,6 +39,11 @@ class Track(LookingSkill):
     devices = (Camera, Conveyor)
     optional_devices: ClassVar[tuple[type, ...]] = (Arm,)
     failures = (*LOOKING_FAILURES, *BELT_FAILURES[2:], "NO_DEPTH", "NO_BELT", "BELT_TOO_FAST")
+
+    def prepare(self) -> None:
+        super().prepare()
+        if (name := self.known("fruit")) is not None:
+            warm_up(self.fruit_model(name), self.device(Conveyor).belt)
 
     def run(
         self,

@@ -20,8 +20,8 @@ SIGMA = 1e-4
 BIAS, BIAS_TIME = 6e-4, 0.9
 """Deviation of the bias in each direction [m], and the time in which it is forgotten [s]: it then walks by 0.8 mm a
 root second, the best of the probe's filters."""
-FIRST = 1.2e-3
-"""Deviation of the place of a fruit's first measurement [m]."""
+FIRST = 3e-4
+"""Random error of a fruit's first measurement in each direction [m]: its shape is not known yet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +68,10 @@ class FruitState(ReadOnly):
 
 def begin(t: float, travelled: float, place: Float64, model: MotionModel) -> FruitState:
     """Return the state after a fruit's first measurement; `place` in the belt's frame, shape (3,) [m]."""
-    deviations = np.array([FIRST] * 3 + [*model.velocity, 1e-5] + [BIAS] * 3)
-    return FruitState(t, travelled, np.concatenate([place, np.zeros(6)]), np.diag(deviations**2))
+    deviations = np.array([np.hypot(FIRST, BIAS)] * 3 + [*model.velocity, 1e-5] + [BIAS] * 3)
+    P = np.diag(deviations**2)
+    P[:3, 6:] = P[6:, :3] = -(BIAS**2) * np.eye(3)  # the place is the measurement less its bias
+    return FruitState(t, travelled, np.concatenate([place, np.zeros(6)]), P)
 
 
 def predict(state: FruitState, t: float, travelled: float, model: MotionModel) -> FruitState:
