@@ -241,7 +241,7 @@ def test_another_node_that_takes_the_fingers_over_ends_the_pick() -> None:
 
 
 def test_frames_that_stop_are_noticed_and_the_hand_rises() -> None:
-    rig = BeltRig()
+    rig = BeltRig(along=-0.6)
     end = drive_until(rig, "waiting", lambda: setattr(rig.watch, "frames_until", rig.clock.now()))
     assert code(end) == "STALE_FRAME"
     assert nothing_moved(rig) or rests_above_the_belt(rig, end)
