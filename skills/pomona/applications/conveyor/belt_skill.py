@@ -7,9 +7,10 @@ from typing import ClassVar
 
 from pomona.applications.conveyor.belt_watch import BeltWatch
 from pomona.applications.conveyor.conveyor import Conveyor
-from pomona.drivers import Arm, Camera, Cameras, Frame
+from pomona.drivers import Arm, Camera, Cameras, Frame, FrameUnreadable
 from pomona.executive import Float64, Skill
 from pomona.skills.motion import RobotModel
+from pomona.skills.perception import DetectError
 
 STALE = 0.5
 """Age of the newest frame from which the belt is not seen [s]."""
@@ -49,7 +50,10 @@ class BeltSkill(Skill):
 
     def look(self, watch: BeltWatch, search: bool) -> None:
         """Keep the tracks up, in each tick; fails when camera or encoder do not."""
-        watch.step(self, self.eye(), self.device(Conveyor), self.poses(), search)
+        try:
+            watch.step(self, self.eye(), self.device(Conveyor), self.poses(), search)
+        except (FrameUnreadable, DetectError) as error:
+            raise self.failure("NO_FRAME", f"the camera's frame cannot be used: {error}") from error
         now = self.clock.now()
         if watch.tracks.encoder and (problem := watch.travel.problem(now, FASTEST)):
             raise self.failure("ENCODER_FAULT", problem)

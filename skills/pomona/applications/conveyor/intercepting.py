@@ -9,7 +9,7 @@ way, of the time of closing and of the lift lie within their limits.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -175,7 +175,7 @@ def plan_pick(
                 if blocked := hand.free(q):
                     found = NoPick("PATH_BLOCKED", blocked)
                     continue
-                return Pick(*(getattr(pick, name) for name in Pick.__slots__[:-1]), share=share)
+                return replace(pick, share=share)
         short = short or not reached
     return found
 
@@ -211,10 +211,10 @@ def reachable(hand: ReadyHand, p_base: Float64, R_base_grasp: Float64, along: Fl
         while q is not None and abs(at - hand_along) < FARTHEST:
             T = T_base_tcp.copy()
             T[:3, 3] = p_base + (at + way * COARSE) * along
-            q, before = nearest_solution(hand.robot, T, q), q
-            if q is None or np.abs(q - before).max() > JUMP:
+            ahead = nearest_solution(hand.robot, T, q)
+            if ahead is None or np.abs(ahead - q).max() > JUMP:
                 break
-            at += way * COARSE
+            q, at = ahead, at + way * COARSE
         ends.append(at)
     return ends[0], ends[1]
 

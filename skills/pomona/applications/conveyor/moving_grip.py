@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pomona.drivers import ForceSensor, Gripper
-from pomona.skills.grip import ForceLoopSettings, GripSettings, SoftContact
+from pomona.skills.grip import ForceLoopSettings, GripSettings, SoftContact, WatchSettings
 from pomona.skills.perception import MeasuredFruit, mass_of
 
 FIRST_BIAS = 0.23
@@ -17,6 +17,9 @@ NARROWEST = 0.5
 FIRST_FORCE, MOST = 2.2, 14.0
 """Force before the lift and the largest force of both fingers [N], as of SlipAvoidGrasp."""
 GRAVITY = 9.81  # [m/s²]
+PUSH, PUSH_SIZE = 3.7, 0.076
+"""Force with which one finger may push a fruit of this diameter [N, m], and it grows with the square: half of the force
+that browns the flesh (docs/evidence/detach-by-rolling.md). A large apple rests on the belt with more force than 3 N."""
 
 
 def grip_settings(
@@ -46,6 +49,7 @@ def grip_settings(
             max_force=min(MOST, 2.0 * limits.force_max),
             closing_speed=min(ForceLoopSettings().closing_speed, limits.speed_max),
         ),
+        watch=WatchSettings(push_limit=max(WatchSettings().push_limit, PUSH * (width / PUSH_SIZE) ** 2)),
         width_min=limits.width_min,
         rate=sensor.rate,
     )

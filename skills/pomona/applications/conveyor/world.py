@@ -113,6 +113,10 @@ class ConveyorWorld(PhysicsWorld):
         T[:2, 3] = waiting_place(number)
         self._place(number, T, np.zeros(3), np.zeros(3))
 
+    def give_back(self, number: int) -> None:
+        """Let a fruit that was parked come again."""
+        self._waiting.append(number)
+
     def _place(self, number: int, T: Float64, velocity: Float64, spin: Float64) -> None:
         joint = self.model.joint(f"fruit_{number}")
         at, dof = int(joint.qposadr[0]), int(joint.dofadr[0])
@@ -162,4 +166,4 @@ class ConveyorWorld(PhysicsWorld):
                 self._rests.pop(number, None)
                 self.score.end(number, ending)
                 self.park(number)
-                self._waiting.append(number)
+                self.give_back(number)

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     )
     from pomona.skills.grip.settings import (
         GripSettings as GripSettings,
+        WatchSettings as WatchSettings,
     )
 
 PUBLIC = {
@@ -40,7 +41,7 @@ PUBLIC = {
     "grip": "GripPhase GripProblem",
     "hold": "Hold take_over",
     "limit_surface": "SoftContact surface_table",
-    "settings": "GripSettings",
+    "settings": "GripSettings WatchSettings",
 }
 """Public names by the module that defines them."""
 

@@ -95,7 +95,7 @@ class BeltRig:
         self.fingers = MockForceSensor(self.clock)
         self.fingers.feel = self._feel
         self.conveyor = MockConveyor(self.clock, the_belt(), speed)
-        self.camera = MockCamera(self.clock)
+        self.camera = MockCamera()
         self.watch = ScriptedWatch(self)
         self.watch.fruit[0] = (along, aside)
         self.there = True

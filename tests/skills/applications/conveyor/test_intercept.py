@@ -1,4 +1,4 @@
-"""The skill Intercept on mock devices: success, every failure code, interruption; the hand rises and rests after all."""
+"""The skill Intercept on mock devices: success, every failure code, interruption; the hand rises and rests."""
 
 from __future__ import annotations
 
