@@ -44,7 +44,7 @@ BEFORE = frozenset({"OUT_OF_REACH", "TOO_UNSURE", "TOO_WIDE", "NEIGHBOUR_AT_RISK
 
 
 @dataclass
-class Tried:
+class BeltOutcomes:
     """What came of all fruit at one speed."""
 
     outcomes: Counter[str] = field(default_factory=Counter)
@@ -91,7 +91,7 @@ class Bench:
             skill, inputs, self.devices, clock=self.cell.clock, period=TICK, each_tick=lambda _: self.cell.check()
         )
 
-    def one(self, tried: Tried) -> str:
+    def one(self, tried: BeltOutcomes) -> str:
         """Try the next fruit, and make room for another one; returns the outcome."""
         waited = self.drive(AwaitFruit(), tracks=self.tracks)
         if waited.reason is not None:
@@ -131,9 +131,9 @@ class Bench:
             self.cell.check()
 
 
-def run(speed: float, count: int, seed: int, settings: Mapping[str, str]) -> Tried:
+def run(speed: float, count: int, seed: int, settings: Mapping[str, str]) -> BeltOutcomes:
     """Try `count` fruit at a speed [m/s]."""
-    tried, number = Tried(), 0
+    tried, number = BeltOutcomes(), 0
     while sum(tried.outcomes.values()) < count:
         bench = Bench(speed, seed + number, settings)
         number += 1

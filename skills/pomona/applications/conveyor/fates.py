@@ -91,7 +91,8 @@ class BeltScore:
         """Return the score as plain values."""
         ended = [fate for fate in self.fates if fate.ending]
         lifted = [fate for fate in self.fates if fate.lifted]
-        crates = [fate for fate in ended if fate.ending not in ("passed", "fell")]
+        under_way = {number for number in self._now if not self.held(number) and self.crate_of(number)}
+        crates = [f for f in ended if f.ending not in ("passed", "fell")] + [self._now[n] for n in under_way]
         hurt = [fate for fate in self.fates if fate.touches and not fate.lifted]
         return {
             "offered": len(self.fates),
