@@ -43,7 +43,7 @@ def fit_place(look: DepthLook, mesh: Triangles, T_camera_mesh: Float64, support:
         T_camera_mesh: expected pose, shape (4, 4); its turn is kept.
         support: plane that the fruit stands on, in the camera frame; its points are left out.
 
-    Raises RefineError: the fruit is hidden or not there.
+    Raises TooFewInliers, or another RefineError: the fruit is hidden or not there.
     """
     virtual_depth, box = look.render(mesh, T_camera_mesh)
     fit = fit_scale(look.depth[box.slices], virtual_depth, BAND)
