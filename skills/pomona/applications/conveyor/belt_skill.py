@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import ClassVar
 
+from pomona.applications.conveyor.belt_view import belt_scene, belt_table
 from pomona.applications.conveyor.belt_watch import BeltWatch
 from pomona.applications.conveyor.conveyor import Conveyor
 from pomona.drivers import Arm, Camera, Cameras, Frame, FrameUnreadable
@@ -14,6 +15,8 @@ from pomona.skills.perception import DetectError
 
 STALE = 0.5
 """Age of the newest frame from which the belt is not seen [s]."""
+SHOWN_EVERY = 0.2
+"""Time between two views of the belt [s]."""
 FASTEST = 0.5
 """Speed of a belt up to which the arm was tried [m/s]."""
 
@@ -48,13 +51,20 @@ class BeltSkill(Skill):
 
         return pose
 
-    def look(self, watch: BeltWatch, search: bool) -> None:
-        """Keep the tracks up, in each tick; fails when camera or encoder do not."""
+    def look(self, watch: BeltWatch, search: bool, meeting: tuple[float, Float64] | None = None) -> None:
+        """Keep the tracks up, in each tick, and show them; fails when camera or encoder do not.
+
+        `meeting` is when [s] and where, shape (3,) [m], the hand will be around its fruit, for the operator.
+        """
         try:
             watch.step(self, self.eye(), self.device(Conveyor), self.poses(), search)
         except (FrameUnreadable, DetectError) as error:
             raise self.failure("NO_FRAME", f"the camera's frame cannot be used: {error}") from error
         now = self.clock.now()
+        if now - watch.shown_at >= SHOWN_EVERY:
+            watch.shown_at = now
+            self.publish("belt", belt_scene(watch, now, meeting))
+            self.publish("fruit", belt_table(watch, now))
         if watch.tracks.encoder and (problem := watch.travel.problem(now, FASTEST)):
             raise self.failure("ENCODER_FAULT", problem)
         if now - watch.newest_frame > STALE:

@@ -31,13 +31,14 @@ class BeltWatch:
         tracks: as of the newest frame.
         travel: of the belt.
         tried: numbers of fruit that were tried already.
+        newest_frame, shown_at: stamp of the newest frame, and when the belt was shown to the operator [s].
     """
 
     def __init__(self, model: FruitModel, belt: Belt, encoder: bool) -> None:
         self.tracks = Tracks(model, belt, encoder)
         self.travel = Travel()
         self.tried: set[int] = set()
-        self.newest_frame = -1.0
+        self.newest_frame = self.shown_at = -1.0
         self._pending: Computation | None = None
         self._sequence = -1
         self._frames = 0

@@ -217,7 +217,7 @@ class Intercept(BeltSkill):
         """Reach, match and descend until the grip may take its bias; returns the fruit as last seen."""
         speed = tracks.travel.speed
         while self.clock.now() < pick.arrival - FIRST_BIAS:
-            self.look(tracks, search=False)
+            self.look(tracks, False, (pick.arrival, tracks.place(track, pick.arrival)[0]))
             self._require(stream)
             seen = tracks.tracks.track(track.number)
             if seen is None or (seen.missed > 0 and seen.likelier < 0.0):

@@ -174,3 +174,20 @@ def await_fruit_unscripted(rig: BeltRig) -> SkillEnd:
     devices = {Camera: rig.camera, Cameras: Cameras((rig.camera,)), Conveyor: rig.conveyor}
     watch = BeltWatch(load_fruit("apple"), the_belt(), encoder=True)
     return drive(AwaitFruit(), {"tracks": watch}, devices, clock=rig.clock)
+
+
+def test_the_operator_sees_the_belt_its_fruit_and_their_ellipses() -> None:
+    rig = BeltRig(along=-0.5)
+    rig.watch.fruit[1] = (-0.6, 0.03)
+    rig.watch.alter = lambda track: replace(track, likelier=-1.0) if rig.clock.now() < 0.5 else track
+    end = await_fruit(rig)
+    scenes = [view for topic, view in end.published if topic == "belt"]
+    tables = [view for topic, view in end.published if topic == "fruit"]
+    assert len(scenes) == len(tables) == 3  # every 0.2 s
+    assert [line.label.split(",")[0] for line in scenes[-1].lines] == [  # type: ignore[attr-defined]
+        "belt", "fruit 0 in 0.5 s", "fruit 1 in 0.5 s",
+    ]  # fmt: skip
+    ring = scenes[-1].lines[1].points  # type: ignore[attr-defined]
+    shown_at = 0.4
+    assert ring.mean(axis=0)[:2] == pytest.approx([-0.5 + 0.15 * (shown_at + 0.5), -0.34], abs=3e-3)
+    assert [row[0] for row in tables[-1].rows] == ["0", "1"]  # type: ignore[attr-defined]
