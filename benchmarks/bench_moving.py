@@ -75,8 +75,8 @@ class BeltOutcomes:
 class Bench:
     """One cell with a running belt."""
 
-    def __init__(self, speed: float, seed: int, settings: Mapping[str, str]) -> None:
-        self.cell: Cell = load_cell(find_cell("conveyor"), seed=seed, overrides={"belt": f"{speed} m/s", **settings})
+    def __init__(self, cell: str, speed: float, seed: int, settings: Mapping[str, str]) -> None:
+        self.cell: Cell = load_cell(find_cell(cell), seed=seed, overrides={"belt": f"{speed} m/s", **settings})
         wanted = (Arm, StreamedArm, Gripper, ForceSensor, Camera, Cameras, Workspace, Conveyor)
         self.devices = {interface: self.cell.device(interface) for interface in wanted}
         world = self.cell.devices["world"]
@@ -131,11 +131,11 @@ class Bench:
             self.cell.check()
 
 
-def run(speed: float, count: int, seed: int, settings: Mapping[str, str]) -> BeltOutcomes:
+def run(cell: str, speed: float, count: int, seed: int, settings: Mapping[str, str]) -> BeltOutcomes:
     """Try `count` fruit at a speed [m/s]."""
     tried, number = BeltOutcomes(), 0
     while sum(tried.outcomes.values()) < count:
-        bench = Bench(speed, seed + number, settings)
+        bench = Bench(cell, speed, seed + number, settings)
         number += 1
         try:
             for _ in range(min(FRUIT_A_CELL, count - sum(tried.outcomes.values()))):
@@ -157,10 +157,11 @@ def main() -> None:
     parser.add_argument("--speeds", type=float, nargs="+", default=[0.15, 0.3])
     parser.add_argument("--count", type=int, default=200, help="fruit at each speed")
     parser.add_argument("--seed", type=int, default=1000, help="of the first cell")
+    parser.add_argument("--cell", default="conveyor", help="cell file with a conveyor")
     parser.add_argument("--set", nargs="*", default=[], help="options of the cell: fruit=apple_4")
     options = parser.parse_args()
     settings = dict(each.split("=", 1) for each in options.set)
-    lines = [run(speed, options.count, options.seed, settings).line(speed) for speed in options.speeds]
+    lines = [run(options.cell, each, options.count, options.seed, settings).line(each) for each in options.speeds]
     print("\n".join(lines))
 
 

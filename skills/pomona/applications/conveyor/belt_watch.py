@@ -72,12 +72,6 @@ class BeltWatch:
         find = self._finder(at.T_base_camera) if searches else None
         self._pending = skill.context.compute(skill.path, self.tracks.look, at, find, isolated=False)
 
-    def settle(self) -> None:
-        """Give up the frame that is looked at; before the watch is left to another skill."""
-        if self._pending is not None:
-            self._pending.cancel()
-            self._pending = None
-
     def place(self, track: FruitTrack, t: float) -> tuple[Float64, Float64]:
         """Return place and velocity of a resting fruit at a time in the base frame, shape (3,) each [m], [m/s]."""
         belt, step = self.tracks.belt, 0.01

@@ -6,28 +6,14 @@ from dataclasses import replace
 from functools import partial
 from typing import Annotated, ClassVar
 
-import numpy as np
-
 from pomona.applications.conveyor.await_fruit import ComingFruit
 from pomona.applications.conveyor.belt_skill import BELT_FAILURES, BeltSkill
 from pomona.applications.conveyor.belt_watch import BeltWatch
 from pomona.applications.conveyor.conveyor import Conveyor
-from pomona.applications.conveyor.hand_stream import WATCHDOG, HandStream, OutOfReach, inner_robot
-from pomona.applications.conveyor.intercepting import (
-    CLOSING,
-    DESCENTS,
-    REACHES,
-    NoPick,
-    Pick,
-    ReadyHand,
-    ellipse_radius,
-    grip_yaws,
-    in_the_way,
-    plan_pick,
-    plumb,
-    reachable,
-)
-from pomona.applications.conveyor.moving_grip import FIRST_BIAS, OPENING, grip_settings
+from pomona.applications.conveyor.hand_stream import WATCHDOG, HandStream, OutOfReach
+from pomona.applications.conveyor.intercepting import CLOSING, Pick, ReadyHand
+from pomona.applications.conveyor.moving_grip import FIRST_BIAS, grip_settings
+from pomona.applications.conveyor.pick_choice import FruitWidth, PickChoice
 from pomona.applications.conveyor.tracks import FruitTrack
 from pomona.drivers import (
     Arm,
@@ -46,8 +32,6 @@ from pomona.skills.grip import GripController, GripPhase, Hold, SoftContact, sur
 from pomona.skills.motion import Grasp, arm_space
 from pomona.skills.perception import MeasuredFruit
 
-SLOWEST = 1.6
-"""Time from now on for which a place must be sure before the hand sets off [s]: a usual reach and descent."""
 CHANGED = 0.02
 """Change of the belt's speed with which a pick is given up [m/s]."""
 BESIDE = 8e-3
@@ -138,78 +122,35 @@ class Intercept(BeltSkill):
     def _plan(
         self, target: ComingFruit, tracks: BeltWatch, stream: HandStream, sure: float, height: float
     ) -> Work[tuple[Pick, FruitTrack, float]]:
-        """Stand until a pick is possible; then open the fingers and return it."""
-        arm, gripper, belt = self.device(Arm), self.device(Gripper), tracks.tracks.belt
-        R_fruit, along = target.measured.T_base_fruit[:3, :3], belt.direction
-        shape = target.measured.fruit.vertices * (target.measured.dimensions / target.measured.fruit.dimensions)
-        yaws, width = grip_yaws(shape, R_fruit, along)
-        opening = min(width + OPENING, gripper.limits.width_max)
-        if opening < width + OPENING / 3.0:
-            raise self.failure("TOO_WIDE", f"the fruit is {1e3 * width:.0f} mm wide; nothing has moved", width=width)
+        """Stand until a pick is possible; then open the fingers and return it, the fruit and its width."""
+        arm, gripper = self.device(Arm), self.device(Gripper)
+        grip = FruitWidth.of(target, tracks.tracks.belt.direction)
+        opening = grip.opening(gripper.limits.width_max)
+        if opening is None:
+            words = f"the fruit is {1e3 * grip.width:.0f} mm wide; nothing has moved"
+            raise self.failure("TOO_WIDE", words, width=grip.width)
         space = arm_space(arm, self.device(Workspace), None, opening, CLEARANCE).leaving_table()
 
         def free(way: Float64) -> str:
             blocked = space.first_blocked(way)
             return "" if blocked is None else space.explain(way[min(blocked + 1, len(way) - 1)])[0]
 
-        hand = ReadyHand(inner_robot(arm), arm.limits, stream.q, height, free)
-        grip = np.zeros(3)
-        reached: tuple[float, float] | None = None
-        why = NoPick("OUT_OF_REACH", "the fruit has passed")
+        hand = ReadyHand(stream.robot, arm.limits, stream.q, height, free)
+        choice = PickChoice(hand, tracks, grip, opening, sure)
         while True:
             self.look(tracks, search=True)
             self._require(stream)
-            track, now = tracks.tracks.track(target.number), self.clock.now()
+            track = tracks.tracks.track(target.number)
             if track is None:
                 raise self.failure("TRACK_LOST", "the fruit is not seen any more; nothing has moved")
-            place = partial(tracks.place, track)
-            p, v = place(now)
-            if reached is None:
-                reached = reachable(hand, p, plumb(along, yaws[0]), along)
-                start = float(p @ along)
-                reached = reached[0] + start, reached[1] + start
-            planned = self._possible(hand, tracks, track, now, grip, yaws, opening, sure)
-            if isinstance(planned, Pick):
+            pick = choice.now(track, self.clock.now())
+            if isinstance(pick, Pick):
                 gripper.move(opening, gripper.limits.speed_max)
-                return planned, track, width
-            why = planned if planned.code else why
-            soonest = REACHES[0] + DESCENTS[0] + CLOSING
-            if float(p @ along) + max(float(v @ along), 0.0) * soonest > reached[1]:
-                code = why.code or "OUT_OF_REACH"
-                raise self.failure(code, f"{why.reason}; nothing has moved", x_m=float(p[0]), y_m=float(p[1]))
+                return pick, track, grip.width
+            if pick.code:
+                raise self.failure(pick.code, f"{pick.reason}; nothing has moved")
             stream.stand()
-            yield f"waiting: {planned.reason}"
-
-    def _possible(
-        self,
-        hand: ReadyHand,
-        tracks: BeltWatch,
-        track: FruitTrack,
-        now: float,
-        grip: Float64,
-        yaws: tuple[float, ...],
-        opening: float,
-        sure: float,
-    ) -> Pick | NoPick:
-        """Return a pick that begins now, or why there is none."""
-        place, along = partial(tracks.place, track), tracks.tracks.belt.direction
-        if not track.rests:
-            return NoPick("TOO_UNSURE", "the fruit rolls on the belt")
-        radius = ellipse_radius(tracks.covariance(track, now + SLOWEST))
-        if radius > sure:
-            return NoPick("TOO_UNSURE", f"its place is known to {1e3 * radius:.1f} mm, {1e3 * sure:.1f} are allowed")
-        pick = plan_pick(hand, now, place, grip, yaws, along)
-        if isinstance(pick, NoPick):
-            return pick
-        others = [
-            (tracks.place(other, pick.arrival)[0], float(other.dimensions.max()) / 2.0)
-            for other in tracks.tracks.tracks
-            if other.number != track.number
-        ]
-        overlap = in_the_way(others, place(pick.arrival)[0], pick.R_base_grasp, opening)
-        if overlap > 0.0:
-            return NoPick("NEIGHBOUR_AT_RISK", f"a finger would come {1e3 * overlap:.0f} mm into a neighbour")
-        return pick
+            yield f"waiting: {pick.reason}"
 
     # --------------------------------------------------------------------------------------------------- while it moves
 
