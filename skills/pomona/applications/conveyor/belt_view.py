@@ -52,7 +52,8 @@ def _ellipse(covariance: Float64) -> Float64:
     values, axes = np.linalg.eigh(covariance[:2, :2])
     angle = np.linspace(0.0, 2.0 * np.pi, 25)
     ring: Float64 = np.stack([np.cos(angle), np.sin(angle)], axis=1) * (ELLIPSE * np.sqrt(np.maximum(values, 0.0)))
-    return ring @ axes.T
+    turned: Float64 = ring @ axes.T
+    return turned
 
 
 def _on_belt(watch: BeltWatch, points: Float64) -> Float64:
