@@ -32,10 +32,11 @@ CLOSING = 1.0
 """Time at the fruit for which reach is kept [s]: closing took 0.7 s (median) to 0.9 s in 200 picks."""
 LIFT_TIME, RIDE, SLOWING = 0.75, 0.10, 0.5
 """Times of the lift, of its part with the belt's speed, and until the hand has no speed along the belt [s]."""
-SAMPLES = 16
+SAMPLES = 24
 """Postures of the way that are checked, and a few more at the fruit and during the lift."""
-SHARE = 0.9
-"""Share of the joints' limits of speed and acceleration that a plan may use; the rest follows corrections."""
+SHARE = 0.8
+"""Share of the joints' limits of speed and acceleration that a plan may use; the rest follows corrections. With 0.9 and
+16 postures the hand fell 40 mm behind on its way at 0.3 m/s, with 0.8 and 24 13 mm."""
 JUMP = 0.6
 """Step of a joint between two postures beyond which the arm would change its branch [rad]."""
 PATIENT = 0.75

@@ -61,7 +61,7 @@ def test_the_hand_starts_where_it_is_at_rest_and_ends_around_the_fruit_at_its_sp
     assert velocity(over) == pytest.approx([speed, 0.0, 0.0], abs=2e-3)
     assert pick.pose(pick.arrival, place)[:3, 3] == pytest.approx(place(pick.arrival)[0], abs=1e-9)
     assert velocity(pick.arrival + 0.1) == pytest.approx([speed, 0.0, 0.0], abs=1e-6)
-    assert 0.0 < pick.share <= 0.9
+    assert 0.0 < pick.share <= 0.8
 
 
 def test_a_corrected_place_moves_the_hand_by_as_much_and_no_more() -> None:
