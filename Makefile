@@ -144,6 +144,9 @@ bench-plan: $(STAMP) ## planning over random scenes, beside the paper's way
 bench-watch: $(STAMP) ## a hand that comes into the way of the moving arm: 200 paths, and 100 on which nothing is new (half an hour)
 	$(BIN)/python -m benchmarks.bench_watch
 
+bench-moving: $(STAMP) ## fruit from a running belt, picked of accepted; SPEEDS="0.15 0.3", COUNT=200 fruit at each (hours)
+	$(BIN)/python -m benchmarks.bench_moving --speeds $(or $(SPEEDS),0.15 0.3) --count $(or $(COUNT),200)
+
 bench-grasp: $(STAMP) ## grip control over random lifts, baselines beside it
 	$(BIN)/python -m benchmarks.bench_grasp --plots runs/bench_grasp
 

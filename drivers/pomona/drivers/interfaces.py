@@ -247,9 +247,16 @@ class SetPoints(Motion, Protocol):
     def speed(self) -> float:
         """Share of the joints' largest speeds that it uses now, above 0 to 1."""
 
+    @property
+    def delay(self) -> float:
+        """Delay of the arm behind its set-points [s]: one with a time is followed best if it comes so early."""
+
     @command
-    def aim(self, q: Float64) -> None:
+    def aim(self, q: Float64, qd: Float64 | None = None, at: float = 0.0) -> None:
         """Go to these joints, shape (dof,) [rad], from now on, within the arm's limits.
+
+        With `qd`, shape (dof,) [rad/s], the set-point moves on: the arm passes `q` at time `at` of the cell's clock [s]
+        and keeps that velocity until the next one, or the watchdog. It falls behind a set-point that is too quick.
 
         Raises:
             BadTrajectory: they are not finite, or outside the limits; they are ignored.

@@ -130,6 +130,7 @@ if TYPE_CHECKING:
     )
     from pomona.executive.skill import (
         CellFacts as CellFacts,
+        Computation as Computation,
         Failure as Failure,
         Interrupted as Interrupted,
         Skill as Skill,
@@ -270,7 +271,7 @@ PUBLIC = {
     "running.runner": "Runner",
     "running.signals": "raise_again",
     "running.starting": "Starting",
-    "skill": "CellFacts Failure Interrupted Skill SkillFailure Work",
+    "skill": "CellFacts Computation Failure Interrupted Skill SkillFailure Work",
     "skill_testing": "SkillEnd drive",
     "values.archives": "ArchiveTooLarge open_archive",
     "values.arrays": "Float64 UInt8",

@@ -104,7 +104,7 @@ class MockArm(Device):
     def stream(self, watchdog: float) -> SetPoints:
         self._need_ready()
         self._supervisor.end()
-        motion = self._motion = StreamedMotion(self.q, self.limits, PERIOD, watchdog, self._speed)
+        motion = self._motion = StreamedMotion(self.q, self.limits, PERIOD, watchdog, self._speed, self._clock.now)
         return motion
 
     def _need_ready(self) -> None:

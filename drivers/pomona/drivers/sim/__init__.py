@@ -14,27 +14,36 @@ if TYPE_CHECKING:
         read_model as read_model,
     )
     from pomona.drivers.sim.fruit_shape import (
+        APPLES as APPLES,
         SKINS as SKINS,
         FruitShape as FruitShape,
         make_fruit as make_fruit,
     )
     from pomona.drivers.sim.gl import load_mujoco as load_mujoco
-    from pomona.drivers.sim.layout import FRICTION as FRICTION
+    from pomona.drivers.sim.layout import (
+        FRICTION as FRICTION,
+        CellFruitSection as CellFruitSection,
+        FruitOnTable as FruitOnTable,
+    )
     from pomona.drivers.sim.robot import (
         FINGERS as FINGERS,
         PADS as PADS,
         read_robot as read_robot,
     )
     from pomona.drivers.sim.scene import (
+        TABLE_FRICTION as TABLE_FRICTION,
         TIMESTEP as TIMESTEP,
         add_fixed as add_fixed,
+        add_fruit as add_fruit,
         add_lights as add_lights,
         add_material as add_material,
         container_of as container_of,
         quaternion as quaternion,
         set_physics as set_physics,
+        standing_pose as standing_pose,
     )
     from pomona.drivers.sim.world import (
+        FaultyDevice as FaultyDevice,
         PhysicsWorld as PhysicsWorld,
         SimWorld as SimWorld,
     )
@@ -42,12 +51,15 @@ if TYPE_CHECKING:
 PUBLIC = {
     "camera": "SimCamera",
     "fruit_model": "UnusableModel read_model",
-    "fruit_shape": "FruitShape SKINS make_fruit",
+    "fruit_shape": "APPLES FruitShape SKINS make_fruit",
     "gl": "load_mujoco",
-    "layout": "FRICTION",
+    "layout": "CellFruitSection FRICTION FruitOnTable",
     "robot": "FINGERS PADS read_robot",
-    "scene": "TIMESTEP add_fixed add_lights add_material container_of quaternion set_physics",
-    "world": "PhysicsWorld SimWorld",
+    "scene": (
+        "TABLE_FRICTION TIMESTEP add_fixed add_fruit add_lights add_material container_of quaternion set_physics "
+        "standing_pose"
+    ),
+    "world": "FaultyDevice PhysicsWorld SimWorld",
 }
 """Public names by the module that defines them."""
 

@@ -88,7 +88,8 @@ class SimArm(FaultyDevice):
         self._need_ready()
         self._supervisor.end()
         self._gives_way = False
-        motion = self._motion = StreamedMotion(self._set_point, self.limits, TIMESTEP, watchdog, self._speed)
+        now = self._world.clock.now
+        motion = self._motion = StreamedMotion(self._set_point, self.limits, TIMESTEP, watchdog, self._speed, now)
         return motion
 
     def _need_ready(self) -> None:

@@ -15,6 +15,7 @@ from pomona.drivers.camera_options import scaled
 from pomona.drivers.errors import DeviceLost
 from pomona.drivers.interfaces import Camera, Frame, Intrinsics
 from pomona.drivers.sim.camera_faults import CHANGES, FrameChanger
+from pomona.drivers.sim.delivery import Delivery
 from pomona.drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
 from pomona.drivers.sim.stereo_depth import Stereo, measure_depth
 from pomona.drivers.sim.world import FaultyDevice, PhysicsWorld
@@ -47,10 +48,12 @@ class SimCamera(FaultyDevice):
         stereo: Stereo,
         rate: float,
         T_base_camera: Float64 | None = None,
+        latency: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         """
         Args:
             T_base_camera: where the camera is fixed in the cell, shape (4, 4); without it, it rides on the gripper.
+            latency: least and largest time from an exposure to the delivery of its frame, drawn for each [s].
         """
         super().__init__("camera")
         self._world, self._intrinsics, self._stereo, self._rate = world, intrinsics, stereo, rate
@@ -66,14 +69,15 @@ class SimCamera(FaultyDevice):
         self._frame: Frame | None = None
         self._watched: Frame | None = None
         self._changer = FrameChanger()
+        self._pictures, self._depths = (Delivery(world.clock, latency, world.seed) for _ in range(2))
         self._fault_since, self._judged = 0.0, 0
         self._guard = FrameGuard(world.clock, SILENCE)
         self._asked = self._shown = -math.inf
         self._picture: tuple[UInt8, float] | None = None
 
     def latest(self) -> Frame | None:
-        """Return the view of this moment. Two calls within one frame period get the same frame."""
-        return self._changer.delivered(self._newest())
+        """Return the view of this moment, less the latency. Two calls within one frame period get the same frame."""
+        return self._changer.delivered(self._pictures.newest(self._newest()))
 
     def _newest(self) -> Frame | None:
         if self.fault == "lost":
@@ -87,8 +91,8 @@ class SimCamera(FaultyDevice):
         return self._frame
 
     def latest_depth(self) -> Frame | None:
-        """Return the depth of this moment with half the pixels each way; not a look that is scored."""
-        return self._changer.delivered(self._newest_depth())
+        """Return the depth as `latest` does, with half the pixels each way; not a look that is scored."""
+        return self._changer.delivered(self._depths.newest(self._newest_depth()))
 
     def _newest_depth(self) -> Frame | None:
         if self.fault is not None and self.fault not in CHANGES:

@@ -24,7 +24,7 @@ from pomona.drivers.sim.stereo_depth import Stereo
 from pomona.drivers.sim.world import PhysicsWorld, SimWorld
 from pomona.drivers.streams import Belief
 from pomona.executive.values.arrays import Float64
-from pomona.executive.values.kinds import Counts, Measure, Row
+from pomona.executive.values.kinds import Counts, Measure, Row, Span
 from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import FORCE, LENGTH, PIXELS, RATE, SPEED, TIME
 
@@ -122,6 +122,9 @@ class CameraOptions(InWorld):
     )
     nearest: float = value(Measure(LENGTH, "0 mm", "1 m"), "180 mm", "distance below which there is no depth")
     rate: float = value(Measure(RATE, "1 Hz", "1 kHz"), "30 Hz", "frames per second")
+    latency: tuple[float, float] = value(
+        Span(Measure(TIME, "0 s", "500 ms")), "0 ms..0 ms", "time from an exposure to the delivery of its frame"
+    )
     fixed: FixedSection | None = value(
         Section(FixedSection), None, "where it is fixed in the cell; without it, it rides on the gripper"
     )
@@ -183,7 +186,7 @@ def connect_camera(settings: Settings[CameraOptions], context: ConnectContext) -
     intrinsics = said.intrinsics.intrinsics(said.size)
     stereo = Stereo(intrinsics.fx, said.baseline, said.disparity_noise, said.nearest)
     pose = None if said.fixed is None else said.fixed.pose()
-    return SimCamera(_world(context), intrinsics, stereo, said.rate, pose)
+    return SimCamera(_world(context), intrinsics, stereo, said.rate, pose, said.latency)
 
 
 def _world(context: ConnectContext) -> PhysicsWorld:

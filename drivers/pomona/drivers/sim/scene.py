@@ -59,7 +59,7 @@ def build_scene(layout: Layout, seed: int) -> SimScene:
     for i, fruit in enumerate(layout.fruits):
         drawn = np.random.default_rng([seed, 5, i])
         shapes.append(make_fruit(fruit.model, fruit.dimensions, fruit.skin, drawn, fruit.shape_noise))
-        _add_fruit(mujoco, spec, f"fruit_{i}", fruit, shapes[-1], layout.table_z)
+        add_fruit(mujoco, spec, f"fruit_{i}", fruit, shapes[-1], layout.table_z)
     for i, distractor in enumerate(layout.distractors):
         _add_distractor(mujoco, spec, f"distractor_{i}", distractor, layout.table_z)
     _add_contact_sensors(mujoco, spec, layout)
@@ -164,7 +164,7 @@ def add_fixed(mujoco: Any, spec: Any, fixed: tuple[Box, ...]) -> None:
         )
 
 
-def _add_fruit(mujoco: Any, spec: Any, name: str, fruit: FruitOnTable, shape: FruitShape, table_z: float) -> None:
+def add_fruit(mujoco: Any, spec: Any, name: str, fruit: FruitOnTable, shape: FruitShape, table_z: float) -> None:
     """A free body whose frame is the fruit's object frame; its convex hull touches, its skin is seen."""
     mesh = spec.add_mesh(name=name)
     mesh.uservert, mesh.userface = shape.vertices.ravel(), shape.faces.ravel()

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     )
     from pomona.skills.motion.robot import (
         RobotModel as RobotModel,
+        inverse_kinematics as inverse_kinematics,
         nearest_solution as nearest_solution,
     )
 
@@ -51,7 +52,7 @@ PUBLIC = {
     "lines": "straight_line",
     "occupancy": "OccupancyMap",
     "planning.arm_space": "ArmSpace arm_space",
-    "robot": "RobotModel nearest_solution",
+    "robot": "RobotModel inverse_kinematics nearest_solution",
 }
 """Public names by the module that defines them."""
 

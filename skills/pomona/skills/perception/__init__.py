@@ -79,10 +79,22 @@ if TYPE_CHECKING:
     from pomona.skills.perception.measured_fruit import (
         MeasuredFruit as MeasuredFruit,
     )
+    from pomona.skills.perception.refinement.depth_look import (
+        DepthLook as DepthLook,
+    )
     from pomona.skills.perception.refinement.errors import (
         RefineError as RefineError,
     )
-    from pomona.skills.perception.refinement.measure import measure as measure
+    from pomona.skills.perception.refinement.measure import (
+        measure as measure,
+    )
+    from pomona.skills.perception.refinement.place_fit import (
+        PlaceFit as PlaceFit,
+        fit_place as fit_place,
+    )
+    from pomona.skills.perception.refinement.support_plane import (
+        horizontal_plane as horizontal_plane,
+    )
 
 PUBLIC = {
     "depth_registration": "misplaced_depth",
@@ -102,8 +114,11 @@ PUBLIC = {
     "fruit.errors": "FruitError",
     "fruit.sizes": "KindSizes LEAST_FRUIT TooFewFruit held_out learn_sizes",
     "measured_fruit": "MeasuredFruit",
+    "refinement.depth_look": "DepthLook",
     "refinement.errors": "RefineError",
     "refinement.measure": "measure",
+    "refinement.place_fit": "PlaceFit fit_place",
+    "refinement.support_plane": "horizontal_plane",
 }
 """Public names by the module that defines them."""
 

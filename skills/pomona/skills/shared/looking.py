@@ -57,7 +57,7 @@ LOOKING_FAILURES = ("NO_FRAME", "STALE_FRAME", "NOTHING_FOUND", "NO_WEIGHTS")  #
 class LookingSkill(Skill):
     """A skill that finds fruit in the camera's newest frame; it must declare `LOOKING_FAILURES`."""
 
-    devices = (Camera,)
+    devices: ClassVar[tuple[type, ...]] = (Camera,)
     optional_devices: ClassVar[tuple[type, ...]] = (Arm,)
     moves = ()
 

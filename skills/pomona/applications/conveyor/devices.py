@@ -1,0 +1,104 @@
+"""Belts behind the interface: the simulated one with its faults, and one for tests without a world."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pomona.applications.conveyor.conveyor import Belt, Conveyor, ConveyorState
+from pomona.applications.conveyor.world import ConveyorWorld
+from pomona.drivers import Device, DeviceLost
+from pomona.drivers.sim import FaultyDevice
+from pomona.executive import Clock
+
+COUNT = 1e-4
+"""Travel of one count of the encoder [m]: a wheel of 200 mm with 2000 counts a turn."""
+OVER = 0.1
+"""Time over which the encoder's speed is measured [s]."""
+SILENCE = 0.2
+"""Age of the encoder's newest value from which the belt is lost [s]."""
+WRONG = 1.1
+"""Factor on the travel with the fault wrong_scale."""
+CREEP = 0.05
+"""Rate at which a creeping belt slows down [m/s²]."""
+JUMP = 0.03
+"""Distance by which a jumping belt carries its load at once [m]."""
+
+
+class SimConveyor(FaultyDevice):
+    """The simulated belt and its encoder.
+
+    Faults: of the belt `stop`, `jump` (its load is 30 mm further at once), `creep` (it slows down to a tenth); of the
+    encoder `lost`, `backwards`, `wrong_scale` (a tenth more than the truth).
+    """
+
+    interfaces = (Conveyor,)
+    known_faults = ("stop", "jump", "creep", "lost", "backwards", "wrong_scale")
+
+    def __init__(self, world: ConveyorWorld) -> None:
+        super().__init__("conveyor")
+        self.belt = world.built.belt
+        self._world = world
+        self._counted = [(world.clock.now(), 0.0)]
+        self._usual = world.wanted_speed
+        world.after_step.append(self._count)
+
+    def travelled(self) -> ConveyorState | None:
+        (before, start), (stamp, position) = self._counted[0], self._counted[-1]
+        speed = 0.0 if stamp <= before else (position - start) / (stamp - before)
+        return ConveyorState(stamp, position, speed)
+
+    def last_seen(self) -> float | None:
+        return self._counted[-1][0]
+
+    def check(self) -> None:
+        silent = self._world.clock.now() - self._counted[-1][0]
+        if silent > SILENCE:
+            raise DeviceLost(self.name, f"its encoder sent nothing for {1e3 * silent:.0f} ms")
+
+    def inject_fault(self, kind: str) -> None:
+        super().inject_fault(kind)
+        if kind == "stop":
+            self._world.wanted_speed = 0.0
+        elif kind == "jump":
+            self._world.jump(JUMP)
+
+    def clear_fault(self) -> None:
+        super().clear_fault()
+        self._world.wanted_speed = self._usual
+
+    def _count(self) -> None:
+        now = self._world.clock.now()
+        if self.fault == "creep":
+            least = 0.1 * self._usual
+            self._world.wanted_speed = max(least, self._world.wanted_speed - CREEP * 0.002)
+        if self.fault == "lost" or now - self._counted[-1][0] < 0.0099:
+            return
+        scale = {"backwards": -1.0, "wrong_scale": WRONG}.get(self.fault or "", 1.0)
+        position = COUNT * float(np.floor(scale * self._world.travelled / COUNT))
+        self._counted.append((now, position))
+        while now - self._counted[0][0] > OVER + 1e-9:
+            self._counted.pop(0)
+
+
+class MockConveyor(Device):
+    """A belt that runs by a function of time.
+
+    Attributes:
+        travel: position at a time; replace it to script the belt.
+        silent_from: time from which the encoder sends nothing more [s].
+    """
+
+    interfaces = (Conveyor,)
+
+    def __init__(self, clock: Clock, belt: Belt, speed: float = 0.15) -> None:
+        super().__init__("conveyor")
+        self.belt = belt
+        self.travel: Callable[[float], float] = lambda t: speed * t
+        self.silent_from = np.inf
+        self._clock = clock
+
+    def travelled(self) -> ConveyorState | None:
+        now = min(self._clock.now(), self.silent_from)
+        return ConveyorState(now, self.travel(now), (self.travel(now) - self.travel(now - OVER)) / OVER)

@@ -1,0 +1,115 @@
+"""A hand that is led along moving poses by streamed set-points, and that rises and rests at the end in any case."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pomona.applications.conveyor.intercepting import Rise, aim_of
+from pomona.drivers import Arm, BadTrajectory, MotionState, SetPoints
+from pomona.executive import Clock, Float64, Work
+from pomona.skills.motion import RobotModel
+
+WATCHDOG = 0.15
+"""Time without a set-point after which the arm comes to rest [s]."""
+HALF_TICK = 0.01
+"""Half of the time between set-points [s]: each is the best for the middle of its time."""
+LIMIT_MARGIN = 0.02
+"""Distance of set-points from the joints' limits [rad]: from a limit itself the next path would be refused."""
+CLEAR = 0.10
+"""Height to which a hand rises that has not picked [m]."""
+HOVER = 0.35
+"""Time for which the hand goes on with the belt while its fingers open [s]: 20 mm at 0.1 m/s and some more."""
+
+
+class OutOfReach(Exception):
+    """A pose that the arm cannot follow to."""
+
+
+class HandStream:
+    """The hand's set-points.
+
+    Attributes:
+        motion: the streamed motion; q: joints of the newest set-point, shape (dof,) [rad].
+        moved: whether it was led anywhere.
+    """
+
+    def __init__(self, arm: Arm, motion: SetPoints, clock: Clock) -> None:
+        self.motion, self.moved = motion, False
+        self.robot = inner_robot(arm)
+        self.q: Float64 = arm.state().q.copy()
+        self._arm, self._clock = arm, clock
+        self._pose: Callable[[float], Float64] | None = None
+
+    @property
+    def ahead(self) -> float:
+        """Time on the cell's clock for which a set-point is sent now [s]."""
+        return self._clock.now() + self.motion.delay + HALF_TICK
+
+    @property
+    def beside(self) -> float:
+        """Distance of the hand from where it should be now [m]."""
+        if self._pose is None:
+            return 0.0
+        p = self.robot.tcp(self._arm.state().q)[:3, 3]
+        return float(np.linalg.norm(p - self._pose(self._clock.now())[:3, 3]))
+
+    def stand(self) -> None:
+        """Stay where it is for another moment."""
+        self.motion.aim(self.q)
+
+    def follow(self, pose: Callable[[float], Float64]) -> None:
+        """Lead the hand along T_base_tcp as a function of time [s]. Raises OutOfReach: the arm cannot."""
+        self._pose, self.moved = pose, True
+        found = aim_of(self.robot, pose, self.ahead, self.q)
+        if found is None:
+            raise OutOfReach("the arm reaches no further along the belt in this posture")
+        try:
+            self.motion.aim(*found, self.ahead)
+        except BadTrajectory as bad:
+            raise OutOfReach(f"the hand would leave the arm's limits: {bad}") from bad
+        self.q = found[0]
+
+    def rise(self, height: float, meanwhile: Callable[[], str | None]) -> Work[None]:
+        """Rise from the moving pose, slow down along the belt, and come to rest. `meanwhile` is called in each tick.
+
+        Where the arm reaches no further it comes to rest at once.
+        """
+        pose = self._pose
+        if pose is not None:
+            t = self.ahead
+            T = pose(t)
+            up = Rise(t, T, (pose(t + 0.01)[:3, 3] - T[:3, 3]) / 0.01, height)
+            while self._clock.now() < up.end and self.motion.state is MotionState.RUNNING:
+                try:
+                    self.follow(up.pose)
+                except OutOfReach:
+                    break
+                yield meanwhile() or "rising"
+        yield from self.rest(meanwhile)
+
+    def leave(self, opens: Callable[[], object] | None) -> Work[None]:
+        """Give the fruit up: let `opens` open the fingers while the hand goes on with the belt, then rise and rest."""
+        pose, began = self._pose, self._clock.now()
+        if opens is not None and pose is not None:
+            opens()
+            while self._clock.now() - began < HOVER and self.motion.state is MotionState.RUNNING:
+                try:
+                    self.follow(pose)
+                except OutOfReach:
+                    break
+                yield "letting the fruit go"
+        yield from self.rise(CLEAR, lambda: "rising without the fruit")
+
+    def rest(self, meanwhile: Callable[[], str | None] = lambda: None) -> Work[None]:
+        """Come to rest."""
+        self.motion.stop()
+        while not self.motion.settled:
+            yield meanwhile() or "coming to rest"
+
+
+def inner_robot(arm: Arm) -> RobotModel:
+    """Return the robot within its joint limits less `LIMIT_MARGIN`."""
+    limits = arm.limits
+    return RobotModel.load(arm.description).with_limits(limits.lower + LIMIT_MARGIN, limits.upper - LIMIT_MARGIN)

@@ -1,0 +1,55 @@
+"""The grip of a fruit that moves with the hand: settings for the width between the pads."""
+
+from __future__ import annotations
+
+from pomona.drivers import ForceSensor, Gripper
+from pomona.skills.grip import ForceLoopSettings, GripSettings, SoftContact, WatchSettings
+from pomona.skills.perception import MeasuredFruit, mass_of
+
+FIRST_BIAS = 0.23
+"""Time before the arrival at which the grip begins to record its bias [s], so that it closes on arrival."""
+OPENING = 0.018
+"""Opening over the fruit's width with which the hand comes down [m]."""
+SLOWS = 0.008
+"""Opening over the fruit's width at which the fingers slow down [m]: it may lie off the middle."""
+NARROWEST = 0.5
+"""Smallest width of a fruit between the fingers, relative to its smallest dimension."""
+FIRST_FORCE, MOST = 2.2, 14.0
+"""Force before the lift and the largest force of both fingers [N], as of SlipAvoidGrasp."""
+GRAVITY = 9.81  # [m/s²]
+PUSH, PUSH_SIZE = 3.7, 0.076
+"""Force with which one finger may push a fruit of this diameter [N, m], and it grows with the square: half of the force
+that browns the flesh (docs/evidence/detach-by-rolling.md). A large apple rests on the belt with more force than 3 N."""
+
+
+def grip_settings(
+    contact: SoftContact,
+    mu_uncertainty: float,
+    fruit: MeasuredFruit,
+    width: float,
+    gripper: Gripper,
+    sensor: ForceSensor,
+) -> GripSettings:
+    """Return settings of a grip that slows down at the width of the fruit between the pads [m].
+
+    At the largest dimension instead, a lemon held across would be closed on for 0.4 m of belt.
+    """
+    known = mass_of(fruit.fruit, fruit.dimensions, fruit.covariance[3:, 3:])
+    limits = gripper.limits
+    return GripSettings(
+        contact=contact,
+        margin=1.125,
+        expected_load=0.0 if known is None else 1.1 * GRAVITY * (known[0] + 2.0 * known[1]),
+        offset=0.003,
+        mu_uncertainty=mu_uncertainty,
+        initial_force=FIRST_FORCE,
+        contact_width=width + SLOWS,
+        narrowest=NARROWEST * float(fruit.dimensions.min()),
+        loop=ForceLoopSettings(
+            max_force=min(MOST, 2.0 * limits.force_max),
+            closing_speed=min(ForceLoopSettings().closing_speed, limits.speed_max),
+        ),
+        watch=WatchSettings(push_limit=max(WatchSettings().push_limit, PUSH * (width / PUSH_SIZE) ** 2)),
+        width_min=limits.width_min,
+        rate=sensor.rate,
+    )

@@ -1,0 +1,91 @@
+"""The skill Track."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+import numpy as np
+
+from pomona.applications.conveyor.belt_skill import BELT_FAILURES, FASTEST
+from pomona.applications.conveyor.belt_watch import BeltWatch
+from pomona.applications.conveyor.conveyor import Belt, Conveyor
+from pomona.applications.conveyor.drawn_frame import warm_up
+from pomona.applications.conveyor.travel import Travel
+from pomona.drivers import Arm, Camera, Frame
+from pomona.executive import SPEED, TIME, Float64, Outputs, Port, Speed, Time, Work
+from pomona.skills import LOOKING_FAILURES, LookingSkill, inverse
+
+LISTENS = 0.25
+"""Time over which the encoder is watched before its travel is used [s]: 12 mm at 0.05 m/s."""
+NEAR, LEAST = 0.02, 0.3
+"""Distance from the belt's surface within which depth is the belt's [m], and the least share of such depth: the rest
+may be fruit."""
+FEWEST = 20
+"""Points of the belt's surface that a picture must show."""
+
+
+class Tracked(Outputs):
+    """Outputs of Track."""
+
+    tracks: Annotated[BeltWatch, Port(help="fruit on the belt, kept up by the skills that take it")]
+
+
+class Track(LookingSkill):
+    """Check that the camera sees the belt and that its encoder counts, and begin to track its fruit.
+
+    The tracks are kept up by the skills that take them, as a grip is by its sensor. Nothing moves.
+    """
+
+    devices = (Camera, Conveyor)
+    optional_devices: ClassVar[tuple[type, ...]] = (Arm,)
+    failures = (*LOOKING_FAILURES, *BELT_FAILURES[2:], "NO_DEPTH", "NO_BELT", "BELT_TOO_FAST")
+
+    def prepare(self) -> None:
+        super().prepare()
+        if (name := self.known("fruit")) is not None:
+            warm_up(self.fruit_model(name), self.device(Conveyor).belt)
+
+    def run(
+        self,
+        fruit: Annotated[str, Port(help="fruit to look for: a name in the catalogue, or a path")],
+        fastest: Annotated[Speed, Port(min="0 m/s", max="2 m/s", help="speed of the belt that the arm can follow")] = (
+            SPEED(f"{FASTEST} m/s")
+        ),
+        max_age: Annotated[Time, Port(min="1 ms", max="60 s", help="older frames are refused")] = TIME("500 ms"),
+    ) -> Work[Tracked]:
+        model, conveyor = self.fruit_model(fruit), self.device(Conveyor)
+        frame = self.newest_frame(max_age)
+        if frame.depth is None:
+            raise self.failure("NO_DEPTH", "the camera gives no depth, and a place on the belt needs it")
+        share, points = belt_seen(frame, self.camera_pose(frame), conveyor.belt)
+        if share < LEAST:
+            where = f"{share:.0%} of the depth there lies on it" if points else "it lies outside the picture"
+            raise self.failure("NO_BELT", f"the camera sees no belt where the cell file has one: {where}", share=share)
+        watch, travel = BeltWatch(model, conveyor.belt, conveyor.travelled() is not None), Travel()
+        began = self.clock.now()
+        while watch.tracks.encoder and self.clock.now() - began < LISTENS:
+            travel.note(conveyor.travelled())
+            yield "listening to the encoder"
+        if watch.tracks.encoder and (problem := travel.problem(self.clock.now(), np.inf)):
+            raise self.failure("ENCODER_FAULT", f"{problem}; nothing has moved")
+        if travel.speed > fastest:
+            words = f"the belt runs at {travel.speed:.2f} m/s, the arm can follow up to {fastest:.2f} m/s"
+            raise self.failure("BELT_TOO_FAST", f"{words}; nothing has moved", speed=travel.speed)
+        watch.travel = travel
+        return Tracked(watch)
+
+
+def belt_seen(frame: Frame, T_base_camera: Float64, belt: Belt) -> tuple[float, int]:
+    """Return the share of a frame's depth on a belt's surface that is the belt's, and how many points it shows."""
+    along, aside = np.meshgrid(np.linspace(-0.5, 0.5, 61) * belt.length, np.linspace(-0.45, 0.45, 9) * belt.width)
+    points = np.stack([along.ravel(), aside.ravel(), np.zeros(along.size), np.ones(along.size)])
+    x, y, z = (inverse(T_base_camera) @ belt.T_base_belt @ points)[:3]
+    lens, depth = frame.intrinsics, frame.depth
+    ahead = z > 0.05
+    u = np.round(lens.fx * x / np.where(ahead, z, 1.0) + lens.cx).astype(int)
+    v = np.round(lens.fy * y / np.where(ahead, z, 1.0) + lens.cy).astype(int)
+    shown = ahead & (u >= 0) & (u < lens.width) & (v >= 0) & (v < lens.height)
+    if depth is None or shown.sum() < FEWEST:
+        return 0.0, 0
+    measured = depth[v[shown], u[shown]]
+    return float(np.mean(np.abs(measured - z[shown]) < NEAR)), int(shown.sum())

@@ -1,0 +1,76 @@
+"""How far a belt has run at any moment, from its encoder's measurements; and whether they can be true."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import deque
+
+from pomona.applications.conveyor.conveyor import ConveyorState
+
+KEPT = 2.0
+"""Time over which measurements are kept [s]: longer than a frame takes to be looked at."""
+STALE = 0.2
+"""Age from which the encoder's newest measurement is stale [s]."""
+SAME_SPEED = 0.02
+"""Change of a belt's speed that is a change and no noise [m/s]."""
+BACKWARDS = 2e-3
+"""Travel against the belt's direction that no noise explains [m]."""
+
+
+class Travel:
+    """Measurements of an encoder over the last seconds."""
+
+    def __init__(self) -> None:
+        self._states: deque[ConveyorState] = deque()
+
+    def note(self, state: ConveyorState | None) -> None:
+        """Take the newest measurement; one that was taken before is ignored."""
+        if state is None or (self._states and state.stamp <= self._states[-1].stamp):
+            return
+        self._states.append(state)
+        while state.stamp - self._states[0].stamp > KEPT:
+            self._states.popleft()
+
+    @property
+    def newest(self) -> ConveyorState | None:
+        """The newest measurement."""
+        return self._states[-1] if self._states else None
+
+    @property
+    def speed(self) -> float:
+        """Present speed [m/s]; 0 without an encoder."""
+        return self._states[-1].speed if self._states else 0.0
+
+    def at(self, t: float) -> float:
+        """Return the travel at a time [m]; beyond the newest measurement with its speed, 0 without an encoder."""
+        if not self._states:
+            return 0.0
+        stamps = [state.stamp for state in self._states]
+        after = bisect_right(stamps, t)
+        if after == len(stamps):
+            newest = self._states[-1]
+            return newest.position + newest.speed * (t - newest.stamp)
+        if after == 0:
+            oldest = self._states[0]
+            return oldest.position + oldest.speed * (t - oldest.stamp)
+        before, behind = self._states[after - 1], self._states[after]
+        share = (t - before.stamp) / (behind.stamp - before.stamp)
+        return before.position + share * (behind.position - before.position)
+
+    def problem(self, now: float, fastest: float) -> str:
+        """Describe why the measurements cannot be used, in half a sentence; empty if they can.
+
+        Args:
+            fastest: speed that the arm can follow [m/s].
+        """
+        newest = self.newest
+        if newest is None:
+            return "the encoder has sent nothing yet"
+        if now - newest.stamp > STALE:
+            return f"the encoder sent nothing for {1e3 * (now - newest.stamp):.0f} ms"
+        if newest.position - self._states[0].position < -BACKWARDS or newest.speed < -SAME_SPEED:
+            words = "the encoder counts backwards"
+            return f"{words}, at {newest.speed:.2f} m/s: turn its sign, or the belt's direction in the cell file"
+        if newest.speed > fastest:
+            return f"the belt runs at {newest.speed:.2f} m/s, the arm can follow up to {fastest:.2f} m/s"
+        return ""

@@ -1,0 +1,316 @@
+"""The skill Intercept on mock devices: success, every failure code, interruption; the hand rises and rests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from py_trees.common import Status
+
+from pomona.applications.conveyor.intercept import Intercept
+from pomona.executive import SkillEnd
+from tests.skills.applications.conveyor.belt_rig import MODEL, BeltRig
+
+
+def code(end: SkillEnd) -> str:
+    assert end.status is Status.FAILURE
+    assert end.reason is not None
+    assert len(end.reason.message) > 20
+    return end.reason.code
+
+
+def nothing_moved(rig: BeltRig) -> bool:
+    return bool(np.ptp(np.array(rig.paths), axis=0).max() < 1e-9) and rig.gripper.width == 0.10
+
+
+def rests_above_the_belt(rig: BeltRig, end: SkillEnd) -> bool:
+    """The arm rests, and stands clear of the fruit on the belt."""
+    before = rig.arm.q.copy()
+    rig.clock.advance(0.2)
+    return np.array_equal(before, rig.arm.q) and rig.arm.settled() and rig.height > 0.05
+
+
+def drive_until(rig: BeltRig, phase: str, act: Callable[[], None], **how: Any) -> SkillEnd:
+    """Drive the skill and act once when its feedback names a phase."""
+    skill, done = Intercept(), []
+
+    def tick(_: int) -> None:
+        if phase in skill.feedback_message and not done:
+            done.append(True)
+            act()
+
+    end = rig.intercept(skill, each_tick=tick, **how)
+    assert done, f"it never came to {phase}"
+    return end
+
+
+def within_limits(rig: BeltRig) -> None:
+    q = np.array(rig.paths)
+    for order, limit in ((1, rig.arm.limits.velocity), (2, rig.arm.limits.acceleration)):
+        assert (np.abs(np.diff(q, order, axis=0)).max(axis=0) / 0.002**order <= limit * 1.001 + 1e-6).all()
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.15, 0.3])
+def test_a_fruit_is_gripped_on_the_belt_and_lifted_and_the_hand_rests(speed: float) -> None:
+    rig = BeltRig(speed, along=-0.1 if speed == 0.0 else -0.5)
+    end = rig.intercept()
+    assert end.status is Status.SUCCESS, end.reason
+    assert rests_above_the_belt(rig, end)
+    assert rig.height == pytest.approx(0.15, abs=5e-3)
+    assert end.outputs["hold"].holds
+    assert end.outputs["width"] == pytest.approx(0.073, abs=3e-3)
+    within_limits(rig)
+
+
+def test_the_hand_is_beside_the_fruit_to_a_millimetre_while_the_fingers_close() -> None:
+    rig = BeltRig(0.3, along=-0.5)
+    off: list[np.ndarray] = []
+    skill = Intercept()
+
+    def tick(_: int) -> None:
+        if "closing" in skill.feedback_message:
+            on_belt = np.array([-0.5 + rig.conveyor.travel(rig.clock.now()), -0.34])
+            off.append(MODEL.tcp(rig.arm.q)[:2, 3] - on_belt)
+
+    rig.intercept(skill, each_tick=tick)
+    assert len(off) > 10
+    assert np.abs(np.array(off)[2:]).max() < 2e-3
+
+
+def test_the_grasp_that_it_gives_holds_the_fruit_at_the_hand() -> None:
+    rig = BeltRig()
+    grasp = rig.intercept().outputs["grasp"]
+    assert grasp.T_base_grasp[:3, 3] == pytest.approx(grasp.fruit.T_base_fruit[:3, 3], abs=1e-6)
+    assert grasp.T_base_grasp[2, 2] == pytest.approx(-1.0, abs=1e-3)
+
+
+def test_a_fruit_that_has_passed_is_out_of_reach_and_nothing_moves() -> None:
+    rig = BeltRig(0.3, along=0.25)
+    assert code(rig.intercept()) == "OUT_OF_REACH"
+    assert nothing_moved(rig)
+
+
+def test_a_fruit_whose_place_is_unsure_is_let_pass_and_nothing_moves() -> None:
+    rig = BeltRig()
+    rig.watch.spread = 6e-3
+    assert code(rig.intercept()) == "TOO_UNSURE"
+    assert nothing_moved(rig)
+
+
+def test_a_fruit_that_rolls_is_waited_for_and_let_pass_if_it_does_not_rest() -> None:
+    rig = BeltRig()
+    rig.watch.alter = lambda track: replace(track, likelier=-3.0)
+    end = rig.intercept()
+    assert code(end) == "TOO_UNSURE"
+    assert "rolls" in end.reason.message  # type: ignore[union-attr]
+    assert nothing_moved(rig)
+
+
+def test_a_fruit_wider_than_the_hand_is_refused() -> None:
+    rig = BeltRig(size=np.array([0.101, 0.09, 0.101]))
+    assert code(rig.intercept()) == "TOO_WIDE"
+    assert nothing_moved(rig)
+
+
+def test_a_neighbour_where_a_finger_would_come_down_lets_the_fruit_pass() -> None:
+    rig = BeltRig(aside=0.0)
+    rig.watch.fruit[1] = (-0.45, 0.082)
+    assert code(rig.intercept()) == "NEIGHBOUR_AT_RISK"
+    assert nothing_moved(rig)
+
+
+def test_a_box_over_the_belt_blocks_the_way_before_anything_moves(monkeypatch: pytest.MonkeyPatch) -> None:
+    from pomona.drivers import Box
+    from tests.skills.applications.conveyor import belt_rig
+
+    T = np.eye(4)
+    T[:3, 3] = 0.0, -0.36, 0.03
+    blocked = replace(belt_rig.workspace(), obstacles=(Box("bridge", T, (0.5, 0.2, 0.02)),))
+    monkeypatch.setattr(belt_rig, "workspace", lambda: blocked)
+    rig = BeltRig()
+    end = rig.intercept()
+    assert code(end) == "PATH_BLOCKED"
+    assert "bridge" in end.reason.message  # type: ignore[union-attr]
+    assert nothing_moved(rig)
+
+
+def test_a_track_that_ends_before_or_during_the_reach_is_lost() -> None:
+    rig = BeltRig()
+    rig.watch.alter = lambda _: None
+    assert code(rig.intercept()) == "TRACK_LOST"
+    assert nothing_moved(rig)
+    rig = BeltRig()
+
+    def vanish() -> None:
+        rig.watch.alter = lambda _: None
+
+    end = drive_until(rig, "reaching", vanish)
+    assert code(end) == "TRACK_LOST"
+    assert rests_above_the_belt(rig, end)
+    within_limits(rig)
+
+
+def change_speed(rig: BeltRig, after: float) -> None:
+    now, travel = rig.clock.now(), rig.conveyor.travel
+    rig.conveyor.travel = lambda t: travel(min(t, now)) + after * max(t - now, 0.0)
+
+
+@pytest.mark.parametrize("after", [0.0, 0.1, 0.25])
+@pytest.mark.parametrize("phase", ["reaching", "closing"])
+def test_a_belt_that_stops_slows_or_speeds_up_is_noticed_and_the_hand_rises(phase: str, after: float) -> None:
+    rig = BeltRig()
+    changed: list[float] = []
+
+    def change() -> None:
+        changed.append(rig.clock.now())
+        change_speed(rig, after)
+
+    end = drive_until(rig, phase, change)
+    assert code(end) == "BELT_CHANGED"
+    assert rests_above_the_belt(rig, end)
+    within_limits(rig)
+
+
+def test_fingers_that_meet_nothing_open_and_the_hand_rises() -> None:
+    rig = BeltRig()
+    rig.there = False
+    end = rig.intercept()
+    assert code(end) == "NO_CONTACT"
+    assert rig.gripper.width == pytest.approx(0.103, abs=1e-3)
+    assert rests_above_the_belt(rig, end)
+
+
+def press(rig: BeltRig, left: float, right: float) -> None:
+    """Press the pads as soon as the fingers close beyond the fruit's width."""
+
+    def feel(_now: float) -> np.ndarray:
+        wrenches = np.zeros((2, 6))
+        if rig.gripper.width < rig.size[0]:
+            wrenches[:, 2] = -left, -right
+        return wrenches
+
+    rig.fingers.feel = feel
+
+
+def test_a_fruit_that_presses_on_one_finger_alone_is_let_go() -> None:
+    rig = BeltRig()
+    press(rig, 4.0, 0.0)
+    end = rig.intercept()
+    assert code(end) == "ONE_FINGER"
+    assert rests_above_the_belt(rig, end)
+
+
+def test_force_before_the_fingers_close_ends_the_pick() -> None:
+    rig = BeltRig()
+    end = drive_until(rig, "reaching", lambda: setattr(rig.fingers, "feel", lambda _: np.full((2, 6), 5.0)))
+    assert code(end) == "FORCE_LIMIT"
+    assert rests_above_the_belt(rig, end)
+
+
+def test_fingers_that_send_nothing_are_stale() -> None:
+    rig = BeltRig()
+    end = drive_until(rig, "closing", lambda: rig.fingers.lose(2.0))
+    assert code(end) == "SENSOR_STALE"
+    assert rests_above_the_belt(rig, end)
+
+
+def test_saturated_fingers_end_the_pick() -> None:
+    rig = BeltRig()
+    end = drive_until(rig, "closing", lambda: setattr(rig.fingers, "saturated", (True, True)))
+    assert code(end) == "SENSOR_SATURATED"
+    assert rests_above_the_belt(rig, end)
+
+
+def test_a_fruit_that_falls_during_the_lift_is_lost_and_the_hand_comes_to_rest() -> None:
+    rig = BeltRig()
+    end = drive_until(rig, "rising", lambda: setattr(rig, "there", False))
+    assert code(end) == "LOST"
+    assert rests_above_the_belt(rig, end)
+
+
+def test_another_node_that_takes_the_fingers_over_ends_the_pick() -> None:
+    from pomona.skills.grip import take_over
+
+    rig = BeltRig()
+    end = drive_until(rig, "closing", lambda: take_over(rig.gripper))
+    assert code(end) == "LOST"
+    assert rests_above_the_belt(rig, end)
+
+
+def test_frames_that_stop_are_noticed_and_the_hand_rises() -> None:
+    rig = BeltRig(along=-0.6)
+    end = drive_until(rig, "waiting", lambda: setattr(rig.watch, "frames_until", rig.clock.now()))
+    assert code(end) == "STALE_FRAME"
+    assert nothing_moved(rig) or rests_above_the_belt(rig, end)
+
+
+@pytest.mark.parametrize("phase", ["waiting", "reaching", "closing"])
+def test_an_encoder_that_falls_silent_is_noticed_in_every_phase(phase: str) -> None:
+    rig = BeltRig(along=-0.6)
+    end = drive_until(rig, phase, lambda: setattr(rig.conveyor, "silent_from", rig.clock.now()))
+    assert code(end) in ("ENCODER_FAULT", "BELT_CHANGED")
+    assert nothing_moved(rig) or rests_above_the_belt(rig, end)
+
+
+def test_an_encoder_that_counts_backwards_is_noticed() -> None:
+    rig = BeltRig(along=-0.6)
+    end = drive_until(rig, "waiting", lambda: change_speed(rig, -0.15))
+    assert code(end) == "ENCODER_FAULT"
+    assert nothing_moved(rig)
+
+
+def test_an_arm_that_refuses_is_no_pick() -> None:
+    rig = BeltRig()
+    rig.arm.refuse_next("the controller is in teach mode")
+    end = rig.intercept()
+    assert code(end) == "REFUSED"
+    assert "teach mode" in end.reason.message  # type: ignore[union-attr]
+    assert nothing_moved(rig)
+
+
+def test_a_motion_that_is_stopped_or_fails_ends_the_pick_at_rest() -> None:
+    rig = BeltRig()
+    end = drive_until(rig, "reaching", lambda: rig.arm.safe_stop("an operator"))
+    assert code(end) == "STOPPED"
+    assert rig.arm.settled()
+    rig = BeltRig()
+    end = drive_until(rig, "reaching", lambda: rig.arm.fail_at(0.0, "a joint is overloaded"))
+    assert code(end) == "MOTION_FAILED"
+    assert rig.arm.settled()
+
+
+def test_a_pause_lets_the_fruit_pass() -> None:
+    rig = BeltRig()
+    end = drive_until(rig, "reaching", rig.arm.pause)
+    assert code(end) == "BEHIND"
+    assert rig.arm.settled()
+
+
+def test_a_hand_that_is_slowed_down_is_behind_and_rises_without_closing() -> None:
+    rig = BeltRig(0.3, along=-0.5)
+    end = drive_until(rig, "reaching", lambda: rig.arm.go_at(0.2))
+    assert code(end) == "BEHIND"
+    assert rests_above_the_belt(rig, end)
+
+
+@pytest.mark.parametrize("phase", ["waiting", "reaching", "closing", "rising"])
+def test_interrupted_in_any_phase_the_hand_rises_and_rests_and_a_held_fruit_stays_held(phase: str) -> None:
+    rig, skill, ticks = BeltRig(along=-0.6), Intercept(), []
+
+    def tick(number: int) -> None:
+        if phase in skill.feedback_message and not ticks:
+            ticks.append(number)
+
+    probe = BeltRig(along=-0.6)
+    probe.intercept(skill, each_tick=tick)
+    end = rig.intercept(interrupt_after=ticks[0] + 2)
+    assert end.status is Status.INVALID
+    assert rig.arm.settled()
+    if phase == "waiting":
+        assert nothing_moved(rig)
+    else:
+        assert rig.height > 0.05
+    within_limits(rig)

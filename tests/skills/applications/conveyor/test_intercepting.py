@@ -1,0 +1,140 @@
+"""The motion of a pick from the belt: matched speeds, limits, rise; refusals before anything moves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from pomona.applications.conveyor.intercepting import (
+    ABOVE,
+    NoPick,
+    Pick,
+    ReadyHand,
+    Rise,
+    ellipse_radius,
+    grip_yaws,
+    in_the_way,
+    plan_pick,
+    plumb,
+    reachable,
+)
+from pomona.drivers.mock.arm import SIA5F_LIMITS
+from tests.skills.applications.conveyor.belt_rig import MODEL, workspace
+
+ALONG = np.array([1.0, 0.0, 0.0])
+HAND = ReadyHand(MODEL, SIA5F_LIMITS, workspace().poses["watch"], 0.15, lambda _: "")
+
+
+def belt_place(x: float, speed: float, y: float = -0.36):
+    return lambda t: (np.array([x + speed * t, y, -0.085]), np.array([speed, 0.0, 0.0]))
+
+
+def planned(x: float, speed: float, hand: ReadyHand = HAND) -> Pick:
+    """Plan at the first moment at which it is possible."""
+    for now in np.arange(0.0, 4.0, 0.1):
+        pick = plan_pick(hand, float(now), belt_place(x, speed), np.zeros(3), (0.0,), ALONG)
+        if isinstance(pick, Pick):
+            return pick
+    raise AssertionError(pick.reason)
+
+
+@given(st.floats(0.0, 0.3), st.floats(-0.04, 0.04))
+@settings(max_examples=8, deadline=None)
+def test_the_hand_starts_where_it_is_at_rest_and_ends_around_the_fruit_at_its_speed(speed: float, aside: float) -> None:
+    place = belt_place(-0.5 if speed > 0.03 else -0.1, speed, -0.36 + aside)
+    pick = None
+    for now in np.arange(0.0, 14.0, 0.2):
+        pick = plan_pick(HAND, float(now), place, np.zeros(3), (0.0,), ALONG)
+        if isinstance(pick, Pick):
+            break
+    assert isinstance(pick, Pick)
+    h = 1e-4
+
+    def velocity(t: float) -> np.ndarray:
+        return (pick.pose(t + h, place)[:3, 3] - pick.pose(t, place)[:3, 3]) / h
+
+    assert pick.pose(pick.t0, place) == pytest.approx(MODEL.tcp(HAND.q), abs=1e-9)
+    assert velocity(pick.t0) == pytest.approx(np.zeros(3), abs=1e-3)
+    over = pick.t0 + pick.reach
+    assert pick.pose(over, place)[:3, 3] - place(over)[0] == pytest.approx([0.0, 0.0, ABOVE], abs=1e-9)
+    assert velocity(over) == pytest.approx([speed, 0.0, 0.0], abs=2e-3)
+    assert pick.pose(pick.arrival, place)[:3, 3] == pytest.approx(place(pick.arrival)[0], abs=1e-9)
+    assert velocity(pick.arrival + 0.1) == pytest.approx([speed, 0.0, 0.0], abs=1e-6)
+    assert 0.0 < pick.share <= 0.8
+
+
+def test_a_corrected_place_moves_the_hand_by_as_much_and_no_more() -> None:
+    pick = planned(-0.5, 0.15)
+    shift = np.array([0.002, -0.001, 0.0])
+    at = belt_place(-0.5, 0.15)
+
+    def moved(t: float) -> tuple[np.ndarray, np.ndarray]:
+        p, v = at(t)
+        return p + shift, v
+
+    for t in np.linspace(pick.t0, pick.arrival, 7):
+        assert pick.pose(t, moved)[:3, 3] - pick.pose(t, at)[:3, 3] == pytest.approx(shift, abs=1e-12)
+
+
+@given(st.floats(0.0, 0.5), st.floats(0.05, 0.3))
+@settings(max_examples=30, deadline=None)
+def test_a_rise_starts_with_the_belt_and_ends_at_rest_above(speed: float, height: float) -> None:
+    T = np.eye(4)
+    rise = Rise(1.0, T, np.array([speed, 0.0, 0.0]), height)
+    h = 1e-5
+    first = (rise.pose(1.0 + h)[:3, 3] - T[:3, 3]) / h
+    assert first == pytest.approx([speed, 0.0, 0.0], abs=1e-2)
+    assert np.array_equal(rise.pose(rise.end + 0.5), rise.pose(rise.end + 1.0))
+    assert rise.pose(rise.end)[2, 3] == pytest.approx(height)
+    heights = [rise.pose(t)[2, 3] for t in np.linspace(1.0, rise.end, 50)]
+    assert (np.diff(heights) >= -1e-12).all()
+
+
+def test_a_fruit_beyond_the_reach_gives_no_pick_and_no_code_since_another_may_come() -> None:
+    gone = plan_pick(HAND, 0.0, belt_place(1.2, 0.1), np.zeros(3), (0.0,), ALONG)
+    assert isinstance(gone, NoPick)
+    assert gone.code == ""
+
+
+def test_a_way_that_is_not_free_is_blocked_with_its_reason() -> None:
+    blocked = ReadyHand(MODEL, SIA5F_LIMITS, HAND.q, 0.15, lambda way: f"link 3 touches the roof at {len(way)}")
+    for now in np.arange(0.0, 4.0, 0.1):
+        pick = plan_pick(blocked, float(now), belt_place(-0.5, 0.15), np.zeros(3), (0.0,), ALONG)
+        assert isinstance(pick, NoPick)
+        if pick.code:
+            break
+    assert pick.code == "PATH_BLOCKED"
+    assert "touches the roof" in pick.reason
+
+
+def test_the_belt_before_the_robot_is_reachable_for_more_than_half_a_metre() -> None:
+    low, high = reachable(HAND, np.array([-0.4, -0.36, -0.085]), plumb(ALONG, 0.0), ALONG)
+    assert -0.4 + low < -0.25
+    assert -0.4 + high > 0.25
+
+
+def test_a_long_fruit_is_gripped_across_and_a_round_one_without_a_turn() -> None:
+    angles = np.linspace(0.0, 2.0 * np.pi, 40)
+    ring = np.stack([np.cos(angles), np.zeros(40), np.sin(angles)], axis=1)
+    lies = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    yaws, width = grip_yaws(0.04 * ring, lies, ALONG)
+    assert yaws[0] == 0.0
+    assert width == pytest.approx(0.08, abs=1e-3)
+    long = ring * np.array([0.029, 1.0, 0.041])  # its long axis lies across the belt
+    yaws, width = grip_yaws(long, lies, ALONG)
+    assert abs(yaws[0]) > np.radians(60.0)
+    assert width < 0.063
+
+
+def test_the_ellipse_of_a_known_covariance() -> None:
+    assert ellipse_radius(np.diag([4e-6, 1e-6, 1.0])) == pytest.approx(2.146 * 2e-3)
+
+
+def test_a_neighbour_beside_the_open_finger_overlaps_and_one_behind_does_not() -> None:
+    grip = plumb(ALONG, 0.0)
+    fruit = np.array([0.0, -0.36, -0.085])
+    beside, behind = fruit + np.array([0.0, 0.09, 0.0]), fruit + np.array([0.12, 0.0, 0.0])
+    assert in_the_way([(beside, 0.04)], fruit, grip, 0.09) > 0.0
+    assert in_the_way([(behind, 0.045)], fruit, grip, 0.09) < 0.0
+    assert in_the_way([], fruit, grip, 0.09) < 0.0

@@ -1,0 +1,49 @@
+"""The travel of a belt from its encoder, and measurements that cannot be true."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, strategies as st
+
+from pomona.applications.conveyor.conveyor import ConveyorState
+from pomona.applications.conveyor.travel import Travel
+
+
+def ran(speed: float, until: float = 1.0, step: float = 0.02) -> Travel:
+    travel = Travel()
+    for k in range(round(until / step) + 1):
+        travel.note(ConveyorState(k * step, speed * k * step, speed))
+    return travel
+
+
+@given(st.floats(-1.0, 1.0), st.floats(-1.0, 3.0))
+def test_between_and_beyond_measurements_a_steady_belt_is_where_it_is(speed: float, t: float) -> None:
+    assert ran(speed).at(t) == pytest.approx(speed * t, abs=1e-9)
+
+
+def test_without_an_encoder_nothing_has_travelled() -> None:
+    travel = Travel()
+    travel.note(None)
+    assert (travel.at(3.0), travel.speed, travel.newest) == (0.0, 0.0, None)
+
+
+def test_a_measurement_that_came_before_is_ignored() -> None:
+    travel = ran(0.1)
+    travel.note(ConveyorState(0.5, 7.0, 0.1))
+    assert travel.at(0.5) == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize(
+    ("travel", "now", "words"),
+    [
+        (Travel(), 1.0, "sent nothing yet"),
+        (ran(0.1), 1.5, "sent nothing for 500 ms"),
+        (ran(-0.1), 1.0, "counts backwards, at -0.10 m/s"),
+        (ran(0.7), 1.0, "runs at 0.70 m/s, the arm can follow up to 0.50 m/s"),
+        (ran(0.3), 1.05, ""),
+        (ran(0.0), 1.0, ""),
+    ],
+)
+def test_measurements_that_cannot_be_used_are_described(travel: Travel, now: float, words: str) -> None:
+    assert words in travel.problem(now, 0.5)
+    assert bool(travel.problem(now, 0.5)) == bool(words)
