@@ -1,5 +1,6 @@
 from typing import Any
 
+import numpy as np
 import pytest
 from py_trees.common import Status
 
@@ -126,3 +127,18 @@ def test_interrupted_the_fingers_stop_where_they_are():
     assert outcome.status is Status.INVALID
     assert rig.scene.gripper.settled()
     assert 0.09 < rig.scene.gripper.width < 0.1
+
+
+def test_the_width_at_which_the_fingers_stopped_is_recorded_with_the_measured_fruit():
+    rig = Rig(0.085)
+    outcome = rig.grasp(force=9.0)
+    touches = dict(outcome.published)["touches"]
+    assert touches.left is None
+    assert touches.right is None
+    assert touches.closed.width == pytest.approx(0.082, abs=1e-3)
+    assert touches.closed.force >= 9.0
+    np.testing.assert_allclose(touches.dimensions, apple_at(1, 3).dimensions)
+
+
+def test_fingers_that_grip_nothing_record_no_touch():
+    assert "touches" not in dict(Rig(None).grasp().published)
