@@ -13,7 +13,7 @@ import numpy as np
 
 from pomona.executive.commands.command_line import add_records_folder
 from pomona.executive.errors import UsageError
-from pomona.tools.caliper.estimate import Estimate, estimate, residuals
+from pomona.tools.caliper.estimate import CameraErrors, estimate, residuals
 from pomona.tools.caliper.findings import corrected, find_error, hidden
 from pomona.tools.caliper.pick import Pick
 from pomona.tools.caliper.records import Picks, find_runs
@@ -94,7 +94,7 @@ def _left(picks: Sequence[Pick], error: Any) -> float:
     return float(np.median(np.abs(column[np.isfinite(column)])))
 
 
-def _values(found: Estimate) -> list[str]:
+def _values(found: CameraErrors) -> list[str]:
     e, s = found.error, found.std
     metres = ", ".join(f"{1e3 * e[i]:+.1f} ± {1e3 * s[i]:.1f}" for i in range(3))
     angles = ", ".join(f"{np.degrees(e[i]):+.2f} ± {np.degrees(s[i]):.2f}" for i in range(3, 6))
@@ -106,7 +106,7 @@ def _values(found: Estimate) -> list[str]:
     ]
 
 
-def _content(read: Picks, found: Estimate, apart: int, before: float, after: float) -> dict[str, Any]:
+def _content(read: Picks, found: CameraErrors, apart: int, before: float, after: float) -> dict[str, Any]:
     T_mount_camera = found.used[0].T_mount_camera
     return {
         "T_mount_camera": corrected(found, T_mount_camera).tolist(),

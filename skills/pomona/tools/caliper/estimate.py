@@ -38,7 +38,7 @@ SEEN = 0.5  # part of the prior's deviation below which a quantity counts as obs
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Estimate:
+class CameraErrors:
     """Errors of a calibration: t, ω, κ, z (see above) with their covariance."""
 
     error: Float64  # shape (8,) [m, rad, 1, m]
@@ -71,8 +71,8 @@ class Estimate:
         return np.sqrt(np.diag(now) / np.diag(before))
 
 
-def estimate(picks: Sequence[Pick]) -> Estimate:
-    """Estimate the errors from picks; outliers lose their weight, then are left out.
+def estimate(picks: Sequence[Pick]) -> CameraErrors:
+    """CameraErrors the errors from picks; outliers lose their weight, then are left out.
 
     Raises ValueError: there is no pick.
     """
@@ -86,7 +86,7 @@ def estimate(picks: Sequence[Pick]) -> Estimate:
     error, covariance, scatter, _ = found
     used = used or list(picks)
     centre = np.mean([pick.place for pick in used], axis=0)
-    return Estimate(error, covariance, centre, scatter, tuple(used), tuple(far if len(used) < len(picks) else ()))
+    return CameraErrors(error, covariance, centre, scatter, tuple(used), tuple(far if len(used) < len(picks) else ()))
 
 
 def residuals(pick: Pick, error: Float64) -> tuple[float, float]:
@@ -117,7 +117,7 @@ def _fit(picks: Sequence[Pick]) -> tuple[Float64, Float64, float, Float64]:
         scatter = float(np.sqrt(max((SURE + float(weights @ squares)) / (SURE + free), 0.25)))
         distances = np.sqrt(squares / counts) / scatter
         weights = np.minimum(1.0, HUBER / np.maximum(distances, 1e-9))
-    covariance: Float64 = np.linalg.inv(information)
+    covariance = np.asarray(np.linalg.inv(information), np.float64)
     return error, covariance, scatter, distances
 
 

@@ -36,8 +36,9 @@ def made_pick(
     side = 1 if moved >= 0.0 else -1
     wider = size + zero + noise * (PLAIN if plain else WIDTH) * rng.normal()
     first = side * moved + 0.5 * (size + zero) + noise * TOUCH * rng.normal()
-    sided = (0, np.nan) if plain else (side, first)
-    return Pick(name, axis, place, across, *sided, wider, plain, np.eye(4), True)
+    if plain:
+        side, first = 0, np.nan
+    return Pick(name, axis, place, across, side, first, wider, plain, np.eye(4), True)
 
 
 def made_picks(rng: np.random.Generator, error: np.ndarray, count: int, **how: float) -> list[Pick]:

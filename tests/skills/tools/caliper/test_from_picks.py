@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
@@ -122,3 +123,13 @@ def test_explain_reports_the_camera_from_this_run_and_those_before_it(tmp_path, 
 
 def test_a_run_without_touches_gets_no_sentence(tmp_path):
     assert explain(write_run(tmp_path / "run")) == ""
+
+
+def test_a_sentence_that_cannot_be_added_does_not_stop_the_explanation(tmp_path, capsys, monkeypatch):
+    def broken(group: str) -> list[EntryPoint]:
+        return [EntryPoint("broken", "pomona.nowhere:explain", group)]
+
+    monkeypatch.setattr("pomona.executive.commands.explain.entry_points", broken)
+    run = write_run(tmp_path / "run", recorded())
+    assert main(["explain", str(run)]) == 0
+    assert "broken: nothing can be added: No module named 'pomona.nowhere'" in " ".join(capsys.readouterr().out.split())
