@@ -1,5 +1,6 @@
 from typing import Any
 
+import numpy as np
 import pytest
 from py_trees.common import Status
 
@@ -154,3 +155,18 @@ def test_a_gripper_that_always_presses_harder_than_allowed_is_refused_with_numbe
     errors = [p.message for p in Grasp.judge(known, FactsOfGripper(least)) if not p.warning]
     assert len(errors) == bool(told)
     assert all(told in error for error in errors)
+
+
+def test_the_width_at_which_the_fingers_stopped_is_recorded_with_the_measured_fruit():
+    rig = Rig(0.085)
+    outcome = rig.grasp(force=9.0)
+    touches = dict(outcome.published)["touches"]
+    assert touches.left is None
+    assert touches.right is None
+    assert touches.closed.width == pytest.approx(0.082, abs=1e-3)
+    assert touches.closed.force >= 9.0
+    np.testing.assert_allclose(touches.dimensions, apple_at(1, 3).dimensions)
+
+
+def test_fingers_that_grip_nothing_record_no_touch():
+    assert "touches" not in dict(Rig(None).grasp().published)

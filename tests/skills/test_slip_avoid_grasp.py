@@ -12,19 +12,24 @@ import pytest
 from py_trees.common import Status
 
 from pomona.drivers.errors import DeviceLost
-from pomona.drivers.interfaces import ForceSensor, Gripper, WrenchSample
+from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, WrenchSample
+from pomona.drivers.mock.arm import MockArm
 from pomona.drivers.mock.clock import MockClock
 from pomona.drivers.mock.fingers import MockForceSensor, spring_fruit
 from pomona.drivers.mock.gripper import MockGripper
+from pomona.executive.encode import plain
 from pomona.executive.errors import NotOwnerError
 from pomona.executive.skill import Skill, Work
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.executive.views import SeriesView
 from pomona.skills.grip.errors import UnusableRate
+from pomona.skills.grip.first_touch import PickTouches, skin_along
 from pomona.skills.grip.grip import GripPhase
 from pomona.skills.grip.hold import Hold, current_hold, take_over
+from pomona.skills.motion.collision import fruit_points
 from pomona.skills.pivot import Pivot
 from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
+from tests.skills.picking_scene import ROBOT_MODEL, apple_at, q_at_grasp
 
 WIDTH = 0.08
 
@@ -500,3 +505,60 @@ def test_a_skill_that_only_looks_at_the_gripper_takes_no_fingers_over() -> None:
     with pytest.raises(NotOwnerError, match="may only look at the Gripper"):
         drive(Look(), {}, rig.devices, clock=rig.clock)  # type: ignore[arg-type]
     assert hold.holds
+
+
+def touching_rig(shift: float, slides: bool = True) -> tuple[Rig, Any]:
+    """A rig with an arm, and a measured fruit that really lies `shift` [m] towards the left finger."""
+    rig = Rig(opening=0.103)
+    T_base_tcp = ROBOT_MODEL.tcp(q_at_grasp())
+    measured = apple_at(1, 3)
+    across = float(skin_along(fruit_points(measured), T_base_tcp).sum())
+    rig.devices[Arm] = MockArm(rig.clock, q=q_at_grasp())
+
+    def feel(now: float) -> np.ndarray:
+        nonlocal shift
+        half = 0.5 * (across - rig.gripper.width)
+        if slides and half + abs(shift) > 1e-3:  # a finger alone pushes it with 1 N
+            shift = np.sign(shift) * max(1e-3 - half, 0.0)
+        wrenches = np.zeros((2, 6))
+        wrenches[:, 2] = -1000.0 * np.maximum(half + shift * np.array([1.0, -1.0]), 0.0)
+        return wrenches
+
+    rig.fingers.feel = feel
+    return rig, measured
+
+
+@pytest.mark.parametrize("shift", [2e-3, -2e-3])
+def test_the_first_touches_are_recorded_with_the_fruit_as_the_camera_measured_it(shift: float) -> None:
+    rig, measured = touching_rig(shift)
+    outcome = rig.drive(inputs={"fruit": measured})
+    assert outcome.status is Status.SUCCESS
+    (touches,) = [value for topic, value in outcome.published if topic == "touches"]
+    assert isinstance(touches, PickTouches)
+    assert touches.left is not None
+    assert touches.right is not None
+    apart = touches.left.width - touches.right.width
+    assert apart == pytest.approx(2.0 * shift, abs=1e-3)
+    first = max(touches.left.width, touches.right.width)
+    assert first == pytest.approx(touches.skin.sum() + 2.0 * abs(shift), abs=2e-3)
+    np.testing.assert_allclose(touches.T_base_tcp, ROBOT_MODEL.tcp(q_at_grasp()))
+    assert touches.on_arm
+    assert plain(touches)["left"]["width"] == touches.left.width
+
+
+def test_a_grip_with_one_finger_records_the_touch_that_there_was() -> None:
+    rig, measured = touching_rig(2e-3, slides=False)
+    outcome = rig.drive(inputs={"fruit": measured})
+    assert code(outcome) == "ONE_FINGER"
+    (touches,) = [value for topic, value in outcome.published if topic == "touches"]
+    assert isinstance(touches, PickTouches)
+    assert touches.left is not None
+    assert touches.right is None
+
+
+def test_without_an_arm_or_a_measured_fruit_no_touches_are_recorded() -> None:
+    rig, measured = touching_rig(0.0)
+    assert "touches" not in dict(rig.drive().published)
+    rig, measured = touching_rig(0.0)
+    del rig.devices[Arm]
+    assert "touches" not in dict(rig.drive(inputs={"fruit": measured}).published)

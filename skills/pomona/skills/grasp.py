@@ -6,14 +6,16 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
 
 from pomona.drivers.errors import MotionRefused
-from pomona.drivers.interfaces import ForceSensor, Gripper, GripperLimits, GripperState, MotionState
+from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, GripperLimits, GripperState, MotionState
 from pomona.drivers.plain_hand import between, gone
 from pomona.executive.ports import FORCE, LENGTH, SPEED, TIME, Force, Length, Port, Speed, Time
 from pomona.executive.skill import CellFacts, Work
 from pomona.executive.values.sections import Problem
+from pomona.skills.grip.first_touch import PadTouch
 from pomona.skills.grip.hold import take_over
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.following import MOTION_FAILURES, MotionEnded, MovingSkill, Watching, follow_motion
+from pomona.skills.shared.touch_view import record_touches
 
 NARROWEST = 0.5  # smallest width of a fruit between the fingers, relative to its smallest dimension
 WIDEST = 8e-3  # width over the fruit's largest dimension at which something else is between the fingers [m]
@@ -40,6 +42,7 @@ class Grasp(MovingSkill):
     """
 
     devices = (Gripper,)
+    optional_devices = (*MovingSkill.optional_devices, Arm)  # its pose is recorded with the touches
     moves = (Gripper,)
     failures = (*MOTION_FAILURES, "NO_CONTACT", "TOO_WIDE", "LOST")
 
@@ -84,6 +87,7 @@ class Grasp(MovingSkill):
             raise self._fail("NO_CONTACT", "the fingers met nothing, and the motor does not press", now)
         if lost := gone(met, now, limits, CREEP):
             raise self._fail("LOST", f"{lost} after the grip", now)
+        record_touches(self, fruit, (None, None), PadTouch(met.stamp, met.width, met.motor_force or 0.0))
         yield evidence
         return None
 

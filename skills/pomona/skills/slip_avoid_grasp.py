@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
-from pomona.drivers.interfaces import ForceSensor, Gripper, SampleRate
+from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, SampleRate
 from pomona.executive.ports import FORCE, LENGTH, STIFFNESS, Force, Length, Outputs, Port, Ratio, Stiffness
-from pomona.executive.skill import CellFacts, Interrupted, Skill, Work
+from pomona.executive.skill import CellFacts, Interrupted, Skill, SkillFailure, Work
 from pomona.executive.values.sections import Problem
 from pomona.skills.compiled_code import wait_for_first
 from pomona.skills.grip.controller import GripController, warm_up
@@ -18,14 +18,13 @@ from pomona.skills.grip.grip import GripPhase
 from pomona.skills.grip.hold import Hold
 from pomona.skills.grip.limit_surface import SoftContact, surface_table
 from pomona.skills.grip.settings import ForceLaw, GripSettings, check_rate
-from pomona.skills.perception.fruit.catalogue import mass_of
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.grip_view import show_grip, watch_grip
+from pomona.skills.shared.held_fruit import expected_load
+from pomona.skills.shared.touch_view import record_touches
 
 CLEARANCE = 0.008  # opening over the fruit at which a finger may touch [m]: it may lie off the centre
 NARROWEST = 0.5  # smallest width of a fruit between the fingers, relative to its smallest dimension
-
-GRAVITY = 9.81  # [m/s²]
 
 
 class Grasped(Outputs):
@@ -38,6 +37,7 @@ class SlipAvoidGrasp(Skill):
     """Close on the fruit with the minimum force that holds it; the grip continues after this node."""
 
     devices = (Gripper, ForceSensor)
+    optional_devices = (Arm,)  # its pose is recorded with the touches
     moves = (Gripper,)
     failures = (
         "NO_CONTACT",
@@ -107,7 +107,7 @@ class SlipAvoidGrasp(Skill):
                 law=ForceLaw(law),
                 margin=margin,
                 reserve=reserve,
-                expected_load=0.0 if fruit is None else _expected_load(fruit),
+                expected_load=0.0 if fruit is None else expected_load(fruit),
                 offset=offset,
                 mu_uncertainty=mu_uncertainty,
                 initial_force=initial_force,
@@ -125,7 +125,7 @@ class SlipAvoidGrasp(Skill):
         )
         hold = Hold(gripper, sensor, controller, self.clock.now).under(gripper)
         try:
-            yield from self._watch(hold)
+            yield from self._watch(hold, fruit)
         except Interrupted:
             if hold.phase not in (GripPhase.RAMP, GripPhase.HOLDING):
                 hold.take_over()
@@ -136,18 +136,15 @@ class SlipAvoidGrasp(Skill):
         show_grip(self, hold, everything=True)
         return Grasped(hold)
 
-    def _watch(self, hold: Hold) -> Work[None]:
-        while hold.phase is not GripPhase.HOLDING:
-            watch_grip(self, hold)
-            if hold.ended:
-                raise self.failure("LOST", "another node took the fingers over before the fruit was held")
-            reading = hold.reading
-            yield f"{reading.phase.value}: {reading.f_n:.1f} N at {1e3 * reading.width:.0f} mm"
-        return None
-
-
-def _expected_load(fruit: MeasuredFruit) -> float:
-    """Return the largest expected load of a fruit of this size in a lift [N]; 0 where it is unknown."""
-    known = mass_of(fruit.fruit, fruit.dimensions, fruit.covariance[3:, 3:])
-    # factor on the weight in a lift of 1 m/s²
-    return 0.0 if known is None else 1.1 * GRAVITY * (known[0] + 2.0 * known[1])
+    def _watch(self, hold: Hold, fruit: MeasuredFruit | None) -> Work[None]:
+        try:
+            while hold.phase is not GripPhase.HOLDING:
+                watch_grip(self, hold)
+                if hold.ended:
+                    raise self.failure("LOST", "another node took the fingers over before the fruit was held")
+                reading = hold.reading
+                yield f"{reading.phase.value}: {reading.f_n:.1f} N at {1e3 * reading.width:.0f} mm"
+        except SkillFailure:
+            record_touches(self, fruit, hold.first_touches)
+            raise
+        record_touches(self, fruit, hold.first_touches)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
+from importlib.metadata import entry_points
+from pathlib import Path
 from typing import Any
 
 from pomona.executive.commands.command_line import RUN, add_records_folder
@@ -33,8 +36,20 @@ def main(options: argparse.Namespace) -> int:
     going_on = is_being_written(events_file(record))
     for paragraph in explain(read_events(record), going_on, why_cut, whole=options.all):
         console.print(paragraph, soft_wrap="\n" in paragraph)
+    for paragraph in _further(record):
+        console.print(paragraph)
     if run.lost:
         console.print(f"The record was damaged and repaired; lost: {run.lost}.", style="yellow")
     if not run.checked:
         console.print(UNCHECKED, style="yellow")
     return 0
+
+
+def _further(record: Path) -> Iterator[str]:
+    """Yield the sentences of others about a record: functions of its folder, by entry point `pomona.explain`."""
+    for point in sorted(entry_points(group="pomona.explain"), key=lambda point: point.name):
+        try:
+            if sentence := point.load()(record):
+                yield sentence
+        except Exception as error:  # a package of a third party, or one that lacks another
+            yield f"{point.name}: nothing can be added: {error}"

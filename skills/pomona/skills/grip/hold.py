@@ -28,6 +28,7 @@ from pomona.executive.lease import command, give_up, identity, keep, lend
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.controller import GripController
 from pomona.skills.grip.estimate_kernel import GripEstimate
+from pomona.skills.grip.first_touch import PadTouch, TouchRecorder
 from pomona.skills.grip.floor_watch import FloorWatch
 from pomona.skills.grip.grip import IN_HAND, LIES, GripPhase, GripProblem, GripReading, GripSamples
 from pomona.skills.grip.limit_surface import SoftContact
@@ -64,6 +65,7 @@ class Hold:
         self._device_problem: GripProblem | None = None
         self._sensor_fault_reported = self._stands = False
         self._floor: FloorWatch | None = None
+        self._touches = TouchRecorder()
         self._record_every = max(round(controller.settings.rate / RECORDED_RATE), 1)
         self._samples = np.zeros((KEPT, 7))
         self._written = self._drained = self._seen = 0
@@ -122,6 +124,12 @@ class Hold:
     def is_at_rest(self) -> bool:
         """True for a carried fruit without a problem, when the force has fallen to its requirement."""
         return self._controller.is_at_rest
+
+    @property
+    def first_touches(self) -> tuple[PadTouch | None, PadTouch | None]:
+        """First touch of the left and the right pad while the fingers closed; None for a pad that felt nothing."""
+        left, right = self._touches.touches
+        return left, right
 
     @property
     def is_resting(self) -> bool:
@@ -247,6 +255,8 @@ class Hold:
             speed = controller.step(sample.stamp, sample.sequence, sample.wrenches.copy(), sample.saturated)
             if speed is not None:
                 self._command(0.0 if self._stands else speed)
+            if controller.phase in (GripPhase.CLOSING, GripPhase.RAMP) and not self._touches.complete:
+                self._touches.take(sample.stamp, sample.wrenches - controller.bias, self._gripper.state())
             self._report_sensor_fault()
             self._seen += 1
             if self._seen % self._record_every == 0:

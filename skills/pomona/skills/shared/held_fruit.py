@@ -7,8 +7,12 @@ from collections.abc import Callable
 from pomona.drivers.interfaces import ForceSensor, Gripper, Hand
 from pomona.drivers.plain_hand import between, gone
 from pomona.skills.grip.hold import Hold, current_hold
+from pomona.skills.perception.fruit.catalogue import mass_of
+from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.following import MovingSkill
 from pomona.skills.shared.touch import HELD_FORCE, pressing_forces, something_between
+
+GRAVITY = 9.81  # [m/s²]
 
 HAND_DEVICES = (ForceSensor, Hand)  # that show a held fruit, where the cell has them: a skill's `optional_devices`
 
@@ -49,6 +53,13 @@ def watch_fruit(skill: MovingSkill, hold: Hold | None = None) -> Callable[[], st
         before = gripper.state()
         return lambda: gone(before, gripper.state(), gripper.limits)
     return lambda: "" if is_held(skill, hold) else "it presses on neither finger"
+
+
+def expected_load(fruit: MeasuredFruit) -> float:
+    """Return the largest expected load of a fruit of this size in a lift [N]; 0 where it is unknown."""
+    known = mass_of(fruit.fruit, fruit.dimensions, fruit.covariance[3:, 3:])
+    # factor on the weight in a lift of 1 m/s²
+    return 0.0 if known is None else 1.1 * GRAVITY * (known[0] + 2.0 * known[1])
 
 
 def _grip(skill: MovingSkill, hold: Hold | None) -> Hold | None:

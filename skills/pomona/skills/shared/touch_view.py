@@ -1,0 +1,46 @@
+"""Touches of a pick in the record: the pads' first touches beside the fruit as the camera measured it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pomona.drivers.interfaces import Arm
+from pomona.executive.skill import Skill
+from pomona.skills.grip.first_touch import PadTouch, PickTouches, skin_along
+from pomona.skills.motion.collision import fruit_points
+from pomona.skills.motion.robot import RobotModel
+from pomona.skills.perception.measured_fruit import MeasuredFruit
+
+TOPIC = "touches"
+
+
+def record_touches(
+    skill: Skill, fruit: MeasuredFruit | None, pads: Sequence[PadTouch | None], closed: PadTouch | None = None
+) -> None:
+    """Publish the touches of a pick; without a measured fruit, an arm or a touch there is nothing to compare.
+
+    Args:
+        skill: has Arm among its optional devices.
+        fruit: as the camera measured it.
+        pads: first touches of the left and the right pad.
+        closed: where a plain gripper has stopped on the fruit.
+    """
+    arm = skill.optional_device(Arm)
+    left, right = pads
+    if fruit is None or arm is None or (left is None and right is None and closed is None):
+        return
+    T_base_tcp = RobotModel.load(arm.description).tcp(arm.state().q)
+    touches = PickTouches(
+        fruit.fruit.name,
+        left,
+        right,
+        closed,
+        T_base_tcp,
+        fruit.T_base_fruit,
+        fruit.T_base_camera,
+        fruit.frame.T_mount_camera,
+        fruit.frame.q is not None,
+        fruit.dimensions,
+        skin_along(fruit_points(fruit), T_base_tcp),
+    )
+    skill.publish(TOPIC, touches)

@@ -1,0 +1,1 @@
+"""Errors of a cell's calibration, estimated from the touches of ordinary picks."""

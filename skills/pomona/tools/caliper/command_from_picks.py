@@ -1,0 +1,123 @@
+"""`pomona calibrate from-picks`: corrected values of a cell's calibration, proposed from recorded picks."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pomona.executive.commands.command_line import add_records_folder
+from pomona.executive.errors import UsageError
+from pomona.tools.caliper.estimate import CameraErrors, estimate, residuals
+from pomona.tools.caliper.findings import corrected, find_error, hidden
+from pomona.tools.caliper.pick import Pick
+from pomona.tools.caliper.records import Picks, find_runs
+
+LEAST_PICKS = 6  # fewest picks of a proposal: a third is kept apart
+APART = 3  # every third pick is kept apart
+
+
+class NoProposal(UsageError):
+    """Picks from which nothing is proposed."""
+
+
+def add(kinds: Any) -> None:
+    """Register `from-picks` among the kinds of `pomona calibrate`."""
+    about = "propose the camera's pose, the depth's scale and the fingers' zero from recorded picks"
+    picks = kinds.add_parser("from-picks", help=about)
+    picks.add_argument("runs", nargs="+", metavar="RUN", help="names or paths of records, or folders of records")
+    picks.add_argument("--out", type=Path, required=True, help="the file to write; a camera's `hand_eye` may name it")
+    add_records_folder(picks)
+    picks.set_defaults(main=main)
+
+
+def main(options: argparse.Namespace) -> int:
+    """Propose; returns 0, or 2 when the runs cannot be used or nothing is proposed."""
+    try:
+        if options.out.exists():
+            raise UsageError(f"{options.out} is there already: name another file with --out")
+        read = Picks()
+        for record in find_runs(options.runs, options.record):
+            read.add(record)
+        content, lines = propose(read)
+        options.out.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    except UsageError as error:
+        sys.stderr.write(f"pomona calibrate from-picks: {error}\n")
+        return 2
+    except OSError as error:
+        sys.stderr.write(f"pomona calibrate from-picks: {options.out}: {error.strerror}\n")
+        return 2
+    sys.stdout.write("\n".join([*lines, f"written to {options.out}; nothing of the cell has changed"]) + "\n")
+    return 0
+
+
+def propose(read: Picks) -> tuple[dict[str, Any], list[str]]:
+    """Return the content of a calibration file, and a report line by line.
+
+    Raises NoProposal: too few picks, or those kept apart do not get better.
+    """
+    refused = [f"not used: {reason}" for reason in read.refused]
+    if len(read.picks) < LEAST_PICKS:
+        words = f"{len(read.picks)} usable picks in {len(read.runs)} runs, {LEAST_PICKS} are needed"
+        raise NoProposal("\n  ".join([words, *refused]))
+    apart = read.picks[APART - 1 :: APART]
+    rest = [pick for i, pick in enumerate(read.picks) if i % APART != APART - 1]
+    learnt = estimate(rest)
+    before, after = _left(apart, np.zeros(8)), _left(apart, learnt.error)
+    found = estimate(read.picks)
+    finding = find_error(found)
+    compared = (
+        f"{len(apart)} picks kept apart: first touch off by {1e3 * before:.2f} mm before, {1e3 * after:.2f} after"
+    )
+    if not after < before:
+        raise NoProposal(f"{finding.sentence} {compared}: the cell's calibration is left as it is")
+    lines = [
+        finding.sentence,
+        f"{compared} (median)",
+        *_values(found),
+        *hidden(found),
+        *(f"left out: {name}: a fruit that was pushed, slipped or leant" for name in found.left_out),
+        *refused,
+    ]
+    return _content(read, found, len(apart), before, after), lines
+
+
+def _left(picks: Sequence[Pick], error: Any) -> float:
+    """Return the median of what an error leaves of the first touches, or of the widths where no finger is known [m]."""
+    left = np.array([residuals(pick, error) for pick in picks])
+    column = left[:, 0] if np.isfinite(left[:, 0]).any() else left[:, 1]
+    return float(np.median(np.abs(column[np.isfinite(column)])))
+
+
+def _values(found: CameraErrors) -> list[str]:
+    e, s = found.error, found.std
+    metres = ", ".join(f"{1e3 * e[i]:+.1f} ± {1e3 * s[i]:.1f}" for i in range(3))
+    angles = ", ".join(f"{np.degrees(e[i]):+.2f} ± {np.degrees(s[i]):.2f}" for i in range(3, 6))
+    return [
+        f"camera   x, y, z in its own frame {metres} mm; about them {angles}°",
+        f"depth    too short by {1e2 * e[6]:+.2f} ± {1e2 * s[6]:.2f} %",
+        f"fingers  read too wide by {1e3 * e[7]:+.2f} ± {1e3 * s[7]:.2f} mm",
+        f"scatter  {found.scatter:.2f} of the assumed one",
+    ]
+
+
+def _content(read: Picks, found: CameraErrors, apart: int, before: float, after: float) -> dict[str, Any]:
+    T_mount_camera = found.used[0].T_mount_camera
+    return {
+        "T_mount_camera": corrected(found, T_mount_camera).tolist(),
+        "T_mount_camera_before": T_mount_camera.tolist(),
+        "depth_scale": round(-float(found.error[6]), 6),  # as a depth model has it: positive where depth is too long
+        "width_zero_mm": round(1e3 * float(found.error[7]), 4),
+        "error": found.error.tolist(),
+        "covariance": found.covariance.tolist(),
+        "not_observed": list(hidden(found)),
+        "cell": read.cell,
+        "runs": list(read.runs),
+        "picks": len(found.used),
+        "kept_apart": {"picks": apart, "before_mm": round(1e3 * before, 3), "after_mm": round(1e3 * after, 3)},
+    }

@@ -1,0 +1,35 @@
+"""The sentence of `pomona explain` about the camera: of a run's picks, and of the runs before it in the same folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pomona.executive.errors import UsageError
+from pomona.executive.recording.folder import EVENTS_FILE, in_order
+from pomona.tools.caliper.estimate import estimate
+from pomona.tools.caliper.findings import find_error
+from pomona.tools.caliper.records import OtherCalibration, Picks
+
+MOST_RUNS = 30  # runs that are looked at, this one included
+
+
+def explain(record: Path) -> str:
+    """Return a sentence about the camera; empty where the run has no usable touch.
+
+    Runs before it are read back to the first of another cell or calibration.
+    """
+    read = Picks()
+    read.add(record)
+    if not read.picks:
+        return ""
+    beside = {path.parent for path in record.parent.glob(f"*/{EVENTS_FILE}")}
+    ordered = in_order(beside, lambda run: run.name)
+    before = ordered[: ordered.index(record)] if record in beside else []
+    for run in before[:-MOST_RUNS:-1]:
+        try:
+            read.add(run)
+        except OtherCalibration:
+            break
+        except UsageError:
+            continue  # its own `explain` gives the reason
+    return find_error(estimate(read.picks)).sentence

@@ -1,0 +1,112 @@
+"""One pick as a measurement: where and how wide the fingers felt a fruit, against the camera's measurement of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pomona.executive.values.arrays import Float64
+from pomona.executive.values.rotations import is_rigid
+
+MOST_UNLIKE = 0.2  # relative difference of felt and measured width above which another thing was felt
+LEAST_PART = 0.5  # felt width relative to the measured one below which the fingers felt each other
+MOST_APART = 0.05  # distance of the felt from the measured skin above which another thing was felt [m]
+LONGEST = 10.0  # no touch is farther from the camera, or wider [m]
+
+
+class UnusableTouches(ValueError):
+    """Touches that no calibration can be compared with; the text is the reason."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pick:
+    """One pick, in the frame of the camera as the cell had it: x right, y down, z along the view."""
+
+    name: str  # of its run, with the time of the touches
+    axis: Float64  # unit vector from the right to the left finger, shape (3,)
+    place: Float64  # centre of the fruit as the camera measured it, shape (3,) [m]
+    across: float  # its measured width along the fingers [m]
+    side: int  # finger that touched first: 1 left, -1 right, 0 unknown (a plain gripper)
+    # place: the skin's distance from the measured skin, outwards, at the first touch [m]; NaN where `side` is 0
+    first: float
+    wider: float  # felt minus measured width [m]; NaN where only one finger touched
+    plain: bool  # True: a plain gripper, whose width was read while it pressed
+    T_mount_camera: Float64  # the camera in its mount, shape (4, 4)
+    on_arm: bool  # the mount is the arm's flange
+
+
+def pick_from(value: Mapping[str, Any], name: str) -> Pick:
+    """Return the pick of a recorded `PickTouches`, as plain JSON.
+
+    Raises UnusableTouches: it is malformed, or another thing than the measured fruit was felt.
+    """
+    try:
+        T_base_tcp, T_base_fruit, T_base_camera, T_mount_camera = (
+            _pose(value[key]) for key in ("T_base_tcp", "T_base_fruit", "T_base_camera", "T_mount_camera")
+        )
+        skin = np.array(value["skin"], float)
+        left, right, closed = (_width(value[key]) for key in ("left", "right", "closed"))
+        on_arm = value["on_arm"] is True
+    except (KeyError, TypeError, ValueError) as error:
+        raise UnusableTouches(f"its touches are malformed: {error}") from error
+    across = float(skin.sum()) if skin.shape == (2,) else np.nan
+    if not 0.0 < across < LONGEST:
+        raise UnusableTouches("its touches are malformed: the measured skin has no width")
+    R = T_base_camera[:3, :3]
+    side, first, wider = _felt(left, right, closed, skin)
+    _refuse_other_things(first, wider, across)
+    return Pick(
+        name,
+        R.T @ T_base_tcp[:3, 1],
+        R.T @ (T_base_fruit[:3, 3] - T_base_camera[:3, 3]),
+        across,
+        side,
+        first,
+        wider,
+        closed is not None,
+        T_mount_camera,
+        on_arm,
+    )
+
+
+def _felt(left: float | None, right: float | None, closed: float | None, skin: Float64) -> tuple[int, float, float]:
+    """Return side and place of the first touch, and felt minus measured width [m]."""
+    across = float(skin.sum())
+    if left is None and right is None:
+        if closed is None:
+            raise UnusableTouches("no finger touched anything")
+        return 0, np.nan, closed - across
+    first = max(width for width in (left, right) if width is not None)
+    side = 1 if first == left else -1
+    wider = np.nan if left is None or right is None else min(left, right) - across
+    return side, 0.5 * first - float(skin[0 if side > 0 else 1]), wider
+
+
+def _refuse_other_things(first: float, wider: float, across: float) -> None:
+    if wider < (LEAST_PART - 1.0) * across:
+        words = f"the fingers met at {1e3 * (across + wider):.1f} mm, the fruit is {1e3 * across:.1f} mm wide"
+        raise UnusableTouches(f"{words}: they touched each other, or something small")
+    if abs(wider) > MOST_UNLIKE * across:
+        words = f"felt {1e3 * (across + wider):.1f} mm, the camera measured {1e3 * across:.1f} mm"
+        raise UnusableTouches(f"{words}: another fruit, or another side of it")
+    if abs(first) > MOST_APART:
+        raise UnusableTouches(f"a finger touched {1e3 * abs(first):.0f} mm from the measured skin: another thing")
+
+
+def _pose(value: Any) -> Float64:
+    T = np.array(value, float)
+    if T.shape != (4, 4) or not is_rigid(T) or not np.abs(T[:3, 3]).max() < LONGEST:
+        raise ValueError("a pose is no rigid transform")
+    return T
+
+
+def _width(value: Any) -> float | None:
+    if value is None:
+        return None
+    width = float(value["width"])
+    if not 0.0 <= width < LONGEST:
+        raise ValueError(f"a width is {width} m")
+    return width

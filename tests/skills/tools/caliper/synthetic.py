@@ -1,0 +1,74 @@
+"""Synthetic picks with known errors of the calibration."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pomona.tools.caliper.estimate import PLAIN, SHOWN, SIZE, TOUCH, WIDTH
+from pomona.tools.caliper.pick import Pick
+
+
+def made_pick(
+    rng: np.random.Generator,
+    error: np.ndarray,
+    *,
+    noise: float = 1.0,
+    tilt: float = 0.0,
+    plain: bool = False,
+    name: str = "",
+    azimuth: float | None = None,
+) -> Pick:
+    """A pick on a table 0.4 to 0.6 m before a camera that looks down on it, under an error (t, ω, κ, z).
+
+    Args:
+        noise: of touches and sizes, over the assumed ones.
+        tilt: largest angle between the fingers' axis and the picture's plane [rad].
+        azimuth: of the fingers' axis in the picture [rad]; drawn where None.
+    """
+    place = np.array([*rng.uniform(-0.15, 0.15, 2), rng.uniform(0.4, 0.6)])
+    turn = rng.uniform(0.0, 2.0 * np.pi) if azimuth is None else azimuth
+    lean = rng.uniform(-tilt, tilt)
+    axis = np.array([np.cos(turn) * np.cos(lean), np.sin(turn) * np.cos(lean), np.sin(lean)])
+    across = rng.uniform(0.06, 0.095)
+    t, omega, kappa, zero = error[:3], error[3:6], error[6], error[7]
+    moved = float(axis @ (t + np.cross(omega, place) + kappa * place))
+    size = SHOWN * kappa * across + noise * SIZE * rng.normal()
+    side = 1 if moved >= 0.0 else -1
+    wider = size + zero + noise * (PLAIN if plain else WIDTH) * rng.normal()
+    first = side * moved + 0.5 * (size + zero) + noise * TOUCH * rng.normal()
+    if plain:
+        side, first = 0, np.nan
+    return Pick(name, axis, place, across, side, first, wider, plain, np.eye(4), True)
+
+
+def made_picks(rng: np.random.Generator, error: np.ndarray, count: int, **how: float) -> list[Pick]:
+    """Several such picks."""
+    return [made_pick(rng, error, name=f"pick {i}", **how) for i in range(count)]  # type: ignore[arg-type]
+
+
+def recorded(shift: float = 0.0, *, wider: float = 0.0, x: float = 0.0, yaw: float = 0.0, y: float = -0.5) -> dict:
+    """`PickTouches` as a record has it: an 80 mm fruit that lies `shift` [m] towards the left finger."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    T_base_tcp = np.array([[s, c, 0.0, x], [-c, s, 0.0, y], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    T_base_fruit, T_base_camera = np.eye(4), np.eye(4)
+    T_base_fruit[:3, 3] = x, y, 0.0
+    T_base_camera[:3, :3] = np.diag([1.0, -1.0, -1.0])
+    T_base_camera[:3, 3] = 0.0, -0.5, 0.5
+    second = 0.08 + wider
+    first = second + 2.0 * abs(shift)
+    widths = (first, second) if shift >= 0.0 else (second, first)
+    left, right = ({"type": "PadTouch", "stamp": 1.0, "width": w, "force": 0.5} for w in widths)
+    return {
+        "type": "PickTouches",
+        "fruit": "apple",
+        "left": left,
+        "right": right,
+        "closed": None,
+        "T_base_tcp": T_base_tcp.tolist(),
+        "T_base_fruit": T_base_fruit.tolist(),
+        "T_base_camera": T_base_camera.tolist(),
+        "T_mount_camera": np.eye(4).tolist(),
+        "on_arm": True,
+        "dimensions": [0.08, 0.075, 0.08],
+        "skin": [0.04, 0.04],
+    }

@@ -1,0 +1,88 @@
+"""Errors of a calibration from synthetic picks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from pomona.tools.caliper.estimate import PRIOR, SEEN, SHOWN, estimate, residuals
+from tests.skills.tools.caliper.synthetic import made_pick, made_picks
+
+WITHIN_90 = 1.645  # of a normal distribution, standard deviations
+
+
+@given(seed=st.integers(0, 10**6))
+@settings(max_examples=20, deadline=None)
+def test_a_known_error_of_the_camera_is_recovered(seed: int):
+    rng = np.random.default_rng(seed)
+    error = PRIOR * rng.uniform(-1.0, 1.0, 8)
+    found = estimate(made_picks(rng, error, 60, tilt=np.radians(45.0)))
+    shift, covariance = found.shift
+    true = error[:3] + np.cross(error[3:6], found.centre) + error[6] * found.centre
+    assert np.abs(shift - true).max() < 5.0 * np.sqrt(np.diag(covariance)).max()
+    assert np.abs(shift - true)[:2].max() < 1e-3
+
+
+@pytest.mark.parametrize(("count", "noise"), [(5, 1.0), (12, 1.0), (30, 1.0), (30, 2.0)])
+def test_ninety_percent_intervals_hold_for_85_to_95_percent(count: int, noise: float):
+    rng = np.random.default_rng(count)
+    held = []
+    for _ in range(100):
+        error = PRIOR * rng.normal(size=8)
+        found = estimate(made_picks(rng, error, count, noise=noise, tilt=np.radians(20.0)))
+        shift, covariance = found.shift
+        true = error[:3] + np.cross(error[3:6], found.centre) + error[6] * found.centre
+        held.append(np.abs(shift - true) < WITHIN_90 * np.sqrt(np.diag(covariance)))
+        held[-1] = np.append(held[-1], np.abs(found.error - error) < WITHIN_90 * found.std)
+    assert 0.85 <= np.mean(held) <= 0.95
+
+
+def test_a_fruit_that_was_pushed_away_is_left_out():
+    rng = np.random.default_rng(1)
+    error = np.array([6e-3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    picks = [*made_picks(rng, error, 15), made_pick(rng, error + np.array([0, 0, 0, 0, 0, 0, 0, 9e-3]), name="pushed")]
+    found = estimate(picks)
+    assert found.left_out == ("pushed",)
+    assert len(found.used) == 15
+    assert found.shift[0][0] == pytest.approx(6e-3, abs=1e-3)
+
+
+def test_a_direction_that_no_finger_closed_along_is_not_observed():
+    rng = np.random.default_rng(2)
+    error = np.array([5e-3, 5e-3, 5e-3, 0.0, 0.0, 0.0, 0.0, 0.0])
+    seen = estimate(made_picks(rng, error, 20, azimuth=0.0)).seen
+    assert seen[0] < SEEN
+    assert min(seen[1], seen[2]) > 0.8
+    tilted = estimate(made_picks(rng, error, 20, tilt=np.radians(45.0))).seen
+    assert max(tilted[:3]) < SEEN
+
+
+def test_a_plain_gripper_shows_sizes_but_no_place():
+    rng = np.random.default_rng(3)
+    error = np.array([8e-3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.03, 0.0])
+    found = estimate(made_picks(rng, error, 40, plain=True))
+    assert found.seen[:6].min() > 0.6
+    assert found.seen[6] > SEEN  # a zero of the width looks like it
+    across = 0.078
+    assert SHOWN * across * found.error[6] + found.error[7] == pytest.approx(SHOWN * across * 0.03, abs=0.5e-3)
+
+
+def test_more_scatter_than_assumed_widens_the_intervals():
+    error = np.zeros(8)
+    calm, rough = (
+        estimate(made_picks(np.random.default_rng(4), error, 30, noise=noise)).shift[1][0, 0] for noise in (1.0, 3.0)
+    )
+    assert rough > 4.0 * calm
+
+
+def test_the_true_error_leaves_nothing_of_a_pick():
+    error = np.array([4e-3, -3e-3, 2e-3, 0.01, -0.02, 0.01, 0.01, 5e-4])
+    pick = made_pick(np.random.default_rng(5), error, noise=0.0)
+    np.testing.assert_allclose(residuals(pick, error), 0.0, atol=1e-12)
+    assert np.isnan(residuals(made_pick(np.random.default_rng(5), error, plain=True), error)[0])
+
+
+def test_no_pick_is_no_estimate():
+    with pytest.raises(ValueError, match="at least one pick"):
+        estimate([])

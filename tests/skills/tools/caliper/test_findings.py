@@ -1,0 +1,62 @@
+"""Sentences about an estimate."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pomona.tools.caliper.estimate import estimate
+from pomona.tools.caliper.findings import corrected, find_error, hidden
+from tests.skills.tools.caliper.synthetic import made_picks
+
+
+def shifted(x: float, count: int = 12, seed: int = 0, y: float = 0.0):
+    """Estimate of a camera that sits beside its place [m]."""
+    error = np.array([x, y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    return estimate(made_picks(np.random.default_rng(seed), error, count))
+
+
+def test_a_camera_that_sits_to_the_left_is_reported_with_numbers():
+    finding = find_error(shifted(-6e-3))
+    assert finding.is_off
+    assert finding.sentence.startswith("The camera sits ")
+    assert " mm to the left of where the cell file has it" in finding.sentence
+    assert "(12 picks)" in finding.sentence
+    assert 5.0 < float(finding.sentence.split()[3]) < 7.0
+
+
+def test_both_directions_are_named():
+    sentence = find_error(shifted(6e-3, y=-5e-3)).sentence
+    assert "to the right and " in sentence
+    assert "to the top of where" in sentence
+
+
+def test_five_picks_show_a_camera_that_is_five_millimetres_off():
+    noticed = [find_error(shifted(5e-3, 5, seed)).is_off for seed in range(50)]
+    assert np.mean(noticed) > 0.9
+
+
+def test_a_camera_in_its_place_gives_no_false_alarm():
+    alarms = [find_error(shifted(0.0, 5, seed)).is_off for seed in range(200)]
+    assert sum(alarms) <= 1
+    assert "where the cell file has it, within" in find_error(shifted(0.0)).sentence
+
+
+def test_quantities_that_no_pick_shows_are_named_with_the_picks_that_would():
+    sentences = list(hidden(shifted(0.0)))
+    assert any("place along the view; picks with tilted grasps" in sentence for sentence in sentences)
+    assert not any("across the picture;" in sentence for sentence in sentences)
+
+
+def test_a_plain_gripper_alone_gives_no_verdict_on_the_place():
+    found = estimate(made_picks(np.random.default_rng(0), np.zeros(8), 9, plain=True))
+    finding = find_error(found)
+    assert not finding.is_off
+    assert "not known" in finding.sentence
+
+
+def test_the_corrected_pose_puts_the_fruit_where_the_fingers_felt_them():
+    found = shifted(7e-3, 40)
+    T = corrected(found, np.eye(4))
+    at = T[:3, :3] @ (found.centre * (1.0 + found.error[6])) + T[:3, 3]
+    assert (at - found.centre)[0] == pytest.approx(7e-3, abs=0.6e-3)

@@ -1,0 +1,135 @@
+"""`pomona calibrate from-picks` and the sentence of `pomona explain`, on recorded runs."""
+
+from __future__ import annotations
+
+import json
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from recorded_events import started
+
+from pomona.devices.realsense.mounted_camera import read_hand_eye
+from pomona.executive.cli import main
+from pomona.executive.recording.recorder import Recorder
+from pomona.executive.running.events import Published, RunEnded
+from pomona.tools.caliper.explain import explain
+from tests.skills.tools.caliper.synthetic import recorded
+
+CELL = "name: sim\n"
+
+
+def write_run(folder: Path, *touches: dict[str, Any], cell: str = CELL) -> Path:
+    """Record a run with the touches of its picks."""
+    folder.mkdir(parents=True)
+    recorder = Recorder(folder)
+    recorder.on_event(started(cell_text=cell, nodes=()))
+    for i, value in enumerate(touches):
+        recorder.on_event(Published(float(i), i, "pick/SlipAvoidGrasp", "touches", value))
+    recorder.on_event(RunEnded(9.0, 450, "success", None, 450, 9.0, 9.0, None))
+    recorder.close()
+    return folder
+
+
+def picks_of(shift: float, count: int, seed: int = 0) -> list[dict[str, Any]]:
+    """Picks of a camera that sits `shift` [m] to the right: fruit lie that far along its x axis."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for yaw in rng.uniform(0.0, 2.0 * np.pi, count):
+        along = shift * np.cos(yaw) + 0.3e-3 * rng.normal()
+        x, y = rng.uniform(-0.15, 0.15, 2)
+        found.append(recorded(along, yaw=yaw, x=x, y=y - 0.5))
+    return found
+
+
+def runs_of(root: Path, shift: float, count: int = 12) -> Path:
+    for i, touches in enumerate(picks_of(shift, count)):
+        write_run(root / f"2026-01-01_10-00-{i:02d}_pick", touches)
+    return root
+
+
+def call(*words: object) -> int:
+    return main(["calibrate", "from-picks", *map(str, words)])
+
+
+def test_the_proposal_puts_the_camera_where_the_fingers_felt_the_fruit(tmp_path, capsys):
+    out = tmp_path / "calibration.yaml"
+    assert call(runs_of(tmp_path / "runs", 6e-3), "--out", out) == 0
+    told = capsys.readouterr().out
+    assert "mm to the right of where the cell file has it" in told
+    assert "4 picks kept apart: first touch off by" in told
+    assert "not observed: place along the view" in told
+    content = json.loads(out.read_text())
+    assert content["kept_apart"]["after_mm"] < 0.3 * content["kept_apart"]["before_mm"]
+    T = read_hand_eye(out)
+    at = T[:3, :3] @ np.array([0.0, 0.0, 0.5]) + T[:3, 3]
+    assert at[0] == pytest.approx(6e-3, abs=1e-3)
+
+
+def test_a_camera_in_its_place_is_left_there_or_corrected_by_less_than_the_noise(tmp_path, capsys):
+    out = tmp_path / "calibration.yaml"
+    code = call(runs_of(tmp_path / "runs", 0.0), "--out", out)
+    told = "".join(capsys.readouterr())
+    assert "The camera sits where the cell file has it, within" in told
+    assert code == 2 or abs(json.loads(out.read_text())["error"][0]) < 3e-3
+
+
+@pytest.mark.parametrize("other", ["cell", "calibration"])
+def test_runs_of_another_cell_or_calibration_are_refused(tmp_path, capsys, other):
+    runs = runs_of(tmp_path / "runs", 6e-3, 6)
+    touches, cell = recorded(), CELL
+    if other == "cell":
+        cell = "name: sim\nworkspace: {}\n"
+    else:
+        touches["T_mount_camera"][0][3] = 0.01
+    write_run(runs / "2026-01-01_11-00-00_pick", touches, cell=cell)
+    assert call(runs, "--out", tmp_path / "c.yaml") == 2
+    told = capsys.readouterr().err
+    assert f"name runs of one {other}" in told
+    assert "2026-01-01_11-00-00_pick" in told
+    assert not (tmp_path / "c.yaml").exists()
+
+
+def test_too_few_picks_are_refused_and_unusable_touches_named(tmp_path, capsys):
+    run = write_run(tmp_path / "run", *picks_of(6e-3, 4), recorded(wider=-0.06), recorded(wider=0.03))
+    assert call(run, "--out", tmp_path / "c.yaml") == 2
+    told = capsys.readouterr().err
+    assert "4 usable picks in 1 runs, 6 are needed" in told
+    assert "touched each other" in told
+    assert "another fruit" in told
+
+
+def test_a_folder_without_records_and_a_file_that_is_there_are_refused(tmp_path, capsys):
+    assert call(tmp_path, "--out", tmp_path / "c.yaml") == 2
+    assert "no records in" in capsys.readouterr().err
+    (tmp_path / "c.yaml").write_text("earlier")
+    assert call(tmp_path, "--out", tmp_path / "c.yaml") == 2
+    assert "is there already" in capsys.readouterr().err
+    assert (tmp_path / "c.yaml").read_text() == "earlier"
+
+
+def test_explain_reports_the_camera_from_this_run_and_those_before_it(tmp_path, capsys):
+    runs = runs_of(tmp_path / "runs", -6e-3, 6)
+    newest = max(runs.iterdir())
+    assert "mm to the left of where" in explain(newest)
+    assert "(6 picks)" in explain(newest)
+    write_run(runs / "2026-01-01_09-00-00_pick", recorded(), cell="name: other\n")
+    assert "(6 picks)" in explain(newest)
+    assert main(["explain", newest.name, "--record", str(runs)]) == 0
+    assert "(6 picks)" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_run_without_touches_gets_no_sentence(tmp_path):
+    assert explain(write_run(tmp_path / "run")) == ""
+
+
+def test_a_sentence_that_cannot_be_added_does_not_stop_the_explanation(tmp_path, capsys, monkeypatch):
+    def broken(group: str) -> list[EntryPoint]:
+        return [EntryPoint("broken", "pomona.nowhere:explain", group)]
+
+    monkeypatch.setattr("pomona.executive.commands.explain.entry_points", broken)
+    run = write_run(tmp_path / "run", recorded())
+    assert main(["explain", str(run)]) == 0
+    assert "broken: nothing can be added: No module named 'pomona.nowhere'" in " ".join(capsys.readouterr().out.split())

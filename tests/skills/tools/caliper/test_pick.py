@@ -1,0 +1,60 @@
+"""Touches of a record as a measurement."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pomona.tools.caliper.pick import UnusableTouches, pick_from
+from tests.skills.tools.caliper.synthetic import recorded
+
+
+def test_the_first_touch_shows_how_far_the_fruit_lies_to_that_side():
+    for shift in (3e-3, -3e-3):
+        pick = pick_from(recorded(shift, yaw=0.4), "run")
+        assert pick.side * pick.first == pytest.approx(shift)
+        assert pick.wider == pytest.approx(0.0, abs=1e-12)
+
+
+def test_axis_and_place_are_in_the_cameras_frame():
+    pick = pick_from(recorded(yaw=0.0, x=0.1, y=-0.4), "run")
+    np.testing.assert_allclose(pick.place, [0.1, -0.1, 0.5], atol=1e-12)
+    np.testing.assert_allclose(pick.axis, [1.0, 0.0, 0.0], atol=1e-12)
+
+
+def test_one_finger_alone_shows_the_place_but_not_the_width():
+    value = recorded(3e-3) | {"right": None}
+    pick = pick_from(value, "run")
+    assert pick.first == pytest.approx(3e-3)
+    assert np.isnan(pick.wider)
+
+
+def test_a_plain_gripper_shows_the_width_but_not_the_place():
+    pick = pick_from(recorded() | {"left": None, "right": None, "closed": {"width": 0.081}}, "run")
+    assert (pick.side, pick.plain) == (0, True)
+    assert pick.wider == pytest.approx(1e-3)
+
+
+@pytest.mark.parametrize(
+    ("value", "why"),
+    [
+        (recorded(wider=-0.06), "touched each other"),
+        (recorded(wider=-0.02), "another fruit"),
+        (recorded(wider=0.02), "another fruit"),
+        (recorded(0.06), "60 mm from the measured skin"),
+        (recorded() | {"left": None, "right": None}, "no finger touched"),
+        (recorded() | {"skin": [0.0, 0.0]}, "no width"),
+        (recorded() | {"skin": None}, "no width"),
+        (recorded() | {"T_base_tcp": np.zeros((4, 4)).tolist()}, "no rigid transform"),
+        (recorded() | {"T_base_camera": [[1.0, None]]}, "malformed"),
+        (recorded() | {"left": {"width": None}}, "malformed"),
+        (recorded() | {"left": {"width": 1e30}}, "malformed"),
+        (recorded() | {"left": [1.0]}, "malformed"),
+        ({}, "malformed"),
+    ],
+)
+def test_touches_of_another_thing_are_refused_with_the_reason(value: dict[str, Any], why: str):
+    with pytest.raises(UnusableTouches, match=why):
+        pick_from(value, "run")
