@@ -45,7 +45,7 @@ BEFORE = frozenset({"OUT_OF_REACH", "TOO_UNSURE", "TOO_WIDE", "NEIGHBOUR_AT_RISK
 
 @dataclass
 class BeltOutcomes:
-    """What came of all fruit at one speed."""
+    """Outcomes of all fruit at one speed."""
 
     outcomes: Counter[str] = field(default_factory=Counter)
     slip: list[float] = field(default_factory=list)

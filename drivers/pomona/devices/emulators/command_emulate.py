@@ -109,7 +109,7 @@ def _motoman(options: argparse.Namespace) -> tuple[list[Endpoint], list[Any]]:
 
 
 def serve(build: Callable[[argparse.Namespace], tuple[list[Endpoint], list[Any]]], options: argparse.Namespace) -> int:
-    """Serve a device until Ctrl-C; `build` gives its ports and what steps it. Returns an exit status."""
+    """Serve a device until Ctrl-C; `build` gives its ports and the function that steps it. Returns an exit status."""
     try:
         ports, devices = build(options)
     except (OSError, ValueError) as error:

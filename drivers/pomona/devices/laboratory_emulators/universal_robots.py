@@ -388,7 +388,7 @@ class _UrPort:
             peer.close()
 
     def on_bytes(self, peer: Peer, buffer: bytearray) -> None:
-        """Take what is whole."""
+        """Take the complete messages."""
 
     def advance(self, now: float) -> None:
         """Time belongs to the controller."""

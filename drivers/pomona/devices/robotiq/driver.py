@@ -189,7 +189,7 @@ class RobotiqGripper(ParallelGripper):
             raise DeviceFault(self.name, FAULTS.get(status.fault, "is no longer activated"))
 
     def _take(self, status: RobotiqStatus) -> None:
-        """Take a status: the width by its position, the speed by differences, the force by what stopped the fingers."""
+        """Take a status: the width by its position, the speed by differences, the force by the cause of a stop."""
         now = self._clock.now()
         self._status, width = status, self.width_of(status.position)
         recent = [(t, w) for t, w in self._widths if t >= now - SPEED_WINDOW]

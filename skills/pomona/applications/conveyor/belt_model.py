@@ -1,6 +1,6 @@
 """A conveyor as a MuJoCo model: the robot, a belt with rails, fruit on it and beside it, boxes.
 
-The belt is a box that stands; MuJoCo's `surfacevel` carries what lies on it (MuJoCo's changelog, 3.11). Fruit that is
+The belt is a box that stands; MuJoCo's `surfacevel` carries its load (MuJoCo's changelog, 3.11). Fruit that is
 not on the belt waits on a shelf behind the robot, which no camera sees.
 """
 

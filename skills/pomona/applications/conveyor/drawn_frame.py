@@ -69,7 +69,7 @@ def detected(model: FruitModel, belt: Belt, frame: Frame, place: Float64) -> Det
 
 
 def warm_up(model: FruitModel, belt: Belt) -> None:
-    """Compile what tracking needs, by a first measurement and a fit of a drawn fruit."""
+    """Compile the loops of tracking, by a first measurement and a fit of a drawn fruit."""
     T_base_camera = camera_over(belt, 0.0)
     place = np.array([0.0, 0.0, float(model.dimensions[1]) / 2.0])
     tracks = Tracks(model, belt, encoder=False)

@@ -11,7 +11,7 @@ from pomona.applications.conveyor.belt_skill import BELT_FAILURES, BeltSkill
 from pomona.applications.conveyor.belt_watch import BeltWatch
 from pomona.applications.conveyor.conveyor import Conveyor
 from pomona.applications.conveyor.hand_stream import WATCHDOG, HandStream, OutOfReach
-from pomona.applications.conveyor.intercepting import CLOSING, Pick, ReadyHand
+from pomona.applications.conveyor.intercepting import CLOSING, InterceptPlan, ReadyHand
 from pomona.applications.conveyor.moving_grip import FIRST_BIAS, grip_settings
 from pomona.applications.conveyor.pick_choice import FruitWidth, PickChoice
 from pomona.applications.conveyor.tracks import FruitTrack
@@ -121,7 +121,7 @@ class Intercept(BeltSkill):
 
     def _plan(
         self, target: ComingFruit, tracks: BeltWatch, stream: HandStream, sure: float, height: float
-    ) -> Work[tuple[Pick, FruitTrack, float]]:
+    ) -> Work[tuple[InterceptPlan, FruitTrack, float]]:
         """Stand until a pick is possible; then open the fingers and return it, the fruit and its width."""
         arm, gripper = self.device(Arm), self.device(Gripper)
         grip = FruitWidth.of(target, tracks.tracks.belt.direction)
@@ -144,7 +144,7 @@ class Intercept(BeltSkill):
             if track is None:
                 raise self.failure("TRACK_LOST", "the fruit is not seen any more; nothing has moved")
             pick = choice.now(track, self.clock.now())
-            if isinstance(pick, Pick):
+            if isinstance(pick, InterceptPlan):
                 gripper.move(opening, gripper.limits.speed_max)
                 return pick, track, grip.width
             if pick.code:
@@ -154,7 +154,9 @@ class Intercept(BeltSkill):
 
     # --------------------------------------------------------------------------------------------------- while it moves
 
-    def _approach(self, pick: Pick, track: FruitTrack, tracks: BeltWatch, stream: HandStream) -> Work[FruitTrack]:
+    def _approach(
+        self, pick: InterceptPlan, track: FruitTrack, tracks: BeltWatch, stream: HandStream
+    ) -> Work[FruitTrack]:
         """Reach, match and descend until the grip may take its bias; returns the fruit as last seen."""
         speed = tracks.travel.speed
         while self.clock.now() < pick.arrival - FIRST_BIAS:
@@ -169,7 +171,9 @@ class Intercept(BeltSkill):
             yield f"reaching, {pick.arrival - self.clock.now():.1f} s to the fruit"
         return track
 
-    def _close(self, pick: Pick, track: FruitTrack, tracks: BeltWatch, stream: HandStream, hold: Hold) -> Work[None]:
+    def _close(
+        self, pick: InterceptPlan, track: FruitTrack, tracks: BeltWatch, stream: HandStream, hold: Hold
+    ) -> Work[None]:
         """Close the fingers around the fruit while the hand goes on with it."""
         speed, judged = tracks.travel.speed, False
         while hold.phase is not GripPhase.HOLDING:
@@ -188,7 +192,7 @@ class Intercept(BeltSkill):
                 raise self.failure("NO_CONTACT", "the fingers hold nothing; the hand has risen")
             yield f"{hold.phase.value}, {hold.reading.f_n:.1f} N"
 
-    def _lead(self, stream: HandStream, pick: Pick, track: FruitTrack, tracks: BeltWatch) -> None:
+    def _lead(self, stream: HandStream, pick: InterceptPlan, track: FruitTrack, tracks: BeltWatch) -> None:
         place = partial(tracks.place, track)
         try:
             stream.follow(lambda t: pick.pose(t, place))
@@ -235,7 +239,7 @@ class Intercept(BeltSkill):
         hold.take_over()
         gripper.move(gripper.limits.width_max, gripper.limits.speed_max)
 
-    def _grasp(self, pick: Pick, track: FruitTrack, tracks: BeltWatch, stream: HandStream) -> Grasp:
+    def _grasp(self, pick: InterceptPlan, track: FruitTrack, tracks: BeltWatch, stream: HandStream) -> Grasp:
         """Return the grasp by which the fruit is held, as it is now."""
         q = self.device(Arm).state().q
         T_base_tcp, T_base_fruit = stream.robot.tcp(q), track.measured.T_base_fruit.copy()

@@ -48,7 +48,7 @@ ELLIPSE = 2.146
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Pick:
+class InterceptPlan:
     """A planned pick: the hand's pose at any time, for a place of the fruit.
 
     Attributes:
@@ -146,7 +146,7 @@ class ReadyHand:
 
 def plan_pick(
     hand: ReadyHand, now: float, place: Place, grip: Float64, yaws: Sequence[float], along: Float64
-) -> Pick | NoPick:
+) -> InterceptPlan | NoPick:
     """Plan the quickest pick that is possible.
 
     Args:
@@ -234,17 +234,19 @@ def aim_of(
 
 def _pick(
     T_base_tcp: Float64, now: float, place: Place, grip: Float64, R_base_grasp: Float64, reach: float, descent: float
-) -> Pick:
+) -> InterceptPlan:
     p, v = place(now)
     axis, _ = cv2.Rodrigues(T_base_tcp[:3, :3].T @ R_base_grasp)
     up, still = np.array([0.0, 0.0, ABOVE]), np.zeros(3)
     way = _quintic(T_base_tcp[:3, 3] - p - grip, -v, up, still, reach)
     turn = _quintic(np.zeros(1), np.zeros(1), np.ones(1), np.zeros(1), reach)[:, 0]
     drop = _quintic(np.array([ABOVE]), np.zeros(1), np.zeros(1), np.zeros(1), descent)[:, 0]
-    return Pick(now, reach, descent, grip, way, turn, drop, T_base_tcp[:3, :3].copy(), axis[:, 0], R_base_grasp)
+    return InterceptPlan(
+        now, reach, descent, grip, way, turn, drop, T_base_tcp[:3, :3].copy(), axis[:, 0], R_base_grasp
+    )
 
 
-def _postures(hand: ReadyHand, pick: Pick, place: Place) -> tuple[Float64 | None, tuple[float, ...]]:
+def _postures(hand: ReadyHand, pick: InterceptPlan, place: Place) -> tuple[Float64 | None, tuple[float, ...]]:
     """Return the joints of a pick from start to rest, shape (n, dof), and its shares of limits; None out of reach."""
     closed = pick.arrival + CLOSING
     rise = Rise(closed, pick.pose(closed, place), place(closed)[1], hand.lift)

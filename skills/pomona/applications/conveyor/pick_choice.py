@@ -14,7 +14,7 @@ from pomona.applications.conveyor.intercepting import (
     DESCENTS,
     REACHES,
     NoPick,
-    Pick,
+    InterceptPlan,
     ReadyHand,
     ellipse_radius,
     grip_yaws,
@@ -65,15 +65,15 @@ class PickChoice:
         self._end: float | None = None
         self._why = NoPick("OUT_OF_REACH", "the fruit has passed")
 
-    def now(self, track: FruitTrack, now: float) -> Pick | NoPick:
+    def now(self, track: FruitTrack, now: float) -> InterceptPlan | NoPick:
         """Return a pick that begins now, or why there is none; without a code it may be possible later."""
         pick = self._possible(track, now)
-        if isinstance(pick, Pick):
+        if isinstance(pick, InterceptPlan):
             return pick
         self._why = pick if pick.code else self._why
         return self._why if self._too_late(track, now) else NoPick("", pick.reason)
 
-    def _possible(self, track: FruitTrack, now: float) -> Pick | NoPick:
+    def _possible(self, track: FruitTrack, now: float) -> InterceptPlan | NoPick:
         tracks, place = self._tracks, partial(self._tracks.place, track)
         if not track.rests:
             return NoPick("TOO_UNSURE", "the fruit rolls on the belt")

@@ -36,7 +36,7 @@ class MotionModel:
 FREE = MotionModel((0.5, 0.05), 3e-3)
 """Rests on a belt without an encoder: the velocity is the belt's, and unknown."""
 CARRIED = MotionModel((1e-3, 1e-3), 3e-4)
-"""Rests on a belt with an encoder: the velocity over the belt is what the encoder errs by."""
+"""Rests on a belt with an encoder: the velocity over the belt is the error of the encoder."""
 ROLLING = MotionModel((0.5, 0.3), 0.3)
 """Rolls on the belt: an apple wobbles."""
 

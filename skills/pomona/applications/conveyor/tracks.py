@@ -1,4 +1,4 @@
-"""Fruit on a belt from frame to frame: who is who, what is new, what is gone.
+"""Fruit on a belt from frame to frame: which is which, which are new, which are gone.
 
 A fruit is found by its detector, measured once, and then fitted into every frame at the place where its filter expects
 it. Two filters follow each: one for a fruit that rests on the belt, one for a fruit that rolls. All values are in the

@@ -1,4 +1,4 @@
-"""The conveyor in time: the belt runs, fruit comes at its upper end, and what has left comes again."""
+"""The conveyor in time: the belt runs, fruit comes at its upper end, and fruit that has left comes again."""
 
 from __future__ import annotations
 

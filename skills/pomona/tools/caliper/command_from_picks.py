@@ -88,7 +88,7 @@ def propose(read: Picks) -> tuple[dict[str, Any], list[str]]:
 
 
 def _left(picks: Sequence[Pick], error: Any) -> float:
-    """Return the median of what an error leaves of the first touches, or of the widths where no finger is known [m]."""
+    """Return the median remainder of the first touches, or widths, after an error [m]."""
     left = np.array([residuals(pick, error) for pick in picks])
     column = left[:, 0] if np.isfinite(left[:, 0]).any() else left[:, 1]
     return float(np.median(np.abs(column[np.isfinite(column)])))

@@ -90,7 +90,7 @@ def estimate(picks: Sequence[Pick]) -> CameraErrors:
 
 
 def residuals(pick: Pick, error: Float64) -> tuple[float, float]:
-    """What an error of the calibration leaves of a pick's first touch and width [m]; NaN where it has none."""
+    """Remainder of a pick's first touch and width after an error of the calibration [m]; NaN where it has none."""
     H, y, _ = _rows(pick)
     left = iter(y - H @ error)
     return (next(left) if pick.side else np.nan), (next(left) if np.isfinite(pick.wider) else np.nan)

@@ -1,4 +1,4 @@
-"""Sentences about an estimate: how far the camera is off, and what no pick has shown."""
+"""Sentences about an estimate: how far the camera is off, and the directions that no pick has shown."""
 
 from __future__ import annotations
 

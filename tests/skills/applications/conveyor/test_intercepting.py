@@ -9,7 +9,7 @@ from hypothesis import given, settings, strategies as st
 from pomona.applications.conveyor.intercepting import (
     ABOVE,
     NoPick,
-    Pick,
+    InterceptPlan,
     ReadyHand,
     Rise,
     ellipse_radius,
@@ -30,11 +30,11 @@ def belt_place(x: float, speed: float, y: float = -0.36):
     return lambda t: (np.array([x + speed * t, y, -0.085]), np.array([speed, 0.0, 0.0]))
 
 
-def planned(x: float, speed: float, hand: ReadyHand = HAND) -> Pick:
+def planned(x: float, speed: float, hand: ReadyHand = HAND) -> InterceptPlan:
     """Plan at the first moment at which it is possible."""
     for now in np.arange(0.0, 4.0, 0.1):
         pick = plan_pick(hand, float(now), belt_place(x, speed), np.zeros(3), (0.0,), ALONG)
-        if isinstance(pick, Pick):
+        if isinstance(pick, InterceptPlan):
             return pick
     raise AssertionError(pick.reason)
 
@@ -46,9 +46,9 @@ def test_the_hand_starts_where_it_is_at_rest_and_ends_around_the_fruit_at_its_sp
     pick = None
     for now in np.arange(0.0, 14.0, 0.2):
         pick = plan_pick(HAND, float(now), place, np.zeros(3), (0.0,), ALONG)
-        if isinstance(pick, Pick):
+        if isinstance(pick, InterceptPlan):
             break
-    assert isinstance(pick, Pick)
+    assert isinstance(pick, InterceptPlan)
     h = 1e-4
 
     def velocity(t: float) -> np.ndarray:

@@ -117,7 +117,7 @@ class CollisionWorld:
         return self._changed(ignored=self.ignored | allowed)
 
     def leaving(self, q: ArrayLike, width: float, *groups: str) -> CollisionWorld:
-        """Return the same world in which groups of geoms may leave what they touch in a posture q, shape (dof,) [rad].
+        """Return the same world in which groups of geoms may leave their contacts in a posture q, shape (dof,) [rad].
 
         Their distance to it may not shrink by more than `GIVES`: a fruit below another one is not free to rise. A
         distance below -`DEEPEST`, in the map -`DEEPEST_IN_MAP`, is no contact but an error of a measurement, and keeps

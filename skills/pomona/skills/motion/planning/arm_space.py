@@ -56,7 +56,7 @@ class ArmSpace:
         return replace(self, world=self.world.allowing(TABLE, "held", "fingers"))
 
     def leaving(self, q: Float64) -> ArmSpace:
-        """Return the same for a rise from a posture: a held fruit and the fingers may leave what they touch there."""
+        """Return the same for a rise from a posture: a held fruit and the fingers may leave their contacts there."""
         return replace(self, world=self.world.leaving(q, self.width, "held", "fingers"))
 
     def free(self, q: Float64) -> bool:
