@@ -22,7 +22,7 @@ from pomona.executive.recording.message import message_of
 from pomona.executive.running.events import Published
 from pomona.executive.views import TableView
 
-LIMIT = 5.0
+LIMIT = 10.0
 """Processor time that one command may take [s]: on a busy machine the wall clock says nothing."""
 
 READERS: tuple[tuple[str, ...], ...] = (
