@@ -136,7 +136,8 @@ class Stream:
         for k in range(round(duration / PERIOD)):
             if k % 10 == 0:
                 at = self.steps * PERIOD + self.motion.delay + 0.01
-                self.motion.aim(*target(at), at)
+                passed, velocity = target(at)
+                self.motion.aim(passed, velocity, at)
             q = self.motion.step()[0].copy()
             self.steps += 1
             rows.append((self.steps * PERIOD, q, target(self.steps * PERIOD)[0]))

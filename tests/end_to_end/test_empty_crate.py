@@ -14,9 +14,7 @@ pytestmark = pytest.mark.slow
 
 def test_a_crate_of_six_is_emptied_into_the_tray():
     received: list[Event] = []
-    executed = execute(
-        RunOrder(find_tree("empty_crate"), find_cell("sim_crate"), 101, {"looks": "1"}), [received.append]
-    )
+    executed = execute(RunOrder(find_tree("empty_crate"), find_cell("sim_crate"), 1, {"looks": "1"}), [received.append])
     assert executed.result.outcome == "success", executed.result.reason
     truth = executed.result.truth
     assert truth is not None

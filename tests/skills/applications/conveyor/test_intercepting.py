@@ -8,8 +8,8 @@ from hypothesis import given, settings, strategies as st
 
 from pomona.applications.conveyor.intercepting import (
     ABOVE,
-    NoPick,
     InterceptPlan,
+    NoPick,
     ReadyHand,
     Rise,
     ellipse_radius,

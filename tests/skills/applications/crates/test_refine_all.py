@@ -51,6 +51,7 @@ def test_without_any_measurement_it_fails_and_gives_the_reason(monkeypatch):
 def test_of_two_fruit_that_overlap_the_one_with_the_worse_depth_is_not_measured(monkeypatch, worse):
     fruit = [seen(0.0, 0.0), seen(0.03, 0.0), seen(0.2, 0.0)]
     for k, one in enumerate(fruit):
+        assert one.measured is not None
         fruit[k] = replace(one, measured=replace(one.measured, inlier_ratio=0.5 if k == worse else 0.9))
     scene = refine_all(monkeypatch, *fruit).outputs["scene"]
     assert [one.measured is None for one in scene.fruit] == [k == worse for k in range(3)]
