@@ -20,6 +20,7 @@ from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.nodes import Composite, Leaf, Modifier, NodeType, NodeTypes
 from pomona.executive.registry import SkillListing
 from pomona.executive.values.failure_codes import failure_codes
+from pomona.executive.values.public_names import full_name
 from scripts.node_examples import beside
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -162,7 +163,7 @@ def public_names(package: str) -> str:
     """Return a package's public names, by the purpose of the modules that define them."""
     rows = []
     for home, names in import_module(package).PUBLIC.items():
-        purpose = (import_module(f"{package}.{home}").__doc__ or "").split("\n\n")[0]
+        purpose = (import_module(full_name(package, home)).__doc__ or "").split("\n\n")[0]
         rows.append(f"| {' '.join(purpose.split())} | {', '.join(f'`{name}`' for name in names.split())} |")
     return f"## {package}\n\n| | names |\n|---|---|\n" + "\n".join(rows) + "\n"
 
