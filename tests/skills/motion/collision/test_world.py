@@ -231,7 +231,7 @@ def test_neither_a_world_from_another_process_nor_a_read_only_path_compiles_a_ke
     compiled = [set(kernel.signatures) for kernel in (check_states, check_path)]
     Q.setflags(write=False)
     for each in (world, pickle.loads(pickle.dumps(world, protocol=4)), pickle.loads(pickle.dumps(world, protocol=5))):
-        each.clearances(Q, OPEN), each.check_path(Q, OPEN)
+        each.clearances(Q, OPEN), each.check_path(Q, OPEN), each.leaving(Q[0], OPEN, "fingers")
     assert [set(kernel.signatures) for kernel in (check_states, check_path)] == compiled
 
 

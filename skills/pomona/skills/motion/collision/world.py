@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from pomona.drivers.interfaces import ArmLimits, Trajectory, Workspace
 from pomona.drivers.trajectory import check_trajectory
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.read_only import read_only
 from pomona.skills.motion.collision import kernel
 from pomona.skills.motion.collision.convex import Convex
 from pomona.skills.motion.collision.distance_field import DistanceField
@@ -127,7 +128,7 @@ class CollisionWorld:
             BadJoints: q is no posture of this robot.
         """
         joints, arrays = self.shape.model.checked(q)[None], self.arrays
-        robot = self.shape.arrays._replace(pairs=np.empty((0, 2), np.int64))
+        robot = read_only(self.shape.arrays._replace(pairs=np.empty((0, 2), np.int64)))
         margins, clearances, closest = arrays.margins.copy(), np.empty(1), np.empty((1, 2), np.int64)
         for other, geom in np.argwhere(~arrays.ignored):
             if self.shape.geom_groups[geom] not in groups:
