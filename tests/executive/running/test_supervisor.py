@@ -30,11 +30,11 @@ supervisor = Supervisor({"wheel": ("os:mkdir", [str(folder / "stopped")])}, dead
 for _ in range(20):
     supervisor.beat()
     time.sleep(0.02)
+beaten = time.monotonic()  # before the line that lets the test stop this process
 print("alive", supervisor._process.pid, flush=True)
 if way == "tick":
-    beaten = time.monotonic()
-    while time.monotonic() - beaten < 0.5 * deadline:
-        beaten = time.monotonic()
+    while (now := time.monotonic()) - beaten < 0.5 * deadline:
+        beaten = now
         supervisor.beat()
         time.sleep(0.02)
     (folder / "safe").mkdir()
@@ -125,7 +125,10 @@ def test_a_run_that_a_signal_stops_is_continued_and_ends_by_itself(tmp_path: Pat
             time.sleep(2.2)
             os.kill(supervisor, signal.SIGCONT)
             os.killpg(process.pid, signal.SIGCONT)
-        _said, complaint = process.communicate(timeout=60)
+        try:
+            _said, complaint = process.communicate(timeout=60)
+        finally:
+            process.kill()  # harmless when it has ended
     assert (process.returncode, complaint) == (0, b"")
     assert (tmp_path / "safe").is_dir()
     assert not (tmp_path / "stopped").exists()
