@@ -301,6 +301,19 @@ def test_a_jump_of_one_fingers_load_alone_is_reported_and_the_force_never_falls_
     assert controller.reading.f_ref >= before - 0.02
 
 
+def test_a_load_that_jumps_on_one_finger_is_no_fault_while_a_support_carries_the_fruit() -> None:
+    controller, wrenches = holding()
+    controller.rests = True
+    wrenches[0, 0] -= 1.0
+    for i in range(100):
+        controller.step(1.0 + 0.002 * i, 500 + i, wrenches)
+    controller.rests = False
+    for i in range(100):
+        controller.step(1.2 + 0.002 * i, 600 + i, wrenches)
+    assert controller.problem is None
+    assert not controller.warnings
+
+
 def test_a_jump_of_one_fingers_press_alone_is_reported() -> None:
     controller, wrenches = holding()
     wrenches[1, 2] -= 1.0

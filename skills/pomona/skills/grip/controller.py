@@ -272,7 +272,8 @@ class GripController:
         estimate = self._estimator.advance(sample.wrenches, sample.periods, expected, may_be_pushed)
         now = self._now(sample)
         force_rate = self._tracker.moving * s.loop.stiffness.slope(estimate.f_n)
-        self._sensors.check(sample, estimate, is_carried, force_rate)
+        # A support that carries the fruit may press on one finger alone.
+        self._sensors.check(sample, estimate, is_carried and not self.rests, force_rate)
         if in_hand:
             self._watch_hold(now)
         elif self.phase is not GripPhase.FAILED and self._sensors.reason:
