@@ -134,6 +134,24 @@ def test_an_arm_that_does_not_follow_is_a_fault():
         rig.run(2.0, lambda: (stuck + rng.normal(size=DOF) * 1e-5, AT_REST))
 
 
+@pytest.mark.parametrize(("off", "noticed"), [(0.005, False), (0.03, True)])  # held by a branch, and stuck
+def test_an_arm_that_stands_beside_a_set_point_that_stands_is_a_fault(off, noticed):
+    supervisor, motion = MotionSupervisor("arm", LIMITS, Supervision()), PathMotion(swing(9.0), LIMITS, STEP)
+    said = []
+    try:
+        for step in range(500):
+            now = step * 0.01
+            supervisor.command(now, np.array([min(0.1 * now, off), 0.0, 0.0]))
+            supervisor.on_feedback(now, 1e-6 * np.array([step % 2, 0.0, 0.0]), AT_REST)
+            supervisor.look(now, motion, step)
+    except DeviceFault as fault:
+        said.append((now, str(fault)))
+    assert bool(said) is noticed
+    if noticed:
+        assert 0.3 < said[0][0] < 1.3
+        assert "joint 1 stands 1.7° from its set-point" in said[0][1]
+
+
 def test_a_controller_that_takes_no_more_of_the_motion_is_a_fault_within_the_stall_time():
     rig = Rig(stall=0.5)
     rig.run(0.4)

@@ -32,6 +32,13 @@ if TYPE_CHECKING:
         LookingSkill as LookingSkill,
         find_in_frame as find_in_frame,
     )
+    from pomona.skills.shared.straight_travel import (
+        Manner as Manner,
+        follow_way as follow_way,
+        tool_pose as tool_pose,
+        vertical_way as vertical_way,
+    )
+    from pomona.skills.shared.touch import Touch as Touch
     from pomona.skills.shared.usable_map import usable_field as usable_field
     from pomona.skills.shared.warm_motion import prepare_moving as prepare_moving
     from pomona.skills.shared.yielding import YieldingFingers as YieldingFingers
@@ -43,6 +50,8 @@ PUBLIC = {
     "shared.grasp_view": "fruit_mesh summary",
     "shared.grip_view": "show_grip",
     "shared.looking": "LOOKING_FAILURES LookingSkill find_in_frame",
+    "shared.straight_travel": "Manner follow_way tool_pose vertical_way",
+    "shared.touch": "Touch",
     "shared.usable_map": "usable_field",
     "shared.warm_motion": "prepare_moving",
     "shared.yielding": "YieldingFingers",

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pomona.drivers.interfaces import Arm
+from pomona.drivers.interfaces import Arm, Motion
 from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.lines import StraightLine, straight_line
@@ -89,14 +89,16 @@ def follow_way(
     manner: Manner,
     watch: Callable[[], None] | None = None,
     held: Grasp | None = None,
+    started: Callable[[Motion], None] | None = None,
 ) -> Watching:
     """Follow postures on a straight line of the tool, shape (n, dof) [rad].
 
-    `watch`: see `following.follow_motion`; `held` is the grasp by which a fruit is held.
+    `watch`: see `following.follow_motion`; `held` is the grasp by which a fruit is held; `started` is called with the
+    motion.
     """
     arm = skill.device(Arm)
     robot = RobotModel.load(arm.description)
     length = float(np.linalg.norm(robot.tcp(way[-1])[:3, 3] - robot.tcp(way[0])[:3, 3]))
     if length > 0.0:
         curve = time_curve(way, length, arm.limits, *manner)
-        yield from skill.travel(curve, watch, carrying=held)
+        yield from skill.travel(curve, watch, carrying=held, started=started)

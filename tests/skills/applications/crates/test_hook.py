@@ -1,0 +1,101 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from py_trees.common import Status
+
+from pomona.applications.crates.hook import Hook
+from pomona.executive.skill_testing import SkillEnd, drive
+from pomona.skills.geometry import transform
+from tests.skills.applications.crates.wall_scene import AT_WALL, RollingBall, a_hook
+from tests.skills.picking_scene import PickingScene
+
+
+def over_the_fruit() -> PickingScene:
+    hook = a_hook()
+    scene = PickingScene(q=hook.q_pre_grasp[0].copy(), width=hook.width, workspace=AT_WALL)
+    scene.clock.advance(0.1)  # the fingers have sent something
+    return scene
+
+
+def draw(scene: PickingScene, **settings) -> SkillEnd:
+    return drive(Hook(), {"hook": a_hook()}, scene.devices, clock=scene.clock, **settings)
+
+
+def is_up_again(scene: PickingScene) -> bool:
+    return abs(scene.tcp[2, 3] - a_hook().T_base_pre_grasp[2, 3]) < 1e-3
+
+
+@pytest.mark.parametrize("radius", [0.0405, 0.0385, 0.0425])  # the measured one, and 2 mm less and more
+def test_a_finger_draws_the_fruit_from_the_wall_and_rises(radius):
+    scene = over_the_fruit()
+    ball = RollingBall(scene, radius)
+    outcome = draw(scene)
+    assert outcome.status is Status.SUCCESS
+    assert outcome.outputs["moved"] == pytest.approx(0.045, abs=1e-3)
+    assert ball.rolled > 0.018
+    assert ball.most < 4.0
+    assert is_up_again(scene)
+    assert outcome.duration < 20.0
+
+
+@pytest.mark.parametrize(("free", "code"), [(0.004, "PULL_BLOCKED"), (0.016, None)])
+def test_a_fruit_that_is_stopped_ends_the_pull_and_counts_once_it_has_made_room(free, code):
+    scene = over_the_fruit()
+    RollingBall(scene, 0.0405, blocked_at=free)
+    outcome = draw(scene)
+    assert (outcome.reason.code if outcome.reason else None) == code
+    moved = outcome.reason.data["moved_m"] if code else outcome.outputs["moved"]
+    assert (moved < 0.015) is (code is not None)
+    assert moved < 0.042
+    assert is_up_again(scene)
+
+
+def test_a_fruit_that_is_not_there_is_a_reason():
+    scene = over_the_fruit()
+    outcome = draw(scene)
+    assert outcome.reason.code == "NOTHING_MOVED"
+    assert is_up_again(scene)
+
+
+def test_it_begins_over_the_fruit_only():
+    scene = PickingScene(workspace=AT_WALL)
+    assert draw(scene).reason.code == "NOT_AT_PRE_GRASP"
+    assert not scene.arm.followed
+
+
+def test_fingers_that_feel_nothing_any_more_stop_the_arm():
+    scene = over_the_fruit()
+    RollingBall(scene, 0.0405)
+
+    def lose(tick: int) -> None:
+        if scene.arm.followed and tick % 10 == 0:
+            scene.fingers.lose(10.0)
+
+    outcome = draw(scene, each_tick=lose)
+    assert outcome.reason.code == "SENSOR_STALE"
+    assert scene.arm.settled()
+
+
+@pytest.mark.parametrize("code", ["REFUSED", "STOPPED", "MOTION_FAILED"])
+def test_an_arm_that_does_not_move_as_asked_is_a_reason(code):
+    scene = over_the_fruit()
+    outcome = draw(scene, each_tick=scene.arm_trouble(code))
+    assert outcome.reason.code == code
+    assert scene.arm.settled()
+
+
+def test_a_pull_out_of_reach_is_a_reason():
+    scene = over_the_fruit()
+    outward = replace(a_hook(), fruit=replace(a_hook().fruit, T_base_fruit=transform(None, [-0.03, 0.5, -0.08])))
+    outcome = drive(Hook(), {"hook": outward, "distance": 0.1}, scene.devices, clock=scene.clock)
+    assert outcome.reason.code in ("NO_STRAIGHT_LINE", "NOTHING_MOVED")
+
+
+def test_interrupted_the_arm_comes_to_rest():
+    scene = over_the_fruit()
+    RollingBall(scene, 0.0405)
+    draw(scene, interrupt_after=60)
+    scene.clock.advance(1.0)
+    assert scene.arm.settled()
+    assert np.isfinite(scene.tcp).all()

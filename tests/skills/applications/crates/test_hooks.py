@@ -1,0 +1,72 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+
+from pomona.applications.crates.hooks import WALL_AIR, Beside, pull_of, rolled_height
+from pomona.drivers.interfaces import Box
+from pomona.skills.geometry import transform
+from pomona.skills.motion.grasp import Grasp
+from pomona.skills.motion.grasps.gripper_shape import gripper_shape
+from tests.skills.applications.crates.wall_scene import AT_WALL, WALL, apple, hooks_at
+from tests.skills.picking_scene import ROBOT_MODEL, WORKSPACE
+
+
+def corners(hook: Grasp, shift: float = 0.0) -> np.ndarray:
+    """Corners of the fingers at the lowest place of a hook, or a way along the pull further."""
+    fingers = gripper_shape(ROBOT_MODEL)
+    points = fingers.points + (hook.width - fingers.closed) * fingers.slides
+    return points @ hook.T_base_grasp[:3, :3].T + hook.T_base_grasp[:3, 3] + shift * pull_of(hook)
+
+
+def test_the_straightest_hook_pulls_away_from_the_wall_with_a_finger_behind_the_fruit():
+    hook = hooks_at(apple()).grasps[0]
+    np.testing.assert_allclose(pull_of(hook), [0.0, 1.0, 0.0], atol=1e-9)
+    relative = corners(hook)[:, 1] - hook.fruit.T_base_fruit[1, 3]
+    wall = WALL.T_base_box[1, 3] + WALL.half_extents[1] - hook.fruit.T_base_fruit[1, 3]
+    assert wall + WALL_AIR - 1e-9 <= relative.min() < wall + 4e-3  # as far behind as the wall allows
+    assert relative[relative < 0.0].max() < -0.012  # its inner face, behind the middle
+    assert len(hook.q_pre_grasp) > 0
+
+
+def test_a_fruit_in_the_open_needs_no_hook():
+    assert Beside.of(apple(), WORKSPACE).away is None
+    assert not hooks_at(apple(), WORKSPACE).grasps
+
+
+def test_in_a_corner_the_pull_leads_away_from_both_walls():
+    side = Box("source", transform(None, [-0.085, -0.52, -0.06]), (0.004, 0.3, 0.06))
+    away = Beside.of(apple(), replace(AT_WALL, obstacles=(*AT_WALL.obstacles, side))).away
+    np.testing.assert_allclose(away, [np.sqrt(0.5), np.sqrt(0.5), 0.0], atol=1e-9)
+
+
+def test_a_neighbour_in_front_rules_the_straight_pull_out_and_one_beside_does_not():
+    turns = [hook.alpha for hook in hooks_at(apple((0.0, 0.092))).grasps]
+    assert 0.0 not in turns
+    reasons = [out.reason for out in hooks_at(apple((0.0, 0.092))).ruled_out]
+    assert any("neighbour" in reason for reason in reasons)
+    assert 0.0 in [hook.alpha for hook in hooks_at(apple((0.093, 0.0))).grasps]
+
+
+def test_a_wall_in_front_rules_a_hook_out():
+    front = Box("source", transform(None, [-0.03, -0.43, -0.06]), (0.3, 0.004, 0.06))
+    found = hooks_at(apple(), replace(AT_WALL, obstacles=(*AT_WALL.obstacles, front)))
+    assert not found.grasps
+    assert any("would touch the source" in out.reason for out in found.ruled_out)
+
+
+@given(
+    radius=st.floats(0.03, 0.05), behind=st.floats(0.0, 0.9), share=st.floats(0.05, 1.0)
+)  # fmt: skip
+def test_a_point_of_a_rolling_ball_rises_as_its_motion_about_the_support_gives_it(radius, behind, share):
+    way, point, middle, steps = share * radius, np.array([-behind * radius, 0.0]), 0.0, 4000
+    point[1] = radius * np.sqrt(1.0 - behind**2)
+    begin = point.copy()
+    turn = 1.2 * share / steps  # each turn moves the point at right angles to the line from the support
+    while point[0] - begin[0] < way and point[0] < middle:
+        arm = point - [middle, -radius]
+        point += turn * np.array([arm[1], -arm[0]])
+        middle += turn * radius
+    expected = point[1] - begin[1]
+    assert rolled_height(point[0] - begin[0], radius, behind * radius) == pytest.approx(expected, abs=3e-4)
