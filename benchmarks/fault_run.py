@@ -31,7 +31,6 @@ from pomona.drivers.interfaces import Arm, Gripper
 from pomona.drivers.services import RobotServices
 from pomona.drivers.sim.scene import TIMESTEP
 from pomona.drivers.sim.world import PhysicsWorld
-from pomona.executive import one_process
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.cell_file import read_cell_file
 from pomona.executive.cell.device import FaultSwitch
@@ -45,6 +44,7 @@ from pomona.executive.registry import Registry
 from pomona.executive.running.compute import Computations
 from pomona.executive.running.events import ErrorRaised, Event, EventStream, NodeChanged, RunEnded, SafeStopped
 from pomona.executive.running.runner import Runner
+from pomona.executive.values import processes
 from pomona.skills.grip.hold import take_over
 
 TREES = Path(__file__).parent
@@ -457,7 +457,7 @@ class Forks:
             self.answer = writing
             spent = int(time.process_time() + HANGS)
             resource.setrlimit(resource.RLIMIT_CPU, (spent, spent))
-            one_process.continue_here()
+            processes.continue_here()
             return True
         os.close(writing)
         self._children[reading] = child, case

@@ -14,8 +14,8 @@ from pomona.executive.judging import judge
 from pomona.executive.language.documents import read_document
 from pomona.executive.registry import Registry
 from pomona.executive.values.findings import Finding
+from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.sections import Problem
-from pomona.executive.values.shipped import installed_trees
 
 TREE = """pomona: 1
 tree: look

@@ -17,8 +17,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
-from pomona.executive.values.bounded import warn
 from pomona.executive.values.plain_text import read_plain_text
+from pomona.executive.values.processes import warn
 
 logger = logging.getLogger(__name__)
 

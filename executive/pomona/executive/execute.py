@@ -26,7 +26,6 @@ from pomona.executive.language.built import Side
 from pomona.executive.language.documents import read_document, refuse_errors
 from pomona.executive.language.mocks import MockPlan
 from pomona.executive.language.mocks_file import read_mocks
-from pomona.executive.one_process import leave_if_forked, run_in_progress
 from pomona.executive.reasons import Reason
 from pomona.executive.recording.folder import refuse_unwritable
 from pomona.executive.recording.session import Reader, RecordingSession
@@ -44,9 +43,9 @@ from pomona.executive.running.watching import installed_watchers
 from pomona.executive.skill import SkillContext
 from pomona.executive.terminal.summary import Summary
 from pomona.executive.values.findings import did_you_mean
-from pomona.executive.values.installation import commit_here, distribution
+from pomona.executive.values.installation import commit_here, distribution, installed_trees
+from pomona.executive.values.processes import leave_if_forked, run_in_progress
 from pomona.executive.values.sentences import sentence_of
-from pomona.executive.values.shipped import installed_trees
 from pomona.executive.values.yaml_nodes import written
 
 logger = logging.getLogger(__name__)

@@ -27,7 +27,7 @@ from pomona.executive.recording.recorder import BATCH, Lag, Recorder
 from pomona.executive.recording.scan import is_whole
 from pomona.executive.recording.session import RecordingSession
 from pomona.executive.running.events import StateChanged
-from pomona.executive.values.bounded import within
+from pomona.executive.values.processes import within
 
 PATIENCE = 300.0  # of a busy machine [s]
 ERRORS = [errno.EROFS, errno.EDQUOT, errno.ENOSPC, errno.EIO]

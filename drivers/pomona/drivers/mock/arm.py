@@ -16,7 +16,7 @@ from pomona.drivers.path_motion import PathMotion
 from pomona.drivers.streamed_motion import StreamedMotion
 from pomona.drivers.trajectory import check_trajectory
 from pomona.executive.values.arrays import Float64
-from pomona.executive.values.shipped import installed_trees
+from pomona.executive.values.installation import installed_trees
 
 ROBOT = installed_trees() / "robots" / "sia5f_wsg32.xml"
 

@@ -15,8 +15,8 @@ from pomona.executive.values.documents import read_value_file
 from pomona.executive.values.findings import Findings, place_of
 from pomona.executive.values.kinds import PathTo
 from pomona.executive.values.mesh_file import UnreadableMeshError, read_mesh
-from pomona.executive.values.reading import Refused
 from pomona.executive.values.sections import Problem, Section, value
+from pomona.executive.values.yaml_nodes import Refused
 
 Faces = NDArray[np.int32]
 

@@ -12,7 +12,7 @@ from typing import Protocol
 
 from pomona.executive.cell.errors import DeviceLost, DriverError
 from pomona.executive.values.kinds import ScalarKind, Schema
-from pomona.executive.values.reading import Unfit
+from pomona.executive.values.yaml_nodes import Unfit
 
 
 class Malformed(DriverError):

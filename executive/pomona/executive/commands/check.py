@@ -9,8 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from pomona.executive.file_kinds import FileKind, file_kind, kind_names
-from pomona.executive.files import default_name, find_cell, find_tree, read_text
+from pomona.executive.files import FileKind, default_name, file_kind, find_cell, find_tree, kind_names, read_text
 from pomona.executive.judging import judge
 from pomona.executive.language.documents import read_document
 from pomona.executive.language.overrides import parse_settings

@@ -23,9 +23,8 @@ from pomona.executive.ports import Port, Ports, Quantity
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill
 from pomona.executive.values.findings import Edit, Findings, Instead, did_you_mean
-from pomona.executive.values.shape import shape_of
 from pomona.executive.values.yaml_errors import moved
-from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar, written
+from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar, shape_of, written
 
 _WIRE = re.compile(r"\s*\{\s*([A-Za-z_][A-Za-z0-9_]*)\s*\}\s*")
 _SIMPLE = (bool, int, float, str, object)

@@ -15,7 +15,7 @@ from pomona.executive.language.read import read
 from pomona.executive.language.value_types import NotLoadedError
 from pomona.executive.registry import Registry
 from pomona.executive.values.findings import format_findings
-from pomona.executive.values.shipped import installed_trees
+from pomona.executive.values.installation import installed_trees
 
 T = TypeVar("T")
 

@@ -24,10 +24,17 @@ from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill
 from pomona.executive.values.findings import Finding, Findings, Source, did_you_mean, few_hints
 from pomona.executive.values.kinds import Kind, MappingOf, Measure, Schema, Text, Whole, read_each
-from pomona.executive.values.reading import Reader, Refused
 from pomona.executive.values.sections import Placed, Section, value
-from pomona.executive.values.shape import shape_of
-from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar, read_yaml
+from pomona.executive.values.yaml_nodes import (
+    Reader,
+    Refused,
+    YamlList,
+    YamlMapping,
+    YamlNode,
+    YamlScalar,
+    read_yaml,
+    shape_of,
+)
 
 T = TypeVar("T")
 ENDS = ("success", "failure")

@@ -15,8 +15,8 @@ from typing import TypeVar
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.ending import read_ending
 from pomona.executive.recording.plain_file import open_plain
-from pomona.executive.values.file_locks import lock
 from pomona.executive.values.findings import did_you_mean
+from pomona.executive.values.processes import lock
 
 EVENTS_FILE = "run.mcap"
 EVENTS = "/events"

@@ -46,7 +46,7 @@ from pomona.executive.running.events import (
     RunStarted,
 )
 from pomona.executive.running.unencodable import in_place_of, refuse
-from pomona.executive.values.file_locks import lock
+from pomona.executive.values.processes import lock
 from pomona.executive.values.sentences import sentence_of
 from pomona.executive.views import ImageView, SeriesView
 

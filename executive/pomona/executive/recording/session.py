@@ -21,7 +21,7 @@ from pomona.executive.recording.recorder import STALLED, Recorder
 from pomona.executive.recording.scan import examine
 from pomona.executive.running.events import EventStream, RunEnded
 from pomona.executive.running.runner import Runner
-from pomona.executive.values.bounded import within
+from pomona.executive.values.processes import within
 from pomona.executive.values.sentences import sentence_of
 
 Reader = Callable[[float, int, Mapping[str, Mapping[str, Any]]], None]

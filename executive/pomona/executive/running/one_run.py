@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from pomona.executive.errors import UsageError
-from pomona.executive.values.file_locks import lock
+from pomona.executive.values.processes import lock
 
 
 class CellInUseError(UsageError):

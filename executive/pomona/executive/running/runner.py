@@ -26,7 +26,6 @@ from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.language import BuiltTree
 from pomona.executive.language.changes import change_input
 from pomona.executive.lease import viewed
-from pomona.executive.one_process import leave_if_forked
 from pomona.executive.reasons import Reason
 from pomona.executive.running.breakpoints import BREAK_ACTIONS, Breakpoints
 from pomona.executive.running.cell_watch import CellWatch, InterruptRequestedError, SafeStopRequestedError
@@ -54,6 +53,7 @@ from pomona.executive.running.traces import place_of, traceback_of
 from pomona.executive.running.watching import Watch, Watcher
 from pomona.executive.skill import SkillContext
 from pomona.executive.speed import cannot_slow, speed_of, words_of
+from pomona.executive.values.processes import leave_if_forked
 from pomona.executive.values.sentences import sentence_of
 
 if TYPE_CHECKING:  # small commands do not load numpy

@@ -13,7 +13,7 @@ from importlib.metadata import entry_points
 from typing import Protocol
 
 from pomona.executive.cell.cell import Cell
-from pomona.executive.values.bounded import warn
+from pomona.executive.values.processes import warn
 
 logger = logging.getLogger(__name__)
 

@@ -23,7 +23,7 @@ from pomona.executive.recording.schemas import EVENT, READING, Schema
 from pomona.executive.recording.well_known import samples, well_known
 from pomona.executive.running.events import Event, Published, RunStarted
 from pomona.executive.running.unencodable import in_place_of, refuse
-from pomona.executive.values.bounded import warn
+from pomona.executive.values.processes import warn
 from pomona.executive.views import ImageView, SeriesView
 
 logger = logging.getLogger(__name__)

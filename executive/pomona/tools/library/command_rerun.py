@@ -24,7 +24,7 @@ from pomona.executive.terminal.explain import describe
 from pomona.executive.terminal.live import LiveTree
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import seconds
-from pomona.executive.values.shipped import installed_trees
+from pomona.executive.values.installation import installed_trees
 
 REPEATABLE = ("simulated", "frames", "mock")
 

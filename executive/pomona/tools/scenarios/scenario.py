@@ -29,12 +29,11 @@ from pomona.executive.language.read import read_file
 from pomona.executive.ports import TIME
 from pomona.executive.registry import Registry
 from pomona.executive.values.findings import Finding, Findings, few_hints
+from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.kinds import AsWritten, Kind, ListOf, Measure, Schema, Text, Whole
 from pomona.executive.values.plain_text import is_file
-from pomona.executive.values.reading import Reader, Refused
 from pomona.executive.values.sections import Placed, Section, value
-from pomona.executive.values.shipped import installed_trees
-from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
+from pomona.executive.values.yaml_nodes import Reader, Refused, YamlMapping, YamlNode, YamlScalar
 from pomona.tools.scenarios.scenario_kinds import (
     Answers,
     ByNode,
