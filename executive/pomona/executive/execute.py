@@ -23,9 +23,8 @@ from pomona.executive.files import read_text
 from pomona.executive.judging import judge, split_settings
 from pomona.executive.language import BuiltTree, Document, Mocks, build, format_findings
 from pomona.executive.language.built import Side
-from pomona.executive.language.documents import read_document, refuse_errors
-from pomona.executive.language.mocks import MockPlan
-from pomona.executive.language.mocks_file import read_mocks
+from pomona.executive.language.check import read_document, refuse_errors
+from pomona.executive.language.mocks import MockPlan, read_mocks
 from pomona.executive.reasons import Reason
 from pomona.executive.recording.folder import refuse_unwritable
 from pomona.executive.recording.session import Reader, RecordingSession

@@ -14,7 +14,7 @@ from pomona.executive.commands.command_line import add_records_folder
 from pomona.executive.errors import UsageError
 from pomona.executive.execute import Executed, RunOrder, execute
 from pomona.executive.files import default_name, find_cell, find_tree
-from pomona.executive.language.overrides import parse_settings
+from pomona.executive.language.interface import parse_settings
 from pomona.executive.run_views import RunViews
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.signals import Terminated

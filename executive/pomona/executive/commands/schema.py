@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from pomona.executive.files import file_kind, kind_names
-from pomona.executive.language.documents import with_declarations
+from pomona.executive.language.check import with_declarations
 from pomona.executive.language.schema import schema
 from pomona.executive.terminal.filtered import write_json
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from itertools import chain
 from typing import Any
 
+from pomona.executive.language.flow import LayerOutcome, Outcomes
 from pomona.executive.language.interface import PortDeclared
 from pomona.executive.language.literals import scalar_type
 from pomona.executive.language.model import Definition, TreeNode
-from pomona.executive.language.outcomes import LayerOutcome, Outcomes
 from pomona.executive.language.scope import ComputedValue, Given, Named, Resolved, Scope
 from pomona.executive.language.value_types import ANY, ValueType, can_flow, describe, element_type
 from pomona.executive.language.values import ValueReader, static_type

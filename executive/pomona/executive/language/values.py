@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
-from pomona.executive.language.cases import overflows, zero_divisors
-from pomona.executive.language.expression import SPECIAL, Expression, Reference
-from pomona.executive.language.expression_parser import ExpressionSyntaxError, parse_expression
+from pomona.executive.language.expression import SPECIAL, Expression, ExpressionSyntaxError, Reference, parse_expression
+from pomona.executive.language.expression_run import overflows, zero_divisors
 from pomona.executive.language.expression_types import check_condition, type_of
 from pomona.executive.language.literals import LiteralError, literal
 from pomona.executive.language.scope import ComputedValue, Given, Named, Read, Resolved, Scope, Value

@@ -24,7 +24,7 @@ from pomona.executive.board import Board, Entry
 from pomona.executive.cell.cell import Cell
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.language import BuiltTree
-from pomona.executive.language.changes import change_input
+from pomona.executive.language.interface import change_input
 from pomona.executive.lease import viewed
 from pomona.executive.reasons import Reason
 from pomona.executive.running.breakpoints import BREAK_ACTIONS, Breakpoints

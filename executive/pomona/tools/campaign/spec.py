@@ -16,7 +16,7 @@ from pomona.executive.errors import UsageError
 from pomona.executive.execute import RunOrder
 from pomona.executive.files import default_name, find_cell, find_tree, read_text
 from pomona.executive.judging import judge
-from pomona.executive.language.documents import read_document
+from pomona.executive.language.check import read_document
 from pomona.executive.language.model import Document
 from pomona.executive.registry import Registry
 from pomona.executive.values.documents import read_value_file, with_includes

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from pomona.executive.errors import PomonaError
-from pomona.executive.language.changes import ChangeRefusedError
+from pomona.executive.language.interface import ChangeRefusedError
 from pomona.executive.running.breakpoints import BREAK_ACTIONS, UnknownNodeError
 from pomona.executive.running.permit import Permit
 from pomona.executive.running.requests import AnswerRefusedError, UnknownFaultError

@@ -18,7 +18,7 @@ import yaml
 from numpy.typing import NDArray
 
 from pomona.executive.errors import UsageError
-from pomona.executive.language.expression_parser import UNITS
+from pomona.executive.language.expression import UNITS
 from pomona.executive.recording.digest import Digest, digest
 from pomona.executive.recording.folder import DEVICES, EVENTS, events_file
 from pomona.executive.recording.json_text import parse_object

@@ -21,9 +21,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pomona.executive.files import read_text
-from pomona.executive.language.documents import with_declarations
-from pomona.executive.language.mocks import MockPlan
-from pomona.executive.language.mocks_file import MockedSkills, MocksReader, OneOrSeveral, Results, Tested, root_of
+from pomona.executive.language.check import with_declarations
+from pomona.executive.language.mocks import MockedSkills, MockPlan, MocksReader, OneOrSeveral, Results, Tested, root_of
 from pomona.executive.language.model import Document
 from pomona.executive.language.read import read_file
 from pomona.executive.ports import TIME
