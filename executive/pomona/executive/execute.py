@@ -27,18 +27,15 @@ from pomona.executive.language.check import read_document, refuse_errors
 from pomona.executive.language.mocks import MockPlan, read_mocks
 from pomona.executive.reasons import Reason
 from pomona.executive.recording.folder import refuse_unwritable
-from pomona.executive.recording.session import Reader, RecordingSession
-from pomona.executive.recording.unfinished import unfinished
+from pomona.executive.recording.session import Reader, RecordingSession, unfinished
 from pomona.executive.registry import Registry
+from pomona.executive.running.cell_watch import installed_watchers
 from pomona.executive.running.events import EventStream, Listener, OperatorActed, RunEnded, RunStarted
-from pomona.executive.running.one_run import alone_on
-from pomona.executive.running.run_state import RunResult
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.signals import RunSignals, error_of
-from pomona.executive.running.starting import StartCancelledError, Starting
+from pomona.executive.running.starting import RunResult, StartCancelledError, Starting, alone_on
 from pomona.executive.running.supervisor import RunSupervision
 from pomona.executive.running.traces import place_of
-from pomona.executive.running.watching import installed_watchers
 from pomona.executive.skill import SkillContext
 from pomona.executive.terminal.summary import Summary
 from pomona.executive.values.findings import did_you_mean

@@ -19,8 +19,7 @@ import pytest
 
 from pomona.executive.cli import main
 from pomona.executive.recording import recorder as module, session as session_module
-from pomona.executive.recording.ending import read_ending
-from pomona.executive.recording.folder import EVENTS_FILE
+from pomona.executive.recording.folder import EVENTS_FILE, read_ending
 from pomona.executive.recording.picture import Picture
 from pomona.executive.recording.read import read_events
 from pomona.executive.recording.recorder import BATCH, Lag, Recorder

@@ -17,7 +17,7 @@ from pomona.executive.encode import encoded
 from pomona.executive.engine import Engine
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.execute import RunOrder, execute
-from pomona.executive.recording.json_text import parse_object
+from pomona.executive.recording.plain_file import parse_object
 from pomona.executive.running.compute import keep_workers_warm
 from pomona.executive.running.signals import WORDS
 from pomona.executive.values.installation import commit_here

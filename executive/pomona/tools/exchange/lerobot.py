@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pomona.executive.errors import UsageError
 from pomona.executive.images import from_file
-from pomona.executive.recording.new_place import made_whole
+from pomona.executive.recording.plain_file import made_whole
 from pomona.executive.values.installation import need
 from pomona.tools.exchange.episode import Episode, read_episode
 

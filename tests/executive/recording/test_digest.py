@@ -9,7 +9,7 @@ from fake_runs import make
 from hypothesis import given, strategies as st
 
 from pomona.executive.behaviours import as_built
-from pomona.executive.recording.node_tree import DEEPEST_NODE, MOST_NODES, tree_of
+from pomona.executive.recording.digest import DEEPEST_NODE, MOST_NODES, tree_of
 from pomona.executive.registry import Registry
 
 

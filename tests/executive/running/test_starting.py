@@ -6,8 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from pomona.executive.running.permit import Permit
-from pomona.executive.running.starting import Starting
+from pomona.executive.running.starting import Permit, Starting
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from fake_cell import FakeCell
 
-from pomona.executive.running.watching import EVERY, Watch
+from pomona.executive.running.cell_watch import EVERY, Watch
 
 
 class Counting:

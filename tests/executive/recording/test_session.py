@@ -19,11 +19,9 @@ from recorded_events import started
 from pomona.executive.cli import main
 from pomona.executive.errors import UsageError
 from pomona.executive.execute import RunOrder, execute
-from pomona.executive.recording.ending import ENDING_FILE
-from pomona.executive.recording.folder import EVENTS_FILE, find_record
+from pomona.executive.recording.folder import ENDING_FILE, EVENTS_FILE, find_record
 from pomona.executive.recording.recorder import Recorder
-from pomona.executive.recording.session import RecordingSession
-from pomona.executive.recording.unfinished import unfinished
+from pomona.executive.recording.session import RecordingSession, unfinished
 from pomona.executive.running.events import HandChanged, NodeChanged, RunEnded
 from pomona.executive.running.starting import StartCancelledError
 from pomona.executive.running.supervise import REPORT

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from pomona.executive.errors import UsageError
-from pomona.executive.recording.new_place import made_whole
+from pomona.executive.recording.plain_file import made_whole
 
 
 def test_a_new_file_appears_whole_with_its_name(tmp_path: Path) -> None:
