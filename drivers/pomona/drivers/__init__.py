@@ -141,20 +141,18 @@ if TYPE_CHECKING:
         FaultSwitch as FaultSwitch,
     )
     from pomona.executive.cell.owner import (
-        Owner as Owner,
-        Watchdog as Watchdog,
-    )
-    from pomona.executive.cell.registration import (
-        read_section_file as read_section_file,
-    )
-    from pomona.executive.cell.wire import (
         Address as Address,
         Link as Link,
         Malformed as Malformed,
         Nonsense as Nonsense,
+        Owner as Owner,
         TcpLink as TcpLink,
+        Watchdog as Watchdog,
         raise_priority as raise_priority,
         tcp_opener as tcp_opener,
+    )
+    from pomona.executive.cell.registration import (
+        read_section_file as read_section_file,
     )
 
 PUBLIC = {
@@ -185,9 +183,8 @@ PUBLIC = {
     "pomona.executive.cell.cell_file": "read_cell_file",
     "pomona.executive.cell.connect": "load_cell",
     "pomona.executive.cell.device": "FaultSwitch",
-    "pomona.executive.cell.owner": "Owner Watchdog",
+    "pomona.executive.cell.owner": "Address Link Malformed Nonsense Owner TcpLink Watchdog raise_priority tcp_opener",
     "pomona.executive.cell.registration": "read_section_file",
-    "pomona.executive.cell.wire": "Address Link Malformed Nonsense TcpLink raise_priority tcp_opener",
     "registration": "Driver NoOptions Settings Surroundings driver",
     "robot_file": "read_limits",
     "streams": "Belief FrameGuard SIDES SILENCE WrenchStream",

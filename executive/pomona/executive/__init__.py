@@ -39,8 +39,15 @@ if TYPE_CHECKING:
         StopFailed as StopFailed,
     )
     from pomona.executive.cell.owner import (
+        Address as Address,
+        Link as Link,
+        Malformed as Malformed,
+        Nonsense as Nonsense,
         Owner as Owner,
+        TcpLink as TcpLink,
         Watchdog as Watchdog,
+        raise_priority as raise_priority,
+        tcp_opener as tcp_opener,
     )
     from pomona.executive.cell.registration import (
         Driver as Driver,
@@ -49,15 +56,6 @@ if TYPE_CHECKING:
         Surroundings as Surroundings,
         driver as driver,
         read_section_file as read_section_file,
-    )
-    from pomona.executive.cell.wire import (
-        Address as Address,
-        Link as Link,
-        Malformed as Malformed,
-        Nonsense as Nonsense,
-        TcpLink as TcpLink,
-        raise_priority as raise_priority,
-        tcp_opener as tcp_opener,
     )
     from pomona.executive.clock import (
         Clock as Clock,
@@ -248,9 +246,8 @@ PUBLIC = {
     "cell.connect": "load_cell",
     "cell.device": "ConnectContext Device FaultSwitch World paced stamped",
     "cell.errors": "CellFileError DeviceError DeviceFault DeviceLost DriverError MotionRefused StopFailed",
-    "cell.owner": "Owner Watchdog",
+    "cell.owner": "Address Link Malformed Nonsense Owner TcpLink Watchdog raise_priority tcp_opener",
     "cell.registration": "Driver NoOptions Settings Surroundings driver read_section_file",
-    "cell.wire": "Address Link Malformed Nonsense TcpLink raise_priority tcp_opener",
     "clock": "Clock ManualClock SystemClock",
     "errors": "PomonaError SkillError UsageError",
     "execute": "Executed RunOrder run_tree",

@@ -95,7 +95,7 @@ def _command(words: Sequence[str]) -> str:
 
 
 def _run(words: Sequence[str]) -> int:
-    from pomona.executive.terminal.filtered import (
+    from pomona.executive.terminal.output import (
         filtered_output,  # loading it takes a while: signals are handled before
     )
 

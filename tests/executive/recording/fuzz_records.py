@@ -60,7 +60,7 @@ from pomona.executive.running.events import (
 )
 from pomona.executive.running.runner import Runner
 from pomona.executive.terminal.explain import explain
-from pomona.executive.terminal.filtered import json_text, visible
+from pomona.executive.terminal.output import json_text, visible
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.summary import Summary
 from pomona.executive.views import Line3, SceneView, SeriesView, TableView

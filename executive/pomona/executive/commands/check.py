@@ -14,7 +14,7 @@ from pomona.executive.judging import judge
 from pomona.executive.language.check import read_document
 from pomona.executive.language.interface import parse_settings
 from pomona.executive.registry import Registry
-from pomona.executive.terminal.filtered import write_json
+from pomona.executive.terminal.output import write_json
 from pomona.executive.values.findings import Finding, Findings, Source, format_findings, mended, place_of, said
 from pomona.executive.values.yaml_nodes import YamlMapping, read_yaml
 

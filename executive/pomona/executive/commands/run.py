@@ -19,9 +19,9 @@ from pomona.executive.run_views import RunViews
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.signals import Terminated
 from pomona.executive.speed import SpeedRefusedError, speed_of
-from pomona.executive.terminal.filtered import write_json
 from pomona.executive.terminal.keys import Keys
 from pomona.executive.terminal.live import LiveTree
+from pomona.executive.terminal.output import write_json
 from pomona.executive.terminal.screen import Screen
 
 EXIT = {"success": 0, "failure": 1, "stopped": 3, "error": 3}

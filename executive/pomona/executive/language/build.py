@@ -18,7 +18,7 @@ from pomona.executive.language.expression_run import Getter
 from pomona.executive.language.model import Definition, Document, TreeNode
 from pomona.executive.language.scope import Resolved
 from pomona.executive.nodes.behaviours import Subtree, WholeTree
-from pomona.executive.nodes.conditions import Condition
+from pomona.executive.nodes.facts import Condition
 from pomona.executive.nodes.node_type import NodeType
 from pomona.executive.nodes.takes import Nothing
 from pomona.executive.registry import Registry

@@ -14,8 +14,8 @@ from pomona.executive.language.expression_run import Getter, compile_condition, 
 from pomona.executive.language.model import Definition
 from pomona.executive.language.scope import ComputedValue, Given, Value
 from pomona.executive.language.values import out_of_range
-from pomona.executive.nodes.conditions import Condition
-from pomona.executive.nodes.surroundings import ForEachCount, LastFailure, RepeatCount, RetryCount
+from pomona.executive.nodes.context import ForEachCount, LastFailure, RepeatCount, RetryCount
+from pomona.executive.nodes.facts import Condition
 from pomona.executive.ports import Port, Ports, Quantity, type_name
 from pomona.executive.reasons import NoValue
 from pomona.executive.skill import Failure, Skill, SkillContext, SkillFailure

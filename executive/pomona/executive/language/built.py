@@ -11,8 +11,8 @@ from py_trees.behaviour import Behaviour
 from pomona.executive.board import Board
 from pomona.executive.language.model import Definition, Document, TreeNode
 from pomona.executive.nodes import Attempt, Retry
-from pomona.executive.nodes.calls import SKILL, SUBTREE
-from pomona.executive.nodes.question import Question
+from pomona.executive.nodes.ask import Question
+from pomona.executive.nodes.leaves import SKILL, SUBTREE
 from pomona.executive.skill import Skill
 
 Side = Literal["before", "after"]  # of a node: where a breakpoint holds the tick

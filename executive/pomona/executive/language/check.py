@@ -18,8 +18,8 @@ from pomona.executive.language.read import read
 from pomona.executive.language.scope import Named, Origin, Read, Resolved, Scope
 from pomona.executive.language.value_types import NotLoadedError, can_flow, describe
 from pomona.executive.language.values import static_type
-from pomona.executive.nodes.calls import SUBTREE
-from pomona.executive.nodes.ends import Names
+from pomona.executive.nodes.facts import Names
+from pomona.executive.nodes.leaves import SUBTREE
 from pomona.executive.ports import Port
 from pomona.executive.registry import Registry
 from pomona.executive.values.findings import Finding, Findings, did_you_mean, few_hints, format_findings

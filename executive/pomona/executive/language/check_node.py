@@ -16,8 +16,8 @@ from pomona.executive.language.scope import ComputedValue, Given, Named, Resolve
 from pomona.executive.language.value_types import ANY, ValueType, can_flow, describe, element_type
 from pomona.executive.language.values import ValueReader, static_type
 from pomona.executive.nodes.catalogue import NodeTypes
+from pomona.executive.nodes.context import COUNTERS, Around
 from pomona.executive.nodes.node_type import NodeType, Stage
-from pomona.executive.nodes.surroundings import COUNTERS, Around
 from pomona.executive.nodes.takes import NAME
 from pomona.executive.ports import Port, Ports, Quantity
 from pomona.executive.registry import Registry

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from xml.sax.saxutils import escape
 
 from pomona.executive.language.model import Document, TreeNode
-from pomona.executive.nodes.calls import SUBTREE
+from pomona.executive.nodes.leaves import SUBTREE
 from pomona.executive.nodes.node_type import NodeType
 from pomona.executive.values.yaml_nodes import written
 

@@ -20,8 +20,7 @@ from pomona.executive.language.literals import LiteralError, literal
 from pomona.executive.language.model import Definition, TreeNode
 from pomona.executive.language.scope import ComputedValue, Given, Named, Read, Resolved, Scope
 from pomona.executive.language.value_types import SI_NUMBER, ValueType
-from pomona.executive.nodes.ends import UNKNOWN, Ends, Names, Outcome
-from pomona.executive.nodes.facts import Fact, Facts, Plain, Possible
+from pomona.executive.nodes.facts import UNKNOWN, Ends, Fact, Facts, Names, Outcome, Plain, Possible
 from pomona.executive.nodes.node_type import NodeType
 from pomona.executive.nodes.takes import Value
 from pomona.executive.ports import Quantity

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 
 from pomona.executive.language.model import Entry, TreeFile, TreeNode
-from pomona.executive.nodes.calls import SKILL, SUBTREE
 from pomona.executive.nodes.catalogue import RESERVED, NodeTypes
+from pomona.executive.nodes.leaves import SKILL, SUBTREE
 from pomona.executive.nodes.node_type import NodeType
 from pomona.executive.values.findings import Edit, Findings, Instead, did_you_mean
 from pomona.executive.values.yaml_errors import moved

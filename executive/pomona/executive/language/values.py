@@ -15,8 +15,8 @@ from pomona.executive.language.expression_types import check_condition, type_of
 from pomona.executive.language.literals import LiteralError, literal
 from pomona.executive.language.scope import ComputedValue, Given, Named, Read, Resolved, Scope, Value
 from pomona.executive.language.value_types import ANY, ValueType, can_flow, describe
-from pomona.executive.nodes.ends import UNKNOWN
-from pomona.executive.nodes.surroundings import COUNTERS, Around, LastFailure
+from pomona.executive.nodes.context import COUNTERS, Around, LastFailure
+from pomona.executive.nodes.facts import UNKNOWN
 from pomona.executive.ports import RATIO, Port, Quantity
 from pomona.executive.values.findings import Edit, Findings, Located, Spot, Within, did_you_mean
 from pomona.executive.values.units import is_within

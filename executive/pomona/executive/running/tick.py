@@ -19,7 +19,7 @@ from pomona.executive.errors import PomonaError, SkillError
 from pomona.executive.language import BuiltTree
 from pomona.executive.language.built import Side
 from pomona.executive.nodes import Attempt
-from pomona.executive.nodes.question import Question
+from pomona.executive.nodes.ask import Question
 from pomona.executive.reasons import Reason, reason_of
 from pomona.executive.running.events import AttemptEnded, Event, NodeChanged
 from pomona.executive.skill import Skill

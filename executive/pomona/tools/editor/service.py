@@ -18,7 +18,7 @@ from pomona.executive.language.read import read
 from pomona.executive.language.scope import Named
 from pomona.executive.language.value_types import ValueType, describe, element_type, fields_of
 from pomona.executive.nodes.catalogue import NodeTypes
-from pomona.executive.nodes.surroundings import COUNTERS, LastFailure
+from pomona.executive.nodes.context import COUNTERS, LastFailure
 from pomona.executive.nodes.takes import NAME, Value
 from pomona.executive.ports import Port, type_name
 from pomona.executive.registry import Registry, default_text

@@ -11,7 +11,7 @@ from pomona.executive.commands.command_line import add_records_folder
 from pomona.executive.errors import UsageError
 from pomona.executive.files import default_name
 from pomona.executive.recording.folder import find_record
-from pomona.executive.terminal.filtered import json_text
+from pomona.executive.terminal.output import json_text
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.values.installation import installed_trees
 from pomona.tools.campaign.document import Bullets, Heading, Paragraph, ReportPage, Table

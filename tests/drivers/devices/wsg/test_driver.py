@@ -18,7 +18,7 @@ from pomona.drivers.device import ConnectContext
 from pomona.drivers.errors import DeviceFault, DeviceLost, MotionRefused, StopFailed
 from pomona.drivers.interfaces import GripperState, MotionState
 from pomona.drivers.registration import read_settings
-from pomona.executive.cell.wire import Nonsense
+from pomona.executive.cell.owner import Nonsense
 from pomona.executive.clock import ManualClock
 
 OFFSET = 0.035
