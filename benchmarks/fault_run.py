@@ -26,9 +26,8 @@ from benchmarks.fault_table import Case, CaseVerdict
 from benchmarks.fault_truth import PRESSED, TableTruth, truth_of
 from benchmarks.strands import use_strands
 from pomona.devices.emulators.virtual_world import VirtualWorld
-from pomona.drivers.device import ConnectContext
 from pomona.drivers.interfaces import Arm, Gripper
-from pomona.drivers.services import RobotServices
+from pomona.drivers.services import ConnectContext, RobotServices
 from pomona.drivers.sim.scene import TIMESTEP
 from pomona.drivers.sim.world import PhysicsWorld
 from pomona.executive.cell.cell import Cell

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from pomona.drivers.device import Device
 from pomona.drivers.errors import CellFileError, DriverError
 from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Frame, Gripper, WrenchSample
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.connect import load_cell
+from pomona.executive.cell.device import Device
 from pomona.executive.values.findings import place_of
 from pomona.executive.values.sentences import ReportLine
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pomona.drivers.sim.fruit_model import OF_PERCEPTION, UnusableModel, read_model
+from pomona.drivers.sim.fruit_shape import OF_PERCEPTION, UnusableModel, read_model
 from pomona.executive.values.installation import installed_trees
 from pomona.skills.perception.fruit.catalogue import FruitFileSection
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pomona.drivers.estimate import estimate_errors
+from pomona.drivers.services import estimate_errors
 
 
 def fruit(x: float, y: float, z: float, *dimensions: float) -> dict[str, object]:

@@ -7,7 +7,7 @@ import pytest
 
 from pomona.drivers.errors import CellFileError
 from pomona.drivers.interfaces import Box
-from pomona.drivers.sim.gathering import crate_of
+from pomona.drivers.sim.layout import crate_of
 from pomona.executive.cell.connect import load_cell
 from pomona.skills.geometry import rot_z, transform
 
