@@ -32,7 +32,7 @@ from pomona.devices.wsg.codec import Command, Observe
 from pomona.devices.wsg.session import GripperSession
 from pomona.devices.wsg.transport import CanLink
 from pomona.drivers.interfaces import ArmLimits, Trajectory, WrenchSample
-from pomona.executive.cell.wire import Link, TcpLink, raise_priority
+from pomona.executive.cell.owner import Link, TcpLink, raise_priority
 from pomona.executive.clock import SystemClock
 
 CALIBRATIONS = Path(__file__).resolve().parents[1] / "trees" / "cells" / "emulated_fingers"

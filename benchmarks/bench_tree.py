@@ -30,7 +30,7 @@ from py_trees.common import ParallelPolicy, Status
 
 from pomona.executive.language import build, check, read
 from pomona.executive.language.declared_skills import declared_skills
-from pomona.executive.language.expression_parser import parse_expression
+from pomona.executive.language.expression import parse_expression
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill, Work
 from pomona.executive.skill_testing import BenchContext

@@ -26,25 +26,24 @@ from benchmarks.fault_table import Case, CaseVerdict
 from benchmarks.fault_truth import PRESSED, TableTruth, truth_of
 from benchmarks.strands import use_strands
 from pomona.devices.emulators.virtual_world import VirtualWorld
-from pomona.drivers.device import ConnectContext
 from pomona.drivers.interfaces import Arm, Gripper
-from pomona.drivers.services import RobotServices
+from pomona.drivers.services import ConnectContext, RobotServices
 from pomona.drivers.sim.scene import TIMESTEP
 from pomona.drivers.sim.world import PhysicsWorld
-from pomona.executive import one_process
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.cell_file import read_cell_file
 from pomona.executive.cell.device import FaultSwitch
 from pomona.executive.execute import Executed, RunOrder, execute
 from pomona.executive.files import find_cell, find_tree
 from pomona.executive.language import build
-from pomona.executive.language.documents import read_document
+from pomona.executive.language.check import read_document
 from pomona.executive.recording.read import read_events
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.registry import Registry
 from pomona.executive.running.compute import Computations
 from pomona.executive.running.events import ErrorRaised, Event, EventStream, NodeChanged, RunEnded, SafeStopped
 from pomona.executive.running.runner import Runner
+from pomona.executive.values import processes
 from pomona.skills.grip.hold import take_over
 
 TREES = Path(__file__).parent
@@ -457,7 +456,7 @@ class Forks:
             self.answer = writing
             spent = int(time.process_time() + HANGS)
             resource.setrlimit(resource.RLIMIT_CPU, (spent, spent))
-            one_process.continue_here()
+            processes.continue_here()
             return True
         os.close(writing)
         self._children[reading] = child, case

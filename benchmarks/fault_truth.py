@@ -13,7 +13,7 @@ import numpy as np
 
 from pomona.applications.harvest.stems import HANGS
 from pomona.applications.harvest.world import FruitWallWorld
-from pomona.drivers.sim.robot import PADS
+from pomona.drivers.sim.layout import PADS
 from pomona.drivers.sim.world import SimWorld
 from pomona.executive.values.arrays import Float64
 

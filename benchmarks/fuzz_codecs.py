@@ -20,7 +20,7 @@ import numpy as np
 from pomona.devices.motoman import codec as motoman
 from pomona.devices.suntouch import codec as suntouch
 from pomona.devices.wsg import codec as wsg, frame as wsg_frame
-from pomona.executive.cell.wire import Malformed
+from pomona.executive.cell.owner import Malformed
 
 
 @dataclass(slots=True)

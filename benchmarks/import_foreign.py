@@ -22,7 +22,7 @@ from pathlib import Path
 
 from pomona.executive.language import check, read
 from pomona.executive.language.model import Document
-from pomona.executive.nodes.calls import SKILL
+from pomona.executive.nodes.leaves import SKILL
 from pomona.executive.ports import Port, Ports
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill

@@ -27,9 +27,9 @@ from pomona.drivers.interfaces import Arm, Workspace
 from pomona.executive.cell.connect import load_cell
 from pomona.executive.errors import PomonaError
 from pomona.executive.execute import RunOrder, execute
-from pomona.executive.extras import need
 from pomona.executive.running.events import Event, NodeChanged
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.installation import need
 from pomona.skills.geometry import transform
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.motion.robot.inverse_kinematics import inverse_kinematics

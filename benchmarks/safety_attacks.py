@@ -27,8 +27,7 @@ from pathlib import Path
 
 from benchmarks.fault_run import branch_cases, prepare_to_fork
 from benchmarks.fault_table import Case, CaseVerdict, FaultPhase, read_table
-from pomona.drivers.hand_memory import HandMemory
-from pomona.drivers.hold_watch import may_hold
+from pomona.drivers.hold_watch import HandMemory, may_hold
 from pomona.drivers.interfaces import GripperLimits, GripperState
 
 TREE = """pomona: 1

@@ -7,7 +7,7 @@ Needs the distribution pomona.
 import numpy as np
 
 from pomona.drivers import ArmLimits, Box, Workspace
-from pomona.executive.values.shipped import installed_trees
+from pomona.executive.values.installation import installed_trees
 from pomona.skills.geometry import transform
 from pomona.skills.motion.collision import CollisionWorld
 from pomona.skills.motion.planning.arm_space import ArmSpace

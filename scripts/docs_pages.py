@@ -18,8 +18,8 @@ import mkdocs_gen_files
 from pomona.executive.commands.command_line import children, command_names, make_parser
 from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.nodes import Composite, Leaf, Modifier, NodeType, NodeTypes
+from pomona.executive.reasons import failure_codes
 from pomona.executive.registry import SkillListing
-from pomona.executive.values.failure_codes import failure_codes
 from pomona.executive.values.public_names import full_name
 from scripts.node_examples import beside
 

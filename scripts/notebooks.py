@@ -78,7 +78,7 @@ def notebook(text: str, name: str) -> dict[str, Any]:
 
 def _installed(folder: str) -> str:
     """Where the commands that are typed in a folder come from."""
-    where = "from pomona.executive.values.shipped import installed_trees; print(installed_trees().parent)"
+    where = "from pomona.executive.values.installation import installed_trees; print(installed_trees().parent)"
     done = subprocess.run([sys.executable, "-c", where], cwd=folder, capture_output=True, text=True, check=True)
     return done.stdout.strip()
 

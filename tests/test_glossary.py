@@ -5,8 +5,8 @@ The site's lists of ports and codes are made from these declarations (scripts/do
 
 from __future__ import annotations
 
+from pomona.executive.reasons import failure_codes
 from pomona.executive.registry import Registry
-from pomona.executive.values.failure_codes import failure_codes
 
 
 def test_every_port_and_every_failure_code_is_explained() -> None:

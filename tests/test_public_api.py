@@ -25,7 +25,7 @@ from pomona.executive.values.public_names import full_name
 
 ROOT = Path(__file__).resolve().parents[1]
 PUBLIC_NAMES = "pomona.executive.values.public_names"
-COMPILING = {"pomona.skills.compiled_code", "pomona.executive.values.report_line"}  # set up by `pomona.skills` itself
+COMPILING = {"pomona.skills.compiled_code", "pomona.executive.values.sentences"}  # set up by `pomona.skills` itself
 LISTED = Path(__file__).with_name("public_api.txt")
 STABLE = ("pomona.executive", "pomona.drivers")  # listed with their signatures
 PROVISIONAL = (

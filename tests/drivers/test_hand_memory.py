@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pomona.drivers.hand_memory import HandMemory, HandRecord, memory_of
+from pomona.drivers.hold_watch import HandMemory, HandRecord, memory_of
 
 BIAS = {"f1": (1.5, 1.25), "f2": (0.5, 0.125)}
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from pomona.drivers.errors import DeviceFault, DeviceLost
-from pomona.drivers.hand_memory import HandMemory, HandRecord
-from pomona.drivers.hold_watch import HELD_FORCE, STOOD, HoldWatch, may_hold
+from pomona.drivers.hold_watch import HELD_FORCE, STOOD, HandMemory, HandRecord, HoldWatch, may_hold
 from pomona.drivers.interfaces import GripperLimits, GripperState
 from pomona.drivers.mock import MockClock, MockForceSensor, MockGripper
 from pomona.drivers.plain_hand import GIVE, MOTOR_FORCE, NO_ROOM

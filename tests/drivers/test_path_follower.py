@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from pomona.drivers.interfaces import ArmLimits, Trajectory
-from pomona.drivers.path_follower import PathFollower
+from pomona.drivers.path_motion import PathFollower
 
 LIMITS = ArmLimits(
     lower=np.full(3, -10.0),

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from pomona.drivers import scene_mesh
+from pomona.drivers import workspace
 from pomona.drivers.errors import UnusableMesh
 from pomona.drivers.interfaces import Hull
-from pomona.drivers.scene_mesh import read_parts
+from pomona.drivers.workspace import read_parts
 from pomona.executive.values import mesh_file
 
 POINT = b"""solid p
@@ -116,7 +116,7 @@ def test_too_many_parts_and_triangles_are_refused(tmp_path: Path, monkeypatch: p
     with pytest.raises(UnusableMesh, match="coarser `detail`"):
         read_parts(path, detail=0.005)
     monkeypatch.setattr(mesh_file, "MOST_TRIANGLES", 11)
-    scene_mesh._parts.cache_clear()
+    workspace._parts.cache_clear()
     with pytest.raises(UnusableMesh, match="simplify it"):
         read_parts(path)
 

@@ -11,8 +11,8 @@ from pomona.executive.language import build, read
 from pomona.executive.ports import Outputs, Time
 from pomona.executive.registry import Registry
 from pomona.executive.running.events import Event, EventStream, Listener
-from pomona.executive.running.run_state import RunState
 from pomona.executive.running.runner import Runner
+from pomona.executive.running.starting import RunState
 from pomona.executive.skill import Interrupted, Skill, Work
 
 

@@ -19,8 +19,7 @@ from packaging.requirements import Requirement
 
 from pomona.executive.commands import command_line
 from pomona.executive.errors import UsageError
-from pomona.executive.extras import need, remedy
-from pomona.executive.values.installation import install_extra, pip, reinstall
+from pomona.executive.values.installation import install_extra, need, pip, reinstall, remedy
 from pomona.tools.kit.command_new import KINDS_ELSEWHERE
 
 ROOT = Path(__file__).parents[2]

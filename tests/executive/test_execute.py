@@ -16,10 +16,10 @@ from pomona.executive.execute import RunOrder, execute
 from pomona.executive.files import find_cell, find_tree
 from pomona.executive.recording.folder import RecordError, refuse_unwritable
 from pomona.executive.recording.read import read_events
-from pomona.executive.running.breakpoints import Side
 from pomona.executive.running.events import Event, OperatorActed, StateChanged
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.starting import Starting
+from pomona.executive.running.tick import Side
 
 
 def order(*breaks: tuple[str, Side]) -> RunOrder:

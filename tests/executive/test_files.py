@@ -6,7 +6,7 @@ import pytest
 
 from pomona.executive.errors import UsageError
 from pomona.executive.files import default_name, find_cell, find_tree
-from pomona.executive.values.shipped import installed_trees
+from pomona.executive.values.installation import installed_trees
 
 
 def test_the_default_is_installed() -> None:

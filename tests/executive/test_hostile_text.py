@@ -23,7 +23,7 @@ from pomona.executive.running.events import (
     RunEnded,
     SafeStopped,
 )
-from pomona.executive.terminal.filtered import json_text, visible
+from pomona.executive.terminal.output import json_text, visible
 from pomona.executive.terminal.screen import Screen
 from pomona.tools.library.index import INDEX_FILE, RunIndex
 

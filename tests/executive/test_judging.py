@@ -11,11 +11,11 @@ from pomona.executive.errors import UsageError
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.files import find_cell
 from pomona.executive.judging import judge
-from pomona.executive.language.documents import read_document
+from pomona.executive.language.check import read_document
 from pomona.executive.registry import Registry
 from pomona.executive.values.findings import Finding
+from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.sections import Problem
-from pomona.executive.values.shipped import installed_trees
 
 TREE = """pomona: 1
 tree: look

@@ -8,7 +8,7 @@ from pathlib import Path
 from markdown import markdown
 from mkdocs.config import load_config
 
-from pomona.executive.language.outline import show_text
+from pomona.executive.language.drawing import show_text
 from pomona.executive.nodes import NodeTypes
 from scripts.mathml import on_page_content
 from scripts.node_examples import EXAMPLES, beside, document_of

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pomona.drivers.hand_memory import HandMemory, HandRecord
-from pomona.drivers.hold_watch import HoldWatch
+from pomona.drivers.hold_watch import HandMemory, HandRecord, HoldWatch
 from pomona.drivers.interfaces import Arm, Box, ForceSensor, Frame, Gripper, Hand, Intrinsics, Workspace
 from pomona.drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
 from pomona.drivers.mock.arm import ROBOT

@@ -10,7 +10,7 @@ from py_trees.common import Status
 
 from pomona.drivers.errors import DeviceFault
 from pomona.drivers.interfaces import Workspace
-from pomona.drivers.mock.fingers import spring_fruit
+from pomona.drivers.mock.hand import spring_fruit
 from pomona.executive.skill_testing import drive
 from pomona.skills.feel_friction import FeelFriction
 from pomona.skills.grip.grip import GripPhase

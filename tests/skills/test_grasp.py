@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from pomona.drivers.gripper_motion import DirectMotion
+from pomona.drivers.gripper_supervisor import DirectMotion
 from pomona.drivers.interfaces import GripperLimits, MotionState
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.skills.grasp import NARROWEST, Grasp

@@ -7,7 +7,7 @@ import pytest
 from py_trees.common import Status
 
 from pomona.drivers.interfaces import Box
-from pomona.drivers.mock.fingers import spring_fruit
+from pomona.drivers.mock.hand import spring_fruit
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.skills.geometry import transform
 from pomona.skills.grip.grip import GripProblem

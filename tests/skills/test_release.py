@@ -6,7 +6,7 @@ import pytest
 from py_trees.common import Status
 
 from pomona.drivers.interfaces import Hand, MotionState
-from pomona.drivers.mock.fingers import spring_fruit
+from pomona.drivers.mock.hand import spring_fruit
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.skills.grip.hold import Hold, current_hold
 from pomona.skills.motion.lines import STEP

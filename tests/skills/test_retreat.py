@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from pomona.drivers.gripper_motion import DirectMotion
+from pomona.drivers.gripper_supervisor import DirectMotion
 from pomona.drivers.interfaces import Box, MotionState
 from pomona.executive.skill_testing import drive
 from pomona.skills.geometry import transform

@@ -14,9 +14,7 @@ from py_trees.common import Status
 from pomona.drivers.errors import DeviceLost
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, WrenchSample
 from pomona.drivers.mock.arm import MockArm
-from pomona.drivers.mock.clock import MockClock
-from pomona.drivers.mock.fingers import MockForceSensor, spring_fruit
-from pomona.drivers.mock.gripper import MockGripper
+from pomona.drivers.mock.hand import MockClock, MockForceSensor, MockGripper, spring_fruit
 from pomona.executive.encode import plain
 from pomona.executive.errors import NotOwnerError
 from pomona.executive.skill import Skill, Work

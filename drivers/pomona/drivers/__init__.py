@@ -31,11 +31,6 @@ if TYPE_CHECKING:
         depth_model_of as depth_model_of,
         folder_depth_model as folder_depth_model,
     )
-    from pomona.drivers.device import (
-        ConnectContext as ConnectContext,
-        Device as Device,
-        World as World,
-    )
     from pomona.drivers.errors import (
         BadTrajectory as BadTrajectory,
         CellFileError as CellFileError,
@@ -50,20 +45,16 @@ if TYPE_CHECKING:
         UnusableMesh as UnusableMesh,
         UnusableRobotFile as UnusableRobotFile,
     )
-    from pomona.drivers.gripper_motion import (
+    from pomona.drivers.gripper_supervisor import (
         GripperMotion as GripperMotion,
+        GripperSupervision as GripperSupervision,
+        GripperSupervisor as GripperSupervisor,
         allowed_speed as allowed_speed,
         require_move as require_move,
     )
-    from pomona.drivers.gripper_supervisor import (
-        GripperSupervision as GripperSupervision,
-        GripperSupervisor as GripperSupervisor,
-    )
-    from pomona.drivers.hand_memory import (
+    from pomona.drivers.hold_watch import (
         HandMemory as HandMemory,
         HandRecord as HandRecord,
-    )
-    from pomona.drivers.hold_watch import (
         may_hold as may_hold,
     )
     from pomona.drivers.interfaces import (
@@ -105,21 +96,15 @@ if TYPE_CHECKING:
         SetPointStream as SetPointStream,
         words as words,
     )
-    from pomona.drivers.path_follower import (
-        PathFollower as PathFollower,
-    )
     from pomona.drivers.path_motion import (
+        PathFollower as PathFollower,
         PathMotion as PathMotion,
-    )
-    from pomona.drivers.registration import (
-        Driver as Driver,
-        NoOptions as NoOptions,
-        Settings as Settings,
-        Surroundings as Surroundings,
-        driver as driver,
     )
     from pomona.drivers.robot_file import (
         read_limits as read_limits,
+    )
+    from pomona.drivers.services import (
+        ConnectContext as ConnectContext,
     )
     from pomona.drivers.streams import (
         SIDES as SIDES,
@@ -138,58 +123,57 @@ if TYPE_CHECKING:
         load_cell as load_cell,
     )
     from pomona.executive.cell.device import (
+        Device as Device,
         FaultSwitch as FaultSwitch,
+        World as World,
     )
     from pomona.executive.cell.owner import (
-        Owner as Owner,
-        Watchdog as Watchdog,
-    )
-    from pomona.executive.cell.registration import (
-        read_section_file as read_section_file,
-    )
-    from pomona.executive.cell.wire import (
         Address as Address,
         Link as Link,
         Malformed as Malformed,
         Nonsense as Nonsense,
+        Owner as Owner,
         TcpLink as TcpLink,
+        Watchdog as Watchdog,
         raise_priority as raise_priority,
         tcp_opener as tcp_opener,
+    )
+    from pomona.executive.cell.registration import (
+        Driver as Driver,
+        NoOptions as NoOptions,
+        Settings as Settings,
+        Surroundings as Surroundings,
+        driver as driver,
+        read_section_file as read_section_file,
     )
 
 PUBLIC = {
     "base.parallel_gripper": "ParallelGripper",
     "base.rolling_path": "OutOfSetPointsError PERIOD RollingPath SetPoint",
     "camera_options": "IntrinsicsSection",
-    "depth_model": ("D4XX DEPTH_MODEL_FILE DepthModel DepthModelSection SIMULATED depth_model_of folder_depth_model"),
-    "device": "ConnectContext Device World",
+    "depth_model": "D4XX DEPTH_MODEL_FILE DepthModel DepthModelSection SIMULATED depth_model_of folder_depth_model",
     "errors": (
-        "BadTrajectory CellFileError DeviceError DeviceFault DeviceLost DriverError FrameUnreadable "
-        "MotionRefused NoBias StopFailed UnusableMesh UnusableRobotFile"
+        "BadTrajectory CellFileError DeviceError DeviceFault DeviceLost DriverError FrameUnreadable MotionRefused "
+        "NoBias StopFailed UnusableMesh UnusableRobotFile"
     ),
-    "gripper_motion": "GripperMotion allowed_speed require_move",
-    "gripper_supervisor": "GripperSupervision GripperSupervisor",
-    "hand_memory": "HandMemory HandRecord",
-    "hold_watch": "may_hold",
+    "gripper_supervisor": "GripperMotion GripperSupervision GripperSupervisor allowed_speed require_move",
+    "hold_watch": "HandMemory HandRecord may_hold",
     "interfaces": (
-        "Arm ArmLimits ArmState Box Camera Cameras DepthCamera ForceSensor Frame FrameSequence "
-        "FruitKinds Gripper GripperLimits GripperState HandTask Hands Hull Intrinsics Motion "
-        "MotionState PathWatchSettings SampleRate SetPoints StreamedArm Subscription Trajectory "
-        "Workspace WrenchSample"
+        "Arm ArmLimits ArmState Box Camera Cameras DepthCamera ForceSensor Frame FrameSequence FruitKinds Gripper "
+        "GripperLimits GripperState HandTask Hands Hull Intrinsics Motion MotionState PathWatchSettings "
+        "SampleRate SetPoints StreamedArm Subscription Trajectory Workspace WrenchSample"
     ),
     "motion_supervisor": "Supervision",
     "path_arm": "AT_REST PathArm SetPointStream words",
-    "path_follower": "PathFollower",
-    "path_motion": "PathMotion",
+    "path_motion": "PathFollower PathMotion",
     "pomona.executive.cell.cell": "Cell",
     "pomona.executive.cell.cell_file": "read_cell_file",
     "pomona.executive.cell.connect": "load_cell",
-    "pomona.executive.cell.device": "FaultSwitch",
-    "pomona.executive.cell.owner": "Owner Watchdog",
-    "pomona.executive.cell.registration": "read_section_file",
-    "pomona.executive.cell.wire": "Address Link Malformed Nonsense TcpLink raise_priority tcp_opener",
-    "registration": "Driver NoOptions Settings Surroundings driver",
+    "pomona.executive.cell.device": "Device FaultSwitch World",
+    "pomona.executive.cell.owner": "Address Link Malformed Nonsense Owner TcpLink Watchdog raise_priority tcp_opener",
+    "pomona.executive.cell.registration": "Driver NoOptions Settings Surroundings driver read_section_file",
     "robot_file": "read_limits",
+    "services": "ConnectContext",
     "streams": "Belief FrameGuard SIDES SILENCE WrenchStream",
 }
 """Public names by the module that defines them."""

@@ -14,12 +14,12 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from pomona.drivers.device import Device
 from pomona.drivers.errors import BadTrajectory, DeviceError, DeviceFault, DeviceLost, MotionRefused
 from pomona.drivers.interfaces import Arm, ArmLimits, ArmState, Motion, MotionState, Trajectory
 from pomona.drivers.motion_supervisor import MotionSupervisor, Supervision
 from pomona.drivers.path_motion import PathMotion
 from pomona.drivers.trajectory import check_trajectory
+from pomona.executive.cell.device import Device
 from pomona.executive.cell.owner import Owner
 from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import Float64

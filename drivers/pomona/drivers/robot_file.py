@@ -10,8 +10,7 @@ import numpy as np
 
 from pomona.drivers.errors import UnusableRobotFile
 from pomona.drivers.interfaces import ArmLimits
-from pomona.executive.values.importing import import_under
-from pomona.executive.values.shipped import installed_trees
+from pomona.executive.values.installation import import_under, installed_trees
 from pomona.executive.values.trial import trial
 
 SHIPPED = (installed_trees() / "robots").resolve()  # as trustworthy as the code

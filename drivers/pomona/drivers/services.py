@@ -2,25 +2,138 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from pomona.drivers.device import ConnectContext
-from pomona.drivers.estimate import estimate_errors
-from pomona.drivers.hand_memory import HandMemory, HandRecord
-from pomona.drivers.hold_watch import HoldWatch
-from pomona.drivers.interfaces import Arm, ArmLimits, Camera, Cameras, DepthCamera, ForceSensor, Gripper, Hand
-from pomona.drivers.readings import Readings
+from pomona.drivers.errors import DriverError
+from pomona.drivers.hold_watch import HandMemory, HandRecord, HoldWatch, memory_of
+from pomona.drivers.interfaces import (
+    Arm,
+    ArmLimits,
+    Camera,
+    Cameras,
+    DepthCamera,
+    ForceSensor,
+    Gripper,
+    Hand,
+    Workspace,
+)
 from pomona.drivers.workspace import WorkspaceSection
 from pomona.executive.cell import device
+from pomona.executive.cell.device import Device
 from pomona.executive.cell.registration import Settings, Wired
 from pomona.executive.cell.services import Services
 from pomona.executive.lease import viewed
 from pomona.executive.values.findings import Findings
 from pomona.executive.values.sections import Placed
 from pomona.executive.values.yaml_nodes import YamlMapping
+
+
+@dataclass(slots=True)
+class ConnectContext(device.ConnectContext):
+    """Context of a connection: see `pomona.executive.cell.device.ConnectContext`.
+
+    Attributes:
+        hand: memory of an emulated world's hand; None where the hand is real.
+    """
+
+    workspace: Workspace | None = None
+    hand: HandMemory | None = None
+
+    def hand_memory(self, wires: Iterable[str]) -> HandMemory:
+        """Return the memory of the hand at the end of these wires."""
+        return memory_of(wires) if self.hand is None else self.hand
+
+
+def estimate_errors(reported: Mapping[str, Any], fruits: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Return errors of a reported position and size against the fruit that lies nearest to it.
+
+    Args:
+        reported: facts of the estimate: `position_m`, shape (3,), in the base frame, and `dimensions_m`, shape (3,).
+        fruits: the world's: `T_base_fruit_at_look`, shape (4, 4), and `dimensions_m`.
+
+    Returns:
+        position error, its vertical part (the paper's centroid error, positive when the estimate is too low), the norm
+        of the dimensions' error (the paper's dimensional error), the error of the mean width, all [mm]; empty when
+        nothing was reported.
+    """
+    if "position_m" not in reported or "dimensions_m" not in reported or not fruits:
+        return {}
+    position = np.asarray(reported["position_m"], dtype=np.float64)
+    size = np.asarray(reported["dimensions_m"], dtype=np.float64)
+    centres = np.array([np.asarray(fruit["T_base_fruit_at_look"])[:3, 3] for fruit in fruits])
+    nearest = int(np.argmin(np.linalg.norm(centres - position, axis=1)))
+    true_size = np.asarray(fruits[nearest]["dimensions_m"], dtype=np.float64)
+    offset = position - centres[nearest]
+    return {
+        "position_error_mm": 1e3 * float(np.linalg.norm(offset)),
+        "centroid_error_mm": -1e3 * float(offset[2]),
+        "size_error_mm": 1e3 * float(np.linalg.norm(size - true_size)),
+        "width_error_mm": 1e3 * float(size[[0, 2]].mean() - true_size[[0, 2]].mean()),
+    }
+
+
+WRENCH = ("force_x_N", "force_y_N", "force_z_N", "torque_x_Nm", "torque_y_Nm", "torque_z_Nm")
+
+MOST = 5000  # maximum number of samples of one device between two calls of `take`: ten seconds at 500 Hz
+
+
+class Readings:
+    """Subscribes to the fingers, and notes arm and gripper whenever it is asked to."""
+
+    def __init__(self, devices: Mapping[str, Device]) -> None:
+        self._arms = {name: device for name, device in devices.items() if Arm in device.interfaces}
+        self._grippers = {name: device for name, device in devices.items() if Gripper in device.interfaces}
+        self._fingers = {name: device for name, device in devices.items() if ForceSensor in device.interfaces}
+        self._noted: dict[str, deque[Any]] = {
+            name: deque(maxlen=MOST) for name in (*self._arms, *self._grippers, *self._fingers)
+        }
+        sensors: Any = self._fingers
+        self._subscriptions = [sensor.subscribe(self._noted[name].append) for name, sensor in sensors.items()]
+
+    def note(self) -> None:
+        """Read arm and gripper once; this uses their last states and does not wait."""
+        moving: Any
+        for name, moving in (*self._arms.items(), *self._grippers.items()):
+            noted = self._noted[name]
+            with contextlib.suppress(DriverError):  # the record does not decide whether a silent device ends the run
+                state = moving.state()
+                if not noted or noted[-1].stamp != state.stamp:
+                    noted.append(state)
+
+    def take(self) -> dict[str, dict[str, Any]]:
+        """Return the measurements since the last call, by device and quantity.
+
+        Every device gives `stamp_s` on the cell's clock, arms joints and velocities, grippers their width, fingers
+        force and torque of each in its pad's frame; shape (n,) each, the name carries the unit.
+        """
+        taken = {name: [noted.popleft() for _ in range(len(noted))] for name, noted in self._noted.items()}
+        return {name: self._columns(name, samples) for name, samples in taken.items() if samples}
+
+    def close(self) -> None:
+        """Listen no more."""
+        for subscription in self._subscriptions:
+            subscription.close()
+
+    def _columns(self, name: str, samples: list[Any]) -> dict[str, Any]:
+        columns = {"stamp_s": np.array([sample.stamp for sample in samples])}
+        if name in self._arms:
+            q, qd = (np.array(rows).T for rows in zip(*((sample.q, sample.qd) for sample in samples), strict=True))
+            columns |= {f"q_{k + 1}_rad": joint for k, joint in enumerate(q)}
+            return columns | {f"qd_{k + 1}_rad_per_s": joint for k, joint in enumerate(qd)}
+        if name in self._grippers:
+            return columns | {"width_m": np.array([sample.width for sample in samples])}
+        wrenches = np.array([sample.wrenches for sample in samples])
+        for finger in range(wrenches.shape[1]):
+            for k, part in enumerate(WRENCH):
+                columns[f"finger_{finger + 1}_{part}"] = wrenches[:, finger, k]
+        return columns
+
 
 COUNTS_MOST = (
     "lifted",

@@ -39,8 +39,15 @@ if TYPE_CHECKING:
         StopFailed as StopFailed,
     )
     from pomona.executive.cell.owner import (
+        Address as Address,
+        Link as Link,
+        Malformed as Malformed,
+        Nonsense as Nonsense,
         Owner as Owner,
+        TcpLink as TcpLink,
         Watchdog as Watchdog,
+        raise_priority as raise_priority,
+        tcp_opener as tcp_opener,
     )
     from pomona.executive.cell.registration import (
         Driver as Driver,
@@ -49,15 +56,6 @@ if TYPE_CHECKING:
         Surroundings as Surroundings,
         driver as driver,
         read_section_file as read_section_file,
-    )
-    from pomona.executive.cell.wire import (
-        Address as Address,
-        Link as Link,
-        Malformed as Malformed,
-        Nonsense as Nonsense,
-        TcpLink as TcpLink,
-        raise_priority as raise_priority,
-        tcp_opener as tcp_opener,
     )
     from pomona.executive.clock import (
         Clock as Clock,
@@ -144,6 +142,7 @@ if TYPE_CHECKING:
     from pomona.executive.values.archives import (
         ArchiveTooLarge as ArchiveTooLarge,
         open_archive as open_archive,
+        read_plain_arrays as read_plain_arrays,
     )
     from pomona.executive.values.arrays import (
         Float64 as Float64,
@@ -186,9 +185,6 @@ if TYPE_CHECKING:
         read_picture as read_picture,
         read_plane as read_plane,
         write_picture as write_picture,
-    )
-    from pomona.executive.values.plain_arrays import (
-        read_plain_arrays as read_plain_arrays,
     )
     from pomona.executive.values.plain_text import (
         NoTableError as NoTableError,
@@ -250,9 +246,8 @@ PUBLIC = {
     "cell.connect": "load_cell",
     "cell.device": "ConnectContext Device FaultSwitch World paced stamped",
     "cell.errors": "CellFileError DeviceError DeviceFault DeviceLost DriverError MotionRefused StopFailed",
-    "cell.owner": "Owner Watchdog",
+    "cell.owner": "Address Link Malformed Nonsense Owner TcpLink Watchdog raise_priority tcp_opener",
     "cell.registration": "Driver NoOptions Settings Surroundings driver read_section_file",
-    "cell.wire": "Address Link Malformed Nonsense TcpLink raise_priority tcp_opener",
     "clock": "Clock ManualClock SystemClock",
     "errors": "PomonaError SkillError UsageError",
     "execute": "Executed RunOrder run_tree",
@@ -260,20 +255,20 @@ PUBLIC = {
     "lease": "command",
     "palette": "OVERLAY",
     "ports": (
-        "Acceleration Angle AngularSpeed Force Length Mass Outputs Port Pressure REQUIRED Rate "
-        "Ratio Speed Stiffness Time Torque"
+        "Acceleration Angle AngularSpeed Force Length Mass Outputs Port Pressure REQUIRED Rate Ratio Speed "
+        "Stiffness Time Torque"
     ),
     "run_views": "RunView ViewedRun",
     "running.events": (
-        "AttemptEnded ErrorRaised Event NodeChanged OperatorActed PortWritten Published RunEnded "
-        "RunStarted SafeStopped StateChanged"
+        "AttemptEnded ErrorRaised Event NodeChanged OperatorActed PortWritten Published RunEnded RunStarted "
+        "SafeStopped StateChanged"
     ),
     "running.runner": "Runner",
     "running.signals": "raise_again",
     "running.starting": "Starting",
     "skill": "CellFacts Computation Failure Interrupted Skill SkillFailure Work",
     "skill_testing": "SkillEnd drive",
-    "values.archives": "ArchiveTooLarge open_archive",
+    "values.archives": "ArchiveTooLarge open_archive read_plain_arrays",
     "values.arrays": "Float64 UInt8",
     "values.documents": "ValueFile",
     "values.findings": "Finding format_finding",
@@ -283,7 +278,6 @@ PUBLIC = {
     "values.pictures": (
         "ENDINGS UnusablePicture decode_picture decode_plane is_lfs_pointer read_picture read_plane write_picture"
     ),
-    "values.plain_arrays": "read_plain_arrays",
     "values.plain_text": "NoTableError is_file read_plain_text read_table",
     "values.read_only": "ReadOnly",
     "values.rotations": "is_rigid",

@@ -20,8 +20,7 @@ from pomona.executive.board import Board
 from pomona.executive.cell.cell import dry_cell
 from pomona.executive.execute import Executed, versions
 from pomona.executive.language import BuiltTree
-from pomona.executive.language.built import NodeInfo
-from pomona.executive.language.names_of_nodes import UniquePaths
+from pomona.executive.language.built import NodeInfo, UniquePaths
 from pomona.executive.recording.session import RecordingSession
 from pomona.executive.run_views import RunViews
 from pomona.executive.running.events import EventStream, Listener, RunStarted

@@ -17,11 +17,11 @@ from typing import Any
 
 from pomona.executive.commands.command_line import children, make_parser
 from pomona.executive.errors import UsageError
-from pomona.executive.extras import remedy
 from pomona.executive.running.launcher import in_child
 from pomona.executive.running.signals import WORDS, raise_again, raising, report_end, signalled, status_of
 from pomona.executive.terminal.output import unwaiting_output
-from pomona.executive.values.bounded import within
+from pomona.executive.values.installation import remedy
+from pomona.executive.values.processes import within
 
 PATIENCE = 2.0  # seconds that threads and processes may go on when the work is done
 REPORTED = ("run", "rerun")  # commands whose status 0 means that a task succeeded: a process of their own reports it
@@ -95,7 +95,7 @@ def _command(words: Sequence[str]) -> str:
 
 
 def _run(words: Sequence[str]) -> int:
-    from pomona.executive.terminal.filtered import (
+    from pomona.executive.terminal.output import (
         filtered_output,  # loading it takes a while: signals are handled before
     )
 

@@ -23,30 +23,25 @@ from pomona.executive.files import read_text
 from pomona.executive.judging import judge, split_settings
 from pomona.executive.language import BuiltTree, Document, Mocks, build, format_findings
 from pomona.executive.language.built import Side
-from pomona.executive.language.documents import read_document, refuse_errors
-from pomona.executive.language.mocks import MockPlan
-from pomona.executive.language.mocks_file import read_mocks
-from pomona.executive.one_process import leave_if_forked, run_in_progress
+from pomona.executive.language.check import read_document, refuse_errors
+from pomona.executive.language.mocks import MockPlan, read_mocks
 from pomona.executive.reasons import Reason
 from pomona.executive.recording.folder import refuse_unwritable
-from pomona.executive.recording.session import Reader, RecordingSession
-from pomona.executive.recording.unfinished import unfinished
+from pomona.executive.recording.session import Reader, RecordingSession, unfinished
 from pomona.executive.registry import Registry
+from pomona.executive.running.cell_watch import installed_watchers
 from pomona.executive.running.events import EventStream, Listener, OperatorActed, RunEnded, RunStarted
-from pomona.executive.running.one_run import alone_on
-from pomona.executive.running.run_state import RunResult
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.signals import RunSignals, error_of
-from pomona.executive.running.starting import StartCancelledError, Starting
+from pomona.executive.running.starting import RunResult, StartCancelledError, Starting, alone_on
 from pomona.executive.running.supervisor import RunSupervision
 from pomona.executive.running.traces import place_of
-from pomona.executive.running.watching import installed_watchers
 from pomona.executive.skill import SkillContext
 from pomona.executive.terminal.summary import Summary
 from pomona.executive.values.findings import did_you_mean
-from pomona.executive.values.installation import commit_here, distribution
+from pomona.executive.values.installation import commit_here, distribution, installed_trees
+from pomona.executive.values.processes import leave_if_forked, run_in_progress
 from pomona.executive.values.sentences import sentence_of
-from pomona.executive.values.shipped import installed_trees
 from pomona.executive.values.yaml_nodes import written
 
 logger = logging.getLogger(__name__)

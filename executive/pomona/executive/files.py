@@ -1,15 +1,19 @@
-"""Trees and cells by path, or by name from those installed with the package."""
+"""Trees and cells by path or name, and the kinds of files that `pomona check` and `pomona schema` know."""
 
 from __future__ import annotations
 
 import sys
 import tomllib
+from collections.abc import Collection, Mapping
+from functools import cache
+from importlib.metadata import entry_points
 from pathlib import Path
+from typing import Any, Protocol
 
 from pomona.executive.errors import UsageError
-from pomona.executive.values.findings import did_you_mean
+from pomona.executive.values.findings import Findings, did_you_mean
+from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.plain_text import exists, is_file, not_utf8, read_plain_text
-from pomona.executive.values.shipped import installed_trees
 
 
 def find_tree(name: str) -> Path:
@@ -70,3 +74,30 @@ def _find(name: str, kind: str, folder: Path) -> Path:
     known = sorted(path.stem for path in folder.glob("*.yaml"))
     hint = did_you_mean(given.stem, known) if given.name == name else ""
     raise UsageError(f"no {kind} file '{name}'; {f'{hint} ' if hint else ''}installed: {', '.join(known) or 'none'}")
+
+
+class FileKind(Protocol):
+    """Files of one kind."""
+
+    def recognises(self, keys: Collection[str]) -> bool:
+        """Return True if a file with these keys at its top is one."""
+
+    def check(self, path: Path, findings: Findings) -> None:
+        """Everything that is wrong with a file."""
+
+    def schema(self) -> Mapping[str, Any]:
+        """Return the JSON Schema of such files."""
+
+
+def kind_names() -> tuple[str, ...]:
+    """Return the installed kinds."""
+    return tuple(sorted(point.name for point in entry_points(group="pomona.files")))
+
+
+@cache
+def file_kind(name: str) -> FileKind:
+    """Return an installed kind by its name. Raises KeyError: there is none."""
+    for point in entry_points(group="pomona.files", name=name):
+        kind: FileKind = point.load()
+        return kind
+    raise KeyError(name)

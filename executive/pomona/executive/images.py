@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pomona.executive.extras import need
 from pomona.executive.values.arrays import UInt8
+from pomona.executive.values.installation import need
 
 EXTRA = "pictures"
 

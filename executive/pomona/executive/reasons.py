@@ -1,15 +1,21 @@
-"""Why a node failed: a chain of reasons from the root's failure down to the leaves that caused it."""
+"""Why a node failed: a chain of reasons from the root down to the leaves that caused it; the meaning of each code."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import TYPE_CHECKING
 
-from pomona.executive.errors import PomonaError
+import yaml
 
-if TYPE_CHECKING:  # who only reads records needs no behaviours
+from pomona.executive.errors import PomonaError
+from pomona.executive.values.installation import installed_trees
+from pomona.executive.values.plain_text import read_plain_text
+
+if TYPE_CHECKING:
     from py_trees.behaviour import Behaviour
+
 
 DEEPEST_CAUSE, MOST_CAUSES = 90, 10_000  # how far down, and how many, causes of one reason are recorded and read
 
@@ -109,3 +115,19 @@ def from_causes(node: Behaviour, causes: tuple[Reason, ...]) -> Reason:
     if not causes:
         return Reason(path_of(node), "FAILED", node.feedback_message or f"{node.name} failed without saying why")
     return Reason(path_of(node), causes[-1].code, causes[-1].message, causes=causes)
+
+
+@dataclass(frozen=True, slots=True)
+class FailureCode:
+    """One code; meaning and remedy are sentences without a capital and a full stop."""
+
+    code: str
+    meaning: str
+    remedy: str
+
+
+@cache
+def failure_codes() -> Mapping[str, FailureCode]:
+    """Return the codes that are described, by name, in the order of the file (trees/failures)."""
+    found = yaml.safe_load(read_plain_text(installed_trees() / "failures" / "codes.yaml"))["failures"]
+    return {code: FailureCode(code, about["meaning"], about["remedy"]) for code, about in found.items()}

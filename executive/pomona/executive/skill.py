@@ -33,10 +33,10 @@ from py_trees.common import Status
 
 from pomona.executive.clock import Clock
 from pomona.executive.errors import SkillError
-from pomona.executive.one_process import leave_if_forked
 from pomona.executive.ports import Outputs, Ports
 from pomona.executive.signature import ports_of
 from pomona.executive.values.findings import Located
+from pomona.executive.values.processes import leave_if_forked
 from pomona.executive.values.sections import Problem
 from pomona.executive.values.sentences import shortened
 

@@ -19,7 +19,7 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
-from pomona.executive.values.report_line import ReportLine
+from pomona.executive.values.sentences import ReportLine
 
 PLACE = "NUMBA_CACHE_DIR"  # numba's setting; who has set it already is not overruled
 KEEP = f"set {PLACE} to a folder that is writable and stays"

@@ -8,7 +8,7 @@ import pytest
 
 from pomona.drivers.base.parallel_gripper import ParallelGripper
 from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
-from pomona.drivers.gripper_motion import GripperMotion
+from pomona.drivers.gripper_supervisor import GripperMotion
 from pomona.drivers.interfaces import Gripper, GripperLimits, MotionState
 from pomona.executive.clock import ManualClock
 

@@ -8,18 +8,18 @@ from typing import Any
 
 import pytest
 
-from pomona.drivers.device import ConnectContext
 from pomona.drivers.errors import DeviceFault
 from pomona.drivers.interfaces import ForceSensor, Gripper
 from pomona.drivers.mock import MockClock, MockGripper
-from pomona.drivers.registration import Driver, Settings
+from pomona.drivers.services import ConnectContext
 from pomona.executive.cell import registration
 from pomona.executive.cell.connect import load_cell
+from pomona.executive.cell.registration import Driver, Settings
 from pomona.executive.errors import UsageError
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.files import find_cell, find_tree
 from pomona.executive.judging import judge
-from pomona.executive.language.documents import read_document
+from pomona.executive.language.check import read_document
 from pomona.executive.registry import Registry
 
 PLAIN = """

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from pomona.drivers.device import ConnectContext, Device
 from pomona.drivers.errors import CellFileError, DeviceLost
 from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper, Hands, StreamedArm, Workspace
+from pomona.drivers.services import ConnectContext
 from pomona.executive.cell import registration as driver_module
 from pomona.executive.cell.connect import load_cell
+from pomona.executive.cell.device import Device
 from pomona.executive.cell.registration import Driver, NoOptions, installed_drivers
 from pomona.executive.clock import ManualClock, SystemClock
 from pomona.executive.values.kinds import Text

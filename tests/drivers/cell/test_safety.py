@@ -5,11 +5,11 @@ import threading
 import numpy as np
 import pytest
 
-from pomona.drivers.device import Device
 from pomona.drivers.errors import DeviceFault, MotionRefused
 from pomona.drivers.interfaces import Arm, Gripper, MotionState, Trajectory, WrenchSample
 from pomona.drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
 from pomona.executive.cell.cell import Cell
+from pomona.executive.cell.device import Device
 from pomona.executive.clock import ManualClock, SystemClock
 
 

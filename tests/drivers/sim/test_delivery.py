@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pomona.drivers.interfaces import Frame, Intrinsics
-from pomona.drivers.sim.delivery import Delivery
+from pomona.drivers.sim.camera import Delivery
 from pomona.executive.clock import ManualClock
 
 

@@ -9,8 +9,7 @@ import pytest
 
 from pomona.drivers.errors import DeviceFault, DeviceLost
 from pomona.drivers.interfaces import ForceSensor, WrenchSample
-from pomona.drivers.sim.finger_faults import DELAYS, LIES
-from pomona.drivers.sim.fingers import SimFingers
+from pomona.drivers.sim.fingers import DELAYS, LIES, SimFingers
 from pomona.drivers.sim.gl import load_mujoco
 
 

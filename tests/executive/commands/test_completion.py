@@ -9,9 +9,8 @@ import subprocess
 
 import pytest
 
-from pomona.executive.commands.command_line import children, make_parser
+from pomona.executive.commands.command_line import children, examples, make_parser
 from pomona.executive.commands.completion import SHELLS, script
-from pomona.executive.commands.examples import examples
 
 SOME = ("run", "check", "completion", "runs")
 

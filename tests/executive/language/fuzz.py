@@ -19,8 +19,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pomona.executive.language import TreeFileError, build, check, format_findings, read
-from pomona.executive.language.drawing import show_svg
-from pomona.executive.language.outline import show_text
+from pomona.executive.language.drawing import show_svg, show_text
 from pomona.executive.registry import Registry
 from pomona.executive.skill_testing import BenchContext
 from pomona.tools.groot.export_xml import export_groot

@@ -8,7 +8,7 @@ import re
 import pytest
 from hypothesis import given, strategies as st
 
-from pomona.executive.language.expression_parser import parse_expression
+from pomona.executive.language.expression import parse_expression
 from pomona.executive.language.expression_run import MOST_ITEMS, MOST_WHOLE, compile_expression
 from pomona.executive.reasons import NoValue, reason_of
 

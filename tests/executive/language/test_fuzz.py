@@ -11,7 +11,7 @@ import yaml
 from hypothesis import given, settings, strategies as st
 
 from pomona.executive.language import TreeFileError, build, check, format_findings, read
-from pomona.executive.language.expression_parser import ExpressionSyntaxError, parse_expression
+from pomona.executive.language.expression import ExpressionSyntaxError, parse_expression
 from pomona.executive.language.read import read_file
 from pomona.executive.skill_testing import BenchContext
 from pomona.executive.values import yaml_nodes

@@ -9,8 +9,7 @@ import pytest
 import yaml
 
 from pomona.executive.language import read
-from pomona.executive.language.drawing import show_svg
-from pomona.executive.language.outline import show_text
+from pomona.executive.language.drawing import show_svg, show_text
 from pomona.executive.language.schema import schema
 
 HEAD = "pomona: 1\ntree: t\n"

@@ -12,8 +12,7 @@ import pytest
 import yaml
 
 from pomona.executive.language import build, check, read
-from pomona.executive.language.drawing import show_svg
-from pomona.executive.language.outline import show_text
+from pomona.executive.language.drawing import show_svg, show_text
 from pomona.executive.language.schema import schema
 from pomona.executive.nodes import Modifier, NodeTypeError, NodeTypes, catalogue, takes
 from pomona.executive.registry import Registry

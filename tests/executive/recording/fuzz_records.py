@@ -38,14 +38,13 @@ from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.language import build, read
 from pomona.executive.reasons import Reason
 from pomona.executive.recording import overview as overview_module, recorder as recorder_module, scan as scan_module
-from pomona.executive.recording.decode import event_from
 from pomona.executive.recording.difference import comparable, differences
 from pomona.executive.recording.digest import digest
 from pomona.executive.recording.folder import EVENTS_FILE
-from pomona.executive.recording.json_text import parse, parse_object
 from pomona.executive.recording.mcap_file import HEAD, MAGIC
 from pomona.executive.recording.message import message_of
-from pomona.executive.recording.read import read_events
+from pomona.executive.recording.plain_file import parse, parse_object
+from pomona.executive.recording.read import event_from, read_events
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.recording.scan import examine
 from pomona.executive.registry import Registry
@@ -61,7 +60,7 @@ from pomona.executive.running.events import (
 )
 from pomona.executive.running.runner import Runner
 from pomona.executive.terminal.explain import explain
-from pomona.executive.terminal.filtered import json_text, visible
+from pomona.executive.terminal.output import json_text, visible
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.summary import Summary
 from pomona.executive.views import Line3, SceneView, SeriesView, TableView

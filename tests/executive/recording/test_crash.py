@@ -20,8 +20,7 @@ from pomona.executive.cli import main
 from pomona.executive.errors import UsageError
 from pomona.executive.recording import recorder as recorder_module
 from pomona.executive.recording.digest import digest
-from pomona.executive.recording.ending import ENDING_FILE
-from pomona.executive.recording.folder import EVENTS_FILE, is_being_written
+from pomona.executive.recording.folder import ENDING_FILE, EVENTS_FILE, is_being_written
 from pomona.executive.recording.read import read_events
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.recording.scan import is_whole

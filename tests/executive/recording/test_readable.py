@@ -19,8 +19,7 @@ from pomona.executive.cli import main
 from pomona.executive.reasons import Reason
 from pomona.executive.recording import recorder as recorder_module
 from pomona.executive.recording.digest import digest
-from pomona.executive.recording.ending import why_cut
-from pomona.executive.recording.folder import EVENTS_FILE
+from pomona.executive.recording.folder import EVENTS_FILE, why_cut
 from pomona.executive.recording.read import read_events
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.recording.session import RecordingSession

@@ -19,15 +19,14 @@ import pytest
 
 from pomona.executive.cli import main
 from pomona.executive.recording import recorder as module, session as session_module
-from pomona.executive.recording.ending import read_ending
-from pomona.executive.recording.folder import EVENTS_FILE
+from pomona.executive.recording.folder import EVENTS_FILE, read_ending
 from pomona.executive.recording.picture import Picture
 from pomona.executive.recording.read import read_events
 from pomona.executive.recording.recorder import BATCH, Lag, Recorder
 from pomona.executive.recording.scan import is_whole
 from pomona.executive.recording.session import RecordingSession
 from pomona.executive.running.events import StateChanged
-from pomona.executive.values.bounded import within
+from pomona.executive.values.processes import within
 
 PATIENCE = 300.0  # of a busy machine [s]
 ERRORS = [errno.EROFS, errno.EDQUOT, errno.ENOSPC, errno.EIO]

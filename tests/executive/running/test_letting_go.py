@@ -8,7 +8,7 @@ from fake_runs import Turn, make
 from pomona.executive.ports import Outputs
 from pomona.executive.registry import Registry
 from pomona.executive.running.events import Event, NodeChanged, StateChanged
-from pomona.executive.running.run_state import RunState
+from pomona.executive.running.starting import RunState
 from pomona.executive.skill import Skill, Work
 
 

@@ -14,14 +14,14 @@ from pomona.executive.cell.cell_file import read_cell_file
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.files import find_cell
 from pomona.executive.recording.session import RecordingSession
-from pomona.executive.running.one_run import CellInUseError, alone_on
+from pomona.executive.running.starting import CellInUseError, alone_on
 
 TREE = "pomona: 1\ntree: t\nroot:\n  wait: 20 ms\n"
 CELL = "name: bench\nkind: real\nclock: manual\ndevices: {}\n"
 HOLDS = """
 import sys, time
 from pathlib import Path
-from pomona.executive.running.one_run import alone_on
+from pomona.executive.running.starting import alone_on
 with alone_on(Path(sys.argv[1]), "real"):
     print("has it", flush=True)
     time.sleep(60.0)

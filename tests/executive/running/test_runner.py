@@ -14,7 +14,6 @@ from fake_runs import TURN, Turn, make as make_run
 from pomona.executive.cell.device import FaultSwitch
 from pomona.executive.ports import Outputs
 from pomona.executive.registry import Registry
-from pomona.executive.running.breakpoints import UnknownNodeError
 from pomona.executive.running.compute import Computations
 from pomona.executive.running.events import (
     ErrorRaised,
@@ -27,8 +26,9 @@ from pomona.executive.running.events import (
     StateChanged,
 )
 from pomona.executive.running.requests import LATE, AnswerRefusedError
-from pomona.executive.running.run_state import RunState
 from pomona.executive.running.runner import Runner
+from pomona.executive.running.starting import RunState
+from pomona.executive.running.tick import UnknownNodeError
 from pomona.executive.skill import Interrupted, Skill, Work
 
 

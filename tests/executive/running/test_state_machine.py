@@ -16,7 +16,7 @@ from pomona.executive.cell.cell import Cell
 from pomona.executive.registry import Registry
 from pomona.executive.running.events import ErrorRaised, OperatorActed
 from pomona.executive.running.requests import AnswerRefusedError
-from pomona.executive.running.run_state import RunResult
+from pomona.executive.running.starting import RunResult
 from pomona.tools.dashboard.control_lock import ControlLock, RefusedError
 
 TREES = (

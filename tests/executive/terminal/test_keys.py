@@ -15,8 +15,8 @@ from fake_runs import Turn, make
 
 from pomona.executive.registry import Registry
 from pomona.executive.running.events import Event, OperatorActed, StateChanged
-from pomona.executive.running.run_state import RunResult
 from pomona.executive.running.runner import Runner
+from pomona.executive.running.starting import RunResult
 from pomona.executive.terminal.keys import Keys
 from pomona.executive.terminal.screen import Screen
 

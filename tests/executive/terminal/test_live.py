@@ -10,8 +10,8 @@ import pytest
 from rich.console import Console
 
 from pomona.executive.running.events import NodeChanged, RunStarted, TickOverran
-from pomona.executive.terminal.filtered import visible
 from pomona.executive.terminal.live import LiveTree
+from pomona.executive.terminal.output import visible
 from pomona.executive.terminal.screen import Screen
 
 NODES = (

@@ -28,7 +28,7 @@ from pomona.executive.terminal import output as module
 from pomona.executive.terminal.live import LiveTree
 from pomona.executive.terminal.output import Output, unwaiting_output
 from pomona.executive.terminal.screen import Screen
-from pomona.executive.values.bounded import write_if_read
+from pomona.executive.values.processes import write_if_read
 
 PATIENCE = 300.0  # of a busy machine [s]
 TREE = "pomona: 1\ntree: t\nroot: {repeat: 1000000, sequence: [{wait: 20 ms}, {succeed: {}}]}\n"

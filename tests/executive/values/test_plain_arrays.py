@@ -11,7 +11,7 @@ from zipfile import ZipFile
 import numpy as np
 import pytest
 
-from pomona.executive.values.plain_arrays import MOST_BYTES, UnreadableArraysError, read_plain_arrays
+from pomona.executive.values.archives import MOST_BYTES, UnreadableArraysError, read_plain_arrays
 
 
 def packed(header: str) -> bytes:

@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from pomona.drivers.mock.clock import MockClock
-from pomona.drivers.mock.fingers import MockForceSensor, spring_fruit
-from pomona.drivers.mock.gripper import MockGripper
+from pomona.drivers.mock.hand import MockClock, MockForceSensor, MockGripper, spring_fruit
 from pomona.drivers.services import RobotServices
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cli import main as pomona

@@ -5,7 +5,7 @@ and leaves a gap in the sequence. A lost or faulty finger stops the gripper and 
 the background.
 
 The bias, the voltages without contact, is taken when nothing can be between the fingers; otherwise the last one stays
-in force, which `pomona.drivers.hand_memory` keeps from one connection to the next.
+in force, which `pomona.drivers.hold_watch` keeps from one connection to the next.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Links to a WSG gripper: a CAN bus by python-can, or TCP (`pomona.executive.cell.wire.TcpLink`)."""
+"""Links to a WSG gripper: a CAN bus by python-can, or TCP (`pomona.executive.cell.owner.TcpLink`)."""
 
 from __future__ import annotations
 

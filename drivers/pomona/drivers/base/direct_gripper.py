@@ -6,8 +6,7 @@ from abc import abstractmethod
 
 from pomona.drivers.base.parallel_gripper import ParallelGripper
 from pomona.drivers.errors import DeviceFault
-from pomona.drivers.gripper_motion import DirectMotion, GripperMotion
-from pomona.drivers.gripper_supervisor import GripperSupervision
+from pomona.drivers.gripper_supervisor import DirectMotion, GripperMotion, GripperSupervision
 from pomona.drivers.interfaces import GripperLimits, GripperState
 from pomona.executive.clock import Clock
 

@@ -25,11 +25,16 @@ import math
 import threading
 from abc import ABC, abstractmethod
 
-from pomona.drivers.device import Device
 from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
-from pomona.drivers.gripper_motion import GripperMotion, allowed_speed, require_move
-from pomona.drivers.gripper_supervisor import GripperSupervision, GripperSupervisor
+from pomona.drivers.gripper_supervisor import (
+    GripperMotion,
+    GripperSupervision,
+    GripperSupervisor,
+    allowed_speed,
+    require_move,
+)
 from pomona.drivers.interfaces import Gripper, GripperLimits, GripperState, MotionState
+from pomona.executive.cell.device import Device
 from pomona.executive.cell.owner import Owner, Watchdog
 from pomona.executive.clock import Clock
 

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pomona.drivers.errors import DeviceFault
-from pomona.drivers.path_follower import PathFollower
-from pomona.drivers.path_motion import PathMotion
+from pomona.drivers.path_motion import PathFollower, PathMotion
 from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import Float64
 

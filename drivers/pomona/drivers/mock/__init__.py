@@ -9,9 +9,6 @@ simulated cell. `pytest_plugins = ["pomona.drivers.mock.fixtures"]` in a conftes
 """
 
 from pomona.drivers.mock.arm import MockArm
-from pomona.drivers.mock.camera import MockCamera
-from pomona.drivers.mock.clock import MockClock
-from pomona.drivers.mock.fingers import MockForceSensor, spring_fruit
-from pomona.drivers.mock.gripper import MockGripper
+from pomona.drivers.mock.hand import MockCamera, MockClock, MockForceSensor, MockGripper, spring_fruit
 
 __all__ = ["MockArm", "MockCamera", "MockClock", "MockForceSensor", "MockGripper", "spring_fruit"]

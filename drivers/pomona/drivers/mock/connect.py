@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from pomona.drivers.device import ConnectContext, Device
 from pomona.drivers.mock.arm import SIA5F_LIMITS, MockArm
-from pomona.drivers.mock.camera import MockCamera
-from pomona.drivers.mock.clock import MockClock
-from pomona.drivers.mock.fingers import MockForceSensor, spring_fruit
-from pomona.drivers.mock.gripper import MockGripper
+from pomona.drivers.mock.hand import MockCamera, MockClock, MockForceSensor, MockGripper, spring_fruit
 from pomona.drivers.motion_supervisor import Supervision
-from pomona.drivers.registration import NoOptions, Settings, Surroundings, driver
+from pomona.drivers.services import ConnectContext
+from pomona.executive.cell.device import Device
+from pomona.executive.cell.registration import NoOptions, Settings, Surroundings, driver
 from pomona.executive.values.kinds import Measure, Text, choose
 from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import LENGTH

@@ -16,10 +16,7 @@ import pytest
 
 from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper
 from pomona.drivers.mock.arm import MockArm
-from pomona.drivers.mock.camera import MockCamera
-from pomona.drivers.mock.clock import MockClock
-from pomona.drivers.mock.fingers import MockForceSensor
-from pomona.drivers.mock.gripper import MockGripper
+from pomona.drivers.mock.hand import MockCamera, MockClock, MockForceSensor, MockGripper
 from pomona.drivers.services import RobotServices
 from pomona.executive.cell.cell import Cell
 

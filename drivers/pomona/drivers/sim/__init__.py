@@ -9,25 +9,21 @@ from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
     from pomona.drivers.sim.camera import SimCamera as SimCamera
-    from pomona.drivers.sim.fruit_model import (
-        UnusableModel as UnusableModel,
-        read_model as read_model,
-    )
     from pomona.drivers.sim.fruit_shape import (
         APPLES as APPLES,
         SKINS as SKINS,
         FruitShape as FruitShape,
+        UnusableModel as UnusableModel,
         make_fruit as make_fruit,
+        read_model as read_model,
     )
     from pomona.drivers.sim.gl import load_mujoco as load_mujoco
     from pomona.drivers.sim.layout import (
+        FINGERS as FINGERS,
         FRICTION as FRICTION,
+        PADS as PADS,
         CellFruitSection as CellFruitSection,
         FruitOnTable as FruitOnTable,
-    )
-    from pomona.drivers.sim.robot import (
-        FINGERS as FINGERS,
-        PADS as PADS,
         read_robot as read_robot,
     )
     from pomona.drivers.sim.scene import (
@@ -50,11 +46,9 @@ if TYPE_CHECKING:
 
 PUBLIC = {
     "camera": "SimCamera",
-    "fruit_model": "UnusableModel read_model",
-    "fruit_shape": "APPLES FruitShape SKINS make_fruit",
+    "fruit_shape": "APPLES FruitShape SKINS UnusableModel make_fruit read_model",
     "gl": "load_mujoco",
-    "layout": "CellFruitSection FRICTION FruitOnTable",
-    "robot": "FINGERS PADS read_robot",
+    "layout": "CellFruitSection FINGERS FRICTION FruitOnTable PADS read_robot",
     "scene": (
         "TABLE_FRICTION TIMESTEP add_fixed add_fruit add_lights add_material container_of quaternion set_physics "
         "standing_pose"

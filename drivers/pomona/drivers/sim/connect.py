@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pomona.drivers.camera_options import LARGEST, IntrinsicsSection
-from pomona.drivers.device import ConnectContext
 from pomona.drivers.errors import UnusableRobotFile
 from pomona.drivers.gripper_supervisor import GripperSupervision
 from pomona.drivers.motion_supervisor import Supervision
-from pomona.drivers.registration import Settings, Surroundings, driver
+from pomona.drivers.services import ConnectContext
 from pomona.drivers.sim.arm import SimArm
 from pomona.drivers.sim.camera import SimCamera
 from pomona.drivers.sim.fingers import SimFingers
@@ -23,6 +22,7 @@ from pomona.drivers.sim.scene import OFFSCREEN, build_scene
 from pomona.drivers.sim.stereo_depth import Stereo
 from pomona.drivers.sim.world import PhysicsWorld, SimWorld
 from pomona.drivers.streams import Belief
+from pomona.executive.cell.registration import Settings, Surroundings, driver
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.kinds import Counts, Measure, Row, Span
 from pomona.executive.values.sections import Problem, Section, value

@@ -17,7 +17,7 @@ from types import ModuleType
 from typing import Any, TypeVar
 
 from pomona.drivers.errors import DeviceFault
-from pomona.executive.values.importing import import_under
+from pomona.executive.values.installation import import_under
 
 T = TypeVar("T")
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from pomona.drivers.base.direct_gripper import DirectGripper
 from pomona.drivers.errors import DeviceLost
-from pomona.drivers.gripper_motion import GripperMotion
-from pomona.drivers.gripper_supervisor import GripperSupervision
+from pomona.drivers.gripper_supervisor import GripperMotion, GripperSupervision
 from pomona.drivers.interfaces import GripperLimits, GripperState, MotionState
 from pomona.drivers.sim.scene import TIMESTEP
 from pomona.drivers.sim.world import FaultyDevice, PhysicsWorld

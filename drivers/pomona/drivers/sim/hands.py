@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from pomona.drivers.device import Device
 from pomona.drivers.interfaces import Hands, HandTask
-from pomona.drivers.sim.robot import PADS
+from pomona.drivers.sim.layout import PADS
 from pomona.drivers.sim.scene import TIMESTEP
 from pomona.drivers.sim.world import SimWorld
+from pomona.executive.cell.device import Device
 from pomona.executive.values.arrays import Float64
 
 STIFFNESS, TURNING_STIFFNESS = 1500.0, 0.5  # of a hand that holds on [N/m] and against turning [N·m/rad]

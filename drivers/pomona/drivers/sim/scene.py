@@ -10,11 +10,9 @@ import numpy as np
 
 from pomona.drivers.interfaces import Box
 from pomona.drivers.sim.fruit_shape import FruitShape, make_fruit
-from pomona.drivers.sim.gathering import Gathering
 from pomona.drivers.sim.gl import load_mujoco
 from pomona.drivers.sim.intruder import IntruderSection, add_intruder
-from pomona.drivers.sim.layout import Distractor, FruitOnTable, Layout
-from pomona.drivers.sim.robot import PADS, read_robot
+from pomona.drivers.sim.layout import PADS, Distractor, FruitOnTable, Gathering, Layout, read_robot
 from pomona.executive.values.arrays import Float64
 
 TIMESTEP = 0.002  # step of the physics [s]; contact, sensing and force control share it

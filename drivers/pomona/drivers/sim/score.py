@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pomona.drivers.sim.robot import PADS
+from pomona.drivers.sim.layout import PADS
 from pomona.drivers.sim.scene import SimScene, container_of, fixed_names
 from pomona.executive.values.arrays import Float64
 

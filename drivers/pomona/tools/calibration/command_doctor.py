@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from pomona.executive.values.report_line import ReportLine
-from pomona.executive.values.shipped import installed_trees
+from pomona.executive.values.installation import installed_trees
+from pomona.executive.values.sentences import ReportLine
 from pomona.tools.calibration.machine import examine_machine
 
 CELLS = installed_trees() / "cells"

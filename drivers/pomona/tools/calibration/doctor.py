@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from pomona.drivers.device import Device
 from pomona.drivers.errors import CellFileError, DriverError
 from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Frame, Gripper, WrenchSample
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.connect import load_cell
+from pomona.executive.cell.device import Device
 from pomona.executive.values.findings import place_of
-from pomona.executive.values.report_line import ReportLine
+from pomona.executive.values.sentences import ReportLine
 
 WATCHED = 1.0  # duration for which streams are watched [s]
 ENOUGH = 0.95  # ratio of the measured rate to the nominal one below which it is reported

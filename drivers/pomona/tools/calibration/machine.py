@@ -16,7 +16,7 @@ from importlib.metadata import PackageNotFoundError, entry_points, requires, ver
 from pathlib import Path
 
 from pomona.executive.values.installation import install_extra, pip
-from pomona.executive.values.report_line import ReportLine
+from pomona.executive.values.sentences import ReportLine
 
 MODULES = {
     "onnxruntime": "onnxruntime",

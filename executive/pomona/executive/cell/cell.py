@@ -12,7 +12,7 @@ from pomona.executive.cell.device import Device, FaultSwitch, World
 from pomona.executive.cell.errors import DeviceFault
 from pomona.executive.cell.services import Services, installed_services
 from pomona.executive.clock import Clock, ManualClock
-from pomona.executive.values.bounded import warn
+from pomona.executive.values.processes import warn
 from pomona.executive.values.sentences import sentence_of
 
 if TYPE_CHECKING:  # small commands do not load numpy

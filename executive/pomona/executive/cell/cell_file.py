@@ -25,16 +25,14 @@ from pomona.executive.cell.registration import (
     TellsOfCell,
     Wired,
 )
-from pomona.executive.cell.services import WorkspaceKind, installed_services
+from pomona.executive.cell.services import Score, WorkspaceKind, installed_services
 from pomona.executive.values.documents import Option, Outline, ValueFile, read_value_file
 from pomona.executive.values.findings import Findings, Located, few_hints
+from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.kinds import MappingOf, Measure, Text
-from pomona.executive.values.reading import Refused
-from pomona.executive.values.scoring import Score
 from pomona.executive.values.sections import Placed, Problem, Section, value
-from pomona.executive.values.shipped import installed_trees
 from pomona.executive.values.units import TIME
-from pomona.executive.values.yaml_nodes import YamlMapping, YamlScalar
+from pomona.executive.values.yaml_nodes import Refused, YamlMapping, YamlScalar
 
 SHIPPED = installed_trees() / "cells"  # cells that come with Pomona, for `include: sim.yaml` in a file elsewhere
 

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, runtime_chec
 from pomona.executive.clock import Clock
 
 if TYPE_CHECKING:  # small commands do not load numpy
-    from pomona.executive.cell.wire import Link
+    from pomona.executive.cell.owner import Link
     from pomona.executive.values.arrays import UInt8
 
 T = TypeVar("T")

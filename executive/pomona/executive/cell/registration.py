@@ -23,9 +23,8 @@ from pomona.executive.values.documents import ValueFile, read_value_file
 from pomona.executive.values.findings import Findings
 from pomona.executive.values.installation import elsewhere
 from pomona.executive.values.kinds import Kind, Schema, Text
-from pomona.executive.values.reading import Reader, Refused
 from pomona.executive.values.sections import Placed, Problem, Section
-from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode
+from pomona.executive.values.yaml_nodes import Reader, Refused, YamlMapping, YamlNode
 
 GROUP = "pomona.drivers"
 Options = TypeVar("Options")

@@ -7,6 +7,7 @@ as `services` (`pomona.drivers.services.RobotServices`); one object is made for 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import entry_points
 from typing import Any, ClassVar
@@ -16,10 +17,9 @@ from pomona.executive.cell.registration import Settings
 from pomona.executive.errors import UsageError
 from pomona.executive.values.findings import Findings
 from pomona.executive.values.installation import WHOLE, distribution, elsewhere, reinstall
-from pomona.executive.values.kinds import Kind, Schema
-from pomona.executive.values.reading import Reader
-from pomona.executive.values.sections import Placed, Section
-from pomona.executive.values.yaml_nodes import YamlNode
+from pomona.executive.values.kinds import Kind, Schema, Words
+from pomona.executive.values.sections import Placed, Section, value
+from pomona.executive.values.yaml_nodes import Reader, YamlNode
 
 
 class Services:
@@ -104,3 +104,20 @@ class WorkspaceKind(Kind[Any]):
     def schema(self, options: bool = False) -> Schema:
         section = installed_services().section
         return {"not": {}} if section is None else Section(section).schema(options)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Score:
+    """Quantities of the world's truth that count: conditions for a success, and figures for reports."""
+
+    success: tuple[str, ...] | None = value(
+        Words(), None, "conditions that the world must report in addition to the tree's success"
+    )
+    figures: tuple[str, ...] = value(Words(), (), "numbers of the world's truth, for reports")
+
+    def over(self, cells: Score | None) -> Score:
+        """Return this score, completed by the cell's; the cell's figures come first."""
+        if cells is None:
+            return self
+        success = cells.success if self.success is None else self.success
+        return Score(success=success, figures=tuple(dict.fromkeys((*self.figures, *cells.figures))))

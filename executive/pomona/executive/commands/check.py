@@ -9,13 +9,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from pomona.executive.file_kinds import FileKind, file_kind, kind_names
-from pomona.executive.files import default_name, find_cell, find_tree, read_text
+from pomona.executive.files import FileKind, default_name, file_kind, find_cell, find_tree, kind_names, read_text
 from pomona.executive.judging import judge
-from pomona.executive.language.documents import read_document
-from pomona.executive.language.overrides import parse_settings
+from pomona.executive.language.check import read_document
+from pomona.executive.language.interface import parse_settings
 from pomona.executive.registry import Registry
-from pomona.executive.terminal.filtered import write_json
+from pomona.executive.terminal.output import write_json
 from pomona.executive.values.findings import Finding, Findings, Source, format_findings, mended, place_of, said
 from pomona.executive.values.yaml_nodes import YamlMapping, read_yaml
 

@@ -10,8 +10,8 @@ from typing import Any
 import shtab
 
 from pomona.executive.commands.command_line import children, command_names, make_parser
-from pomona.executive.terminal.filtered import Filtered
-from pomona.executive.values.shipped import installed_trees
+from pomona.executive.terminal.output import Filtered
+from pomona.executive.values.installation import installed_trees
 
 SHELLS = ("bash", "zsh", "fish")
 

@@ -14,14 +14,14 @@ from pomona.executive.commands.command_line import add_records_folder
 from pomona.executive.errors import UsageError
 from pomona.executive.execute import Executed, RunOrder, execute
 from pomona.executive.files import default_name, find_cell, find_tree
-from pomona.executive.language.overrides import parse_settings
+from pomona.executive.language.interface import parse_settings
 from pomona.executive.run_views import RunViews
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.signals import Terminated
 from pomona.executive.speed import SpeedRefusedError, speed_of
-from pomona.executive.terminal.filtered import write_json
 from pomona.executive.terminal.keys import Keys
 from pomona.executive.terminal.live import LiveTree
+from pomona.executive.terminal.output import write_json
 from pomona.executive.terminal.screen import Screen
 
 EXIT = {"success": 0, "failure": 1, "stopped": 3, "error": 3}

@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from pomona.executive.file_kinds import file_kind, kind_names
-from pomona.executive.language.documents import with_declarations
+from pomona.executive.files import file_kind, kind_names
+from pomona.executive.language.check import with_declarations
 from pomona.executive.language.schema import schema
-from pomona.executive.terminal.filtered import write_json
+from pomona.executive.terminal.output import write_json
 
 TREE = "tree"
 

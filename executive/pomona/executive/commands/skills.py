@@ -12,10 +12,10 @@ from rich.table import Table
 
 from pomona.executive.errors import UsageError
 from pomona.executive.language.declared_skills import declared_skills
+from pomona.executive.reasons import failure_codes
 from pomona.executive.registry import SkillListing
-from pomona.executive.terminal.filtered import write_json
+from pomona.executive.terminal.output import write_json
 from pomona.executive.terminal.screen import Screen
-from pomona.executive.values.failure_codes import failure_codes
 from pomona.executive.values.findings import did_you_mean
 
 NONE = "No skill is installed here: `pomona new skill NAME` begins a package with one."

@@ -11,16 +11,14 @@ import py_trees
 from py_trees.behaviour import Behaviour
 
 from pomona.executive.board import Board
-from pomona.executive.language.bind_ports import bind_skill
-from pomona.executive.language.build_scope import InstanceScope, condition, constant, getter
-from pomona.executive.language.built import BuiltTree, NodeInfo, Side
+from pomona.executive.language.build_scope import InstanceScope, bind_skill, condition, constant, getter
+from pomona.executive.language.built import BuiltTree, NodeInfo, Side, UniquePaths
 from pomona.executive.language.check import Analysis, analyse
 from pomona.executive.language.expression_run import Getter
 from pomona.executive.language.model import Definition, Document, TreeNode
-from pomona.executive.language.names_of_nodes import UniquePaths
 from pomona.executive.language.scope import Resolved
 from pomona.executive.nodes.behaviours import Subtree, WholeTree
-from pomona.executive.nodes.conditions import Condition
+from pomona.executive.nodes.facts import Condition
 from pomona.executive.nodes.node_type import NodeType
 from pomona.executive.nodes.takes import Nothing
 from pomona.executive.registry import Registry

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from py_trees.behaviour import Behaviour
 
 from pomona.executive.board import Board
+from pomona.executive.language.model import Definition, Document, TreeNode
 from pomona.executive.nodes import Attempt, Retry
-from pomona.executive.nodes.question import Question
+from pomona.executive.nodes.ask import Question
+from pomona.executive.nodes.leaves import SKILL, SUBTREE
 from pomona.executive.skill import Skill
 
 Side = Literal["before", "after"]  # of a node: where a breakpoint holds the tick
@@ -102,3 +104,57 @@ class BuiltTree:
         """`listener(path, attempt, of)` is called in the tick in which an attempt of a retry ends."""
         for retry in (b for b in self.behaviours.values() if isinstance(b, Retry)):
             retry.listener = lambda node, attempt: listener(node.path, attempt, node.total)
+
+
+MAX_PATHS = 10_000
+
+
+class UniquePaths:
+    """Path ids: a path that is taken gets a number, `Plan`, `Plan#2` …"""
+
+    def __init__(self) -> None:
+        self.taken: set[str] = set()
+
+    def take(self, base: str) -> str:
+        """Return a path that no other node has: the given one, or with a number."""
+        path, number = base, 1
+        while path in self.taken:
+            number += 1
+            path = f"{base}#{number}"
+        self.taken.add(path)
+        return path
+
+
+def skills_by_node(document: Document) -> dict[str, str]:
+    """Skill by all that a node may be called: the skill's name, its own, its path (with and without the root)."""
+    found: dict[str, str] = {}
+    for definition in document.definitions():
+        for node in definition.root.walk() if definition.root is not None else ():
+            if node.type is SKILL:
+                found.setdefault(node.key.text, node.key.text)
+                found.setdefault(node.label, node.key.text)
+    for path, skill in _paths(document):
+        found.setdefault(path, skill)
+        found.setdefault(path.partition("/")[2], skill)
+    found.pop("", None)
+    return found
+
+
+def _paths(document: Document) -> Iterator[tuple[str, str]]:
+    """Path ids of all skills, as `build` gives them."""
+    paths = UniquePaths()
+
+    def walk(node: TreeNode, path: str, definition: Definition, depth: int) -> Iterator[tuple[str, str]]:
+        if node.type is SKILL:
+            yield path, node.key.text
+        for child in node.children:
+            yield from walk(child, paths.take(f"{path}/{child.label}"), definition, depth)
+        called = definition.file.subtrees.get(node.key.text) if node.type is SUBTREE else None
+        if called is not None and called.root is not None and depth < 50 and len(paths.taken) < MAX_PATHS:
+            yield from walk(called.root, paths.take(f"{path}/{called.root.label}"), called, depth + 1)
+        for slot, part in node.parts.items():
+            yield from walk(part, f"{path}:{slot}", definition, depth)
+
+    main = document.main.main
+    if main is not None and main.root is not None:
+        yield from walk(main.root, paths.take(document.main.name), main, 0)

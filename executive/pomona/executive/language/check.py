@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeVar
 
+from pomona.executive.errors import UsageError
+from pomona.executive.files import read_text
 from pomona.executive.language.check_node import NodeChecker
-from pomona.executive.language.flow import Flow
-from pomona.executive.language.interface import InterfaceReader, PortDeclared
+from pomona.executive.language.declared_skills import declared_skills
+from pomona.executive.language.flow import Flow, Outcomes, Truth
+from pomona.executive.language.interface import InterfaceReader, PortDeclared, parameter_values
 from pomona.executive.language.model import Definition, Document, TreeNode
-from pomona.executive.language.outcomes import Outcomes
-from pomona.executive.language.overrides import parameter_values
+from pomona.executive.language.read import read
 from pomona.executive.language.scope import Named, Origin, Read, Resolved, Scope
-from pomona.executive.language.truth import Truth
-from pomona.executive.language.value_types import can_flow, describe
+from pomona.executive.language.value_types import NotLoadedError, can_flow, describe
 from pomona.executive.language.values import static_type
-from pomona.executive.nodes.calls import SUBTREE
-from pomona.executive.nodes.ends import Names
+from pomona.executive.nodes.facts import Names
+from pomona.executive.nodes.leaves import SUBTREE
 from pomona.executive.ports import Port
 from pomona.executive.registry import Registry
-from pomona.executive.values.findings import Finding, Findings, did_you_mean, few_hints
+from pomona.executive.values.findings import Finding, Findings, did_you_mean, few_hints, format_findings
+from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode
 
 MAX_BUILT_NODES = 10_000
@@ -282,3 +285,33 @@ def _key_of(definition: Definition) -> YamlNode:
 
 def _shown(count: int) -> str:
     return str(count) if count < 1_000_000_000 else "more than a billion"
+
+
+T = TypeVar("T")
+
+
+def read_document(path: Path, texts: Mapping[str, str] | None = None) -> Document:
+    """Read a tree file, and the files that it calls; those in `texts` are not read from the disk.
+
+    Raises UsageError: it cannot be read at all.
+    """
+    known = texts or {}
+    text = known[str(path)] if str(path) in known else read_text(path)
+    return read(text, path, tree_folders=[installed_trees()], texts=known)
+
+
+def refuse_errors(
+    document: Document, registry: Registry, settings: Mapping[str, str], interfaces: tuple[type, ...] | None
+) -> None:
+    """Check a document. Raises UsageError: with every finding, when one of them is an error."""
+    findings = check(document, registry, overrides=settings, interfaces=interfaces)
+    if any(finding.severity == "error" for finding in findings):
+        raise UsageError(f"{format_findings(findings)} Nothing was run.")
+
+
+def with_declarations(action: Callable[[Registry], T]) -> T:
+    """Do something that needs skills' declarations only, without importing the skills if that can be avoided."""
+    try:
+        return action(declared_skills())
+    except NotLoadedError:
+        return action(Registry.installed())

@@ -8,24 +8,23 @@ from dataclasses import dataclass, field
 from itertools import chain
 from typing import Any
 
+from pomona.executive.language.flow import LayerOutcome, Outcomes
 from pomona.executive.language.interface import PortDeclared
 from pomona.executive.language.literals import scalar_type
 from pomona.executive.language.model import Definition, TreeNode
-from pomona.executive.language.outcomes import LayerOutcome, Outcomes
 from pomona.executive.language.scope import ComputedValue, Given, Named, Resolved, Scope
 from pomona.executive.language.value_types import ANY, ValueType, can_flow, describe, element_type
 from pomona.executive.language.values import ValueReader, static_type
 from pomona.executive.nodes.catalogue import NodeTypes
+from pomona.executive.nodes.context import COUNTERS, Around
 from pomona.executive.nodes.node_type import NodeType, Stage
-from pomona.executive.nodes.surroundings import COUNTERS, Around
 from pomona.executive.nodes.takes import NAME
 from pomona.executive.ports import Port, Ports, Quantity
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill
 from pomona.executive.values.findings import Edit, Findings, Instead, did_you_mean
-from pomona.executive.values.shape import shape_of
 from pomona.executive.values.yaml_errors import moved
-from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar, written
+from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar, shape_of, written
 
 _WIRE = re.compile(r"\s*\{\s*([A-Za-z_][A-Za-z0-9_]*)\s*\}\s*")
 _SIMPLE = (bool, int, float, str, object)

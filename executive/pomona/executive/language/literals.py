@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
-from pomona.executive.language.expression_parser import UNITS
+from pomona.executive.language.expression import UNITS
 from pomona.executive.language.value_types import (
     ANY,
     DECLARED_FIELDS,

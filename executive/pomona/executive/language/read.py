@@ -13,9 +13,8 @@ from pomona.executive.language.read_node import NodeReader, is_word
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.values.findings import Edit, Finding, Findings, Source, Spot, few_hints
 from pomona.executive.values.plain_text import not_utf8, read_plain_text
-from pomona.executive.values.shape import ShapeCheck
 from pomona.executive.values.yaml_errors import moved
-from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar, read_yaml
+from pomona.executive.values.yaml_nodes import ShapeCheck, YamlList, YamlMapping, YamlNode, YamlScalar, read_yaml
 
 VERSION = "1"
 MAX_FILES = 100

@@ -5,13 +5,12 @@ from __future__ import annotations
 import re
 
 from pomona.executive.language.model import Entry, TreeFile, TreeNode
-from pomona.executive.nodes.calls import SKILL, SUBTREE
 from pomona.executive.nodes.catalogue import RESERVED, NodeTypes
+from pomona.executive.nodes.leaves import SKILL, SUBTREE
 from pomona.executive.nodes.node_type import NodeType
 from pomona.executive.values.findings import Edit, Findings, Instead, did_you_mean
-from pomona.executive.values.shape import ShapeCheck, shape_of
 from pomona.executive.values.yaml_errors import moved
-from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
+from pomona.executive.values.yaml_nodes import ShapeCheck, YamlList, YamlMapping, YamlNode, YamlScalar, shape_of
 
 _SKILL = re.compile(r"[A-Z][A-Za-z0-9_]*")
 _UNSPACED = re.compile(r"\w+:(?=\S)")

@@ -9,15 +9,14 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
-from pomona.executive.language.cases import overflows, zero_divisors
-from pomona.executive.language.expression import SPECIAL, Expression, Reference
-from pomona.executive.language.expression_parser import ExpressionSyntaxError, parse_expression
+from pomona.executive.language.expression import SPECIAL, Expression, ExpressionSyntaxError, Reference, parse_expression
+from pomona.executive.language.expression_run import overflows, zero_divisors
 from pomona.executive.language.expression_types import check_condition, type_of
 from pomona.executive.language.literals import LiteralError, literal
 from pomona.executive.language.scope import ComputedValue, Given, Named, Read, Resolved, Scope, Value
 from pomona.executive.language.value_types import ANY, ValueType, can_flow, describe
-from pomona.executive.nodes.ends import UNKNOWN
-from pomona.executive.nodes.surroundings import COUNTERS, Around, LastFailure
+from pomona.executive.nodes.context import COUNTERS, Around, LastFailure
+from pomona.executive.nodes.facts import UNKNOWN
 from pomona.executive.ports import RATIO, Port, Quantity
 from pomona.executive.values.findings import Edit, Findings, Located, Spot, Within, did_you_mean
 from pomona.executive.values.units import is_within

@@ -1,22 +1,122 @@
-"""Ask: a question to a person."""
+"""Questions to the operator: ask, and approve, which checks the plan before a node starts."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, ClassVar
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.behaviours import LeafBehaviour
-from pomona.executive.nodes.context import BuildContext, CheckContext, OutcomeContext
-from pomona.executive.nodes.ends import Outcome
-from pomona.executive.nodes.node_type import Leaf, TreeNode
-from pomona.executive.nodes.question import Question
+from pomona.executive.nodes.behaviours import LeafBehaviour, Wrapper
+from pomona.executive.nodes.context import (
+    BuildContext,
+    CheckContext,
+    FactContext,
+    FlowContext,
+    NodeContext,
+    OutcomeContext,
+)
+from pomona.executive.nodes.facts import Ends, Facts, Names, Outcome
+from pomona.executive.nodes.node_type import Leaf, Modifier, TreeNode
 from pomona.executive.ports import Port
 from pomona.executive.reasons import NoValue
 from pomona.executive.values.yaml_nodes import YamlList, YamlScalar
+
+
+class Question(Behaviour):
+    """A node that runs until the operator has answered; inherit it beside a leaf or a wrapper.
+
+    Attributes:
+        choices: the possible answers.
+        attended: True while an operator can answer; set by the runner.
+        starts: number of questions that the node has asked, which is also the number of the newest one.
+    """
+
+    choices: Sequence[str] = ()
+    attended = False
+    starts = 0
+    _given: str | None = None
+
+    def ask(self) -> None:
+        """Begin a new question. Call it at each start of the node: earlier answers no longer count."""
+        self.starts += 1
+        self._given = None
+
+    @property
+    def given(self) -> str | None:
+        """Answer to the newest question; None while there is none."""
+        return self._given
+
+    @property
+    def open(self) -> bool:
+        """True while the newest question waits for its answer."""
+        return self.status is Status.RUNNING and self.starts > 0 and self._given is None
+
+    def answer(self, number: int, choice: str) -> bool:
+        """Answer question `number`; the next tick goes on.
+
+        Returns:
+            False, and changes nothing, when another question or none is open, or when the choice is unknown.
+        """
+        if not self.open or number != self.starts or choice not in self.choices:
+            return False
+        self._given = choice
+        return True
+
+
+APPROVE, REFUSE = "approve", "refuse"
+
+
+class Approve(Question, Wrapper):
+    """Waits at each start for the operator's approval; fails after a refusal, or in a run without an operator."""
+
+    choices = (APPROVE, REFUSE)
+
+    def tick(self) -> Iterator[Behaviour]:
+        if self.status is not Status.RUNNING:
+            self.ask()
+            self.why = None
+        if self.given == APPROVE:
+            yield from super().tick()
+            return
+        if self.given is None and self.attended:
+            self.status = Status.RUNNING
+            self.feedback_message = f"May {self.decorated.name} start? The plan is shown."
+        elif self.given is None:
+            self.stop(self.fails("NOBODY_TO_ASK", f"no operator can approve {self.decorated.name}"))
+        else:
+            self.stop(self.fails("NOT_APPROVED", f"{self.decorated.name} was not approved"))
+        yield self
+
+
+class ApproveType(Modifier):
+    """asks the operator before each start; fails with `NOT_APPROVED`, or with `NOBODY_TO_ASK` without an operator"""
+
+    key, symbol = "approve", "✋"
+    value = takes.Value(Port(bool), known=True)
+    outside_of = "timeout"
+
+    def needed(self, at: NodeContext) -> bool:
+        return at.literal(self.key) is True
+
+    def choices(self, node: TreeNode) -> tuple[str, ...]:
+        return Approve.choices
+
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
+        return at.inside().plus("NOT_APPROVED", "NOBODY_TO_ASK")
+
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
+        ends = at.inside(before)
+        return Ends(ends.success, ends.failure & before, ends.skipped)
+
+    def known_facts(self, at: FactContext, known: Facts) -> Facts:
+        return at.inside(known)
+
+    def build(self, at: BuildContext) -> Behaviour:
+        return Approve(at.name, at.inside())
+
 
 CHOICES = ("yes", "no")
 

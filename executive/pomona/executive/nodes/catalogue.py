@@ -9,25 +9,18 @@ from importlib.metadata import entry_points
 from typing import get_args
 
 from pomona.executive.errors import PomonaError
-from pomona.executive.nodes.approve import ApproveType
-from pomona.executive.nodes.ask import AskType
-from pomona.executive.nodes.check import CheckType, WaitUntilType
+from pomona.executive.nodes.ask import ApproveType, AskType
+from pomona.executive.nodes.check import CheckType, GuardType, WaitUntilType, WhenType
 from pomona.executive.nodes.choosing import IfType, ReactiveIfType, SwitchType
-from pomona.executive.nodes.fallback import FallbackType, ReactiveFallbackType
-from pomona.executive.nodes.for_each import ForEachType
-from pomona.executive.nodes.force import ForceType
-from pomona.executive.nodes.guard import GuardType, WhenType
-from pomona.executive.nodes.invert import InvertType
+from pomona.executive.nodes.force import ForceType, InvertType
 from pomona.executive.nodes.leaves import FailType, SetType, SucceedType, WaitType
 from pomona.executive.nodes.node_type import Field, Modifier, NodeType, Role
-from pomona.executive.nodes.pacing import DelayType, RateType, RunOnceType
+from pomona.executive.nodes.pacing import DelayType, RateType, RunOnceType, SpeedType, TimeoutType
 from pomona.executive.nodes.parallel import ParallelType
-from pomona.executive.nodes.repeat import RepeatType
-from pomona.executive.nodes.retry import RetryType
+from pomona.executive.nodes.repeat import ForEachType, RepeatType
+from pomona.executive.nodes.retry import FallbackType, ReactiveFallbackType, RetryType
 from pomona.executive.nodes.sequence import ReactiveSequenceType, SequenceType, SequenceWithMemoryType
-from pomona.executive.nodes.speed import SpeedType
 from pomona.executive.nodes.takes import NAME
-from pomona.executive.nodes.timeout import TimeoutType
 from pomona.executive.nodes.working import BreakpointType, DisabledType
 
 GROUP = "pomona.nodes"  # entry point group of node types: word → class

@@ -1,17 +1,19 @@
-"""Check and wait_until: leaves that look at a condition."""
+"""Words that look at a condition: the leaves check and wait_until, the modifiers guard and when."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.behaviours import LeafBehaviour
-from pomona.executive.nodes.conditions import Condition
-from pomona.executive.nodes.context import BuildContext, FactContext, OutcomeContext
-from pomona.executive.nodes.ends import Outcome
-from pomona.executive.nodes.facts import Facts
-from pomona.executive.nodes.node_type import Leaf
+from pomona.executive.nodes.behaviours import LeafBehaviour, Wrapper
+from pomona.executive.nodes.context import BuildContext, FactContext, FlowContext, OutcomeContext
+from pomona.executive.nodes.facts import Condition, Ends, Facts, Names, Outcome
+from pomona.executive.nodes.node_type import Leaf, Modifier
+from pomona.executive.reasons import NoValue
 
 
 class Check(LeafBehaviour):
@@ -75,3 +77,85 @@ class WaitUntilType(Leaf):
 
     def build(self, at: BuildContext) -> Behaviour:
         return WaitUntil(at.name, at.condition(self.key))
+
+
+class Guard(Wrapper):
+    """Looks at its condition before every tick of its child; when it does not hold, interrupts the child and fails."""
+
+    def __init__(self, name: str, child: Behaviour, condition: Condition) -> None:
+        super().__init__(name, child)
+        self._condition = condition
+
+    def tick(self) -> Iterator[Behaviour]:
+        try:
+            holds = self._condition.holds()
+        except NoValue as missing:
+            self.stop(self.fails("BAD_VALUE", str(missing)))
+            yield self
+            return
+        if holds:
+            yield from super().tick()
+            return
+        self.stop(self.fails("CONDITION_FALSE", self._condition.sentence(), **self._condition.values()))
+        yield self
+
+
+class When(Wrapper):
+    """Looks at its condition at its start; when it does not hold, the child is skipped."""
+
+    def __init__(self, name: str, child: Behaviour, condition: Condition) -> None:
+        super().__init__(name, child)
+        self._condition = condition
+
+    def begin(self) -> Status | None:
+        if self._condition.holds():
+            return None
+        self.feedback_message = f"skipped: {self._condition.sentence()}"
+        return Status.INVALID
+
+
+class GuardType(Modifier):
+    """looked at before each tick; when it does not hold, the node is interrupted and fails"""
+
+    key, symbol = "guard", "◇"
+    value = takes.Condition("looked at before each tick; when it does not hold the node fails")
+    ends = ("success", "failure")
+    xml_value = "condition"
+
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
+        return at.inside().plus("CONDITION_FALSE")
+
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
+        ends = at.inside(before)
+        return Ends(ends.success, ends.failure & before, ends.skipped)
+
+    def known_facts(self, at: FactContext, known: Facts) -> Facts:
+        return at.inside(at.must(self.key, known))
+
+    def build(self, at: BuildContext) -> Behaviour:
+        condition = at.condition(self.key)
+        return Guard(at.name, at.inside(), condition)
+
+
+class WhenType(Modifier):
+    """looked at once, at the start; when it does not hold, the node is **skipped**"""
+
+    key, symbol = "when", "◇"
+    value = takes.Condition("looked at once; when it does not hold the node is skipped")
+    ends = ("skipped", "not skipped")
+    xml_value = "condition"
+
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
+        return replace(at.inside(), skips=True)
+
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
+        ends = at.inside(before)
+        return ends._replace(skipped=ends.skipped & before)
+
+    def known_facts(self, at: FactContext, known: Facts) -> Facts:
+        at.inside(at.must(self.key, known))
+        return at.forget(known)
+
+    def build(self, at: BuildContext) -> Behaviour:
+        condition = at.condition(self.key)
+        return When(at.name, at.inside(), condition)

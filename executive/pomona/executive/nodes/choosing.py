@@ -14,19 +14,19 @@ from pomona.executive.nodes import takes
 from pomona.executive.nodes.behaviours import Branch
 from pomona.executive.nodes.check import CheckType
 from pomona.executive.nodes.context import (
+    Around,
     BuildContext,
     CheckContext,
     FactContext,
     FlowContext,
+    LastFailure,
     OutcomeContext,
     Words,
     XmlExport,
     XmlImport,
 )
-from pomona.executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
-from pomona.executive.nodes.facts import Facts
+from pomona.executive.nodes.facts import ALL, Ends, Facts, Names, Outcome, codes_of
 from pomona.executive.nodes.node_type import Composite
-from pomona.executive.nodes.surroundings import Around, LastFailure
 from pomona.executive.ports import Port
 from pomona.executive.reasons import NoValue, Reason, from_causes, path_of, reason_of
 

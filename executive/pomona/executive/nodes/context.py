@@ -9,17 +9,73 @@ follows one node through them.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
 
 from py_trees.behaviour import Behaviour
 
-from pomona.executive.nodes.conditions import Condition
-from pomona.executive.nodes.ends import Ends, Names, Outcome
-from pomona.executive.nodes.facts import Facts
-from pomona.executive.nodes.surroundings import Around
+from pomona.executive.nodes.facts import Condition, Ends, Facts, Names, Outcome
 from pomona.executive.ports import Port
+from pomona.executive.reasons import Reason
 from pomona.executive.values.findings import Findings
 from pomona.executive.values.yaml_nodes import YamlNode, YamlScalar
+
+
+@dataclass(frozen=True, slots=True)
+class Around:
+    """The context of a node in the file."""
+
+    counters: frozenset[str] = frozenset()  # which of `retry`, `repeat` and `for_each` count here
+    failure: frozenset[str] | None = None  # codes of the last failure; None when there is none
+    items: frozenset[str] = frozenset()  # names of the items of all for_each around
+    failed: str = ""  # label of the node that has failed, for messages
+
+
+@dataclass(slots=True)
+class LastFailure:
+    """The failure that led here: of the sibling before in a fallback, or of the try that `on_failure` follows."""
+
+    code: str = ""
+    message: str = ""
+    node: str = ""
+    codes: tuple[str, ...] = ()
+    data: Mapping[str, Any] = field(default_factory=dict)
+
+    def see(self, reason: Reason) -> None:
+        """Replace it: code, message and data are the failed leaf's."""
+        leaf = reason
+        while leaf.causes:
+            leaf = leaf.causes[-1]
+        self.code, self.message, self.data, self.node = reason.code, reason.message, leaf.data, leaf.node_path
+        self.codes = tuple(sorted(reason.codes()))
+
+
+@dataclass(slots=True)
+class RetryCount:
+    """The nearest retry around: number of this attempt, from 1, and how many there are."""
+
+    attempt: int = 1
+    of: int = 1
+
+
+@dataclass(slots=True)
+class RepeatCount:
+    """The nearest repeat around: number of this round, from 1."""
+
+    round: int = 1
+
+
+@dataclass(slots=True)
+class ForEachCount:
+    """The nearest for_each around: number of this item, from 1, and how many there are."""
+
+    index: int = 1
+    of: int = 1
+
+
+COUNTERS: Mapping[str, type[Any]] = {"retry": RetryCount, "repeat": RepeatCount, "for_each": ForEachCount}
+"""Types of the counters, by the name in expressions."""
+
 
 Entry = tuple[YamlScalar, YamlNode]
 Words = dict[str, Any]  # a node of a tree file as plain values, ready to be written

@@ -28,6 +28,7 @@ from typing import Any, ClassVar, Literal, Protocol
 from py_trees.behaviour import Behaviour
 
 from pomona.executive.nodes.context import (
+    Around,
     BuildContext,
     CheckContext,
     Entry,
@@ -39,9 +40,7 @@ from pomona.executive.nodes.context import (
     XmlExport,
     XmlImport,
 )
-from pomona.executive.nodes.ends import ALL, Ends, Names, Outcome
-from pomona.executive.nodes.facts import Facts
-from pomona.executive.nodes.surroundings import Around
+from pomona.executive.nodes.facts import ALL, Ends, Facts, Names, Outcome
 from pomona.executive.ports import Port
 from pomona.executive.values.findings import Findings
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar

@@ -1,4 +1,4 @@
-"""Modifiers that control the start of a node: delay, rate, run_once."""
+"""Modifiers of time: delay, rate, run_once, timeout, and speed of the arm."""
 
 from __future__ import annotations
 
@@ -11,11 +11,22 @@ from py_trees.common import Status
 
 from pomona.executive.nodes import takes
 from pomona.executive.nodes.behaviours import Wrapper
-from pomona.executive.nodes.context import BuildContext, FlowContext, OutcomeContext, Words, XmlExport, XmlImport
-from pomona.executive.nodes.ends import Ends, Names, Outcome
+from pomona.executive.nodes.context import (
+    BuildContext,
+    CheckContext,
+    FactContext,
+    FlowContext,
+    OutcomeContext,
+    Words,
+    XmlExport,
+    XmlImport,
+)
+from pomona.executive.nodes.facts import Ends, Facts, Names, Outcome
 from pomona.executive.nodes.node_type import Modifier
 from pomona.executive.ports import RATE, Port
-from pomona.executive.reasons import NoValue
+from pomona.executive.reasons import NoValue, path_of
+from pomona.executive.skill import Skill
+from pomona.executive.speed import SHARE, SpeedRefusedError, checked_speed
 
 
 class Late(Wrapper):
@@ -182,3 +193,99 @@ class RunOnceType(Modifier):
 
     def to_xml(self, at: XmlExport) -> object:
         return at.element("RunOnce")
+
+
+class Timeout(Wrapper):
+    """Interrupts its child when it still runs after a duration on the run's clock."""
+
+    def __init__(self, name: str, child: Behaviour, duration: Callable[[], float], now: Callable[[], float]) -> None:
+        super().__init__(name, child)
+        self._duration, self._now = duration, now
+        self._limit = self._end = 0.0
+
+    def begin(self) -> Status | None:
+        self._limit = self._duration()
+        self._end = self._now() + self._limit
+        return None
+
+    def after(self, status: Status) -> Status:
+        if status is not Status.RUNNING or self._now() < self._end - 1e-9:
+            return status
+        tip = self.decorated.tip() or self.decorated
+        doing = f": {tip.feedback_message}" if tip.feedback_message else ""
+        message = f"{tip.name} was still running after {self._limit:g} s{doing}"
+        return self.fails("TIMEOUT", message, limit=self._limit, running=path_of(tip), feedback=tip.feedback_message)
+
+
+class TimeoutType(Modifier):
+    """interrupts one try that takes longer; fails with `TIMEOUT`"""
+
+    key, symbol = "timeout", "◷"
+    value = takes.duration("for each try")
+    xml_value = "duration"
+    xml_tags = ("Timeout",)
+
+    def check_layer(self, at: CheckContext) -> None:
+        super().check_layer(at)
+        limit, key = at.literal(self.key), at.node.modifiers[self.key][0]
+        if not isinstance(limit, float):
+            return
+        least = at.outcomes.inside().least
+        if limit == 0.0:
+            message = "a timeout of 0 s interrupts everything that does not end in its first tick"
+            at.findings.warning(key, "too-short", message)
+        elif least > limit:
+            message = f"{at.node.label} takes {least:g} s at least and is always interrupted after {limit:g} s"
+            at.findings.warning(key, "too-short", message)
+
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
+        return at.inside().plus("TIMEOUT")
+
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
+        ends = at.inside(before)
+        return Ends(ends.success, ends.failure & before, ends.skipped)
+
+    def known_facts(self, at: FactContext, known: Facts) -> Facts:
+        return at.inside(known)
+
+    def build(self, at: BuildContext) -> Behaviour:
+        return Timeout(at.name, at.inside(), at.value(self.key), at.now)
+
+    def to_xml(self, at: XmlExport) -> object:
+        milliseconds = at.milliseconds(self.key)
+        return at.element("Timeout", {"msec": milliseconds}) if milliseconds else super().to_xml(at)
+
+    def from_xml(self, element: XmlImport) -> Words:
+        if element.tag == self.xml_tag:
+            return super().from_xml(element)
+        (child,) = element.children()
+        limit = element.duration("msec")
+        return child if limit == "0 s" else element.wrap(child, self.key, limit)  # 0 sets no timer
+
+
+class Slower(Wrapper):
+    """Gives the skills below it a share of the speed at which they move the arm, looked up at each start."""
+
+    def __init__(self, name: str, child: Behaviour, share: Callable[[], float]) -> None:
+        super().__init__(name, child)
+        self._share, self._now = share, 1.0
+        for behaviour in child.iterate():
+            if isinstance(behaviour, Skill):
+                behaviour.slowed_by.append(lambda: self._now)
+
+    def begin(self) -> Status | None:
+        try:
+            self._now = checked_speed(self._share())
+        except SpeedRefusedError as error:
+            raise NoValue(f"{self.name}: {error}") from None
+        return None
+
+
+class SpeedType(Modifier):
+    """moves the arm inside at a ratio of its speed, from 10 % to 100 %; nested speeds multiply"""
+
+    key, symbol = "speed", "»"
+    value = takes.Value(SHARE, "share of the speed that the skills command")
+
+    def build(self, at: BuildContext) -> Behaviour:
+        return Slower(at.name, at.inside(), at.value(self.key))

@@ -21,7 +21,7 @@ from pomona.executive.nodes.context import (
     XmlExport,
     XmlImport,
 )
-from pomona.executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
+from pomona.executive.nodes.facts import ALL, Ends, Names, Outcome, codes_of
 from pomona.executive.nodes.node_type import Composite
 from pomona.executive.values.yaml_nodes import YamlList, YamlScalar
 

@@ -18,8 +18,7 @@ from pomona.executive.nodes.context import (
     OutcomeContext,
     XmlExport,
 )
-from pomona.executive.nodes.ends import ALL, NO_CODES, Ends, Names, Outcome
-from pomona.executive.nodes.facts import Facts
+from pomona.executive.nodes.facts import ALL, NO_CODES, Ends, Facts, Names, Outcome
 from pomona.executive.nodes.node_type import Composite
 
 

@@ -8,8 +8,7 @@ from collections.abc import Callable, Mapping
 from pomona.executive.nodes.context import CheckContext, Entry
 from pomona.executive.nodes.node_type import Field, NodeType, Reading, Schema, Stage, TreeNode
 from pomona.executive.ports import TIME, Port
-from pomona.executive.values.shape import ShapeCheck, shape_of
-from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
+from pomona.executive.values.yaml_nodes import ShapeCheck, YamlList, YamlMapping, YamlNode, YamlScalar, shape_of
 
 Fields = Mapping[str, Field]
 NAME = re.compile(r"[a-z][a-z0-9_]*")

@@ -17,8 +17,7 @@ from pomona.executive.nodes.context import (
     OutcomeContext,
     XmlExport,
 )
-from pomona.executive.nodes.ends import ALL, Ends, Names, Outcome
-from pomona.executive.nodes.facts import Facts
+from pomona.executive.nodes.facts import ALL, Ends, Facts, Names, Outcome
 from pomona.executive.nodes.node_type import Modifier
 from pomona.executive.ports import Port
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pomona.executive.recording.folder import EVENTS, events_file
-from pomona.executive.recording.json_text import parse_object
+from pomona.executive.recording.plain_file import parse_object
 from pomona.executive.recording.scan import scan
 
 OF_THE_MOMENT: Mapping[str, tuple[str, ...]] = {

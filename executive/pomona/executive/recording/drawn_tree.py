@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pomona.executive.errors import PomonaError
-from pomona.executive.language.documents import read_document
+from pomona.executive.language.check import read_document
 from pomona.executive.language.drawing import show_svg
 from pomona.executive.recording.plain_file import is_plain
 

@@ -1,6 +1,8 @@
-"""One event as one JSON object: on `/events` of a record, on the live stream and in a replay.
+"""One event as one JSON object, or the error in its place: on `/events` of a record, on the live stream, in a replay.
 
 An image travels apart from its event: as a message of its own in a record, as a data URL on the live stream.
+
+The record, the page and the live views all use it, so that they show the same run.
 """
 
 from __future__ import annotations
@@ -10,8 +12,10 @@ from dataclasses import replace
 from typing import Any
 
 from pomona.executive.encode import field_names, plain
-from pomona.executive.running.breakpoints import BREAK_ACTIONS
-from pomona.executive.running.events import Event, Published
+from pomona.executive.errors import PomonaError
+from pomona.executive.running.events import AttemptEnded, ErrorRaised, Event, NodeChanged, PortWritten, Published
+from pomona.executive.running.tick import BREAK_ACTIONS
+from pomona.executive.values.sentences import sentence_of
 from pomona.executive.views import ImageView
 
 VIEW, PART = 4_000_000, 48
@@ -55,3 +59,38 @@ def key_of(message: Mapping[str, Any]) -> Key | None:
         case {"event": "StateChanged" | "SafeStopped" | "RunEnded" as kind}:
             return (kind,)
     return None
+
+
+class UnencodableError(PomonaError):
+    """A value that cannot be recorded or shown.
+
+    Attributes:
+        node: path of the node that it came from; empty for the run itself.
+        what: the published topic, the written name, or the kind of the event.
+    """
+
+    def __init__(self, node: str, what: str, why: str) -> None:
+        self.node, self.what, self.why = node, what, why
+        super().__init__(f"{what} of {node or 'the run'} cannot be encoded: {why}")
+
+
+def refuse(taken: Any, error: BaseException) -> UnencodableError:
+    """Name an event, or readings (t, tick, by device), that raised this error while it was encoded."""
+    match taken:
+        case Published():
+            node, what = taken.node, f"'{taken.topic}'" if isinstance(taken.topic, str) else "a published value"
+        case PortWritten():
+            node, what = taken.writer, f"'{taken.key}'"
+        case NodeChanged() | AttemptEnded():
+            node, what = taken.path, type(taken).__name__
+        case Event():
+            node, what = "", type(taken).__name__
+        case _:
+            node, what = "", "measurements"
+    return UnencodableError(node, what, sentence_of(error))
+
+
+def in_place_of(taken: Any, refused: UnencodableError) -> ErrorRaised:
+    """Return the event that replaces a refused one."""
+    t, tick = (taken.t, taken.tick) if isinstance(taken, Event) else taken[:2]
+    return ErrorRaised(t, tick, refused.node, "telling of the run", type(refused).__name__, str(refused), "", "")

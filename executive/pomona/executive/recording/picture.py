@@ -10,11 +10,11 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from pomona.executive.extras import need
 from pomona.executive.images import EXTRA
 from pomona.executive.palette import BAD, INK, MUTED, OVERLAY, SCENE, SERIES
 from pomona.executive.reasons import Reason, latest_leaf
 from pomona.executive.running.events import Event, NodeChanged, Published, RunEnded, RunStarted
+from pomona.executive.values.installation import need
 from pomona.executive.views import ImageView, SceneView, SeriesView
 
 MILLI = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}  # units of small quantities in plots, and their number per SI unit

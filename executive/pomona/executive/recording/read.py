@@ -1,25 +1,165 @@
-"""Read the events of a run from its record."""
+"""Read the events of a run from its record: the inverse of `pomona.executive.encode`.
+
+A record may come from any source. Every field is checked for its type, so readers of events need no check of their own.
+"""
 
 from __future__ import annotations
 
 import base64
 import binascii
-from collections.abc import Iterator
+import dataclasses
+import types
+import typing
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pomona.executive.errors import UsageError
+from pomona.executive import views
+from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.images import from_file
-from pomona.executive.recording.decode import ForeignRecordError, event_from
+from pomona.executive.ports import without_alias
+from pomona.executive.reasons import DEEPEST_CAUSE, MOST_CAUSES, Reason
+from pomona.executive.recording.digest import tree_of
 from pomona.executive.recording.folder import EVENTS, events_file
-from pomona.executive.recording.json_text import parse_object
+from pomona.executive.recording.plain_file import LONGEST, moment_of, parse_object
 from pomona.executive.recording.scan import scan
+from pomona.executive.running import events
 from pomona.executive.running.events import Event, Published
 from pomona.executive.values.image_bytes import size_of_image
 from pomona.executive.views import ImageView
+
+_EVENTS = {c.__name__: c for c in vars(events).values() if isinstance(c, type) and issubclass(c, Event)}
+_VIEWS = {c.__name__: c for c in vars(views).values() if isinstance(c, type) and dataclasses.is_dataclass(c)}
+
+
+class ForeignRecordError(PomonaError):
+    """The file is not the record of a run of Pomona."""
+
+
+def event_from(message: Any) -> Event:
+    """Return the event of a message in a record. Values of ports stay plain; views become views again.
+
+    Raises ForeignRecordError: no event has this name, or a field has a wrong type.
+    """
+    name = message.get("event") if isinstance(message, Mapping) else None
+    cls: Any = _EVENTS.get(name) if isinstance(name, str) else None
+    if cls is None:
+        raise ForeignRecordError(f"'{str(name)[:60]}' is no event of a run")
+    hints = _hints(cls)
+    try:
+        event: Event = cls(
+            **{key: _value(cls, key, hints[key], value) for key, value in message.items() if key in hints}
+        )
+        return event
+    except (TypeError, ValueError, KeyError, IndexError, AttributeError, OverflowError) as error:
+        raise ForeignRecordError(f"an event {name} cannot be read: {error}") from error
+
+
+def _value(cls: type, key: str, hint: Any, value: Any) -> Any:
+    if cls is events.Published and key == "value":
+        return _view(value) if isinstance(value, Mapping) and value.get("type") in _VIEWS else value
+    if cls is events.RunStarted and key == "nodes":
+        return tuple(tree_of(value))
+    if cls is events.RunStarted and key == "wall_time":
+        return moment_of(value)
+    return _typed(hint)(value)
+
+
+@cache
+def _typed(hint: Any) -> Callable[[Any], Any]:
+    """Return the decoder of a field with this type; it raises TypeError for a wrong value."""
+    hint = without_alias(hint)
+    if hint is Any:
+        return lambda value: value
+    if hint is float:
+        return _number
+    origin = typing.get_origin(hint) or hint
+    if origin in (types.UnionType, typing.Union):
+        inner = _typed(next(h for h in typing.get_args(hint) if h is not type(None)))
+        return lambda value: None if value is None else inner(value)
+    if hint is Reason:
+        return reason_from
+    if origin is Mapping:
+        of = typing.get_args(hint)[1]
+        return lambda value: {key: _typed(of)(item) for key, item in _is(value, Mapping).items()}
+    return lambda value: _is(value, origin)
+
+
+def _is(value: Any, kind: Any) -> Any:
+    if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
+        raise TypeError(f"{str(value)[:40]!r} stands where {kind.__name__} is expected")
+    return value
+
+
+def _number(value: Any) -> float:
+    """Return a float; a value that was not finite is null in a record and becomes zero."""
+    if value is None:
+        return 0.0
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= LONGEST:
+        raise TypeError(f"{str(value)[:40]!r} stands where a number is expected, {LONGEST:g} at most")
+    return float(value)
+
+
+def reason_from(value: Any) -> Reason:
+    """Return a reason with all its causes.
+
+    Raises:
+        TypeError, KeyError: the value is no reason.
+        ValueError: it has too many causes, or they are nested too deeply.
+    """
+    left = [MOST_CAUSES]
+    return _reason(value, 0, left)
+
+
+def _reason(value: Any, depth: int, left: list[int]) -> Reason:
+    left[0] -= 1
+    if depth > DEEPEST_CAUSE or left[0] < 0:
+        raise ValueError(f"a reason with causes more than {DEEPEST_CAUSE} deep, or more than {MOST_CAUSES}")
+    path, code, message = (_is(value[key], str) for key in ("node_path", "code", "message"))
+    causes = tuple(_reason(cause, depth + 1, left) for cause in _is(value["causes"], list))
+    return Reason(path, code, message, _is(value["data"], Mapping), causes)
+
+
+def _view(value: Mapping[str, Any]) -> Any:
+    cls = _VIEWS[value["type"]]
+    hints = _hints(cls)
+    return cls(**{key: _field(hints[key], item) for key, item in value.items() if key != "type"})
+
+
+@cache
+def _hints(cls: Any) -> dict[str, Any]:
+    return typing.get_type_hints(cls)
+
+
+def _field(hint: Any, value: Any) -> Any:
+    if value is None:
+        return None
+    if isinstance(value, Mapping) and value.get("type") in _VIEWS:
+        return _view(value)
+    hint = without_alias(hint)
+    origin = typing.get_origin(hint)
+    if origin in (types.UnionType, typing.Union):
+        return _field(next(h for h in typing.get_args(hint) if h is not type(None)), value)
+    if isinstance(value, np.ndarray):  # the recorder checks a view before it is encoded
+        return value
+    if origin is np.ndarray:
+        dtype = typing.get_args(typing.get_args(hint)[1])[0]
+        array = np.array([[np.nan if x is None else x for x in row] if isinstance(row, list) else row for row in value])
+        return array.astype(dtype) if array.size else np.empty((0, 2), dtype)
+    if origin is tuple:
+        inner = typing.get_args(hint)[0]
+        return tuple(_field(inner, item) for item in _is(value, list))
+    if hint in (str, bool, int, float):
+        return _typed(hint)(value)
+    if isinstance(value, Mapping):
+        inner = typing.get_args(hint)[1] if len(typing.get_args(hint)) == 2 else Any
+        return {key: _field(inner, item) for key, item in value.items()}
+    return value
+
 
 MOST_PIXELS = 50_000_000  # largest image that is decoded [pixels]: a few kilobytes may decode to gigabytes
 

@@ -30,12 +30,19 @@ from mcap.writer import CompressionType, Writer
 
 from pomona.executive.encode import encoded, plain
 from pomona.executive.errors import PomonaError
-from pomona.executive.recording.decode import event_from
-from pomona.executive.recording.ending import EndingFile
-from pomona.executive.recording.folder import DEVICES, EVENTS, EVENTS_FILE, RecordError, hash_of, next_number
+from pomona.executive.recording.folder import (
+    DEVICES,
+    EVENTS,
+    EVENTS_FILE,
+    EndingFile,
+    RecordError,
+    hash_of,
+    next_number,
+)
 from pomona.executive.recording.mcap_file import LIBRARY, MOST_MESSAGE
-from pomona.executive.recording.message import message_of
+from pomona.executive.recording.message import in_place_of, message_of, refuse
 from pomona.executive.recording.overview import OVERVIEW, WHOLE_BYTES, Overview
+from pomona.executive.recording.read import event_from
 from pomona.executive.recording.schemas import EVENT, READING, Schema
 from pomona.executive.recording.well_known import Images, samples, well_known
 from pomona.executive.running.events import (
@@ -45,8 +52,7 @@ from pomona.executive.running.events import (
     RunEnded,
     RunStarted,
 )
-from pomona.executive.running.unencodable import in_place_of, refuse
-from pomona.executive.values.file_locks import lock
+from pomona.executive.values.processes import lock
 from pomona.executive.values.sentences import sentence_of
 from pomona.executive.views import ImageView, SeriesView
 

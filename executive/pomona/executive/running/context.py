@@ -11,10 +11,10 @@ from pomona.executive.cell.cell import Cell
 from pomona.executive.clock import Clock
 from pomona.executive.errors import NotOwnerError, SkillError
 from pomona.executive.lease import Leases, viewed
-from pomona.executive.one_process import leave_if_forked
 from pomona.executive.running.compute import Computations
 from pomona.executive.running.traces import keep_place, place_here
 from pomona.executive.skill import Computation, Interrupted, Skill, Work
+from pomona.executive.values.processes import leave_if_forked
 
 T = TypeVar("T")
 

@@ -24,12 +24,16 @@ from pomona.executive.board import Board, Entry
 from pomona.executive.cell.cell import Cell
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.language import BuiltTree
-from pomona.executive.language.changes import change_input
+from pomona.executive.language.interface import change_input
 from pomona.executive.lease import viewed
-from pomona.executive.one_process import leave_if_forked
 from pomona.executive.reasons import Reason
-from pomona.executive.running.breakpoints import BREAK_ACTIONS, Breakpoints
-from pomona.executive.running.cell_watch import CellWatch, InterruptRequestedError, SafeStopRequestedError
+from pomona.executive.running.cell_watch import (
+    CellWatch,
+    InterruptRequestedError,
+    SafeStopRequestedError,
+    Watch,
+    Watcher,
+)
 from pomona.executive.running.compute import Computations
 from pomona.executive.running.context import RunContext
 from pomona.executive.running.events import (
@@ -47,13 +51,13 @@ from pomona.executive.running.events import (
     StateChanged,
     TickOverran,
 )
-from pomona.executive.running.observer import TreeObserver
 from pomona.executive.running.requests import LATE, SETS_IN_MOTION, Request, Requests
-from pomona.executive.running.run_state import RunResult, RunState
+from pomona.executive.running.starting import RunResult, RunState
+from pomona.executive.running.tick import BREAK_ACTIONS, Breakpoints, TreeObserver
 from pomona.executive.running.traces import place_of, traceback_of
-from pomona.executive.running.watching import Watch, Watcher
 from pomona.executive.skill import SkillContext
 from pomona.executive.speed import cannot_slow, speed_of, words_of
+from pomona.executive.values.processes import leave_if_forked
 from pomona.executive.values.sentences import sentence_of
 
 if TYPE_CHECKING:  # small commands do not load numpy

@@ -1,15 +1,156 @@
-"""A run that is being prepared: where that stands, and the wish that it does not begin."""
+"""Right to begin a run: one on each cell and wire, with a permit that others can withdraw; and where a run stands."""
 
 from __future__ import annotations
 
+import contextlib
+import errno
+import hashlib
+import os
+import socket
+import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any
 
-from pomona.executive.errors import PomonaError
-from pomona.executive.running.permit import Permit
+from pomona.executive.errors import PomonaError, UsageError
+from pomona.executive.reasons import Reason
 from pomona.executive.running.requests import Requests
+from pomona.executive.values.processes import lock
+
+
+class Permit:
+    """One byte in a pipe that both processes read: only one of them takes it, and none waits for the other."""
+
+    def __init__(self, read_fd: int, write_fd: int | None = None) -> None:
+        """
+        Args:
+            read_fd: non-blocking end of the pipe.
+            write_fd: its other end, in the process that prepares runs.
+        """
+        self.read_fd, self._write_fd = read_fd, write_fd
+        self._closed = False
+
+    @classmethod
+    def create(cls) -> Permit:
+        """Create the pipe; the other process inherits `read_fd`."""
+        read_fd, write_fd = os.pipe()
+        os.set_blocking(read_fd, False)
+        return cls(read_fd, write_fd)
+
+    def issue(self) -> None:
+        """Permit the run whose preparation begins now, and no other."""
+        self.take()
+        if self._write_fd is not None and not self._closed:
+            os.write(self._write_fd, b"1")
+
+    def take(self) -> bool:
+        """Return True if the permission was there; it is then used up."""
+        if self._closed:
+            return False
+        with contextlib.suppress(BlockingIOError):
+            return bool(os.read(self.read_fd, 16))
+        return False
+
+    def close(self) -> None:
+        """Close the pipe; nothing can begin any more. Harmless when closed already."""
+        if self._closed:
+            return
+        self._closed = True
+        for fd in (self.read_fd, self._write_fd):
+            if fd is not None:
+                os.close(fd)
+
+
+class RunState(Enum):
+    """Where a run stands."""
+
+    IDLE = "idle"
+    RUNNING = "running"
+    PAUSING = "pausing"
+    PAUSED = "paused"
+    STOPPING = "stopping"
+    STOPPED = "stopped"
+    SUCCEEDED = "succeeded"
+    FAILED = "failed"
+    FAULTED = "faulted"
+
+    @property
+    def ended(self) -> bool:
+        """Whether the run is over."""
+        return self in (RunState.STOPPED, RunState.SUCCEEDED, RunState.FAILED, RunState.FAULTED)
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """How a run ended."""
+
+    outcome: str  # success, failure, stopped or error
+    reason: Reason | None  # why it did not succeed
+    ticks: int  # number of ticks
+    time: float  # time, wall: seconds on the run's clock (pauses left out) and really
+    wall: float
+    truth: Mapping[str, Any] | None  # the simulated world's score
+    interrupted: bool = False  # it was ended by Ctrl-C
+
+
+class CellInUseError(UsageError):
+    """Another run is going on on this cell, or with another cell file on the same wire."""
+
+    def __init__(self, cell: Path, wire: str = "") -> None:
+        self.cell, self.wire = cell, wire
+        super().__init__(f"{cell}: another run is going on on {wire or 'this cell'}. Nothing was run.")
+
+
+@contextlib.contextmanager
+def alone_on(cell: Path, kind: str, wires: Iterable[str] = ()) -> Iterator[None]:
+    """Keep other processes from a real cell, and from the wires of any cell, for as long as it lasts.
+
+    The locks are the system's, on the file of a real cell and on a name for each wire: they end with their process. A
+    second name of the same device is not recognised. The file of a cell of another kind may serve several runs.
+
+    Raises CellInUseError: another run has one of them.
+    """
+    with contextlib.ExitStack() as stack:
+        if kind == "real":
+            stack.enter_context(_alone_with_file(cell))
+        for wire in wires:
+            stack.enter_context(_alone_on_wire(cell, wire))
+        yield
+
+
+@contextlib.contextmanager
+def _alone_on_wire(cell: Path, wire: str) -> Iterator[None]:
+    if sys.platform != "linux":  # elsewhere there are no names without files
+        yield
+        return
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as name:
+        try:
+            name.bind(b"\0pomona-wire-" + hashlib.sha256(wire.encode()).hexdigest().encode())
+        except OSError as error:
+            if error.errno == errno.EADDRINUSE:
+                raise CellInUseError(cell, wire) from None
+        yield
+
+
+@contextlib.contextmanager
+def _alone_with_file(cell: Path) -> Iterator[None]:
+    try:
+        stream = cell.open("rb")
+    except OSError:  # its text is not from the disk
+        yield
+        return
+    with stream:
+        try:
+            lock(stream)
+        except BlockingIOError:
+            raise CellInUseError(cell) from None
+        except OSError:  # a file system without locks
+            pass
+        yield
 
 
 class StartCancelledError(PomonaError):

@@ -10,7 +10,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from pomona.executive.reasons import Reason, latest_leaf
+from pomona.executive.reasons import Reason, failure_codes, latest_leaf
 from pomona.executive.recording.difference import Difference, first_difference
 from pomona.executive.running.events import (
     AttemptEnded,
@@ -28,7 +28,6 @@ from pomona.executive.running.events import (
 from pomona.executive.speed import words_of
 from pomona.executive.terminal.summary import Summary
 from pomona.executive.terminal.words import at_place, figure, headline, seconds
-from pomona.executive.values.failure_codes import failure_codes
 
 ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
 STOPPED = ("SAFE_STOP", "INTERRUPTED", "STOPPED")  # codes of a run that was stopped from outside its nodes

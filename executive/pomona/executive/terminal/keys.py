@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TextIO
 
-from pomona.executive.nodes.question import Question
+from pomona.executive.nodes.ask import Question
 from pomona.executive.running.events import Event, NodeChanged, OperatorActed, RunEnded, StateChanged
 from pomona.executive.running.requests import AnswerRefusedError
 from pomona.executive.running.runner import Runner

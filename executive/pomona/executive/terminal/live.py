@@ -23,7 +23,7 @@ from pomona.executive.running.events import (
 )
 from pomona.executive.running.starting import Starting, StartingStage
 from pomona.executive.terminal.explain import BLOCKED, did_not_work
-from pomona.executive.terminal.filtered import visible
+from pomona.executive.terminal.output import visible
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import ICONS, STYLES, say, seconds
 

@@ -15,7 +15,7 @@ from rich.color import ColorSystem
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 
-from pomona.executive.terminal.filtered import HARMFUL, Filtered, visible
+from pomona.executive.terminal.output import HARMFUL, Filtered, visible
 
 
 class Screen(Console):

@@ -10,9 +10,7 @@ from typing import Any
 from pomona.executive.values.findings import Finding, Findings, Source, did_you_mean
 from pomona.executive.values.kinds import Schema
 from pomona.executive.values.plain_text import is_file, not_utf8, read_plain_text
-from pomona.executive.values.reading import Reader, Refused
-from pomona.executive.values.shape import shape_of
-from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar, read_yaml
+from pomona.executive.values.yaml_nodes import Reader, Refused, YamlMapping, YamlNode, YamlScalar, read_yaml, shape_of
 
 MAX_INCLUDES = 8  # a file may include one that includes another, so deep
 _INCLUDE = "a file, or a block of one (sim.yaml#world), whose entries hold where this mapping has none of its own"

@@ -1,4 +1,4 @@
-"""The installed distribution, and the pip commands that add to it or repair it.
+"""The installed distribution: its trees, the packages of its extras, and the pip commands that add to it or repair it.
 
 An editable checkout, a wheel file and an index need different commands: pip records the origin of each installation
 (PEP 610), and the commands name that origin.
@@ -6,17 +6,22 @@ An editable checkout, a wheel file and an index need different commands: pip rec
 
 from __future__ import annotations
 
+import importlib
 import json
+import os
 import shlex
 import shutil
 import subprocess
 import sys
 from functools import cache
-from importlib.metadata import PackageNotFoundError, distribution as metadata_of, version
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, distribution as metadata_of, metadata, version
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
 from urllib.request import url2pathname
+
+from pomona.executive.errors import UsageError
 
 WHOLE, ALONE = "pomona", "pomona-executive"  # distributions: everything, and the executive alone
 
@@ -100,3 +105,62 @@ def _git(*arguments: str) -> str:
     except (OSError, subprocess.SubprocessError):
         return ""
     return done.stdout.strip()
+
+
+_POMONA = Path(__file__).resolve().parents[2]
+
+
+def installed_trees() -> Path:
+    """Return `trees` of the installed package, or of the repository where the package is installed from a clone."""
+    installed = _POMONA / "trees"
+    return installed if installed.is_dir() else _POMONA.parents[1] / "trees"
+
+
+def import_under(module: str, **environment: str) -> Any:
+    """Import a module while these variables are set; the environment is then as before."""
+    before = {name: os.environ.get(name) for name in environment}
+    os.environ.update(environment)
+    try:
+        return import_module(module)
+    finally:
+        for name, text in before.items():
+            if text is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = text
+
+
+_EXTRA_OF = {
+    "PIL": "pictures",
+    "matplotlib": "pictures",
+    "scipy": "pictures",
+    "torch": "torch",
+    "onnx": "torch",
+    "pygls": "lsp",
+    "lsprotocol": "lsp",
+    "ray": "ray",
+}
+"""Packages that are imported without `need`."""
+
+
+def need(module: str, extra: str, what: str) -> Any:
+    """Import a module that an extra brings.
+
+    Args:
+        extra: that installs it.
+        what: the feature that needs it, for the message.
+
+    Raises UsageError: it is not installed; names the extra.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise UsageError(f"{what} needs the extra '{extra}': {install_extra(extra)} ({error})") from error
+
+
+def remedy(module: str) -> str:
+    """Return the command that helps when a module is not found."""
+    extra = _EXTRA_OF.get(module.partition(".")[0], "")
+    if extra in (metadata(distribution()).get_all("Provides-Extra") or ()):
+        return install_extra(extra)
+    return "pomona doctor" if distribution() == WHOLE else reinstall(distribution(), requirements=True)

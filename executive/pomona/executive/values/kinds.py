@@ -12,10 +12,17 @@ from typing import Any, Generic, TypeVar
 
 from pomona.executive.values.findings import did_you_mean
 from pomona.executive.values.plain_text import exists
-from pomona.executive.values.reading import Reader, Refused, Unfit
-from pomona.executive.values.shape import shape_of
 from pomona.executive.values.units import NUMBER, Quantity, is_number, is_within, with_article
-from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
+from pomona.executive.values.yaml_nodes import (
+    Reader,
+    Refused,
+    Unfit,
+    YamlList,
+    YamlMapping,
+    YamlNode,
+    YamlScalar,
+    shape_of,
+)
 
 T = TypeVar("T")
 Schema = dict[str, Any]

@@ -19,9 +19,7 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar, runtime_checkabl
 
 from pomona.executive.values.findings import Located, did_you_mean
 from pomona.executive.values.kinds import Kind, ScalarKind, Schema
-from pomona.executive.values.reading import Reader, Refused
-from pomona.executive.values.shape import shape_of
-from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
+from pomona.executive.values.yaml_nodes import Reader, Refused, YamlMapping, YamlNode, YamlScalar, shape_of
 
 S = TypeVar("S")
 _KIND = "kind"

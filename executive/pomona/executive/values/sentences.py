@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 LONGEST = 10_000  # characters of a text that are kept
 
 
@@ -22,3 +24,18 @@ def sentence_of(error: BaseException) -> str:
     if not text or isinstance(error, (LookupError, SystemExit)):  # 'mesh', list index out of range, 0
         return f"{name}: {text}" if text else name
     return text
+
+
+@dataclass(frozen=True, slots=True)
+class ReportLine:
+    """One line of the report: subject, state, finding, and remedy."""
+
+    name: str
+    ok: bool
+    found: str
+    advice: str = ""
+    absent: bool = False  # optional and not there
+
+    def __str__(self) -> str:
+        line = f"{'–' if self.absent else '✓' if self.ok else '✗'} {self.name:24} {self.found}"
+        return line if self.ok or not self.advice else f"{line}\n  → {self.advice}"

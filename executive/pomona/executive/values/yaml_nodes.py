@@ -1,4 +1,4 @@
-"""YAML text → nodes with their place. Plain YAML only: no tags, no aliases, limited in size and depth.
+"""YAML text → nodes with their place, and the readers of their values. Plain YAML only: no tags, no aliases, bounded.
 
 Scalars stay text; the type of the port decides their meaning. So `no` can be a fruit's name instead of a boolean, and
 `1:30` is not 90.
@@ -7,13 +7,13 @@ Scalars stay text; the type of the port decides their meaning. So `no` can be a 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import yaml
 
-from pomona.executive.values.findings import Edit, Findings, Source
+from pomona.executive.values.findings import Edit, Findings, Located, Source, did_you_mean
 from pomona.executive.values.yaml_errors import MAX_DEPTH, TOO_DEEP, report_false_spaces, report_unreadable
 
 MAX_CHARACTERS = 512 * 1024
@@ -241,3 +241,100 @@ def written(node: YamlNode) -> str:
         return f"[{', '.join(map(written, node.items))}]"
     assert isinstance(node, YamlMapping)
     return "{" + ", ".join(f"{key.text}: {written(value)}" for key, value in node.entries.values()) + "}"
+
+
+class ShapeCheck:
+    """Asks a node to be of one shape; reports and answers None when it is not."""
+
+    def __init__(self, findings: Findings) -> None:
+        self.findings = findings
+
+    def mapping(self, node: YamlNode, what: str) -> YamlMapping | None:
+        """Return the node as a mapping; anything else is reported, and gives None."""
+        if isinstance(node, YamlMapping):
+            return node
+        self.findings.error(node, "shape", f"{what} is a mapping ('key: value'), this is {shape_of(node)}")
+        return None
+
+    def entries(self, node: YamlNode | None, what: str, how: str) -> list[tuple[YamlScalar, YamlNode]]:
+        """Entries of a mapping that may be left out or empty."""
+        if node is None or (isinstance(node, YamlScalar) and node.is_null):
+            return []
+        if isinstance(node, YamlMapping):
+            return list(node.entries.values())
+        self.findings.error(node, "shape", f"{what} are a mapping, this is {shape_of(node)}", f"write {how}")
+        return []
+
+    def text(self, node: YamlNode | None) -> YamlScalar | None:
+        """Return a scalar; None when it is left out."""
+        if node is None or (isinstance(node, YamlScalar) and not node.is_null):
+            return node
+        self.findings.error(node, "shape", f"a word is expected here, this is {shape_of(node)}")
+        return None
+
+    def known_keys(self, node: YamlMapping, known: Iterable[str], what: str) -> None:
+        """Report unknown keys, each with the most similar known key."""
+        names = tuple(known)
+        for key, _ in node.entries.values():
+            if key.text not in names:
+                hint = did_you_mean(key.text, names) or f"{what} has {', '.join(names)}"
+                self.findings.error(key, "unknown-key", f"{what} has no '{key.text}'", hint)
+
+
+def shape_of(node: YamlNode) -> str:
+    """Name the node's shape in messages."""
+    if isinstance(node, YamlMapping):
+        return "a mapping"
+    if isinstance(node, YamlList):
+        return "a list"
+    return "empty" if isinstance(node, YamlScalar) and node.is_null else "a single value"
+
+
+_REFERENCE = re.compile(r"\{([^{}]*)\}")
+
+
+class Refused(Exception):
+    """A value that cannot be read; its finding has been made."""
+
+
+class Unfit(ValueError):
+    """A text that is no value of its kind, with the problem and the correction."""
+
+    def __init__(self, message: str, hint: str = "", code: str = "value") -> None:
+        self.message, self.hint, self.code = message, hint, code
+        super().__init__(message)
+
+
+@dataclass(frozen=True, slots=True)
+class Reader:
+    """Context that a kind needs to read a node."""
+
+    findings: Findings  # receives every error and warning
+    title: str = ""  # of the value, for messages: `devices.arm.lead`
+    options: Mapping[str, YamlScalar] | None = None  # values of `{name}`, or None in files without options
+
+    def inside(self, key: str) -> Reader:
+        """Return the reader of a value in this one."""
+        return replace(self, title=f"{self.title}.{key}" if self.title else key)
+
+    def refuse(self, where: Located, message: str, hint: str = "", code: str = "value") -> Refused:
+        """Report the finding; the caller raises the returned error."""
+        self.findings.error(where, code, message, hint)
+        return Refused(message)
+
+    def filled(self, node: YamlNode) -> YamlNode:
+        """Return the node with options filled in. A text that is only one option gets the place of the option's value.
+
+        Raises Refused: it names an option that does not exist.
+        """
+        options = self.options
+        if options is None or not isinstance(node, YamlScalar) or "{" not in node.text:
+            return node
+        for name in _REFERENCE.findall(node.text):
+            if name not in options:
+                hint = did_you_mean(name, options) or f"options: {', '.join(options) or 'none'}"
+                raise self.refuse(node, f"there is no option '{name}'", hint, "unknown-option")
+        whole = _REFERENCE.fullmatch(node.text.strip())
+        if whole is not None:
+            return options[whole[1]]
+        return replace(node, text=_REFERENCE.sub(lambda match: options[match[1]].text, node.text))

@@ -23,12 +23,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from pomona.executive.cell.services import Score
 from pomona.executive.values.kinds import AsWritten, Kind, ListOf, MappingOf, Schema, Text, read_each
-from pomona.executive.values.reading import Reader
-from pomona.executive.values.scoring import Score
 from pomona.executive.values.sections import Section, value
-from pomona.executive.values.shape import shape_of
-from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
+from pomona.executive.values.yaml_nodes import Reader, YamlList, YamlMapping, YamlNode, YamlScalar, shape_of
 
 MAX_SEEDS = 1000  # largest number of seeds of a combination, and distance of two combinations' first seeds
 

@@ -14,7 +14,7 @@ from typing import Any
 
 from pomona.executive.engine import ONE_THREAD, RENEWED_AFTER, TRIES, Engine, OrderLost, OrderTooLong, one_per_core
 from pomona.executive.errors import UsageError
-from pomona.executive.extras import need
+from pomona.executive.values.installation import need
 
 LOOK = 1.0  # time limits are looked at this often [s]
 

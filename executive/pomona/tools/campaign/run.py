@@ -17,11 +17,11 @@ from pomona.executive.encode import encoded
 from pomona.executive.engine import Engine
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.execute import RunOrder, execute
-from pomona.executive.recording.json_text import parse_object
+from pomona.executive.recording.plain_file import parse_object
 from pomona.executive.running.compute import keep_workers_warm
 from pomona.executive.running.signals import WORDS
-from pomona.executive.values.file_locks import lock
 from pomona.executive.values.installation import commit_here
+from pomona.executive.values.processes import lock
 from pomona.tools.campaign.spec import Campaign, CampaignRun
 
 RESULTS = "results.jsonl"

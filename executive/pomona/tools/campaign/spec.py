@@ -11,21 +11,20 @@ from functools import cache
 from pathlib import Path
 
 from pomona.executive.cell.cell_file import CellFile, outline_cell
+from pomona.executive.cell.services import Score
 from pomona.executive.errors import UsageError
 from pomona.executive.execute import RunOrder
 from pomona.executive.files import default_name, find_cell, find_tree, read_text
 from pomona.executive.judging import judge
-from pomona.executive.language.documents import read_document
+from pomona.executive.language.check import read_document
 from pomona.executive.language.model import Document
 from pomona.executive.registry import Registry
 from pomona.executive.values.documents import read_value_file, with_includes
 from pomona.executive.values.findings import Findings, did_you_mean, few_hints, format_findings
 from pomona.executive.values.kinds import Schema
 from pomona.executive.values.plain_text import is_file
-from pomona.executive.values.reading import Refused
-from pomona.executive.values.scoring import Score
 from pomona.executive.values.sections import Placed
-from pomona.executive.values.yaml_nodes import YamlMapping, YamlScalar
+from pomona.executive.values.yaml_nodes import Refused, YamlMapping, YamlScalar
 from pomona.tools.campaign.file import CAMPAIGN, MAX_SEEDS, CampaignSection, keys_of
 
 MAX_RUNS = 100_000

@@ -19,7 +19,7 @@ from typing import Any
 
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.running.events import Event
-from pomona.executive.running.permit import Permit
+from pomona.executive.running.starting import Permit
 from pomona.tools.dashboard.choices import Choices, JudgeForm, StartRun
 from pomona.tools.dashboard.control_lock import ControlLock
 from pomona.tools.dashboard.hub import Encoder, Word

@@ -13,7 +13,7 @@ from pomona.executive.files import default_name, find_cell, find_tree, read_text
 from pomona.executive.language import read
 from pomona.executive.language.model import Declared
 from pomona.executive.values.findings import Findings, format_findings
-from pomona.executive.values.shipped import installed_trees
+from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.yaml_nodes import YamlNode, YamlScalar
 
 StartRun = Callable[[dict[str, Any]], str]  # starts a run from the page's form and returns its tree's name

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.images import from_file
-from pomona.executive.recording.json_text import parse_object
+from pomona.executive.recording.plain_file import parse_object
 from pomona.executive.values.image_bytes import size_of_image
 from pomona.executive.views import ImageView, Pinhole
 

@@ -14,7 +14,7 @@ from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.files import default_name
 from pomona.executive.judging import judge
-from pomona.executive.language.documents import read_document
+from pomona.executive.language.check import read_document
 from pomona.executive.recording.session import Reader
 from pomona.executive.registry import Registry
 from pomona.executive.running.events import Event, Listener

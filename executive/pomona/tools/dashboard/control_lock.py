@@ -8,12 +8,11 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from pomona.executive.errors import PomonaError
-from pomona.executive.language.changes import ChangeRefusedError
-from pomona.executive.running.breakpoints import BREAK_ACTIONS, UnknownNodeError
-from pomona.executive.running.permit import Permit
+from pomona.executive.language.interface import ChangeRefusedError
 from pomona.executive.running.requests import AnswerRefusedError, UnknownFaultError
 from pomona.executive.running.runner import Runner
-from pomona.executive.running.starting import Starting
+from pomona.executive.running.starting import Permit, Starting
+from pomona.executive.running.tick import BREAK_ACTIONS, UnknownNodeError
 from pomona.executive.speed import SpeedRefusedError, speed_of
 from pomona.tools.dashboard.messages import picture_message
 

@@ -16,9 +16,8 @@ from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from pomona.executive.recording.message import key_of
+from pomona.executive.recording.message import in_place_of, key_of, refuse
 from pomona.executive.running.events import Event, OperatorActed, Published, SafeStopped, StateChanged
-from pomona.executive.running.unencodable import in_place_of, refuse
 from pomona.tools.dashboard.connections import LiveWire, frame_of
 from pomona.tools.dashboard.messages import fields_of, message, numbered
 

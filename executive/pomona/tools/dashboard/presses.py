@@ -12,7 +12,7 @@ from typing import Any
 
 import orjson
 
-from pomona.executive.recording.json_text import is_deep
+from pomona.executive.recording.plain_file import is_deep
 from pomona.executive.running.requests import LATE
 from pomona.tools.dashboard.control_lock import RefusedError, RunControl
 

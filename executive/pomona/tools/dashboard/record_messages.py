@@ -19,9 +19,7 @@ from typing import Any, NamedTuple
 
 from pomona.executive.errors import UsageError
 from pomona.executive.images import from_file, shrunk, to_jpeg
-from pomona.executive.recording.decode import ForeignRecordError, event_from
 from pomona.executive.recording.folder import EVENTS, EVENTS_FILE
-from pomona.executive.recording.json_text import parse_object
 from pomona.executive.recording.overview import (
     MOST_BYTES,
     OVERVIEW,
@@ -31,6 +29,8 @@ from pomona.executive.recording.overview import (
     Standing,
     standing,
 )
+from pomona.executive.recording.plain_file import parse_object
+from pomona.executive.recording.read import ForeignRecordError, event_from
 from pomona.executive.recording.scan import Found, Verdict, attachment, require_valid, scan
 from pomona.executive.recording.well_known import DEPTH, IMAGES
 from pomona.executive.values.image_bytes import size_of_jpeg

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from pomona.executive.errors import PomonaError
-from pomona.executive.running.permit import Permit
+from pomona.executive.running.starting import Permit
 from pomona.tools.dashboard.choices import Choices
 from pomona.tools.dashboard.control_lock import CANCELLED, ControlStatus, RefusedError
 from pomona.tools.dashboard.security import Access

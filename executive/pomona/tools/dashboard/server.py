@@ -25,11 +25,11 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from pomona.executive.errors import PomonaError, UsageError
+from pomona.executive.reasons import failure_codes
 from pomona.executive.recording.drawn_tree import drawing
 from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.recording.plain_file import is_plain
 from pomona.executive.running.events import Event
-from pomona.executive.values.failure_codes import failure_codes
 from pomona.tools.dashboard.choices import Choices, JudgeForm, StartRun
 from pomona.tools.dashboard.connections import LiveWire, PatientHttp, hang_up, wire_of
 from pomona.tools.dashboard.control_lock import ControlLock, RefusedError, RunControl

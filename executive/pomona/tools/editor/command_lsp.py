@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from pomona.executive.extras import need
 from pomona.executive.files import find_cell
+from pomona.executive.values.installation import need
 
 
 def add(subparsers: Any) -> None:

@@ -9,7 +9,7 @@ from enum import Enum, EnumType
 from pathlib import Path
 
 from pomona.executive.cell.cell_file import CellFile, judge_cell_file
-from pomona.executive.file_kinds import file_kind, kind_names
+from pomona.executive.files import file_kind, kind_names
 from pomona.executive.judging import judge
 from pomona.executive.language.check import Analysis, analyse
 from pomona.executive.language.expression import FUNCTIONS, SPECIAL
@@ -18,14 +18,14 @@ from pomona.executive.language.read import read
 from pomona.executive.language.scope import Named
 from pomona.executive.language.value_types import ValueType, describe, element_type, fields_of
 from pomona.executive.nodes.catalogue import NodeTypes
-from pomona.executive.nodes.surroundings import COUNTERS, LastFailure
+from pomona.executive.nodes.context import COUNTERS, LastFailure
 from pomona.executive.nodes.takes import NAME, Value
 from pomona.executive.ports import Port, type_name
 from pomona.executive.registry import Registry, default_text
 from pomona.executive.skill import Skill
 from pomona.executive.values.findings import Finding, Findings, Located, Source, Spot
+from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.plain_text import read_plain_text
-from pomona.executive.values.shipped import installed_trees
 from pomona.tools.editor.places import Place, place_at, word_at
 from pomona.tools.editor.renaming import (
     RenameRefused,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.folder import DEVICES, EVENTS, events_file
-from pomona.executive.recording.json_text import parse_object
+from pomona.executive.recording.plain_file import parse_object
 from pomona.executive.recording.scan import scan
 from pomona.executive.recording.well_known import DEPTH, IMAGES
 from pomona.executive.values.arrays import Float64

@@ -11,9 +11,9 @@ from typing import Any
 
 from pomona.executive.encode import encoded
 from pomona.executive.errors import UsageError
-from pomona.executive.extras import need
 from pomona.executive.recording.schemas import CAMERA_CALIBRATION, SCENE_UPDATE, Schema
 from pomona.executive.recording.well_known import Images
+from pomona.executive.values.installation import need
 from pomona.executive.views import ImageView
 
 EXTRA = "foxglove"

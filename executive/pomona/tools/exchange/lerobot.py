@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.errors import UsageError
-from pomona.executive.extras import need
 from pomona.executive.images import from_file
-from pomona.executive.recording.new_place import made_whole
+from pomona.executive.recording.plain_file import made_whole
+from pomona.executive.values.installation import need
 from pomona.tools.exchange.episode import Episode, read_episode
 
 EXTRA = "lerobot"

@@ -18,12 +18,11 @@ from typing import Any, Protocol
 
 from pomona.executive.encode import plain
 from pomona.executive.recording.folder import DEVICES, EVENTS
-from pomona.executive.recording.message import message_of
+from pomona.executive.recording.message import in_place_of, message_of, refuse
 from pomona.executive.recording.schemas import EVENT, READING, Schema
 from pomona.executive.recording.well_known import samples, well_known
 from pomona.executive.running.events import Event, Published, RunStarted
-from pomona.executive.running.unencodable import in_place_of, refuse
-from pomona.executive.values.bounded import warn
+from pomona.executive.values.processes import warn
 from pomona.executive.views import ImageView, SeriesView
 
 logger = logging.getLogger(__name__)

@@ -20,9 +20,7 @@ from pomona.executive.errors import UsageError
 from pomona.executive.palette import OVERLAY
 from pomona.executive.recording.digest import Digest, trusted
 from pomona.executive.recording.folder import EVENTS, events_file, is_being_written
-from pomona.executive.recording.json_text import parse_object
-from pomona.executive.recording.new_place import made_whole, refuse_taken
-from pomona.executive.recording.plain_file import open_plain
+from pomona.executive.recording.plain_file import made_whole, open_plain, parse_object, refuse_taken
 from pomona.executive.recording.read import read_events
 from pomona.executive.recording.scan import scan
 from pomona.executive.recording.well_known import IMAGES

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from pomona.executive.errors import UsageError
-from pomona.executive.extras import need
 from pomona.executive.recording.folder import DEVICES, EVENTS
-from pomona.executive.recording.new_place import refuse_taken
+from pomona.executive.recording.plain_file import refuse_taken
 from pomona.executive.recording.schemas import Schema
 from pomona.executive.recording.well_known import SERIES_TOPIC
+from pomona.executive.values.installation import need
 from pomona.executive.views import ImageView
 from pomona.tools.exchange.live import plain_content
 

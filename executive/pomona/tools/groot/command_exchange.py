@@ -9,10 +9,10 @@ from typing import Any
 
 from pomona.executive.errors import UsageError
 from pomona.executive.files import find_tree, read_text, write_text
+from pomona.executive.language.check import read_document, refuse_errors, with_declarations
 from pomona.executive.language.declared_skills import declared_skills
-from pomona.executive.language.documents import read_document, refuse_errors, with_declarations
 from pomona.executive.language.read import read
-from pomona.executive.nodes.calls import SKILL
+from pomona.executive.nodes.leaves import SKILL
 from pomona.executive.registry import Registry
 from pomona.executive.values.findings import format_findings
 from pomona.tools.groot.export_xml import export_groot

@@ -8,8 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement
 
-from pomona.executive.language.expression import Reference
-from pomona.executive.language.expression_parser import ExpressionSyntaxError, parse_expression
+from pomona.executive.language.expression import ExpressionSyntaxError, Reference, parse_expression
 from pomona.executive.language.model import Declared, Definition, Document, TreeNode
 from pomona.executive.nodes.node_type import NodeType
 from pomona.executive.ports import TIME, Port, type_name

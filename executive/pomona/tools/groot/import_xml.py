@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pomona.executive.language.expression import SPECIAL
-from pomona.executive.nodes.calls import SKILL
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.nodes.context import Words
+from pomona.executive.nodes.leaves import SKILL
 from pomona.executive.skill import Skill
 from pomona.executive.values.findings import Finding, Findings
 from pomona.tools.groot.asked import Asked

@@ -8,11 +8,20 @@ from typing import ClassVar
 from py_trees.behaviour import Behaviour
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.context import BuildContext, CheckContext, FlowContext, OutcomeContext, Words, XmlImport
-from pomona.executive.nodes.ends import NO_CODES, Ends, Names, Outcome
+from pomona.executive.nodes.context import (
+    Around,
+    BuildContext,
+    CheckContext,
+    FlowContext,
+    LastFailure,
+    OutcomeContext,
+    RetryCount,
+    Words,
+    XmlImport,
+)
+from pomona.executive.nodes.facts import NO_CODES, Ends, Names, Outcome
 from pomona.executive.nodes.node_type import Composite
 from pomona.executive.nodes.retry import Retry
-from pomona.executive.nodes.surroundings import Around, LastFailure, RetryCount
 
 
 class RecoveryType(Composite):

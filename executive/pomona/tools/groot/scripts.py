@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from pomona.executive.language.expression_parser import ExpressionSyntaxError, parse_expression
+from pomona.executive.language.expression import ExpressionSyntaxError, parse_expression
 from pomona.executive.language.expression_run import compile_expression
 from pomona.executive.reasons import NoValue
 from pomona.tools.groot.keys import NAME, KeyNames, ScriptError

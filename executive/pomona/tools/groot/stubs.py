@@ -6,8 +6,7 @@ import re
 from collections.abc import Mapping
 
 from pomona.executive.language.read import read
-from pomona.executive.nodes.calls import SKILL
-from pomona.executive.nodes.leaves import SetType
+from pomona.executive.nodes.leaves import SKILL, SetType
 from pomona.executive.skill import Skill
 from pomona.executive.values.yaml_nodes import YamlScalar
 from pomona.tools.groot.untranslated import UntranslatedType

@@ -9,12 +9,11 @@ from py_trees.behaviour import Behaviour
 
 from pomona.executive.nodes import takes
 from pomona.executive.nodes.context import BuildContext, CheckContext, FlowContext, NodeText, OutcomeContext, XmlExport
-from pomona.executive.nodes.ends import UNKNOWN, Ends, Names, Outcome
+from pomona.executive.nodes.facts import UNKNOWN, Ends, Names, Outcome
 from pomona.executive.nodes.node_type import Composite, Field, NodeType, Reading, Schema, TreeNode
 from pomona.executive.nodes.sequence import Sequence
 from pomona.executive.ports import Port
-from pomona.executive.values.shape import ShapeCheck
-from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
+from pomona.executive.values.yaml_nodes import ShapeCheck, YamlList, YamlMapping, YamlNode, YamlScalar
 
 
 class PerhapsChildren(takes.Children):

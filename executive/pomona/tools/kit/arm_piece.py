@@ -17,13 +17,13 @@ from pathlib import Path
 
 import numpy as np
 from pomona.drivers.base.rolling_path import PERIOD, OutOfSetPointsError, RollingPath
-from pomona.drivers.device import ConnectContext
+from pomona.drivers.services import ConnectContext
 from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, UnusableRobotFile
 from pomona.drivers.interfaces import ArmLimits, ArmState
 from pomona.drivers.motion_supervisor import Supervision
 from pomona.drivers.path_arm import PathArm, words
 from pomona.drivers.path_motion import PathMotion
-from pomona.drivers.registration import Settings, driver
+from pomona.executive.cell.registration import Settings, driver
 from pomona.drivers.robot_file import read_limits
 from pomona.executive import Address, Link, Malformed, Nonsense, tcp_opener
 from pomona.executive.clock import Clock

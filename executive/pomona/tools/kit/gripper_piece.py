@@ -14,11 +14,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pomona.drivers.base.parallel_gripper import ParallelGripper
-from pomona.drivers.device import ConnectContext
+from pomona.drivers.services import ConnectContext
 from pomona.drivers.errors import DeviceError, DeviceLost
-from pomona.drivers.gripper_motion import GripperMotion
+from pomona.drivers.gripper_supervisor import GripperMotion
 from pomona.drivers.interfaces import GripperLimits
-from pomona.drivers.registration import Settings, driver
+from pomona.executive.cell.registration import Settings, driver
 from pomona.executive import Address, Link, Malformed, Nonsense, TcpLink, tcp_opener
 from pomona.executive.clock import Clock
 from pomona.executive.values.kinds import Measure, Span

@@ -76,7 +76,7 @@ from collections.abc import Callable
 
 from pomona.executive.nodes import Modifier, takes
 from pomona.executive.nodes.behaviours import Wrapper
-from pomona.executive.nodes.ends import Ends, Names
+from pomona.executive.nodes.facts import Ends, Names
 from pomona.executive.nodes.context import BuildContext, FlowContext
 from pomona.executive.ports import Port
 from py_trees.behaviour import Behaviour

@@ -11,9 +11,9 @@ from pomona.executive.commands.command_line import add_records_folder
 from pomona.executive.errors import UsageError
 from pomona.executive.files import default_name
 from pomona.executive.recording.folder import find_record
-from pomona.executive.terminal.filtered import json_text
+from pomona.executive.terminal.output import json_text
 from pomona.executive.terminal.screen import Screen
-from pomona.executive.values.shipped import installed_trees
+from pomona.executive.values.installation import installed_trees
 from pomona.tools.campaign.document import Bullets, Heading, Paragraph, ReportPage, Table
 from pomona.tools.library.evidence import Evidence, Hazard, Measured, gather, read_hazards
 from pomona.tools.library.index import records_in

@@ -12,7 +12,7 @@ from pomona.executive.commands.command_line import RUN, add_records_folder
 from pomona.executive.errors import UsageError
 from pomona.executive.execute import RunOrder, execute, versions
 from pomona.executive.judging import judge
-from pomona.executive.language.documents import read_document
+from pomona.executive.language.check import read_document
 from pomona.executive.recording.difference import first_difference
 from pomona.executive.recording.digest import trusted
 from pomona.executive.recording.folder import find_record
@@ -24,7 +24,7 @@ from pomona.executive.terminal.explain import describe
 from pomona.executive.terminal.live import LiveTree
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import seconds
-from pomona.executive.values.shipped import installed_trees
+from pomona.executive.values.installation import installed_trees
 
 REPEATABLE = ("simulated", "frames", "mock")
 

@@ -13,7 +13,7 @@ from pomona.executive.errors import UsageError
 from pomona.executive.recording.digest import Digest, trusted
 from pomona.executive.recording.folder import find_record, is_being_written
 from pomona.executive.recording.scan import is_whole
-from pomona.executive.terminal.filtered import write_json
+from pomona.executive.terminal.output import write_json
 from pomona.executive.terminal.run_list import how, print_comparison, print_list, size, wide_console
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.values.kinds import Whole

@@ -18,11 +18,10 @@ import yaml
 from numpy.typing import NDArray
 
 from pomona.executive.errors import UsageError
-from pomona.executive.language.expression_parser import UNITS
+from pomona.executive.language.expression import UNITS
 from pomona.executive.recording.digest import Digest, digest
 from pomona.executive.recording.folder import DEVICES, EVENTS, events_file
-from pomona.executive.recording.json_text import parse_object
-from pomona.executive.recording.plain_file import open_plain
+from pomona.executive.recording.plain_file import open_plain, parse_object
 from pomona.executive.recording.scan import scan
 from pomona.executive.values.plain_text import read_plain_text
 

@@ -8,9 +8,7 @@ from pathlib import Path
 
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.folder import EVENTS, events_file
-from pomona.executive.recording.json_text import parse_object
-from pomona.executive.recording.new_place import made_whole
-from pomona.executive.recording.plain_file import is_plain
+from pomona.executive.recording.plain_file import is_plain, made_whole, parse_object
 from pomona.executive.recording.scan import require_valid, scan
 
 

@@ -25,7 +25,7 @@ import numpy as np
 from pomona.executive.errors import UsageError
 from pomona.executive.images import to_png
 from pomona.executive.recording.folder import DEVICES, events_file
-from pomona.executive.recording.json_text import parse_object
+from pomona.executive.recording.plain_file import parse_object
 from pomona.executive.recording.read import read_events
 from pomona.executive.recording.scan import scan
 from pomona.executive.recording.well_known import SERIES_TOPIC, plain_name

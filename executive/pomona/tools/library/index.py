@@ -17,7 +17,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from pomona.executive.recording.digest import STATES, Digest, digest
 from pomona.executive.recording.folder import EVENTS_FILE, in_order, is_being_written
-from pomona.executive.recording.json_text import moment_of, parse
+from pomona.executive.recording.plain_file import moment_of, parse
 
 INDEX_FILE = "index.sqlite"
 PATIENCE = 2.0  # longest wait for another process that writes the index [s]

@@ -16,8 +16,7 @@ from mcap.writer import CompressionType, Writer
 
 from pomona.executive.encode import plain
 from pomona.executive.errors import UsageError
-from pomona.executive.recording.ending import why_cut
-from pomona.executive.recording.folder import EVENTS, events_file, is_being_written
+from pomona.executive.recording.folder import EVENTS, events_file, is_being_written, why_cut
 from pomona.executive.recording.mcap_file import (
     LIBRARY,
     MAGIC,

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from pomona.executive.recording.digest import Digest
 from pomona.executive.recording.folder import EVENTS, events_file, is_being_written
-from pomona.executive.recording.json_text import parse_object
+from pomona.executive.recording.plain_file import parse_object
 from pomona.executive.recording.scan import scan
 from pomona.executive.speed import words_of
 from pomona.executive.terminal.run_list import MARKS, UNCHECKED, ending, how, size, when

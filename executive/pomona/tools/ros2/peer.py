@@ -18,7 +18,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from pomona.executive.errors import UsageError
-from pomona.executive.extras import need
+from pomona.executive.values.installation import need
 from pomona.tools.ros2.types import EXTRA, coder, typestore
 
 logger = logging.getLogger(__name__)

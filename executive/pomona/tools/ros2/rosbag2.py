@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from pomona.executive.errors import UsageError
-from pomona.executive.extras import need
 from pomona.executive.recording.folder import events_file
-from pomona.executive.recording.json_text import parse_object
-from pomona.executive.recording.new_place import made_whole
+from pomona.executive.recording.plain_file import made_whole, parse_object
 from pomona.executive.recording.scan import require_valid, scan
+from pomona.executive.values.installation import need
 from pomona.tools.ros2.to_ros2 import NoRosTimeError, RosMessage, ToRos2
 from pomona.tools.ros2.types import EXTRA, coder, typestore
 

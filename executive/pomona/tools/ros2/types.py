@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pomona.executive.extras import need
+from pomona.executive.values.installation import need
 from pomona.tools.ros2.definitions import ACTIONS, OTHERS, POMONA, SERVICES
 
 EXTRA = "ros2"

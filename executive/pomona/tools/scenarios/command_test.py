@@ -13,7 +13,7 @@ from pomona.executive.files import read_text
 from pomona.executive.registry import Registry
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import say, seconds
-from pomona.executive.values.shipped import installed_trees
+from pomona.executive.values.installation import installed_trees
 from pomona.tools.scenarios.run_scenario import ScenarioResult, run_scenario
 from pomona.tools.scenarios.scenario import is_scenario, read_scenario
 

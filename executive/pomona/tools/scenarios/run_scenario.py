@@ -14,8 +14,8 @@ from pomona.executive.clock import Clock, ManualClock
 from pomona.executive.errors import SkillError
 from pomona.executive.language.build import build
 from pomona.executive.language.built import BuiltTree, NodeInfo
+from pomona.executive.nodes.ask import Question
 from pomona.executive.nodes.node_type import NodeType
-from pomona.executive.nodes.question import Question
 from pomona.executive.reasons import Reason, reason_of
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Computation, Interrupted, Skill, Work

@@ -21,20 +21,18 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pomona.executive.files import read_text
-from pomona.executive.language.documents import with_declarations
-from pomona.executive.language.mocks import MockPlan
-from pomona.executive.language.mocks_file import MockedSkills, MocksReader, OneOrSeveral, Results, Tested, root_of
+from pomona.executive.language.check import with_declarations
+from pomona.executive.language.mocks import MockedSkills, MockPlan, MocksReader, OneOrSeveral, Results, Tested, root_of
 from pomona.executive.language.model import Document
 from pomona.executive.language.read import read_file
 from pomona.executive.ports import TIME
 from pomona.executive.registry import Registry
 from pomona.executive.values.findings import Finding, Findings, few_hints
+from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.kinds import AsWritten, Kind, ListOf, Measure, Schema, Text, Whole
 from pomona.executive.values.plain_text import is_file
-from pomona.executive.values.reading import Reader, Refused
 from pomona.executive.values.sections import Placed, Section, value
-from pomona.executive.values.shipped import installed_trees
-from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
+from pomona.executive.values.yaml_nodes import Reader, Refused, YamlMapping, YamlNode, YamlScalar
 from pomona.tools.scenarios.scenario_kinds import (
     Answers,
     ByNode,

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from pomona.executive.language.mocks_file import ENDS, OneOrSeveral, T, tree_of
-from pomona.executive.language.overrides import read_override
+from pomona.executive.language.interface import read_override
+from pomona.executive.language.mocks import ENDS, OneOrSeveral, T, tree_of
 from pomona.executive.values.findings import Findings, did_you_mean
 from pomona.executive.values.kinds import AsWritten, Kind, MappingOf, Schema, Text
-from pomona.executive.values.reading import Reader, Refused
 from pomona.executive.values.sections import Section, value
-from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
+from pomona.executive.values.yaml_nodes import Reader, Refused, YamlMapping, YamlNode, YamlScalar
 
 
 class NodeName(Kind[str]):

@@ -13,8 +13,8 @@ from typing import Any
 from pomona.drivers.errors import DriverError
 from pomona.drivers.interfaces import ForceSensor, Gripper, Hands, HandTask
 from pomona.executive.cell.connect import load_cell
+from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.kinds import Measure
-from pomona.executive.values.shipped import installed_trees
 from pomona.executive.values.units import FORCE, TIME
 from pomona.skills.grip.calibration import (
     Push,

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pomona.drivers.interfaces import Arm, Gripper, Trajectory, Workspace
-from pomona.drivers.path_follower import stretched
+from pomona.drivers.path_motion import stretched
 from pomona.executive.skill import CellFacts
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.kinds import choose

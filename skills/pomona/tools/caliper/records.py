@@ -11,7 +11,7 @@ import numpy as np
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.digest import trusted
 from pomona.executive.recording.folder import EVENTS, EVENTS_FILE, events_file, find_record, in_order
-from pomona.executive.recording.json_text import parse_object
+from pomona.executive.recording.plain_file import parse_object
 from pomona.executive.recording.scan import scan
 from pomona.tools.caliper.pick import Pick, UnusableTouches, pick_from
 

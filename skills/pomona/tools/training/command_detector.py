@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from pomona.executive.engine import add_engine_options, open_engine
-from pomona.executive.extras import need
+from pomona.executive.values.installation import need
 from pomona.executive.values.kinds import Number
 
 

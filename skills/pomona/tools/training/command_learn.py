@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from pomona.executive.extras import need
 from pomona.executive.recording.folder import find_record
 from pomona.executive.recording.read import read_events
 from pomona.executive.running.events import NodeChanged, Published, RunStarted
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.installation import need
 from pomona.executive.views import ImageView
 from pomona.tools.training.proposals import RecordedLook
 

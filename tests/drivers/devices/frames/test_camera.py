@@ -9,10 +9,10 @@ import pytest
 from pomona.devices.frames import folder as folder_module
 from pomona.devices.frames.camera import FramesCamera, connect
 from pomona.devices.frames.folder import list_frames
-from pomona.drivers.device import ConnectContext
 from pomona.drivers.errors import CellFileError, FrameUnreadable
 from pomona.drivers.interfaces import Camera, FrameSequence
-from pomona.drivers.registration import read_settings
+from pomona.drivers.services import ConnectContext
+from pomona.executive.cell.registration import read_settings
 from pomona.executive.clock import ManualClock
 
 INTRINSICS = "{fx: 600 px, fy: 601 px, cx: 20 px, cy: 15 px, width: 40, height: 30}"

@@ -23,7 +23,7 @@ from pomona.devices.motoman.codec import (
     encode,
 )
 from pomona.devices.motoman.words import fault, refusal
-from pomona.executive.cell.wire import Malformed
+from pomona.executive.cell.owner import Malformed
 
 numbers = st.floats(-10.0, 10.0, width=32)
 ten = st.lists(numbers, min_size=10, max_size=10).map(tuple)

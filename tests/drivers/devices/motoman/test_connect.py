@@ -9,11 +9,11 @@ from pomona.devices.emulators.motoman import FreeJoints, MotomanEmulator
 from pomona.devices.emulators.server import Server, TcpPort
 from pomona.devices.motoman.connect import connect
 from pomona.devices.motoman.driver import MotomanArm
-from pomona.drivers.device import ConnectContext
 from pomona.drivers.errors import CellFileError, UnusableRobotFile
 from pomona.drivers.interfaces import MotionState, Trajectory
-from pomona.drivers.registration import read_settings
 from pomona.drivers.robot_file import read_limits
+from pomona.drivers.services import ConnectContext
+from pomona.executive.cell.registration import read_settings
 from pomona.executive.clock import SystemClock
 
 ROBOT = Path(__file__).resolve().parents[4] / "trees" / "robots" / "sia5f_wsg32.xml"

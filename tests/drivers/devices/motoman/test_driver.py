@@ -18,7 +18,7 @@ from pomona.devices.motoman.stream import MotomanOptions
 from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
 from pomona.drivers.interfaces import ArmLimits, Motion, MotionState, Trajectory
 from pomona.drivers.motion_supervisor import Supervision
-from pomona.executive.cell.wire import Nonsense
+from pomona.executive.cell.owner import Nonsense
 from pomona.executive.clock import ManualClock, SystemClock
 
 DOF = 7

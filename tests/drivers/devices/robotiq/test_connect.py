@@ -18,8 +18,8 @@ from pomona.devices.robotiq import outside
 from pomona.devices.robotiq.connect import RobotiqFile, connect
 from pomona.devices.robotiq.driver import RobotiqGripper
 from pomona.drivers import CellFileError, ConnectContext, GripperLimits, MotionState
-from pomona.drivers.registration import read_settings
 from pomona.executive import SystemClock
+from pomona.executive.cell.registration import read_settings
 
 
 @contextlib.contextmanager

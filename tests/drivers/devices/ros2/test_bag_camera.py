@@ -21,9 +21,9 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from pomona.devices.frames.camera import FramesCamera
 from pomona.devices.ros2.bag_camera import connect
-from pomona.drivers.device import ConnectContext
 from pomona.drivers.errors import CellFileError, DeviceFault
-from pomona.drivers.registration import read_settings
+from pomona.drivers.services import ConnectContext
+from pomona.executive.cell.registration import read_settings
 from pomona.executive.clock import ManualClock
 
 STORE = get_typestore(Stores.ROS2_JAZZY)

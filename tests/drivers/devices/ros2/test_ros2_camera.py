@@ -21,10 +21,10 @@ from pomona.devices.realsense.driver import StreamingCamera
 from pomona.devices.ros2 import camera as module
 from pomona.devices.ros2.camera import KEPT, CameraTopics, Ros2Images, connect
 from pomona.devices.ros2.images import COMPRESSED, IMAGE, INFO
-from pomona.drivers.device import ConnectContext
 from pomona.drivers.errors import CellFileError, DeviceError, DeviceFault, DeviceLost
 from pomona.drivers.interfaces import Camera
-from pomona.drivers.registration import read_settings
+from pomona.drivers.services import ConnectContext
+from pomona.executive.cell.registration import read_settings
 from pomona.executive.clock import ManualClock, SystemClock
 from pomona.tools.ros2.peer import Ros2Peer
 

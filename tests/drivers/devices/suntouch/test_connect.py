@@ -3,9 +3,9 @@ from pathlib import Path
 import pytest
 
 from pomona.devices.suntouch.connect import connect
-from pomona.drivers.device import ConnectContext
 from pomona.drivers.errors import CellFileError
-from pomona.drivers.registration import read_settings
+from pomona.drivers.services import ConnectContext
+from pomona.executive.cell.registration import read_settings
 from pomona.executive.clock import ManualClock
 
 CALIBRATION = Path(__file__).resolve().parents[4] / "trees" / "cells" / "emulated_fingers" / "left.json"

@@ -17,7 +17,7 @@ from pomona.devices.suntouch.driver import RECONNECT, SunTouchFingers
 from pomona.devices.suntouch.finger import Finger
 from pomona.devices.suntouch.transport import SerialLink
 from pomona.drivers.errors import DeviceFault, DeviceLost, NoBias
-from pomona.drivers.hand_memory import HandMemory, HandRecord
+from pomona.drivers.hold_watch import HandMemory, HandRecord
 from pomona.drivers.interfaces import Gripper, WrenchSample
 from pomona.drivers.mock import MockClock, MockGripper
 from pomona.drivers.streams import Belief

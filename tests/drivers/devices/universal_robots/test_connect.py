@@ -18,8 +18,8 @@ from pomona.devices.universal_robots import outside
 from pomona.devices.universal_robots.connect import PORTS, connect
 from pomona.devices.universal_robots.driver import UrArm
 from pomona.drivers import CellFileError, ConnectContext, DeviceLost, MotionState
-from pomona.drivers.registration import read_settings
 from pomona.executive import SystemClock
+from pomona.executive.cell.registration import read_settings
 from tests.drivers.devices.motoman.test_driver import swing
 
 ROBOT = Path(__file__).resolve().parents[4] / "trees" / "robots" / "ur5e_wsg32.xml"

@@ -25,7 +25,7 @@ from pomona.devices.wsg.codec import (
     encode_reply,
 )
 from pomona.devices.wsg.frame import FrameDecoder, WireFrame, checksum, encode_frame
-from pomona.executive.cell.wire import Malformed
+from pomona.executive.cell.owner import Malformed
 
 
 @pytest.mark.parametrize(

@@ -14,11 +14,11 @@ from pomona.devices.wsg.codec import Command, Plain, Script, SystemState, encode
 from pomona.devices.wsg.connect import connect
 from pomona.devices.wsg.driver import RECONNECT, WsgGripper
 from pomona.devices.wsg.handshake import WsgOptions
-from pomona.drivers.device import ConnectContext
 from pomona.drivers.errors import DeviceFault, DeviceLost, MotionRefused, StopFailed
 from pomona.drivers.interfaces import GripperState, MotionState
-from pomona.drivers.registration import read_settings
-from pomona.executive.cell.wire import Nonsense
+from pomona.drivers.services import ConnectContext
+from pomona.executive.cell.owner import Nonsense
+from pomona.executive.cell.registration import read_settings
 from pomona.executive.clock import ManualClock
 
 OFFSET = 0.035

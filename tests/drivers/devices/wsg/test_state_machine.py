@@ -16,7 +16,7 @@ from pomona.devices.wsg.codec import SystemState
 from pomona.devices.wsg.driver import RECONNECT, WsgGripper
 from pomona.devices.wsg.handshake import WsgOptions
 from pomona.drivers.errors import DeviceError, DeviceLost
-from pomona.drivers.gripper_motion import GripperMotion
+from pomona.drivers.gripper_supervisor import GripperMotion
 from pomona.drivers.interfaces import MotionState
 from tests.drivers.devices.wsg.test_driver import OFFSET, Wire
 

@@ -14,10 +14,10 @@ from pomona.devices.wsg.connect import connect
 from pomona.devices.wsg.driver import WsgGripper
 from pomona.devices.wsg.outside import stop_on_can
 from pomona.devices.wsg.transport import CanLink, can_channels
-from pomona.drivers.device import ConnectContext
 from pomona.drivers.errors import CellFileError
 from pomona.drivers.interfaces import MotionState
-from pomona.drivers.registration import read_settings
+from pomona.drivers.services import ConnectContext
+from pomona.executive.cell.registration import read_settings
 from pomona.executive.clock import SystemClock
 
 

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from pomona.drivers.depth_model import SENSORS, read_depth_model
 from pomona.drivers.interfaces import Frame, Intrinsics
-from pomona.drivers.mock.camera import MockCamera
-from pomona.drivers.mock.clock import MockClock
+from pomona.drivers.mock.hand import MockCamera, MockClock
 from pomona.executive.cell.cell import Cell
 from pomona.tools.calibration import command_calibrate as calibrate
 from pomona.tools.calibration.depth_calibration import (

@@ -9,7 +9,7 @@ import pytest
 
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.connect import load_cell
-from pomona.executive.values.report_line import ReportLine
+from pomona.executive.values.sentences import ReportLine
 from pomona.tools.calibration.command_doctor import add, find_cell
 from pomona.tools.calibration.doctor import examine
 

@@ -12,7 +12,7 @@ import pytest
 
 from pomona.drivers.errors import DeviceFault
 from pomona.executive.values.installation import install_extra
-from pomona.executive.values.report_line import ReportLine
+from pomona.executive.values.sentences import ReportLine
 from pomona.tools.calibration import machine
 from pomona.tools.calibration.machine import examine_machine
 

@@ -9,10 +9,10 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import Composite, Modifier, TreeNode, takes
+from pomona.executive.nodes.ask import Question
 from pomona.executive.nodes.behaviours import Branch, Wrapper
 from pomona.executive.nodes.context import BuildContext, FlowContext, OutcomeContext
-from pomona.executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
-from pomona.executive.nodes.question import Question
+from pomona.executive.nodes.facts import ALL, Ends, Names, Outcome, codes_of
 from pomona.executive.ports import RATE, Port
 
 

@@ -9,7 +9,7 @@ import pytest
 from recorded_events import started
 
 from pomona.executive.language.declared_skills import declared_skills
-from pomona.executive.reasons import Reason
+from pomona.executive.reasons import Reason, failure_codes
 from pomona.executive.running.events import (
     AttemptEnded,
     Event,
@@ -24,7 +24,6 @@ from pomona.executive.terminal.explain import explain
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.summary import Summary
 from pomona.executive.terminal.words import figure, row_of
-from pomona.executive.values.failure_codes import failure_codes
 from pomona.tools.campaign.report import title
 
 NODES = (

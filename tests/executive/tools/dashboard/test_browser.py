@@ -12,7 +12,7 @@ import pytest
 from fake_cell import FakeCell
 from shown_runs import GATE, Show, press_stop
 
-from pomona.executive.reasons import Reason
+from pomona.executive.reasons import Reason, failure_codes
 from pomona.executive.recording import overview as thinning, recorder as recording
 from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.recording.read import read_events
@@ -28,7 +28,6 @@ from pomona.executive.running.events import (
     SafeStopped,
     StateChanged,
 )
-from pomona.executive.values.failure_codes import failure_codes
 from pomona.executive.views import ImageView, Line2, Points3, SceneView, SeriesView, TableView
 from pomona.tools.dashboard import record_messages
 from pomona.tools.dashboard.choices import Choices

@@ -7,7 +7,7 @@ import operator
 import pytest
 from hypothesis import given, strategies as st
 
-from pomona.executive.language.expression_parser import parse_expression
+from pomona.executive.language.expression import parse_expression
 from pomona.executive.language.expression_run import compile_expression
 from pomona.executive.reasons import NoValue
 from pomona.tools.groot.keys import KeyNames, ScriptError

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from pomona.executive.language import TreeFileError
-from pomona.executive.language.mocks_file import read_mocks
+from pomona.executive.language.mocks import read_mocks
 from pomona.executive.language.read import read
 from pomona.tools.scenarios.run_scenario import run_scenario
 from pomona.tools.scenarios.scenario import SCENARIO_FILES, read_scenario

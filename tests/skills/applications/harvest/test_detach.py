@@ -19,7 +19,7 @@ from pomona.drivers.errors import DeviceFault
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, StreamedArm, Workspace
 from pomona.drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
 from pomona.drivers.mock.arm import ROBOT
-from pomona.drivers.mock.clock import PERIOD
+from pomona.drivers.mock.hand import PERIOD
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.skills.geometry import transform
 from pomona.skills.motion.grasp import Grasp

@@ -56,7 +56,7 @@ class Setting:
 
     @property
     def clock_step(self) -> float:
-        from pomona.drivers.mock.clock import PERIOD
+        from pomona.drivers.mock.hand import PERIOD
 
         return PERIOD
 

@@ -12,7 +12,7 @@ from py_trees.common import Status
 from scipy.optimize import nnls
 
 from pomona.drivers.interfaces import Hull
-from pomona.drivers.scene_mesh import read_parts
+from pomona.drivers.workspace import read_parts
 from pomona.executive.skill_testing import drive
 from pomona.skills.motion.collision import CollisionWorld, Convex
 from pomona.skills.move_to import MoveTo

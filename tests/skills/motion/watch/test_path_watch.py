@@ -10,7 +10,7 @@ from hypothesis import assume, example, given, settings, strategies as st
 
 from pomona.drivers.interfaces import Frame, PathWatchSettings, Trajectory, Workspace
 from pomona.drivers.mock.arm import SIA5F_LIMITS
-from pomona.drivers.path_follower import PathFollower
+from pomona.drivers.path_motion import PathFollower
 from pomona.drivers.trajectory import check_trajectory
 from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.collision import Convex, RobotShape

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
-from pomona.executive.values.importing import import_under
+from pomona.executive.values.installation import import_under
 from pomona.executive.values.read_only import ReadOnly
 from pomona.skills.geometry import inverse
 from pomona.skills.motion.robot.errors import BadRobotFile

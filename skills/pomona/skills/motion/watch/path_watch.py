@@ -20,7 +20,7 @@ from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
 from pomona.drivers.errors import BadTrajectory
 from pomona.drivers.interfaces import ArmLimits, Frame, PathWatchSettings, Trajectory, Workspace
-from pomona.drivers.path_follower import PathFollower
+from pomona.drivers.path_motion import PathFollower
 from pomona.drivers.trajectory import check_trajectory
 from pomona.executive.values.arrays import Float64, UInt8
 from pomona.skills.motion.collision import Convex, RobotShape

@@ -15,13 +15,13 @@ from pomona.executive.values.archives import open_archive
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.documents import read_value_file, with_includes
 from pomona.executive.values.findings import Finding, Findings
+from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.kinds import Measure, Number, PathTo, Row, Schema, Text
 from pomona.executive.values.mesh_file import UnreadableMeshError, read_mesh
 from pomona.executive.values.plain_text import is_file
-from pomona.executive.values.reading import Refused
 from pomona.executive.values.sections import Problem, Section, value
-from pomona.executive.values.shipped import installed_trees
 from pomona.executive.values.units import LENGTH, MASS, RATIO, Array
+from pomona.executive.values.yaml_nodes import Refused
 from pomona.skills.perception.fruit.errors import BadFruitFile, UnknownFruit
 from pomona.skills.perception.fruit.sizes import KindSizes
 

@@ -1,0 +1,194 @@
+"""One tick of the tree: it may be held at a breakpoint in its middle, and its changes become events.
+
+A py_trees tick is a generator that hands over every node as soon as it has been ticked, before its parent goes on. A
+node with a breakpoint also hands over a `HeldTick`; the caller that iterates the tick stops there, and later continues
+the same iteration. Nothing else in the tree has moved meanwhile: no sibling was started, none was interrupted. Nodes
+without a breakpoint pay nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from pomona.executive.errors import PomonaError, SkillError
+from pomona.executive.language import BuiltTree
+from pomona.executive.language.built import Side
+from pomona.executive.nodes import Attempt
+from pomona.executive.nodes.ask import Question
+from pomona.executive.reasons import Reason, reason_of
+from pomona.executive.running.events import AttemptEnded, Event, NodeChanged
+from pomona.executive.skill import Skill
+from pomona.executive.values.sentences import shortened
+
+BREAK_ACTIONS: dict[str, tuple[Side, bool]] = {
+    "break": ("before", True),
+    "unbreak": ("before", False),
+    "break_after": ("after", True),
+    "unbreak_after": ("after", False),
+}
+"""Breakpoint actions of an operator, by the name of the action in events and in the live stream."""
+
+
+class UnknownNodeError(PomonaError):
+    """A breakpoint at a node that the tree does not have."""
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        super().__init__(f"the tree has no node {path}")
+
+
+@dataclass(frozen=True, slots=True)
+class HeldTick:
+    """Where a tick is held."""
+
+    path: str
+    side: Side
+
+
+class Breakpoints:
+    """The breakpoints of one tree, and the tick that one of them holds."""
+
+    def __init__(self, behaviours: Mapping[str, Behaviour]) -> None:
+        """
+        Args:
+            behaviours: the tree's nodes by path.
+        """
+        self._behaviours = behaviours
+        self._set: dict[Side, set[str]] = {"before": set(), "after": set()}
+        self._patched: set[str] = set()
+        self._walk: Iterator[Any] | None = None
+
+    def check(self, path: str) -> None:
+        """Raises UnknownNodeError: there is no such node."""
+        if path not in self._behaviours:
+            raise UnknownNodeError(path)
+
+    def change(self, path: str, side: Side, on: bool) -> None:
+        """Set or clear one. Raises UnknownNodeError: there is no such node."""
+        self.check(path)
+        if not on:
+            self._set[side].discard(path)
+            return
+        self._set[side].add(path)
+        if path not in self._patched:
+            self._patched.add(path)
+            behaviour = self._behaviours[path]
+            # In the instance, so that its class and all other nodes stay as they are.
+            vars(behaviour)["tick"] = self._stopping(path, behaviour, behaviour.tick)
+
+    @property
+    def holding(self) -> bool:
+        """Whether a tick is held."""
+        return self._walk is not None
+
+    def tick(self, root: Behaviour, visited: Callable[[Behaviour], object] = id) -> HeldTick | None:
+        """Tick the tree once, or go on with the tick that is held, up to the next breakpoint.
+
+        Args:
+            root: the tree's root.
+            visited: gets each behaviour right after its tick.
+
+        Returns:
+            where the tick is held; None when it is complete.
+        """
+        walk = self._walk if self._walk is not None else root.tick()
+        self._walk = None
+        for node in walk:
+            if type(node) is HeldTick:
+                self._walk = walk
+                return node
+            visited(node)
+        return None
+
+    def drop(self) -> None:
+        """Forget the tick that is held; the caller stops the tree."""
+        self._walk = None
+
+    def _stopping(
+        self, path: str, behaviour: Behaviour, tick: Callable[[], Iterator[Behaviour]]
+    ) -> Callable[[], Iterator[Any]]:
+        def walk() -> Iterator[Any]:
+            if behaviour.status is not Status.RUNNING and path in self._set["before"]:
+                behaviour.feedback_message = "held by a breakpoint"
+                yield HeldTick(path, "before")
+            yield from tick()
+            if behaviour.status is not Status.RUNNING and path in self._set["after"]:
+                yield HeldTick(path, "after")
+
+        return walk
+
+
+class TreeObserver:
+    """Compares every node with how it was after the tick before."""
+
+    def __init__(self, tree: BuiltTree, emit: Callable[[Event], None], stamp: Callable[[], tuple[float, int]]) -> None:
+        self._tree, self._emit, self._stamp = tree, emit, stamp
+        self._known: dict[str, tuple[Status, str, int]] = dict.fromkeys(tree.behaviours, (Status.INVALID, "", 0))
+        self._nodes = tuple(
+            (path, behaviour, behaviour if isinstance(behaviour, (Skill, Question)) else None)
+            for path, behaviour in tree.behaviours.items()
+        )
+        self._started: set[int] = set()  # identities of the behaviours that acted in this tick
+        tree.on_attempt(self._attempt)
+
+    def visited(self, behaviour: Behaviour) -> None:
+        """Note that a behaviour acted: its parent may interrupt it in the same tick."""
+        if behaviour.status is not Status.INVALID:
+            self._started.add(id(behaviour))
+
+    def after_tick(self) -> None:
+        """Emit the changes. Raises SkillError: the feedback of a node is no text; it counts as empty from then on."""
+        wrong: SkillError | None = None
+        for path, behaviour, counted in self._nodes:
+            given: object = behaviour.feedback_message  # any behaviour may set it, as py_trees' own do
+            before = self._known[path]
+            if counted is not None:
+                starts = counted.starts
+            elif behaviour.children or behaviour.status is not before[0] or before[0] is not Status.INVALID:
+                starts = before[2]
+            else:
+                starts = before[2] + (id(behaviour) in self._started)
+            if given is before[1] and behaviour.status is before[0] and starts == before[2]:
+                continue
+            if not isinstance(given, str):
+                behaviour.feedback_message = ""
+                wrong = SkillError(path, f"its feedback is no text but {given!r:.60} ({type(given).__name__})")
+            else:
+                behaviour.feedback_message = shortened(given)
+            if behaviour.status is before[0] and behaviour.feedback_message == before[1] and starts == before[2]:
+                continue
+            now = (behaviour.status, behaviour.feedback_message, starts)
+            self._known[path] = now
+            reason = reason_of(behaviour) if now[0] is Status.FAILURE else None
+            self._emit(NodeChanged(*self._stamp(), path, now[0].value, now[1], starts, reason))
+        self._started.clear()
+        if wrong is not None:
+            raise wrong
+
+    def slowest(self) -> str:
+        """Path of the skill that kept the newest tick waiting longest."""
+        skills = [skill for skill in self._tree.skills if skill.status is not Status.INVALID]
+        return max(skills, key=lambda skill: skill.blocked).path if skills else ""
+
+    def root_reason(self) -> Reason | None:
+        """Why the tree failed, from the root down."""
+        return reason_of(self._tree.root)
+
+    def culprit(self) -> str:
+        """Path of the skill that broke, else of the last running leaf: the best estimate of a fault's place."""
+        broke = [skill.path for skill in self._tree.skills if skill.broke]
+        running = [path for path, behaviour, _ in self._nodes if _is_running_leaf(behaviour)]
+        return (broke or running or [""])[-1]
+
+    def _attempt(self, path: str, attempt: Attempt, of: int) -> None:
+        succeeded = attempt.status is Status.SUCCESS
+        self._emit(AttemptEnded(*self._stamp(), path, attempt.number, of, succeeded, attempt.reason))
+
+
+def _is_running_leaf(behaviour: Behaviour) -> bool:
+    return behaviour.status is Status.RUNNING and not behaviour.children

@@ -1,0 +1,60 @@
+"""The README of running follows one tick: its events come in the order that it lists."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from fake_runs import Turn, make
+
+from pomona.executive import running
+from pomona.executive.registry import Registry
+from pomona.executive.running.context import RunContext
+from pomona.executive.running.events import Event, LinkChanged, NodeChanged, PortWritten, RunEnded, StateChanged
+from pomona.executive.running.runner import Runner
+from pomona.executive.running.tick import Breakpoints, TreeObserver
+
+FOLDER = Path(running.__file__).parent
+PAGE = (FOLDER / "README.md").read_text("utf-8")
+EXAMPLE = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)[0]
+
+
+def test_the_example_has_the_events_that_are_listed() -> None:
+    runner, _, events = make(EXAMPLE, Registry({"Turn": Turn}))
+    runner.run()
+    rows = re.findall(r"^\| `(\w+)` \| ([\w/]*) ?\| ([\w.]+) \|$", PAGE, re.MULTILINE)
+    assert [row(event) for event in events] == rows
+
+
+def row(event: Event) -> tuple[str, str, str]:
+    """Kind, subject and value of an event, as the page lists them."""
+    match event:
+        case NodeChanged():
+            about, value = event.path, event.status
+        case PortWritten():
+            about, value = event.key, str(event.value)
+        case LinkChanged():
+            about, value = event.device, event.state
+        case StateChanged():
+            about, value = "", event.state
+        case RunEnded():
+            about, value = "", event.outcome
+        case _:
+            about, value = "", ""
+    return type(event).__name__, about, value
+
+
+def test_every_file_and_method_that_is_named_exists() -> None:
+    files = set(re.findall(r"(?<![\w/`.])(\w+\.py)", PAGE))
+    assert len(files) > 7
+    assert all((FOLDER / name).is_file() for name in files)
+    for owner, name in ((Runner, "_take_commands"), (Runner, "_tick"), (Runner, "_let_time_pass")):
+        assert f"`{name}`" in PAGE
+        assert callable(getattr(owner, name))
+    for owner, name in ((Breakpoints, "tick"), (RunContext, "acquire"), (TreeObserver, "after_tick"), (Runner, "run")):
+        assert f"`{owner.__name__}.{name}`" in PAGE
+        assert callable(getattr(owner, name))
+
+
+def test_the_page_is_short() -> None:
+    assert len(re.findall(r"\S*[a-zA-Z]\S*", PAGE)) <= 400
