@@ -91,8 +91,8 @@ class SimSignalsFile:
 class LocalSignals(FaultSwitch, Device):
     """Outputs as they are written, with the times of their changes; a subclass has the inputs.
 
-    Faults: `stopped` (the PLC's program stands still: the values age, then the device is faulty), `deaf` (what is
-    written is not accepted).
+    Faults: `stopped` (the PLC's program stands still: the values age, then the device is faulty), `deaf` (no written
+    value is accepted).
 
     Attributes:
         deadline: age from which an input is unknown [s].
