@@ -71,6 +71,7 @@ from pomona.executive import (
     Section,
     SystemClock,
     Text,
+    choose,
     value,
 )
 
@@ -146,6 +147,7 @@ class EmulatedWorldFile:
     hand: str = value(Text(*kinds()), "wsg", "emulator of the gripper")
     fingers: str = value(Text(), "", "folder with the links finger_left and finger_right; by default there are none")
     camera: str = value(Text(), help="HOST:PORT of the camera")
+    others: Mapping[str, str] = value(MappingOf(Text()), {}, "addresses of more emulators, by their names")
     pace: float = value(Number(0.01, 1.0), "1", "share of wall-clock speed; below 1 the cell's time runs slower")
 
     @property
@@ -160,9 +162,13 @@ class EmulatedWorldFile:
     def choices(self) -> dict[str, tuple[str, str]]:
         """Emulator and address of each device, by its role."""
         fingers = {"fingers": ("suntouch", self.fingers)} if self.fingers else {}
-        return {"arm": (self.controller, self.arm), "gripper": (self.hand, self.gripper), **fingers}
+        others = {name: (name, address) for name, address in self.others.items() if name in kinds()}
+        return {"arm": (self.controller, self.arm), "gripper": (self.hand, self.gripper), **fingers, **others}
 
     def problems(self) -> Iterator[Problem]:
+        for name in self.others:
+            if name not in kinds():
+                yield Problem("others", f"there is no emulator '{name}'", choose(name, kinds()))
         try:
             read_cell_file(self.cell, self.options)
         except CellFileError as error:

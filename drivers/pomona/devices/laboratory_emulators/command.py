@@ -1,4 +1,4 @@
-"""`pomona emulate universal-robots`: the controller alone, in a process of its own."""
+"""`pomona emulate universal-robots` and `modbus-plc`: the controller alone, in a process of its own."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from pomona.devices.emulators.command_emulate import serve
 from pomona.devices.emulators.motoman import FreeJoints
 from pomona.devices.emulators.server import Endpoint, TcpPort
+from pomona.devices.laboratory_emulators.modbus_plc import PlcEmulator
 from pomona.devices.laboratory_emulators.universal_robots import UrEmulator
 from pomona.devices.universal_robots.connect import PORTS
 
@@ -34,3 +35,22 @@ def _universal_robots(options: argparse.Namespace) -> tuple[list[Endpoint], list
     served = [(controller.rtde, PORTS["rtde"]), (controller.dashboard, PORTS["dashboard"])]
     served += [(controller.script, port) for port in (30001, 30002, 30003)]
     return [TcpPort(port, options.host, number, clients=4) for port, number in served], [controller]
+
+
+def add_modbus_plc(kinds: Any) -> None:
+    """Register the PLC."""
+    plc = kinds.add_parser("modbus-plc", help="PLC over Modbus TCP: its discrete inputs follow the coils")
+    plc.add_argument("--host", default="127.0.0.1")
+    plc.add_argument("--port", type=int, default=5020, help="default: 5020; a PLC's own is 502")
+    plc.add_argument("--unit", type=int, default=1, help="it answers as this unit alone (default: 1)")
+    plc.set_defaults(main=lambda options: serve(_modbus_plc, options))
+
+
+def _modbus_plc(options: argparse.Namespace) -> tuple[list[Endpoint], list[Any]]:
+    plc = PlcEmulator(unit=options.unit)
+
+    def follow(now: float) -> None:
+        plc.memory["discrete"][1:] = plc.memory["coil"][1:]
+
+    plc.program = follow
+    return [TcpPort(plc, options.host, options.port, clients=4)], [plc]

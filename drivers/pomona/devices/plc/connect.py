@@ -1,0 +1,169 @@
+"""The driver `modbus-signals` of a cell file.
+
+plc:
+  driver: modbus-signals
+  address: 192.168.1.40
+  heartbeat: {output: coil 0, input: discrete 0}
+  inputs:
+    start: {at: discrete 1}
+    mass: {at: input 10, type: float32, deadline: 1 s}
+  outputs:
+    ready: {at: coil 1}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from pomona.devices.plc import outside
+from pomona.devices.plc.client import ModbusClient, ModbusRefused
+from pomona.devices.plc.codec import PORT
+from pomona.devices.plc.driver import ModbusSignals, SignalHeartbeat, UnfitSignal
+from pomona.devices.plc.places import NUMBERS, SignalPlace
+from pomona.devices.plc.signals import SignalNames
+from pomona.drivers import Address, ConnectContext, DeviceError, DeviceLost, Settings, driver, tcp_opener
+from pomona.executive import TIME, Flag, MappingOf, Measure, Number, Problem, Section, Text, Whole, value
+
+READABLE = Text(
+    pattern=r"(coil|discrete|holding|input) \d{1,5}", words="an area (coil, discrete, holding, input) and an address"
+)
+WRITABLE = Text(pattern=r"(coil|holding) \d{1,5}", words="an area that can be written (coil, holding) and an address")
+LAST = 65535
+"""Largest address."""
+DEADLINE = 0.2
+"""Age from which a signal is unknown where the cell file gives no deadline [s]: ten cycles."""
+
+
+def _placed(at: str) -> tuple[str, int]:
+    area, address = at.split()
+    return area, int(address)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModbusInputFile:
+    """A signal that the PLC gives."""
+
+    at: str = value(READABLE, help="area and address, which counts from 0: discrete 3, input 10")
+    type: str = value(Text(*NUMBERS), "uint16", "kind of a number in registers")
+    scale: float = value(Number(1e-9, 1e9), "1", "value of one count")
+    deadline: float | None = value(
+        Measure(TIME, "20 ms", "1 min"), None, "age from which it is unknown; default 200 ms"
+    )
+
+    def problems(self) -> Iterator[Problem]:
+        if _placed(self.at)[1] > LAST:
+            yield Problem("at", f"{self.at} is out of range: addresses end at {LAST}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModbusOutputFile:
+    """A signal that the run gives."""
+
+    at: str = value(WRITABLE, help="area and address, which counts from 0: coil 3, holding 10")
+    type: str = value(Text(*NUMBERS), "uint16", "kind of a number in registers")
+    scale: float = value(Number(1e-9, 1e9), "1", "value of one count")
+    safe: float = value(Number(), "0", "value at a safe stop, before the first command and after the run")
+
+    def problems(self) -> Iterator[Problem]:
+        area, first = _placed(self.at)
+        if first > LAST:
+            yield Problem("at", f"{self.at} is out of range: addresses end at {LAST}")
+        try:
+            SignalPlace(area, first, self.type, self.scale).encode(self.safe)
+        except ValueError as error:
+            yield Problem("safe", str(error))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SignalHeartbeatFile:
+    """A heartbeat both ways."""
+
+    output: str = value(WRITABLE, help="bit or register of ours that toggles: coil 0")
+    input: str = value(READABLE, help="bit or register of the PLC's that changes: discrete 0")
+    period: float = value(Measure(TIME, "20 ms", "1 s"), "100 ms", "between two changes of ours")
+    deadline: float = value(Measure(TIME, "50 ms", "5 s"), "500 ms", "without a change the PLC counts as stopped")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModbusSignalsFile:
+    """Signals of a PLC over Modbus TCP."""
+
+    address: tuple[str, int] = value(Address(PORT), help="HOST or HOST:PORT of the PLC")
+    unit: int = value(Whole(0, 255), "1", "its unit; a PLC without a gateway takes any, or 255")
+    heartbeat: SignalHeartbeatFile = value(Section(SignalHeartbeatFile), help="{output: coil 0, input: discrete 0}")
+    inputs: Mapping[str, ModbusInputFile] = value(MappingOf(Section(ModbusInputFile)), help="signals of the PLC's")
+    outputs: Mapping[str, ModbusOutputFile] = value(MappingOf(Section(ModbusOutputFile)), {}, "signals of ours")
+    poll: float = value(Measure(TIME, "5 ms", "1 s"), "20 ms", "time between two cycles")
+    silence: float = value(Measure(TIME, "20 ms", "500 ms"), "200 ms", "without an answer for this long it is lost")
+    low_word_first: bool = value(Flag(), False, "numbers of two registers begin with their lower half")
+
+    @property
+    def wires(self) -> tuple[str, ...]:
+        return (f"{self.address[0]}:{self.address[1]}",)
+
+    @property
+    def input_places(self) -> dict[str, SignalPlace]:
+        """Places of the inputs."""
+        return {name: self._place(one, 0.0, one.deadline or DEADLINE) for name, one in self.inputs.items()}
+
+    @property
+    def output_places(self) -> dict[str, SignalPlace]:
+        """Places of the outputs."""
+        return {name: self._place(one, one.safe, DEADLINE) for name, one in self.outputs.items()}
+
+    def _place(self, one: ModbusInputFile | ModbusOutputFile, safe: float, deadline: float) -> SignalPlace:
+        return SignalPlace(*_placed(one.at), one.type, one.scale, self.low_word_first, safe, deadline)
+
+    @property
+    def beat(self) -> SignalHeartbeat:
+        """The heartbeat."""
+        said = self.heartbeat
+        return SignalHeartbeat(
+            SignalPlace(*_placed(said.output)), SignalPlace(*_placed(said.input)), said.period, said.deadline
+        )
+
+    def problems(self) -> Iterator[Problem]:
+        for name in sorted(self.inputs.keys() & self.outputs.keys()):
+            yield Problem("outputs", f"'{name}' is an input already")
+        owner: dict[tuple[str, int], str] = {}
+        for name, place in {**self.output_places, "heartbeat": self.beat.output}.items():
+            for at in range(place.first, place.first + place.span.count):
+                other = owner.setdefault((place.area, at), name)
+                if other != name:
+                    yield Problem("outputs", f"'{name}' and '{other}' would both write {place.area} {at}")
+
+    def known(self) -> Iterator[object]:
+        """Yield the names of the signals, which a check of a tree needs."""
+        places = {**self.input_places, **self.output_places}
+        numbers = frozenset(name for name, place in places.items() if not place.is_bit)
+        yield SignalNames(tuple(self.inputs), tuple(self.outputs), numbers)
+
+
+@driver(ModbusSignals, ModbusSignalsFile)
+def connect(settings: Settings[ModbusSignalsFile], context: ConnectContext) -> ModbusSignals:
+    """Open the PLC that a cell file describes, and write the safe values of the outputs."""
+    said = settings.values
+    host, port = said.address
+    open_link = tcp_opener(host, port, context.wires)
+
+    def open_client() -> ModbusClient:
+        return ModbusClient(settings.name, open_link(), context.clock, said.unit, said.silence)
+
+    places = said.input_places, said.output_places
+    signals = ModbusSignals(open_client, context.clock, *places, said.beat, said.poll, settings.name)
+    try:
+        signals.connect()
+    except UnfitSignal as error:
+        raise settings.error(error.message, error.key) from error
+    except (ModbusRefused, DeviceLost) as error:
+        hint = "is it the unit's number? a PLC without a gateway is often 1 or 255"
+        raise settings.error(error.message, "unit", hint) from error
+    except DeviceError as error:
+        raise settings.error(error.message, "heartbeat") from error
+    except OSError as error:
+        hint = f"is Modbus TCP switched on in the PLC, on port {port}?"
+        raise settings.error(f"cannot be reached: {error}", "address", hint) from error
+    signals.outside_stop = f"{outside.__name__}:stop", (host, port, said.unit, signals.safe_writes)
+    signals.start()
+    return signals

@@ -1,0 +1,139 @@
+"""Settings of a cell file for a PLC: each mistake is one line at its place; and the driver over a real socket."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from pomona.devices.emulators.server import Server, TcpPort
+from pomona.devices.laboratory_emulators.modbus_plc import PlcEmulator
+from pomona.devices.plc import connect as leaf, outside
+from pomona.devices.plc.signals import SignalNames
+from pomona.drivers import CellFileError, ConnectContext
+from pomona.executive import SystemClock
+from pomona.executive.cell.registration import read_settings
+from tests.drivers.devices.plc.plc_rig import PlcRig
+
+USUAL = """\
+driver: modbus-signals
+address: 127.0.0.86
+heartbeat: {output: coil 0, input: discrete 0}
+inputs:
+  start: {at: discrete 1}
+outputs:
+  ready: {at: coil 1}
+"""
+
+
+def settings(folder: Path, text: str):
+    path = folder / "plc.yaml"
+    path.write_text(text)
+    return read_settings(leaf.connect, path)
+
+
+def refusal(folder: Path, text: str, rig: PlcRig | None = None) -> str:
+    """The refusal's line; nothing has been written to the PLC."""
+    said = settings(folder, text)
+    context = ConnectContext(folder / "plc.yaml", rig.clock if rig else SystemClock(), 0)
+    if rig is not None:
+        context.wires["127.0.0.86:502"] = rig.open
+    with pytest.raises(CellFileError) as raised:
+        leaf.connect(said, context)
+    assert str(raised.value).count("plc.yaml:") == 1
+    return str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("discrete 1", "discrete 65536", ":5:15: .*addresses end at 65535"),
+        ("discrete 1", "relay 1", r":5:15: .*an area \(coil, discrete, holding, input\)"),
+        ("{at: coil 1}", "{at: discrete 1}", r":7:15: .*an area that can be written \(coil, holding\)"),
+        ("{at: coil 1}", "{at: coil 0}", "'heartbeat' and 'ready' would both write coil 0"),
+        ("{at: coil 1}", "{at: coil 1, safe: 2}", ":7:29: .*no value of a switch"),
+        ("{at: coil 1}", "{at: holding 1, type: uint8}", ":7:32: .*cannot be 'uint8'"),
+        ("ready:", "start:", "'start' is an input already"),
+        ("heartbeat: {output: coil 0, input: discrete 0}", "unit: 1", "needs 'heartbeat'"),
+        ("address: 127.0.0.86", "address: 127.0.0.86:0", "is not an address"),
+    ],
+)
+def test_a_wrong_setting_is_refused_with_its_place(tmp_path: Path, old: str, new: str, words: str) -> None:
+    with pytest.raises(CellFileError, match=words):
+        settings(tmp_path, USUAL.replace(old, new))
+
+
+def test_an_unreachable_plc_is_one_line_at_its_address(tmp_path: Path) -> None:
+    line = refusal(tmp_path, USUAL)
+    assert ":2:10:" in line
+    assert "cannot be reached" in line
+    assert "on port 502?" in line
+
+
+def test_a_wrong_unit_is_one_line_at_the_unit(tmp_path: Path) -> None:
+    line = refusal(tmp_path, USUAL + "unit: 7\n", PlcRig())
+    assert ":8:7:" in line
+    assert "as this unit" in line
+    silent = PlcRig()
+    silent.plc.inject_fault("silent")
+    assert "does not answer as unit 7 within 200 ms" in refusal(tmp_path, USUAL + "unit: 7\n", silent)
+
+
+def test_what_the_plc_refuses_is_one_line_at_its_list(tmp_path: Path) -> None:
+    rig = PlcRig(owned=[("coil", 1)])
+    line = refusal(tmp_path, USUAL, rig)
+    assert ":7:3:" in line
+    assert "'ready' (coil 1) cannot be written" in line
+    line = refusal(tmp_path, USUAL.replace("discrete 1", "discrete 500"), PlcRig())
+    assert ":5:3:" in line
+    assert "'start' (discrete 500) cannot be read" in line
+
+
+def test_a_program_that_stands_still_is_one_line_at_the_heartbeat(tmp_path: Path) -> None:
+    rig = PlcRig()
+    rig.plc.inject_fault("stopped")
+    assert "start its program" in refusal(tmp_path, USUAL, rig)
+
+
+def test_the_names_are_known_before_the_connection(tmp_path: Path) -> None:
+    text = USUAL.replace("start: {at: discrete 1}", "mass: {at: input 10, type: float32, deadline: 1 s}")
+    said = settings(tmp_path, text).values
+    assert list(said.known()) == [SignalNames(("mass",), ("ready",), frozenset({"mass"}))]
+    assert said.input_places["mass"].deadline == 1.0
+    assert said.wires == ("127.0.0.86:502",)
+
+
+def test_the_driver_reads_and_writes_over_a_socket_and_another_process_makes_it_safe(tmp_path: Path) -> None:
+    plc, done = PlcEmulator(), threading.Event()
+    port = TcpPort(plc, clients=2)
+    server = Server([port], [plc], time.monotonic)
+    thread = threading.Thread(target=server.serve, args=(lambda: not done.is_set(),), daemon=True)
+    thread.start()
+    clock = SystemClock()
+    try:
+        text = USUAL.replace("127.0.0.86", f"'{port.address}'") + "silence: 500 ms\n"
+        text = text.replace("discrete 0}", "discrete 0, deadline: 5 s}").replace(
+            "discrete 1}", "discrete 1, deadline: 10 s}"
+        )
+        signals = leaf.connect(settings(tmp_path, text), ConnectContext(tmp_path / "plc.yaml", clock, 0))
+        signals.check()
+        plc.memory["discrete"][1] = 1
+        signals.write("ready", True)
+        end = clock.now() + 20.0
+        while not (plc.memory["coil"][1] and signals.read("start").value) and clock.now() < end:
+            clock.advance(0.005)
+            signals.check()
+        assert (plc.memory["coil"][1], signals.read("start").value) == (1, True)
+        signals.close()
+        assert plc.memory["coil"][1] == 0
+        plc.memory["coil"][1] = 1  # as a process leaves it that was killed
+        assert signals.outside_stop is not None
+        place, arguments = signals.outside_stop
+        assert place == f"{outside.__name__}:stop"
+        outside.stop(*arguments)
+        assert plc.memory["coil"][1] == 0
+    finally:
+        done.set()
+        thread.join(5.0)

@@ -1,0 +1,69 @@
+"""A belt's encoder behind a PLC: travel and speed, an unknown value, wrong settings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pomona.applications.conveyor import signal_encoder as leaf
+from pomona.devices.plc.simulated import MockSignals
+from pomona.drivers import CellFileError, ConnectContext, DeviceLost, Surroundings
+from pomona.executive import ManualClock
+from pomona.executive.cell.registration import read_settings
+
+USUAL = "driver: signal-conveyor\ntravel: encoder\nbeside: -360 mm\ntop: -120 mm\n"
+
+
+def belt(folder: Path, plc: MockSignals, clock: ManualClock, text: str = USUAL) -> leaf.SignalConveyor:
+    path = folder / "belt.yaml"
+    path.write_text(text)
+    return leaf.connect(read_settings(leaf.connect, path), ConnectContext(path, clock, 0, devices={"plc": plc}))
+
+
+def test_the_encoder_gives_travel_and_speed(tmp_path: Path) -> None:
+    clock = ManualClock()
+    plc = MockSignals(clock, {"encoder": 5.0, "start": False})
+    conveyor = belt(tmp_path, plc, clock)
+    for _ in range(50):
+        clock.advance(0.02)
+        plc.values["encoder"] += 0.15 * 0.02
+        conveyor.check()
+    state = conveyor.travelled()
+    assert state is not None
+    assert (state.stamp, state.position) == (pytest.approx(1.0), pytest.approx(5.15))
+    assert state.speed == pytest.approx(0.15)
+    for _ in range(10):
+        clock.advance(0.02)
+        state = conveyor.travelled()
+    assert state is not None
+    assert state.speed == pytest.approx(0.0)
+    assert conveyor.belt.top == pytest.approx(-0.12)
+
+
+def test_an_unknown_travel_ends_the_run_and_keeps_its_old_stamp(tmp_path: Path) -> None:
+    clock = ManualClock()
+    plc = MockSignals(clock, {"encoder": 5.0})
+    conveyor = belt(tmp_path, plc, clock)
+    conveyor.check()
+    plc.inject_fault("stopped")
+    clock.advance(0.3)
+    with pytest.raises(DeviceLost, match="'encoder' is 300 ms old"):
+        conveyor.check()
+    assert conveyor.last_seen() == 0.0
+
+
+def test_a_signal_that_is_no_number_is_refused_with_its_place(tmp_path: Path) -> None:
+    clock = ManualClock()
+    plc = MockSignals(clock, {"encoder": 5.0, "start": False})
+    for wrong in ("start", "encodr"):
+        with pytest.raises(CellFileError, match=f"(?s):2:9: .*no input '{wrong}' that is a number.*encoder"):
+            belt(tmp_path, plc, clock, USUAL.replace("travel: encoder", f"travel: {wrong}"))
+
+
+def test_a_cell_without_a_plc_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "belt.yaml"
+    path.write_text(USUAL)
+    said = read_settings(leaf.connect, path).values
+    assert [problem.message for problem in said.fits(Surroundings())] == ["it needs a PLC above it"]
+    assert list(said.fits(Surroundings(above={"plc": MockSignals}))) == []
