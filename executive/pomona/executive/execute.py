@@ -17,7 +17,7 @@ from pathlib import Path
 from pomona.executive.board import Board
 from pomona.executive.cell import connect
 from pomona.executive.cell.cell import Cell, dry_cell
-from pomona.executive.cell.cell_file import CellFile
+from pomona.executive.cell.cell_file import SIMULATED, CellFile
 from pomona.executive.errors import UsageError
 from pomona.executive.files import read_text
 from pomona.executive.judging import judge, split_settings
@@ -75,6 +75,7 @@ class RunOrder:
         recover: if the last run on this cell was cut off, run the installed tree `recover` first.
         cleared: an operator has checked the cell since then.
         attended: an operator is there to answer questions and to resume after breakpoints.
+        simulated: refuse a cell of a kind that is not simulated.
         breaks: breakpoints to set at the start: a node's name, type or path, and its side.
         speed: initial ratio of the arm's speed to the commanded one, 0.1 to 1.
         speeds: changes of that in another run, to repeat at their moments.
@@ -94,6 +95,7 @@ class RunOrder:
     recover: bool = False
     cleared: bool = False
     attended: bool = False
+    simulated: bool = False
     speed: float = 1.0
     speeds: tuple[OperatorActed, ...] = ()
 
@@ -223,6 +225,8 @@ def _read(order: RunOrder, starting: Starting) -> _Ready:
     judged = judge(document, registry, settings, order.cell, order.texts)
     judged.refuse_errors()
     assert judged.cell is not None
+    if order.simulated and judged.cell.kind not in SIMULATED:
+        raise UsageError(f"{order.cell}: not a simulated cell but of kind {judged.cell.kind}. Nothing was run.")
     starting.cell_kind = judged.cell.kind
     return _Ready(order, registry, document, split_settings(document, settings)[0], judged.cell)
 
