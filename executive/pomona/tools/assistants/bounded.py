@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -13,10 +14,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Protocol
 
-from pomona.executive.errors import UsageError
-
 MOST_OUTPUT = 60_000  # characters of an answer: a drawing of 1 000 nodes has 50 000
+STOPPED = 124  # status of a command that was stopped at its limit, as `timeout` of coreutils returns it
 GRACE = 10.0  # time for a run to reach its safe state and close its record after its limit [s]
+
+_EXCERPT = re.compile(r"\s*\d* \| ")
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +26,7 @@ class Answer:
     """The end of a command.
 
     Attributes:
-        status: its exit status.
+        status: its exit status, or `STOPPED`.
         out, err: its output, at most `MOST_OUTPUT` characters of each.
     """
 
@@ -34,8 +36,9 @@ class Answer:
 
     @property
     def problem(self) -> str:
-        """The reason of a status above 0, on one line."""
-        return " ".join((self.err or self.out).split())
+        """The reason of a status above 0, on one line, without excerpts of files."""
+        lines = (self.err or self.out).splitlines()
+        return " ".join(" ".join(line for line in lines if not _EXCERPT.match(line)).split())
 
 
 class Commands(Protocol):
@@ -46,9 +49,7 @@ class Commands(Protocol):
 
         Args:
             words: the command and its options, without `pomona`.
-            limit: of its time [s].
-
-        Raises UsageError: the limit is over.
+            limit: of its time [s]; then it is stopped.
         """
 
 
@@ -82,12 +83,12 @@ class BoundedCommands:
                 start_new_session=True,
             )
             try:
-                status = process.wait(limit)
+                status, problem = process.wait(limit), ""
             except subprocess.TimeoutExpired:
-                raise UsageError(f"stopped after its limit of {limit:g} s") from None
+                status, problem = STOPPED, f"stopped after its limit of {limit:g} s"
             finally:
                 _end(process)
-            return Answer(status, _text(out), _text(err))
+            return Answer(status, _text(out), problem or _text(err))
 
 
 def _environment(place: str) -> dict[str, str]:

@@ -24,8 +24,12 @@ def add(subparsers: Any) -> None:
         "Serves one folder to an assistant: it reads and writes tree files, checks them, runs them on simulated cells "
         "and reads records. It cannot start a real cell: it writes a request, which --requests shows to the operator."
     )
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="the only folder that the assistant reads and writes")
-    parser.add_argument("--most-runs", type=Whole(0).option, default=50, metavar="N", help="simulated runs (default: 50)")
+    parser.add_argument(
+        "folder", type=Path, metavar="FOLDER", help="the only folder that the assistant reads and writes"
+    )
+    parser.add_argument(
+        "--most-runs", type=Whole(0).option, default=50, metavar="N", help="simulated runs (default: 50)"
+    )
     about = "time of one run (default: 600 s)"
     parser.add_argument("--limit", type=Measure(TIME, "1 s").option, default=600.0, metavar="TIME", help=about)
     parser.add_argument("--requests", action="store_true", help="show the requests to the operator, and end")

@@ -16,10 +16,9 @@ from pomona.executive.errors import UsageError
 from pomona.executive.files import default_name, find_cell, find_tree
 from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.nodes.catalogue import NodeTypes
-from pomona.executive.terminal.filtered import json_text, visible
+from pomona.executive.terminal.filtered import json_text
 from pomona.executive.values.failure_codes import failure_codes
 from pomona.executive.values.findings import Findings, did_you_mean
-from pomona.executive.values.plain_text import is_file
 from pomona.executive.values.shipped import installed_trees
 from pomona.tools.assistants.approvals import Approvals
 from pomona.tools.assistants.bounded import Answer, Commands
@@ -81,7 +80,7 @@ class Door:
         return f"version: {version_of(text)}\n{text}"
 
     def write_file(self, path: str, text: str, version: str = "", replace: bool = False) -> str:
-        """Write a tree file or a scenario file (.yaml) into the folder, whole or not at all.
+        """Write a tree, a scenario or a file of mocks (.yaml) into the folder, whole or not at all.
 
         `version`: of the text that you have read; a file that has changed since then is not written over, unless
         `replace` is true. Leave it empty for a new file. Next: `check`.
@@ -92,7 +91,10 @@ class Door:
     # ------------------------------------------------------------------------------------------- the language
 
     def skills(self, name: str = "") -> str:
-        """List the installed skills, or one by its name with its ports, units, ranges, help and failure codes."""
+        """List the installed skills, or one by its name with its ports, units, ranges, help and failure codes.
+
+        Next: `read_file` a tree that uses it, `failure_codes`, or `write_file`.
+        """
         registry = declared_skills()
         listing = registry.listing()
         if not name:
@@ -104,7 +106,10 @@ class Door:
         return json_text({**dataclasses.asdict(found), "failures": codes}, indent=1)
 
     def words(self, name: str = "") -> str:
-        """List the words of the tree language, or one by its name with the words that may stand beside it."""
+        """List the words of the tree language, or one by its name with the words that may stand beside it.
+
+        Next: `read_file` a tree, or `write_file`.
+        """
         types = NodeTypes.installed()
         if not name:
             return json_text({word: f"{found.role}: {found.summary}" for word, found in types.items()})
@@ -128,9 +133,9 @@ class Door:
     def check(self, path: str, cell: str = "", settings: Settings | None = None) -> str:
         """Check a tree, a scenario or another file: every finding with line, column, severity and remedy.
 
-        `cell`: check the tree against this cell. Next: correct the findings, then `dry_run`.
+        `cell`: check the tree against this cell. Next: correct the findings, then `dry_run` or `show`.
         """
-        words = ["check", self._readable(path), "--json", *self._cell(cell), *_set(settings)]
+        words = ["check", self.folder.tree(path), "--json", *self._cell(cell), *_set(settings)]
         answer = self._command(words, QUICK, (0, 2))
         try:
             found = json.loads(answer.out)
@@ -158,7 +163,7 @@ class Door:
     def test(self, scenario: str) -> str:
         """Run a scenario file: a tree with mocks, answers and expected ends; names nodes that no case has reached.
 
-        Next: add a case for these nodes, or `run`.
+        Next: add a case for these nodes (`read_file`, `write_file`), or `run`.
         """
         return self._command(["test", self.folder.scenario(scenario)], QUICK, (0, 1)).out
 
@@ -171,18 +176,21 @@ class Door:
         """
         target = self.folder.tree(tree)
         if kind := self._not_simulated(cell):
-            raise UsageError(f"the cell '{cell[:60]}' is {kind}, not simulated: `approve` asks the operator to start it")
+            raise UsageError(
+                f"the cell '{cell[:60]}' is {kind}, not simulated: `approve` asks the operator to start it"
+            )
         words = ["run", target, "--simulated", "--json", f"--seed={seed}", f"--record={self.folder.records}"]
+        words += [*self._cell(cell), *_set(settings)]
         with self._lock:
             if self.runs_started >= self.most_runs:
-                raise UsageError(f"the limit of {self.most_runs} runs is reached: the operator may start the door again")
+                raise UsageError(
+                    f"the limit of {self.most_runs} runs is reached: the operator may start the door again"
+                )
             self.runs_started += 1
-        before = self._records()
-        try:
-            answer = self._command([*words, *self._cell(cell), *_set(settings)], self._limit, (0, 1, 3))
-        finally:
-            for record in self._records() - before:
-                self._sign(record, tree=tree, cell=cell, seed=seed, settings=settings or {})
+        answer = self._carry_out(words, self._limit)
+        if record := _last_line(answer).get("record"):
+            self._sign(Path(record), tree=tree, cell=cell, seed=seed, settings=settings or {})
+        _refuse(answer, "run", (0, 1, 3))
         return _summary(answer, "explain the run, with whole=true for all its moments")
 
     def runs(self) -> str:
@@ -216,7 +224,9 @@ class Door:
         target = self.folder.tree(tree)
         words = [f"--seed={seed}", *self._cell(cell), *_set(settings), f"--record={self.folder.records}"]
         name = self.approvals.ask(target, words, cell, reason, call_number.get())
-        return f"request {name} is written. The operator reads it and starts the run, or does not; `runs` lists it then."
+        return (
+            f"request {name} is written. The operator reads it and starts the run, or does not; `runs` lists it then."
+        )
 
     # ------------------------------------------------------------------------------------------- inside
 
@@ -231,15 +241,13 @@ class Door:
 
     def _command(self, words: Sequence[str], limit: float, good: tuple[int, ...] = (0,)) -> Answer:
         """Carry out a command. Raises UsageError: its status is not one of `good`, or its time is over."""
-        with self._lock:
-            answer = self._commands(words, limit)
-        if answer.status not in good:
-            raise UsageError(answer.problem or f"pomona {words[0]} ended with status {answer.status}")
+        answer = self._carry_out(words, limit)
+        _refuse(answer, words[0], good)
         return answer
 
-    def _readable(self, name: str) -> str:
-        path = self.folder.root / name
-        return self.folder.tree(name) if not is_file(path) else self.folder.shown(self.folder.file(name))
+    def _carry_out(self, words: Sequence[str], limit: float) -> Answer:
+        with self._lock:
+            return self._commands(words, limit)
 
     def _cell(self, name: str) -> list[str]:
         return [f"--cell={self.folder.cell(name)}"] if name else []
@@ -252,9 +260,6 @@ class Door:
         path = self.folder.root / cell if cell.startswith("./") else find_cell(cell)
         kind = _kind(path)
         return "" if kind in SIMULATED else kind or "no cell file"
-
-    def _records(self) -> set[Path]:
-        return {path.parent for path in self.folder.records.glob("*/run.mcap")}
 
     def _sign(self, record: Path, **arguments: Any) -> None:
         """Note in a record that an assistant started its run."""
@@ -286,9 +291,22 @@ def _set(settings: Mapping[str, str] | None) -> list[str]:
 
 def _summary(answer: Answer, following: str) -> str:
     """Return the last line of a run's output, its summary as JSON, with the next step."""
-    lines = answer.out.strip().splitlines()
-    try:
-        found = json.loads(lines[-1])
-    except (IndexError, ValueError):
-        raise UsageError(visible(answer.problem) or "the run has left no summary") from None
+    found = _last_line(answer)
+    if not found:
+        raise UsageError(answer.problem or "the run has left no summary")
     return json_text({**found, "next": following}, indent=1)
+
+
+def _last_line(answer: Answer) -> dict[str, Any]:
+    """Return the summary of a run; empty if it has printed none."""
+    try:
+        found = json.loads(answer.out.strip().splitlines()[-1])
+    except (IndexError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _refuse(answer: Answer, command: str, good: tuple[int, ...]) -> None:
+    """Raise if a command has not ended well. Raises UsageError: its status is not one of `good`."""
+    if answer.status not in good:
+        raise UsageError(answer.problem or f"pomona {command} ended with status {answer.status}")

@@ -71,7 +71,9 @@ class DoorServer(MCPServer[Any]):
         try:
             self._log.write(call, context.method, asked, refused, time.monotonic() - began)
         except OSError as error:
-            raise MCPError(code=INTERNAL_ERROR, message=f"{self._log.path}: {error.strerror}: no log, no answer") from None
+            raise MCPError(
+                code=INTERNAL_ERROR, message=f"{self._log.path}: {error.strerror}: no log, no answer"
+            ) from None
         if refusal is not None:
             raise MCPError(code=INVALID_PARAMS, message=refused)
         return answer if not refused else {**answer, "content": [{"type": "text", "text": refused}]}
@@ -83,7 +85,9 @@ class DoorServer(MCPServer[Any]):
         for name in arguments if tool is not None and isinstance(arguments, dict) else ():
             if name not in known:
                 hint = did_you_mean(str(name), known) or f"it has {', '.join(known) or 'none'}"
-                return None, MCPError(INVALID_PARAMS, f"{asked['name']} has no argument '{_line(str(name))[:60]}'; {hint}")
+                return None, MCPError(
+                    INVALID_PARAMS, f"{asked['name']} has no argument '{_line(str(name))[:60]}'; {hint}"
+                )
         try:
             return await follow(context), None
         except Exception as error:  # the log holds it before the client does
@@ -99,6 +103,8 @@ def _refusing(function: Callable[..., str], kind: type[Exception]) -> Callable[.
             return function(*arguments, **options)
         except PomonaError as error:
             raise kind(_line(str(error))) from None
+        except OSError as error:
+            raise kind(f"{error.strerror or 'the system refuses it'}") from None
 
     return call
 

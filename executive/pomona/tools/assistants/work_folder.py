@@ -13,12 +13,14 @@ from pathlib import Path
 from pomona.executive.errors import UsageError
 from pomona.executive.file_kinds import file_kind, kind_names
 from pomona.executive.files import find_cell, find_tree, read_text
+from pomona.executive.language.mocks_file import MOCKS_KEYS
 from pomona.executive.values.findings import Findings, Source, did_you_mean
 from pomona.executive.values.shipped import installed_trees
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlScalar, read_yaml
 
 MOST_TEXT = 256 * 1024  # largest file that the door reads or writes [bytes]: a tree of 1 000 nodes has 60 kB
 MOST_NAME = 200  # characters of a path; file systems allow 255 bytes in each part
+WRITTEN = ("tree", "scenario", "mocks")  # kinds of files that the door writes
 MOST_LISTED = 500  # files in a list
 _WORD = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 _INSTALLED = re.compile(r"[a-z][a-z0-9_]*")
@@ -77,15 +79,15 @@ class WorkFolder:
 
         Raises UsageError: it is neither.
         """
-        if _INSTALLED.fullmatch(name) and not (self.root / name).exists():
-            return find_tree(name).stem
-        return self.shown(self.file(name))
+        return find_tree(name).stem if self._is_installed(name) else self.shown(self.file(name))
 
     def cell(self, name: str) -> str:
         """Return a cell as an argument of a command, as `tree`. Raises UsageError: it is neither."""
-        if _INSTALLED.fullmatch(name) and not (self.root / name).exists():
-            return find_cell(name).stem
-        return self.shown(self.file(name))
+        return find_cell(name).stem if self._is_installed(name) else self.shown(self.file(name))
+
+    def _is_installed(self, name: str) -> bool:
+        """Return True if a name can only be that of an installed tree or cell."""
+        return not self.inside(name).exists() and _INSTALLED.fullmatch(name) is not None
 
     def scenario(self, name: str) -> str:
         """Return a scenario file as an argument of a command.
@@ -167,8 +169,8 @@ class WorkFolder:
         if len(text.encode(errors="replace")) > MOST_TEXT:
             raise UsageError(f"the text is larger than {MOST_TEXT // 1024} KiB")
         kind = kind_of(text)
-        if kind not in ("tree", "scenario"):
-            raise UsageError(f"this text is {kind}: only trees (with 'root') and scenarios (with 'cases') are written")
+        if kind not in WRITTEN:
+            raise UsageError(f"this text is {kind}: only trees ('root:'), scenarios ('cases:') and mocks are written")
         return path
 
 
@@ -178,6 +180,8 @@ def kind_of(text: str) -> str:
     keys = tuple(root.entries) if isinstance(root, YamlMapping) else tuple(_KEY.findall(text))
     if "root" in keys:
         return "tree"
+    if "mocks" in keys and set(keys) <= set(MOCKS_KEYS):
+        return "mocks"
     return next((name for name in kind_names() if file_kind(name).recognises(keys)), "no YAML of a known kind")
 
 

@@ -38,14 +38,20 @@ pomona: 1
 tree: look.yaml
 cases:
   - name: no fruit is seen
-    mocks: {Detect: [NO_FRUIT, NO_FRUIT]}
-    expect: {status: failure, code: NO_FRUIT}
+    mocks: {Detect: [NOTHING_FOUND, NOTHING_FOUND]}
+    expect: {status: failure, code: NOTHING_FOUND}
 """
 
 BENCH = """\
 name: bench
 kind: real
-devices: {arm: {driver: mock-arm}}
+workspace: {include: shared/workspace.yaml}
+world: {driver: mock}
+devices:
+  arm: {driver: mock-arm}
+  gripper: {driver: mock-gripper}
+  fingers: {driver: mock-fingers}
+  camera: {driver: mock-camera}
 """
 
 
