@@ -31,6 +31,22 @@ def test_a_breakpoint_at_no_node_is_refused_with_similar_names() -> None:
         execute(order(("Refin", "after")))
 
 
+@pytest.mark.parametrize(("setting", "kind"), [({}, "emulated"), ({"sort": "real"}, "real")])
+def test_an_order_for_a_simulated_cell_refuses_another_kind_also_one_that_a_setting_gives(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, setting: dict[str, str], kind: str
+) -> None:
+    (tmp_path / "pause.yaml").write_text("pomona: 1\ntree: pause\nroot:\n  wait: 1 s\n")
+    cell = tmp_path / "cell.yaml"
+    cell.write_text(
+        'kind: "{sort}"\noptions: {sort: emulated}\nworld: {driver: mock}\ndevices: {arm: {driver: mock-arm}}\n'
+    )
+    connected: list[object] = []
+    monkeypatch.setattr(module, "connect_cell", lambda file, *_: connected.append(file))
+    with pytest.raises(UsageError, match=rf"cell.yaml: not a simulated cell but of kind {kind}. Nothing was run."):
+        execute(RunOrder(tmp_path / "pause.yaml", cell, settings=setting, simulated=True))
+    assert not connected
+
+
 @pytest.mark.parametrize("seed", [-1, 2**63])
 def test_a_seed_that_no_record_holds_is_refused(seed: int) -> None:
     with pytest.raises(UsageError, match=f"the seed {seed} is not from 0 to 9223372036854775807"):

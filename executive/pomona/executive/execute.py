@@ -75,10 +75,10 @@ class RunOrder:
         recover: if the last run on this cell was cut off, run the installed tree `recover` first.
         cleared: an operator has checked the cell since then.
         attended: an operator is there to answer questions and to resume after breakpoints.
-        simulated: refuse a cell of a kind that is not simulated.
         breaks: breakpoints to set at the start: a node's name, type or path, and its side.
         speed: initial ratio of the arm's speed to the commanded one, 0.1 to 1.
         speeds: changes of that in another run, to repeat at their moments.
+        simulated: refuse a cell that is not simulated.
     """
 
     tree: Path
@@ -95,9 +95,9 @@ class RunOrder:
     recover: bool = False
     cleared: bool = False
     attended: bool = False
-    simulated: bool = False
     speed: float = 1.0
     speeds: tuple[OperatorActed, ...] = ()
+    simulated: bool = False
 
     def __post_init__(self) -> None:
         """

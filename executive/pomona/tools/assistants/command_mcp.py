@@ -45,6 +45,8 @@ def main(options: argparse.Namespace) -> int:
         return _dismiss(folder, options.dismiss)
     if options.requests:
         return _print_requests(folder)
+    if sys.platform == "win32":
+        raise UsageError("pomona mcp needs Linux or macOS: its commands are bounded by means of these systems")
     need("mcp", "mcp", "pomona mcp")
     from pomona.tools.assistants.bounded import BoundedCommands
     from pomona.tools.assistants.call_log import CallLog

@@ -1,7 +1,7 @@
 """A `pomona` command that can neither write outside one folder nor reach a network: python -m … FOLDER WRITABLE WORDS.
 
-The system itself refuses (Landlock, Linux 5.13; the network from 6.7 on), so the code of a skill is bound by it as well.
-The process is killed with the one that started it.
+The system itself refuses (Landlock, Linux 5.13; TCP from 6.7 on), so the code of a skill is bound by it as well. The
+process is killed with the one that started it.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import contextlib
 import ctypes
 import os
 import platform
-import resource
 import signal
 import struct
 import sys
@@ -36,7 +35,8 @@ def version() -> int:
     """Return the version of Landlock on this system; 0 without it."""
     if sys.platform != "linux" or platform.machine() not in ("x86_64", "aarch64"):
         return 0
-    return max(0, ctypes.CDLL(None, use_errno=True).syscall(_CREATE, None, 0, _VERSION))
+    found: int = ctypes.CDLL(None, use_errno=True).syscall(_CREATE, None, 0, _VERSION)
+    return max(0, found)
 
 
 def confine(readable: Iterable[Path | str], writable: Iterable[Path | str]) -> bool:
@@ -89,7 +89,10 @@ def main(arguments: list[str]) -> int:
     folder, writable, *words = arguments
     if sys.platform == "linux":
         _prctl(_END_WITH_PARENT, signal.SIGKILL)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (MOST_FILE, MOST_FILE))
+    if sys.platform != "win32":
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_FSIZE, (MOST_FILE, MOST_FILE))
     readable = [folder, str(installed_trees()), *_packages(), *_SYSTEM]
     if not confine(readable, [*_writable(writable), *_SHARED]) and words[:1] == ["run"]:
         sys.stderr.write("this system cannot keep a run inside a folder (that needs Landlock, Linux 5.13 or newer)\n")

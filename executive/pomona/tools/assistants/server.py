@@ -9,7 +9,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from typing import Any
 
 from mcp.server import MCPServer
-from mcp.server.context import ServerRequestContext
+from mcp.server.context import HandlerResult, ServerRequestContext
 from mcp.server.mcpserver.exceptions import ResourceError, ToolError
 from mcp.shared.exceptions import MCPError
 from mcp_types import INTERNAL_ERROR, INVALID_PARAMS, Resource, ToolAnnotations
@@ -22,9 +22,10 @@ from pomona.tools.assistants.door import PARTS, Door, call_number
 from pomona.tools.library.index import RunIndex
 
 INSTRUCTIONS = (
-    "Pomona runs tasks that are written as behaviour trees in YAML. Read an installed tree (list_files, read_file), find "
-    "skills and words (skills, words), write a tree (write_file), then check, dry_run, test, run on a simulated cell, and "
-    "explain the run. Every answer names the next step. A real cell is started by the operator alone: approve asks."
+    "Pomona runs tasks that are written as behaviour trees in YAML. Read an installed tree (list_files, read_file), "
+    "find skills and words (skills, words), write a tree (write_file), then check, dry_run, test, run it on a "
+    "simulated cell, and explain the run. Answers and help name the next step. A real cell is started by the operator "
+    "alone: approve asks."
 )
 LOGGED = ("tools/call", "resources/read")
 MOST_RESOURCES = 100  # newest records in the list of resources
@@ -32,7 +33,7 @@ MOST_REFUSAL = 1000  # characters
 _DETAIL = re.compile(r" \[type=[^\]]*\]| For further information visit \S+|^Error executing tool \w+: ")
 
 Context = ServerRequestContext[Any, Any]
-Next = Callable[[Context], Awaitable[Any]]
+Next = Callable[[Context], Awaitable[HandlerResult]]
 
 
 class DoorServer(MCPServer[Any]):
@@ -59,17 +60,17 @@ class DoorServer(MCPServer[Any]):
             for part in PARTS
         ]
 
-    async def _logged(self, context: Context, follow: Next) -> Any:
+    async def _logged(self, ctx: Context, call_next: Next) -> HandlerResult:
         """Answer a request, and log it before the answer is given."""
-        if context.method not in LOGGED:
-            return await follow(context)
+        if ctx.method not in LOGGED:
+            return await call_next(ctx)
         call, began = self._log.number(), time.monotonic()
         call_number.set(call)
-        asked = {key: value for key, value in (context.params or {}).items() if key != "_meta"}
-        answer, refusal = await self._answered(context, follow, asked)
+        asked = {key: value for key, value in (ctx.params or {}).items() if key != "_meta"}
+        answer, refusal = await self._answered(ctx, call_next, asked)
         refused = _line(str(refusal)) if refusal is not None else _refusal(answer)
         try:
-            self._log.write(call, context.method, asked, refused, time.monotonic() - began)
+            self._log.write(call, ctx.method, asked, refused, time.monotonic() - began)
         except OSError as error:
             raise MCPError(
                 code=INTERNAL_ERROR, message=f"{self._log.path}: {error.strerror}: no log, no answer"
