@@ -333,6 +333,10 @@ class _Work:
             self.document, self.registry, overrides=self.settings, context=context, board=board, mocks=self.mocks
         )
 
+    def rebuild(self, context: SkillContext, board: Board) -> BuiltTree:
+        """As `build`, from the tree's files as they are now. Raises UsageError: they cannot be read, or have errors."""
+        return replace(self, document=read_document(self.order.tree)).build(context, board)
+
 
 def _run(work: _Work, followers: _Followers) -> Executed:
     order, cell, signals, starting = work.order, work.cell, work.signals, followers.starting
@@ -350,6 +354,7 @@ def _run(work: _Work, followers: _Followers) -> Executed:
         heartbeat=supervision.beat,
         speed=order.speed,
         speeds=order.speeds,
+        rebuild=None if order.texts else work.rebuild,
     )
     _set_breakpoints(runner, order.breaks)
     for listener in (summary.on_event, *followers.listeners):

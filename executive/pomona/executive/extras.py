@@ -17,8 +17,6 @@ _EXTRA_OF = {
     "onnx": "torch",
     "pygls": "lsp",
     "lsprotocol": "lsp",
-    "mcp": "mcp",
-    "mcp_types": "mcp",
     "ray": "ray",
 }
 """Packages that are imported without `need`."""

@@ -78,6 +78,7 @@ def build(
         dict(analysis.parameters),
         board,
         tuple(builder.breakpoints),
+        document,
     )
 
 
