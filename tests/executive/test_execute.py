@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from pomona.executive import execute as module
-from pomona.executive.errors import UsageError
+from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.files import find_cell, find_tree
 from pomona.executive.recording.folder import RecordError, refuse_unwritable
@@ -67,6 +67,34 @@ def test_breakpoints_of_an_order_hold_the_run_from_its_start() -> None:
     assert executed.result.outcome == "success"
     assert [because.split()[1] for because in held] == ["before", "after"]
     assert all(because.endswith("Refine") for because in held)
+
+
+def test_a_paused_run_reloads_its_file_from_the_disk_unless_its_text_was_given(tmp_path: Path) -> None:
+    tree = tmp_path / "look.yaml"
+    nodes = "    - MoveTo: {pose: home}\n    - MoveTo: {pose: observe}\n      name: Look\n"
+    text = f"pomona: 1\ntree: look\nroot:\n  sequence:\n{nodes}"
+    for texts, outcome in (({}, ["reload", "change"]), ({str(tree): text}, ["no tree file"])):
+        tree.write_text(text)
+        runners: list[Runner] = []
+        said: list[str] = []
+
+        def reload_when_paused(event: Event, runners: list[Runner] = runners, said: list[str] = said) -> None:
+            if isinstance(event, OperatorActed) and event.action in ("reload", "change"):
+                said.append(event.action)
+            if isinstance(event, StateChanged) and event.state == "paused":
+                tree.write_text(text.replace("pose: observe", "pose: home"))
+                try:
+                    runners[0].reload(event.pause, "ada")
+                except UsageError as error:
+                    said.append(str(error))
+                except PomonaError as error:
+                    said.append(str(error)[-12:])
+                runners[0].resume(event.pause, "ada")
+
+        breaks: tuple[tuple[str, Side], ...] = (("look/MoveTo", "after"),)
+        run = RunOrder(tree, find_cell("sim"), dry=True, texts=texts, breaks=breaks)
+        assert execute(run, [reload_when_paused], on_ready=runners.append).result.outcome == "success"
+        assert said == outcome
 
 
 def test_a_folder_that_takes_no_record_is_refused_before_the_cell_is_connected(

@@ -13,6 +13,7 @@ from pomona.executive.registry import Registry
 from pomona.executive.running.events import NodeChanged, OperatorActed
 from pomona.executive.running.requests import AnswerRefusedError
 from pomona.executive.running.run_state import RunState
+from pomona.tools.dashboard.control_lock import ControlLock, RefusedError
 
 TEXT = """
 pomona: 1
@@ -239,3 +240,26 @@ def test_a_second_reload_compares_with_the_first():
     assert runner.run().outcome == "success"
     details = [e.detail for e in events if isinstance(e, OperatorActed) and e.action == "change"]
     assert details == ["duration = 400 ms ← turn/Second", "duration = 100 ms ← turn/Second"]
+
+
+def test_on_the_page_the_operator_in_control_reloads():
+    lock, refused = ControlLock(), []
+
+    def act(runner, _cell):
+        if runner.state is not RunState.PAUSED:
+            return
+        lock.serve(runner)
+        lock.take("page 1", "Ada")
+        for number in (runner.pause_number, 7):
+            try:
+                lock.act("page 1", "reload", "", number)
+            except RefusedError as error:
+                refused.append(str(error))
+        runner.resume(runner.pause_number)
+
+    script = dict.fromkeys(range(4, 400), act)
+    script[3] = lambda runner, _cell: runner.pause()
+    runner, _, events = make(TEXT, SKILLS, script, reread=lambda: SLOWER)
+    assert runner.run().outcome == "success"
+    assert refused == ["the run is in pause 1; the request names pause 7"]
+    assert any(isinstance(e, OperatorActed) and (e.who, e.action) == ("Ada", "reload") for e in events)

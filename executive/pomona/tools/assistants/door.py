@@ -94,6 +94,8 @@ class Door:
         """List the installed skills, or one by its name with its ports, units, ranges, help and failure codes.
 
         Next: `read_file` a tree that uses it, `failure_codes`, or `write_file`.
+
+        Raises UsageError: there is none of this name.
         """
         registry = declared_skills()
         listing = registry.listing()
@@ -109,6 +111,8 @@ class Door:
         """List the words of the tree language, or one by its name with the words that may stand beside it.
 
         Next: `read_file` a tree, or `write_file`.
+
+        Raises UsageError: there is none of this name.
         """
         types = NodeTypes.installed()
         if not name:
@@ -120,7 +124,10 @@ class Door:
         return json_text({"word": name, "role": found.role, "summary": found.summary, "takes": beside}, indent=1)
 
     def failure_codes(self, code: str = "") -> str:
-        """List the failure codes with their meanings, or one with its meaning and remedy."""
+        """List the failure codes with their meanings, or one with its meaning and remedy.
+
+        Raises UsageError: there is none of this name.
+        """
         codes = failure_codes()
         if not code:
             return json_text({name: about.meaning for name, about in codes.items()})
@@ -134,6 +141,8 @@ class Door:
         """Check a tree, a scenario or another file: every finding with line, column, severity and remedy.
 
         `cell`: check the tree against this cell. Next: correct the findings, then `dry_run` or `show`.
+
+        Raises UsageError: the file cannot be read.
         """
         words = ["check", self.folder.tree(path), "--json", *self._cell(cell), *_set(settings)]
         answer = self._command(words, QUICK, (0, 2))
@@ -173,6 +182,8 @@ class Door:
         """Run a tree on a simulated cell (by default the installed one), recorded. A real cell is refused.
 
         `settings`: parameters of the tree and options of the cell. Next: `explain` the run.
+
+        Raises UsageError: the tree, cell or settings cannot be used, or the limit of runs or time is reached.
         """
         target = self.folder.tree(tree)
         if kind := self._not_simulated(cell):
@@ -205,7 +216,10 @@ class Door:
         return self._command(words, QUICK).out
 
     def evidence(self, runs: list[str]) -> str:
-        """Report hazards, their limits and the largest measured values over recorded runs."""
+        """Report hazards, their limits and the largest measured values over recorded runs.
+
+        Raises UsageError: no record can serve as evidence.
+        """
         if not 0 < len(runs) <= 100:
             raise UsageError("name 1 to 100 runs: the tool `runs` lists them")
         names = [self.folder.record(run) for run in runs]
@@ -215,6 +229,8 @@ class Door:
         """Ask the operator to run a tree on a cell that is not simulated. Nothing is started.
 
         The operator reads tree, difference to the last version that ran, cell and reason, and starts the run.
+
+        Raises UsageError: the cell is simulated, or the tree has errors on it.
         """
         if not self._not_simulated(cell):
             raise UsageError(f"the cell '{cell[:60] or 'default'}' is simulated: `run` starts it without an approval")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import inspect
 import re
 import time
 from collections.abc import Awaitable, Callable, Mapping
@@ -46,7 +47,9 @@ class DoorServer(MCPServer[Any]):
         self._door, self._log = door, log
         for tool in door.tools():
             notes = ToolAnnotations(destructive_hint=tool.__name__ == "write_file", open_world_hint=False)
-            self.add_tool(_refusing(tool, ToolError), annotations=notes, structured_output=False)
+            about = (inspect.getdoc(tool) or "").partition("\n\nRaises")[0]
+            call = _refusing(tool, ToolError)
+            self.add_tool(call, description=about, annotations=notes, structured_output=False)
         add = self.resource("pomona://runs/{run}/{part}", name="record", description=f"a record: {', '.join(PARTS)}")
         add(_refusing(door.record_part, ResourceError))
         self.middleware.append(self._logged)

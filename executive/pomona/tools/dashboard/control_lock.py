@@ -274,13 +274,14 @@ class ControlLock:
         Args:
             viewer: id of the page or program that acts.
             action, detail: as `OperatorActed` has them.
-            number: of the question that `answer` answers, or of the pause that `resume` and `step` end.
+            number: of the question that `answer` answers, or of the pause that `resume` and `step` end and in
+                which `reload` acts.
 
         Raises RefusedError: the viewer does not hold control, nothing runs, there is no such action or node, or the
         question or pause of this number is not open.
         """
         who = self.require(viewer)
-        if action not in (*ACTIONS, *BREAK_ACTIONS, "answer", "fail", "change", "speed"):
+        if action not in (*ACTIONS, *BREAK_ACTIONS, "answer", "fail", "change", "reload", "speed"):
             raise RefusedError(f"unknown action '{action}'")
         latched = action == "fail" and self._runner is not None and self._runner.latched is not None
         if self._runner is None or (self._runner.state.ended and not latched):  # a broken device may be repaired
@@ -302,6 +303,11 @@ class ControlLock:
             try:
                 self._runner.change(path, port.strip(), value.strip(), who)
             except ChangeRefusedError as error:
+                raise RefusedError(str(error)) from None
+        elif action == "reload":
+            try:
+                self._runner.reload(number, who)
+            except PomonaError as error:  # of the file as well
                 raise RefusedError(str(error)) from None
         elif action == "speed":
             try:
