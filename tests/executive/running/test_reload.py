@@ -8,7 +8,7 @@ import pytest
 from fake_runs import Turn, make
 
 from pomona.executive.errors import PomonaError, UsageError
-from pomona.executive.language.reload import ReloadRefusedError
+from pomona.executive.language.changes import InputChange, ReloadRefusedError, taken_over
 from pomona.executive.registry import Registry
 from pomona.executive.running.events import NodeChanged, OperatorActed
 from pomona.executive.running.requests import AnswerRefusedError
@@ -32,7 +32,7 @@ root:
 subtrees:
   part:
     root:
-      Turn: {duration: 100 ms}
+      Turn: {duration: 100 ms, turned: "{a}"}
       name: Third
 """
 SKILLS = Registry({"Turn": Turn})
@@ -105,8 +105,8 @@ def test_the_skill_that_runs_goes_on_in_place():
     ]
 
 
-def test_an_input_inside_a_subtree_and_one_that_was_not_given_are_taken_over():
-    text = TEXT.replace("    root:\n      Turn: {duration: 100 ms}", "    root:\n      Turn: {duration: 300 ms}")
+def test_an_input_inside_a_subtree_is_taken_over():
+    text = changed("{duration: 100 ms, turned", "{duration: 300 ms, turned")
     run = Reloaded(text)
     assert [act[2] for act in run.acts][1:] == ["duration = 300 ms ← turn/part/Third"]
     assert run.ticks("turn/part/Third") >= 15
@@ -133,6 +133,7 @@ def test_comments_and_layout_are_taken_over_without_a_change_of_any_node():
         ('      retry: "{tries}"\n', "", "'retry' is gone"),
         ("      name: Third", "      name: Third\n      timeout: 5 s", "'timeout' is new"),
         ("default: 2", "default: 3", "'3' instead of '2'"),
+        ('"{a}"', '"{b}"', "tree.yaml:18: turned of Third has changed, but a wire is taken over by a new run only"),
         (SECOND, SECOND.replace("100 ms", '"{long}"'), "tree.yaml:11: duration of Second has changed, but a wire"),
     ],
 )  # fmt: skip
@@ -263,3 +264,11 @@ def test_on_the_page_the_operator_in_control_reloads():
     assert runner.run().outcome == "success"
     assert refused == ["the run is in pause 1; the request names pause 7"]
     assert any(isinstance(e, OperatorActed) and (e.who, e.action) == ("Ada", "reload") for e in events)
+
+
+def test_an_input_that_was_left_out_is_taken_over_and_one_that_is_gone_is_not():
+    less = changed(SECOND, SECOND.replace("{duration: 100 ms}", "{}"))
+    assert "'duration' is gone" in str(Reloaded(less).refused)
+    runner, *_ = make(less, SKILLS)
+    fresh, *_ = make(TEXT, SKILLS)
+    assert taken_over(runner.tree, fresh.tree) == (InputChange("turn/Second", "duration", "100 ms"),)

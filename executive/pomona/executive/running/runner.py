@@ -25,8 +25,7 @@ from pomona.executive.board import Board, Entry
 from pomona.executive.cell.cell import Cell
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.language import BuiltTree
-from pomona.executive.language.changes import change_input
-from pomona.executive.language.reload import ReloadRefusedError, difference, taken_over
+from pomona.executive.language.changes import ReloadRefusedError, change_input, difference, taken_over
 from pomona.executive.lease import viewed
 from pomona.executive.one_process import leave_if_forked
 from pomona.executive.reasons import Reason
