@@ -6,24 +6,42 @@ import difflib
 import json
 import shlex
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 from pomona.executive.errors import UsageError
-from pomona.executive.files import find_tree, read_text
+from pomona.executive.files import find_cell, find_tree, read_text
 from pomona.executive.language.documents import read_document
 from pomona.executive.language.model import Document
 from pomona.executive.recording.read import read_events
 from pomona.executive.running.events import RunStarted
 from pomona.executive.terminal.filtered import json_text
-from pomona.tools.assistants.work_folder import WorkFolder
+from pomona.tools.assistants.work_folder import WorkFolder, version_of
 from pomona.tools.library.index import RunIndex
 
 PLACE = "approvals"  # folder of the requests, in the folder of records
 REQUEST, DIFFERENCE = "request.json", "difference.patch"
 MOST_OPEN = 20  # requests that wait; more would hide each other
 MOST_REASON = 1000  # characters
+
+
+@dataclass(frozen=True, slots=True)
+class RunRequest:
+    """A request: the tree's copy with its text, the cell's file, and the difference to the run `difference_to`."""
+
+    name: str
+    tree: Path
+    cell: Path
+    seed: int
+    settings: Mapping[str, str]
+    reason: str
+    asked: str
+    difference_to: str
+    difference: str
+    text: str
+    version: str  # of all files of the request
 
 
 class Approvals:
@@ -34,14 +52,13 @@ class Approvals:
 
     def open(self) -> list[Path]:
         """Return the requests, oldest first."""
-        return sorted(path.parent for path in self._place.glob(f"*/{REQUEST}"))
+        return requests_in(self._folder.records)
 
-    def ask(self, tree: str, options: Sequence[str], cell: str, reason: str, call: int) -> str:
+    def ask(self, tree: str, cell: str, seed: int, settings: Mapping[str, str], reason: str, call: int) -> str:
         """Write a request with copies of the tree and the files that it calls; return its name.
 
         Args:
-            tree: as `WorkFolder.tree` returns it.
-            options: of `pomona run`, for the command that the operator sees.
+            tree, cell: as `WorkFolder.tree` and `WorkFolder.cell` return them.
             call: number in the door's log.
 
         Raises UsageError: the reason is empty or too long, too many requests wait, or the tree cannot be read.
@@ -56,10 +73,11 @@ class Approvals:
         copied = _copy(document, path, request / "tree")
         against, difference = self._difference(document)
         (request / DIFFERENCE).write_text(difference, encoding="utf-8")
-        command = ["pomona", "run", str(copied), *(self._absolute(option) for option in options)]
         about = {
-            "tree": tree, "cell": cell, "reason": reason, "asked": datetime.now(UTC).isoformat(timespec="seconds"),
-            "call": call, "difference to": against, "command": shlex.join(command),
+            "tree": str(copied.relative_to(request)),
+            "cell": str(self._folder.root / cell if cell.startswith("./") else find_cell(cell)),
+            "seed": seed, "settings": dict(settings), "reason": reason, "difference_to": against,
+            "asked": datetime.now(UTC).isoformat(timespec="seconds"), "call": call,
         }  # fmt: skip
         (request / REQUEST).write_text(json_text(about, indent=1) + "\n", encoding="utf-8")
         return request.name
@@ -69,11 +87,6 @@ class Approvals:
         place = self._place / f"{max(numbers, default=0) + 1:04d}_{tree[:60]}"
         place.mkdir(parents=True)
         return place
-
-    def _absolute(self, option: str) -> str:
-        """Return an option that holds in every working folder."""
-        name, _, value = option.partition("=")
-        return f"{name}={self._folder.root / value}" if value.startswith("./") else option
 
     def _difference(self, document: Document) -> tuple[str, str]:
         """Return the last run of a tree of this name, or nothing, and the lines that have changed since then."""
@@ -104,21 +117,44 @@ def _patch(old: str, new: str, old_name: str, new_name: str) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def described(request: Path) -> Iterator[str]:
-    """Yield the paragraphs of a request for the operator: who asks what, the difference, and the command to start it.
+def requests_in(records: Path) -> list[Path]:
+    """Return the folders of the requests in a folder of records, oldest first."""
+    return sorted(path.parent for path in (records / PLACE).glob(f"*/{REQUEST}"))
 
-    Raises UsageError: it cannot be read.
-    """
+
+def read_request(place: Path) -> RunRequest:
+    """Read a request from its folder. Raises UsageError: it cannot be read."""
     try:
-        about = json.loads(read_text(request / REQUEST))
-        yield f"{request.name}: {about['tree']} on the cell {about['cell']}, asked {about['asked']}"
-        yield f"reason: {about['reason']}"
-        known = about["difference to"]
-        yield f"difference to the run {known}:" if known else "no tree of this name has run; the whole tree:"
-        yield read_text(request / DIFFERENCE).rstrip() or "none"
-        yield f"to start it: {about['command']}"
-    except (ValueError, KeyError, TypeError) as error:
-        raise UsageError(f"{request}: no request: {error}") from None
+        about = json.loads(read_text(place / REQUEST))
+        settings = {str(key): str(value) for key, value in about["settings"].items()}
+        tree = (place / about["tree"]).resolve()
+        if not tree.is_relative_to(place.resolve()):
+            raise ValueError("its tree lies outside")
+        return RunRequest(
+            place.name, tree, Path(about["cell"]), int(about["seed"]), settings, str(about["reason"]),
+            str(about["asked"]), str(about["difference_to"]), read_text(place / DIFFERENCE), read_text(tree),
+            _version(place),
+        )  # fmt: skip
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise UsageError(f"{place}: no request: {error}") from None
+
+
+def _version(place: Path) -> str:
+    """Return the short name of the contents of all files of a request."""
+    files = sorted(path for path in place.rglob("*") if path.is_file())
+    return version_of("".join(f"{path.relative_to(place)}\0{read_text(path)}\0" for path in files))
+
+
+def described(request: RunRequest, records: Path) -> Iterator[str]:
+    """Yield the paragraphs of a request for the operator: reason, difference, and the command to start it."""
+    yield f"{request.name}: {request.tree.stem} on the cell {request.cell}, asked {request.asked}"
+    yield f"reason: {request.reason}"
+    known = request.difference_to
+    yield f"difference to the run {known}:" if known else "no tree of this name has run; the whole tree:"
+    yield request.difference.rstrip() or "none"
+    sets = [f"--set={key}={value}" for key, value in request.settings.items()]
+    command = ["pomona", "run", str(request.tree), f"--cell={request.cell}", f"--seed={request.seed}", *sets]
+    yield f"to start it: {shlex.join([*command, f'--record={records}'])}"
 
 
 def dismiss(request: Path) -> None:

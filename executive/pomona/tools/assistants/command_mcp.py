@@ -13,7 +13,7 @@ from pomona.executive.extras import need
 from pomona.executive.ports import TIME
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.values.kinds import Measure, Whole
-from pomona.tools.assistants.approvals import PLACE, Approvals, described, dismiss
+from pomona.tools.assistants.approvals import PLACE, Approvals, described, dismiss, read_request
 from pomona.tools.assistants.work_folder import WorkFolder
 
 
@@ -65,7 +65,7 @@ def main(options: argparse.Namespace) -> int:
 def _print_requests(folder: WorkFolder) -> int:
     console, requests = Screen(), Approvals(folder).open()
     for request in requests:
-        for paragraph in described(request):
+        for paragraph in described(read_request(request), folder.records):
             console.print(paragraph, soft_wrap=True)
         console.print(f"to remove it: pomona mcp {folder.root} --dismiss {request.name}\n", soft_wrap=True)
     if not requests:

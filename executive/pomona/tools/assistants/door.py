@@ -237,9 +237,8 @@ class Door:
         checked = json.loads(self.check(tree, cell, settings))
         if checked["errors"]:
             raise UsageError(f"the tree has {checked['errors']} errors on this cell: `check` lists them")
-        target = self.folder.tree(tree)
-        words = [f"--seed={seed}", *self._cell(cell), *_set(settings), f"--record={self.folder.records}"]
-        name = self.approvals.ask(target, words, cell, reason, call_number.get())
+        target, where = self.folder.tree(tree), self.folder.cell(cell)
+        name = self.approvals.ask(target, where, seed, settings or {}, reason, call_number.get())
         return (
             f"request {name} is written. The operator reads it and starts the run, or does not; `runs` lists it then."
         )

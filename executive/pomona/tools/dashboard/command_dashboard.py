@@ -158,9 +158,15 @@ class Launcher:
         except SpeedRefusedError as error:
             raise UsageError(str(error)) from None
         dry, after_cut = form.get("dry") is True, form.get("after_cut", "")
+        if "request" in form:  # what it asks for is what the page has shown, and nothing of the form
+            asked = self._choices.request(form["request"], form.get("version"))
+            tree, cell, seed, settings = asked.tree, asked.cell, asked.seed, dict(asked.settings)
+        else:
+            tree = self._choices.tree(form.get("tree"))
+            cell = self._choices.cell(form.get("cell", default_name("cell")))
         return RunOrder(
-            tree=self._choices.tree(form.get("tree")),
-            cell=self._choices.cell(form.get("cell", default_name("cell"))),
+            tree=tree,
+            cell=cell,
             seed=seed,
             settings=settings,
             real_time=form.get("pace", "real") == "real",
@@ -177,7 +183,7 @@ def main(options: argparse.Namespace) -> int:
     """Serve until Ctrl-C."""
     console = Screen()
     dashboard = PageProcess(make_access(options), options.record)
-    choices = Choices.installed(options.tree, options.cell)
+    choices = Choices.installed(options.tree, options.cell, options.record.resolve())
     alerts = alerts_of(options, outcomes_in(options.record, options.alert_over) if options.alert_to else ())
     views: list[Live] = []
 

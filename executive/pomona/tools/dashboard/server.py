@@ -117,6 +117,7 @@ class Dashboard:
                 Route("/", self._page),
                 Route("/api/remedies", self._remedies),
                 reading("/api/choices", self._offer),
+                reading("/api/requests", self._asked),
                 reading("/api/runs", self._runs),
                 reading("/api/runs/{name}/messages", self._messages),
                 reading("/api/runs/{name}/images/{at}", self._image),
@@ -236,6 +237,9 @@ class Dashboard:
 
     def _offer(self, _request: Request) -> Response:
         return JSONResponse(self._choices.describe())
+
+    def _asked(self, _request: Request) -> Response:
+        return JSONResponse(self._choices.describe_requests())
 
     async def _remedies(self, _request: Request) -> Response:
         return JSONResponse({code: about.remedy for code, about in failure_codes().items()})

@@ -70,7 +70,7 @@ class TestApprovals:
         shown = capsys.readouterr().out
         assert "reason: home first" in shown
         assert "-    - MoveTo: {pose: observe}\n+    - MoveTo: {pose: home}\n" in shown
-        command = f"pomona run {request}/tree/look.yaml --seed=0 --cell={assistant.folder}/bench.yaml --set=tries=3"
+        command = f"pomona run {request}/tree/look.yaml --cell={assistant.folder}/bench.yaml --seed=0 --set=tries=3"
         assert command in shown
 
     def test_a_request_starts_nothing_and_its_tree_does_not_change_with_the_file(self, assistant: Assistant) -> None:
