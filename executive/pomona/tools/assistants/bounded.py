@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Protocol
 
-MOST_OUTPUT = 60_000  # characters of an answer: a drawing of 1 000 nodes has 50 000
+MOST_OUTPUT = 4 * 1024**2  # of a command [bytes]; the rest is dropped
 STOPPED = 124  # status of a command that was stopped at its limit, as `timeout` of coreutils returns it
 GRACE = 10.0  # time for a run to reach its safe state and close its record after its limit [s]
 
@@ -27,7 +27,7 @@ class Answer:
 
     Attributes:
         status: its exit status, or `STOPPED`.
-        out, err: its output, at most `MOST_OUTPUT` characters of each.
+        out, err: its output, at most `MOST_OUTPUT` bytes of each.
     """
 
     status: int
@@ -112,5 +112,4 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 def _text(stream: IO[bytes]) -> str:
     stream.seek(0)
-    text = stream.read(4 * MOST_OUTPUT).decode("utf-8", errors="replace")
-    return text if len(text) <= MOST_OUTPUT else f"{text[:MOST_OUTPUT]}\n… cut after {MOST_OUTPUT} characters"
+    return stream.read(MOST_OUTPUT).decode("utf-8", errors="replace")

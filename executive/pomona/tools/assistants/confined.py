@@ -27,7 +27,7 @@ _NETWORK, _TCP = 4, 0b11  # from this version on: bind and connect
 _FILE_RIGHTS = 0b111 | _TRUNCATE  # those that apply to a file that is no folder
 _NO_NEW_PRIVILEGES, _END_WITH_PARENT = 38, 1  # PR_SET_NO_NEW_PRIVS, PR_SET_PDEATHSIG (linux/prctl.h)
 MOST_FILE = 4 * 1024**3  # of a file that a command writes [bytes]
-_SYSTEM = ("/usr", "/lib", "/lib64", "/bin", "/etc", "/proc", "/sys", "/opt", "/run")
+_SYSTEM = ("/usr", "/lib", "/lib64", "/bin", "/etc", "/proc", "/sys")
 _SHARED = ("/dev", "/dev/shm")
 
 

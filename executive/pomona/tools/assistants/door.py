@@ -11,7 +11,7 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
-from pomona.executive.cell.cell_file import SIMULATED, outline_cell
+from pomona.executive.cell.cell_file import KINDS, SIMULATED, outline_cell
 from pomona.executive.errors import UsageError
 from pomona.executive.files import default_name, find_cell, find_tree
 from pomona.executive.language.declared_skills import declared_skills
@@ -27,6 +27,8 @@ from pomona.tools.library.index import RunIndex
 
 QUICK = 60.0  # limit of a command that starts no run [s]; on a loaded computer a check takes 8 s
 MOST_SETTINGS, MOST_VALUE = 30, 200  # settings of a command, characters of a value
+MOST_FINDINGS = 100  # in an answer
+MOST_ANSWER = 60_000  # characters of a text in an answer: a drawing of 1 000 nodes has 50 000
 PARTS = ("summary", "explanation")  # of a record, as resources
 STARTED_BY = "assistant.json"  # beside the record of a run that the door has started
 _KEY = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -153,12 +155,13 @@ class Door:
         keys = ("path", "line", "column", "severity", "code", "message", "hint", "excerpt")
         errors = sum(finding["severity"] == "error" for finding in found)
         following = "correct the errors, then check again" if errors else "dry_run, or test a scenario"
-        findings = [{key: finding[key] for key in keys if finding[key]} for finding in found]
-        return json_text({"errors": errors, "findings": findings, "next": following}, indent=1)
+        findings = [{key: finding[key] for key in keys if finding[key]} for finding in found[:MOST_FINDINGS]]
+        more = {"left out": len(found) - MOST_FINDINGS} if len(found) > MOST_FINDINGS else {}
+        return json_text({"errors": errors, "findings": findings, **more, "next": following}, indent=1)
 
     def show(self, tree: str) -> str:
         """Draw a tree as text. Next: `check` or `dry_run`."""
-        return self._command(["show", self.folder.tree(tree)], QUICK).out
+        return _cut(self._command(["show", self.folder.tree(tree)], QUICK).out)
 
     def dry_run(self, tree: str, mocks: str = "", settings: Settings | None = None) -> str:
         """Run a tree without any cell: every skill is a mock, which succeeds at once or as the file `mocks` states.
@@ -174,7 +177,7 @@ class Door:
 
         Next: add a case for these nodes (`read_file`, `write_file`), or `run`.
         """
-        return self._command(["test", self.folder.scenario(scenario)], QUICK, (0, 1)).out
+        return _cut(self._command(["test", self.folder.scenario(scenario)], QUICK, (0, 1)).out)
 
     # ------------------------------------------------------------------------------------------- runs
 
@@ -213,7 +216,7 @@ class Door:
     def explain(self, run: str = "last", whole: bool = False) -> str:
         """Explain a recorded run: events, causes, remedy; with `whole` every moment. Next: change the tree."""
         words = ["explain", self.folder.record(run), f"--record={self.folder.records}", *(["--all"] if whole else [])]
-        return self._command(words, QUICK).out
+        return _cut(self._command(words, QUICK).out)
 
     def evidence(self, runs: list[str]) -> str:
         """Report hazards, their limits and the largest measured values over recorded runs.
@@ -282,9 +285,13 @@ class Door:
         (record / STARTED_BY).write_text(text + "\n", encoding="utf-8")
 
 
+def _cut(text: str) -> str:
+    return text if len(text) <= MOST_ANSWER else f"{text[:MOST_ANSWER]}\n… cut after {MOST_ANSWER} characters"
+
+
 def _kind(cell: Path) -> str:
     outline = outline_cell(cell, Findings())
-    return outline.kind if outline is not None else ""
+    return outline.kind if outline is not None and outline.kind in KINDS else ""
 
 
 def _meaning(code: str) -> str:

@@ -21,7 +21,7 @@ from pomona.executive.values.yaml_nodes import YamlMapping, YamlScalar, read_yam
 MOST_TEXT = 256 * 1024  # largest file that the door reads or writes [bytes]: a tree of 1 000 nodes has 60 kB
 MOST_NAME = 200  # characters of a path; file systems allow 255 bytes in each part
 WRITTEN = ("tree", "scenario", "mocks")  # kinds of files that the door writes
-MOST_LISTED = 500  # files in a list
+MOST_LISTED = 500  # files of the folder that are listed, and up to which new ones are written
 _WORD = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 _INSTALLED = re.compile(r"[a-z][a-z0-9_]*")
 _KEY = re.compile(r"^(\w+)\s*:", re.MULTILINE)  # of a text that is no YAML yet
@@ -153,6 +153,8 @@ class WorkFolder:
                     why = "has changed since you read it" if version else "exists"
                     raise UsageError(f"{name} {why} (version {present}): read it, then write with this version")
                 os.replace(fresh, path)
+            elif len(self.files()) >= MOST_LISTED:
+                raise UsageError(f"the folder holds {MOST_LISTED} files already: no new one is written")
             elif version:
                 raise UsageError(f"{name} no longer exists: write it without a version to make it again")
             else:

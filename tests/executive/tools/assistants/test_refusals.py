@@ -119,6 +119,28 @@ def test_the_number_of_open_requests_is_limited(assistant: Assistant) -> None:
     assert "20 requests wait" in refused_by(lambda: assistant.call("approve", **arguments))
 
 
+def test_the_number_of_files_is_limited(assistant: Assistant) -> None:
+    for number in range(500):
+        (assistant.folder / f"{number}.yaml").touch()
+    assert "500 files already" in refused_by(lambda: assistant.call("write_file", path="new.yaml", text=TREE))
+
+
+def test_a_cell_file_whose_kind_stands_elsewhere_gives_none_of_its_words_away(assistant: Assistant) -> None:
+    (assistant.folder.parent / "secret.yaml").write_text("kind: the password\n")
+    assistant.call("write_file", path="t.yaml", text=f"{TREE}include: ../secret.yaml\n")
+    assert "password" not in refused_by(lambda: assistant.call("run", tree="look.yaml", cell="t.yaml"))
+
+
+def test_many_findings_and_long_drawings_are_cut(assistant: Assistant) -> None:
+    nodes = "".join(f"    - Nothing{number}: {{}}\n" for number in range(150))
+    assistant.call("write_file", path="t.yaml", text=f"pomona: 1\ntree: t\nroot:\n  sequence:\n{nodes}")
+    found = json.loads(assistant.call("check", path="t.yaml"))
+    assert (found["errors"], len(found["findings"]), found["left out"]) == (150, 100, 50)
+    nodes = "".join(f"    - MoveTo: {{pose: home}}\n      description: {'long ' * 40}\n" for _ in range(900))
+    assistant.call("write_file", path="long.yaml", text=f"pomona: 1\ntree: t\nroot:\n  sequence:\n{nodes}")
+    assert assistant.call("show", tree="long.yaml").endswith("\n… cut after 60000 characters")
+
+
 def test_a_scenario_whose_tree_is_outside_is_refused(assistant: Assistant) -> None:
     for tree in ("../secret.yaml", "link.yaml", str(assistant.folder.parent / "secret.yaml")):
         text = f"pomona: 1\ntree: {tree}\ncases:\n  - name: x\n"
