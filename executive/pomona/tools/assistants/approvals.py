@@ -129,7 +129,7 @@ def read_request(place: Path) -> RunRequest:
         settings = {str(key): str(value) for key, value in about["settings"].items()}
         tree = (place / about["tree"]).resolve()
         if not tree.is_relative_to(place.resolve()):
-            raise ValueError("its tree lies outside")
+            raise UsageError(f"{place}: no request: its tree lies outside")
         return RunRequest(
             place.name, tree, Path(about["cell"]), int(about["seed"]), settings, str(about["reason"]),
             str(about["asked"]), str(about["difference_to"]), read_text(place / DIFFERENCE), read_text(tree),
