@@ -7,10 +7,12 @@ import json
 import shlex
 import shutil
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
+from pomona.executive.cell.cell_file import outline_cell
 from pomona.executive.errors import UsageError
 from pomona.executive.files import find_cell, find_tree, read_text
 from pomona.executive.language.documents import read_document
@@ -18,6 +20,7 @@ from pomona.executive.language.model import Document
 from pomona.executive.recording.read import read_events
 from pomona.executive.running.events import RunStarted
 from pomona.executive.terminal.filtered import json_text
+from pomona.executive.values.findings import Findings
 from pomona.tools.assistants.work_folder import WorkFolder, version_of
 from pomona.tools.library.index import RunIndex
 
@@ -137,6 +140,35 @@ def read_request(place: Path) -> RunRequest:
         )  # fmt: skip
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise UsageError(f"{place}: no request: {error}") from None
+
+
+def find_request(records: Path, name: object, version: object) -> RunRequest:
+    """Return the request that an operator has read.
+
+    Raises UsageError: there is none of this name, it cannot be read, or it is no longer of this version.
+    """
+    place = next((place for place in requests_in(records) if place.name == name), None)
+    if place is None:
+        raise UsageError("there is no such request")
+    asked = read_request(place)
+    if asked.version != version:
+        raise UsageError(f"the request {asked.name} has changed: read it again")
+    return asked
+
+
+def request_facts(records: Path) -> list[dict[str, Any]]:
+    """Return all requests as plain values for the page; one that cannot be read has its `problem`."""
+    found: list[dict[str, Any]] = []
+    for place in requests_in(records):
+        try:
+            asked = read_request(place)
+            outline = outline_cell(asked.cell, Findings())
+        except UsageError as error:
+            found.append({"name": place.name, "problem": str(error)})
+            continue
+        kind = outline.kind if outline is not None else "?"
+        found.append({**asdict(asked), "tree": asked.tree.stem, "cell": str(asked.cell), "kind": kind})
+    return found
 
 
 def _version(place: Path) -> str:

@@ -15,7 +15,6 @@ from pomona.executive.language.model import Declared
 from pomona.executive.values.findings import Findings, format_findings
 from pomona.executive.values.shipped import installed_trees
 from pomona.executive.values.yaml_nodes import YamlNode, YamlScalar
-from pomona.tools.assistants.approvals import RunRequest, read_request, requests_in
 
 StartRun = Callable[[dict[str, Any]], str]  # starts a run from the page's form and returns its tree's name
 
@@ -29,11 +28,10 @@ class Choices:
 
     trees: Mapping[str, Path]
     cells: Mapping[str, Path]
-    records: Path | None = None  # where requests of assistants are
 
     @classmethod
-    def installed(cls, trees: Sequence[str] = (), cells: Sequence[str] = (), records: Path | None = None) -> Choices:
-        """Everything that comes with the package, files that are given, and the requests in a folder of records.
+    def installed(cls, trees: Sequence[str] = (), cells: Sequence[str] = ()) -> Choices:
+        """Everything that comes with the package, and files that are given.
 
         Raises UsageError: a given file is not there.
         """
@@ -41,7 +39,6 @@ class Choices:
         return cls(
             {path.stem: path for path in [*sorted(folder.glob("*.yaml")), *map(find_tree, trees)]},
             {path.stem: path for path in [*sorted((folder / "cells").glob("*.yaml")), *map(find_cell, cells)]},
-            records,
         )
 
     def tree(self, name: object) -> Path:
@@ -51,20 +48,6 @@ class Choices:
     def cell(self, name: object) -> Path:
         """Return the file of an offered cell. Raises UsageError: it is not offered."""
         return _offered(self.cells, name, "cell")
-
-    def request(self, name: object, version: object) -> RunRequest:
-        """Return an assistant's request. Raises UsageError: there is none of this name, or it is another version."""
-        asked = read_request(_offered(self._requests(), name, "request"))
-        if asked.version != version:
-            raise UsageError(f"the request {asked.name} has changed: read it again")
-        return asked
-
-    def _requests(self) -> dict[str, Path]:
-        return {} if self.records is None else {place.name: place for place in requests_in(self.records)}
-
-    def describe_requests(self) -> list[dict[str, Any]]:
-        """For the page: each request with its tree, its difference to the last run, and its cell."""
-        return [{"name": name, **_describe(_request_facts, place)} for name, place in self._requests().items()]
 
     def describe(self) -> dict[str, Any]:
         """For the page's form: parameters of each tree, options of each cell, and what it offers first."""
@@ -95,13 +78,6 @@ def _tree_facts(path: Path) -> dict[str, Any]:
         "description": main.description,
         "parameters": [_parameter(name, declared) for name, declared in main.parameters.items()],
     }
-
-
-def _request_facts(place: Path) -> dict[str, Any]:
-    asked = read_request(place)
-    words = ("version", "seed", "settings", "reason", "asked", "difference_to", "difference", "text")
-    facts = {word: getattr(asked, word) for word in words}
-    return {**facts, "tree": asked.tree.stem, "cell": str(asked.cell), "kind": _cell_facts(asked.cell)["kind"]}
 
 
 def _parameter(name: str, declared: Declared) -> dict[str, Any]:

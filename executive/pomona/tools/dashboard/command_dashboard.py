@@ -23,6 +23,7 @@ from pomona.executive.running.starting import Starting
 from pomona.executive.speed import SpeedRefusedError, speed_of
 from pomona.executive.terminal.screen import Screen
 from pomona.tools.alerts.options import add_alerts, alerts_of, outcomes_in
+from pomona.tools.assistants.approvals import find_request
 from pomona.tools.dashboard.apart import PageProcess
 from pomona.tools.dashboard.choices import Choices
 from pomona.tools.dashboard.control_lock import ControlLock, RefusedError
@@ -159,7 +160,7 @@ class Launcher:
             raise UsageError(str(error)) from None
         dry, after_cut = form.get("dry") is True, form.get("after_cut", "")
         if "request" in form:  # what it asks for is what the page has shown, and nothing of the form
-            asked = self._choices.request(form["request"], form.get("version"))
+            asked = find_request(self._record.resolve(), form["request"], form.get("version"))
             tree, cell, seed, settings = asked.tree, asked.cell, asked.seed, dict(asked.settings)
         else:
             tree = self._choices.tree(form.get("tree"))
@@ -183,7 +184,7 @@ def main(options: argparse.Namespace) -> int:
     """Serve until Ctrl-C."""
     console = Screen()
     dashboard = PageProcess(make_access(options), options.record)
-    choices = Choices.installed(options.tree, options.cell, options.record.resolve())
+    choices = Choices.installed(options.tree, options.cell)
     alerts = alerts_of(options, outcomes_in(options.record, options.alert_over) if options.alert_to else ())
     views: list[Live] = []
 

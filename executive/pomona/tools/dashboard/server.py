@@ -30,6 +30,7 @@ from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.recording.plain_file import is_plain
 from pomona.executive.running.events import Event
 from pomona.executive.values.failure_codes import failure_codes
+from pomona.tools.assistants.approvals import request_facts
 from pomona.tools.dashboard.choices import Choices, JudgeForm, StartRun
 from pomona.tools.dashboard.connections import LiveWire, PatientHttp, hang_up, wire_of
 from pomona.tools.dashboard.control_lock import ControlLock, RefusedError, RunControl
@@ -239,7 +240,7 @@ class Dashboard:
         return JSONResponse(self._choices.describe())
 
     def _asked(self, _request: Request) -> Response:
-        return JSONResponse(self._choices.describe_requests())
+        return JSONResponse(request_facts(self.records))
 
     async def _remedies(self, _request: Request) -> Response:
         return JSONResponse({code: about.remedy for code, about in failure_codes().items()})

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from pomona.executive.errors import UsageError
-from pomona.tools.assistants.approvals import Approvals
+from pomona.tools.assistants.approvals import Approvals, request_facts
 from pomona.tools.assistants.work_folder import WorkFolder
 from pomona.tools.dashboard.choices import Choices
 from pomona.tools.dashboard.command_dashboard import Launcher
@@ -24,7 +24,7 @@ CELL = "kind: real\ndevices: {}\n"
 @pytest.fixture
 def records(tmp_path: Path) -> Path:
     """A folder of records with one request."""
-    folder, records = tmp_path / "trees", tmp_path / "records"
+    folder, records = tmp_path / "trees", tmp_path
     folder.mkdir()
     (folder / "look.yaml").write_text(TREE)
     (folder / "bench.yaml").write_text(CELL)
@@ -33,14 +33,14 @@ def records(tmp_path: Path) -> Path:
     return records
 
 
-def launcher(records: Path) -> tuple[Launcher, Choices]:
-    choices = Choices({"other": Path("other.yaml")}, {"sim": Path("sim.yaml")}, records)
-    return Launcher(Dashboard(Access("127.0.0.1", 0), records), records, choices), choices
+def launcher(records: Path) -> Launcher:
+    choices = Choices({"other": Path("other.yaml")}, {"sim": Path("sim.yaml")})
+    return Launcher(Dashboard(Access("127.0.0.1", 0), records), records, choices)
 
 
 def test_a_request_starts_with_its_own_tree_cell_seed_and_settings_whatever_the_form_has(records: Path) -> None:
-    starts, choices = launcher(records)
-    (shown,) = choices.describe_requests()
+    starts = launcher(records)
+    (shown,) = request_facts(records)
     form = {
         "request": "0001_look",
         "version": shown["version"],
@@ -51,37 +51,37 @@ def test_a_request_starts_with_its_own_tree_cell_seed_and_settings_whatever_the_
     }
     order = starts._order(form)
     assert order.tree == records / "approvals" / "0001_look" / "tree" / "look.yaml"
-    assert order.cell == records.parent / "trees" / "bench.yaml"
+    assert order.cell == records / "trees" / "bench.yaml"
     assert (order.seed, order.settings, order.record, order.attended) == (4, {"tries": "3"}, records, True)
 
 
 def test_a_request_that_is_not_the_one_on_the_page_is_not_started(records: Path) -> None:
-    starts, choices = launcher(records)
-    (shown,) = choices.describe_requests()
+    starts = launcher(records)
+    (shown,) = request_facts(records)
     form = {"request": "0001_look", "version": shown["version"]}
     (records / "approvals" / "0001_look" / "tree" / "look.yaml").write_text(TREE.replace("observe", "home"))
     with pytest.raises(UsageError, match="the request 0001_look has changed: read it again"):
         starts._order(form)
     for name in ("../0001_look", "0002_look", 3, None):
-        with pytest.raises(UsageError, match="offers no such request; it offers 0001_look"):
+        with pytest.raises(UsageError, match="there is no such request"):
             starts._order({**form, "request": name})
 
 
 def test_a_damaged_request_is_shown_with_its_problem_and_not_started(records: Path) -> None:
-    starts, choices = launcher(records)
+    starts = launcher(records)
     about = records / "approvals" / "0001_look" / "request.json"
     for damage in ({"tree": "../../../trees/look.yaml"}, {"settings": []}, {"seed": "x"}):
         kept = about.read_text()
         about.write_text(json.dumps({**json.loads(kept), **damage}))
-        (shown,) = choices.describe_requests()
+        (shown,) = request_facts(records)
         assert "no request" in shown["problem"]
         with pytest.raises(UsageError, match="no request"):
             starts._order({"request": "0001_look", "version": ""})
         about.write_text(kept)
 
 
-def test_a_page_without_a_folder_of_records_has_no_requests() -> None:
-    assert Choices({}, {}).describe_requests() == []
+def test_a_folder_without_records_has_no_requests(tmp_path: Path) -> None:
+    assert request_facts(tmp_path / "none") == []
 
 
 @pytest.mark.slow
@@ -95,8 +95,7 @@ def test_the_operator_reads_and_starts_a_request(show: Any, open_page: Callable[
         started.append(form)
         return "look"
 
-    choices = Choices({}, {}, records)
-    show.dashboard.allow_starts(start, choices)
+    show.dashboard.allow_starts(start, Choices({}, {}))
     page = open_page()
     page.locator("#show-runs").click()
     page.get_by_text("0001_look: look on a REAL cell").click()
@@ -114,4 +113,4 @@ def test_the_operator_reads_and_starts_a_request(show: Any, open_page: Callable[
     expect(page.locator("#connection")).to_have_text("connected")
     (form,) = started
     assert form["request"] == "0001_look"
-    assert form["version"] == choices.describe_requests()[0]["version"]
+    assert form["version"] == request_facts(records)[0]["version"]
