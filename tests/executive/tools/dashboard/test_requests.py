@@ -16,6 +16,7 @@ from pomona.tools.dashboard.choices import Choices
 from pomona.tools.dashboard.command_dashboard import Launcher
 from pomona.tools.dashboard.security import Access
 from pomona.tools.dashboard.server import Dashboard
+from tests.executive.tools.dashboard.test_accessibility import ASK, AXE
 
 TREE = "pomona: 1\ntree: look  # <b>bold</b>\nroot:\n  MoveTo: {pose: observe}\n"
 CELL = "kind: real\ndevices: {}\n"
@@ -106,6 +107,8 @@ def test_the_operator_reads_and_starts_a_request(show: Any, open_page: Callable[
     expect(request.locator("pre").last).to_have_text(TREE)
     button = request.get_by_role("button", name="Start 0001_look")
     expect(button).to_be_disabled()
+    page.evaluate(AXE.read_text(encoding="utf-8"))
+    assert page.evaluate(ASK.replace("document", "'#requests'")) == []
     page.locator("#who").fill("ada")
     page.get_by_role("button", name="Take control").first.click()
     expect(button).to_be_enabled()
