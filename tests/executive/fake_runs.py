@@ -7,7 +7,7 @@ from typing import Any
 
 from fake_cell import FakeCell, Wheel
 
-from pomona.executive.language import build, read
+from pomona.executive.language import BuiltTree, build, read
 from pomona.executive.ports import Outputs, Time
 from pomona.executive.registry import Registry
 from pomona.executive.running.events import Event, EventStream, Listener
@@ -59,18 +59,21 @@ def make(
     attended: bool = False,
     go_on: bool = False,
     listeners: Sequence[Listener] = (),
+    reread: Callable[[], str] | None = None,
 ) -> tuple[Runner, FakeCell, list[Event]]:
     """A runner on a fake cell. `at_tick` acts at the start of the n-th look at the cell, paused ones counted too.
 
-    `go_on` resumes whenever the run is paused.
+    `go_on` resumes whenever the run is paused; `reread` returns the text of the changed file.
     """
     cell, events, received = FakeCell(), EventStream(), []
     for listener in (received.append, *listeners):
         events.subscribe(listener)
-    document = read(text, "tree.yaml")
-    runner = Runner(
-        lambda context, board: build(document, registry, context=context, board=board), cell, events, attended=attended
-    )
+
+    def built(text: str, context: Any, board: Any) -> BuiltTree:
+        return build(read(text, "tree.yaml"), registry, context=context, board=board)
+
+    again = None if reread is None else lambda context, board: built(reread(), context, board)
+    runner = Runner(lambda context, board: built(text, context, board), cell, events, attended=attended, rebuild=again)
     looks = iter(range(1, 10_000))
     check = cell.check
 

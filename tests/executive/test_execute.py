@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from pomona.executive import execute as module
-from pomona.executive.errors import UsageError
+from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.files import find_cell, find_tree
 from pomona.executive.recording.folder import RecordError, refuse_unwritable
@@ -29,6 +29,22 @@ def order(*breaks: tuple[str, Side]) -> RunOrder:
 def test_a_breakpoint_at_no_node_is_refused_with_similar_names() -> None:
     with pytest.raises(UsageError, match="no node 'Refin' to break at: did you mean 'Refine'"):
         execute(order(("Refin", "after")))
+
+
+@pytest.mark.parametrize(("setting", "kind"), [({}, "emulated"), ({"sort": "real"}, "real")])
+def test_an_order_for_a_simulated_cell_refuses_another_kind_also_one_that_a_setting_gives(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, setting: dict[str, str], kind: str
+) -> None:
+    (tmp_path / "pause.yaml").write_text("pomona: 1\ntree: pause\nroot:\n  wait: 1 s\n")
+    cell = tmp_path / "cell.yaml"
+    cell.write_text(
+        'kind: "{sort}"\noptions: {sort: emulated}\nworld: {driver: mock}\ndevices: {arm: {driver: mock-arm}}\n'
+    )
+    connected: list[object] = []
+    monkeypatch.setattr(module, "connect_cell", lambda file, *_: connected.append(file))
+    with pytest.raises(UsageError, match=rf"cell.yaml: not a simulated cell but of kind {kind}. Nothing was run."):
+        execute(RunOrder(tmp_path / "pause.yaml", cell, settings=setting, simulated=True))
+    assert not connected
 
 
 @pytest.mark.parametrize("seed", [-1, 2**63])
@@ -51,6 +67,34 @@ def test_breakpoints_of_an_order_hold_the_run_from_its_start() -> None:
     assert executed.result.outcome == "success"
     assert [because.split()[1] for because in held] == ["before", "after"]
     assert all(because.endswith("Refine") for because in held)
+
+
+def test_a_paused_run_reloads_its_file_from_the_disk_unless_its_text_was_given(tmp_path: Path) -> None:
+    tree = tmp_path / "look.yaml"
+    nodes = "    - MoveTo: {pose: home}\n    - MoveTo: {pose: observe}\n      name: Look\n"
+    text = f"pomona: 1\ntree: look\nroot:\n  sequence:\n{nodes}"
+    for texts, outcome in (({}, ["reload", "change"]), ({str(tree): text}, ["no tree file"])):
+        tree.write_text(text)
+        runners: list[Runner] = []
+        said: list[str] = []
+
+        def reload_when_paused(event: Event, runners: list[Runner] = runners, said: list[str] = said) -> None:
+            if isinstance(event, OperatorActed) and event.action in ("reload", "change"):
+                said.append(event.action)
+            if isinstance(event, StateChanged) and event.state == "paused":
+                tree.write_text(text.replace("pose: observe", "pose: home"))
+                try:
+                    runners[0].reload(event.pause, "ada")
+                except UsageError as error:
+                    said.append(str(error))
+                except PomonaError as error:
+                    said.append(str(error)[-12:])
+                runners[0].resume(event.pause, "ada")
+
+        breaks: tuple[tuple[str, Side], ...] = (("look/MoveTo", "after"),)
+        run = RunOrder(tree, find_cell("sim"), dry=True, texts=texts, breaks=breaks)
+        assert execute(run, [reload_when_paused], on_ready=runners.append).result.outcome == "success"
+        assert said == outcome
 
 
 def test_a_folder_that_takes_no_record_is_refused_before_the_cell_is_connected(

@@ -17,7 +17,7 @@ from pathlib import Path
 from pomona.executive.board import Board
 from pomona.executive.cell import connect
 from pomona.executive.cell.cell import Cell, dry_cell
-from pomona.executive.cell.cell_file import CellFile
+from pomona.executive.cell.cell_file import SIMULATED, CellFile
 from pomona.executive.errors import UsageError
 from pomona.executive.files import read_text
 from pomona.executive.judging import judge, split_settings
@@ -73,6 +73,7 @@ class RunOrder:
         breaks: breakpoints to set at the start: a node's name, type or path, and its side.
         speed: initial ratio of the arm's speed to the commanded one, 0.1 to 1.
         speeds: changes of that in another run, to repeat at their moments.
+        simulated: refuse a cell that is not simulated.
     """
 
     tree: Path
@@ -91,6 +92,7 @@ class RunOrder:
     attended: bool = False
     speed: float = 1.0
     speeds: tuple[OperatorActed, ...] = ()
+    simulated: bool = False
 
     def __post_init__(self) -> None:
         """
@@ -218,6 +220,8 @@ def _read(order: RunOrder, starting: Starting) -> _Ready:
     judged = judge(document, registry, settings, order.cell, order.texts)
     judged.refuse_errors()
     assert judged.cell is not None
+    if order.simulated and judged.cell.kind not in SIMULATED:
+        raise UsageError(f"{order.cell}: not a simulated cell but of kind {judged.cell.kind}. Nothing was run.")
     starting.cell_kind = judged.cell.kind
     return _Ready(order, registry, document, split_settings(document, settings)[0], judged.cell)
 
@@ -324,6 +328,10 @@ class _Work:
             self.document, self.registry, overrides=self.settings, context=context, board=board, mocks=self.mocks
         )
 
+    def rebuild(self, context: SkillContext, board: Board) -> BuiltTree:
+        """As `build`, from the tree's files as they are now. Raises UsageError: they cannot be read, or have errors."""
+        return replace(self, document=read_document(self.order.tree)).build(context, board)
+
 
 def _run(work: _Work, followers: _Followers) -> Executed:
     order, cell, signals, starting = work.order, work.cell, work.signals, followers.starting
@@ -341,6 +349,7 @@ def _run(work: _Work, followers: _Followers) -> Executed:
         heartbeat=supervision.beat,
         speed=order.speed,
         speeds=order.speeds,
+        rebuild=None if order.texts else work.rebuild,
     )
     _set_breakpoints(runner, order.breaks)
     for listener in (summary.on_event, *followers.listeners):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from fake_runs import Turn, make
 
-from pomona.executive.language.interface import ChangeRefusedError
+from pomona.executive.language.changes import ChangeRefusedError
 from pomona.executive.registry import Registry
 from pomona.executive.running.events import NodeChanged, OperatorActed, RunStarted
 from pomona.executive.running.requests import AnswerRefusedError

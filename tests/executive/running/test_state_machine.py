@@ -31,7 +31,7 @@ CLICKS = (
     ("pause", ""), ("resume", ""), ("step", ""), ("stop", ""), ("answer", "b ← t/Q"), ("answer", "approve ← t"),
     ("answer", "approve ← t/Turn"), ("answer", "refuse ← t/Turn"), ("answer", "c ← t/Q"), ("break", "t/Turn"),
     ("change", "duration = 50 ms ← t/Turn"), ("change", "duration = 1 kg ← t/Turn"), ("change", "duration = 1 s ← t"),
-    ("break", "t"), ("break_after", "t/A"), ("unbreak", "t/Turn"), ("fail", "arm lost"), ("dance", ""),
+    ("break", "t"), ("break_after", "t/A"), ("unbreak", "t/Turn"), ("fail", "arm lost"), ("reload", ""), ("dance", ""),
 )  # fmt: skip
 """Requests of two pages, sensible or not."""
 PATIENCE = 20.0

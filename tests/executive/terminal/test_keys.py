@@ -114,6 +114,19 @@ def test_the_first_letters_answer_and_enter_ends_a_pause(terminal: Terminal) -> 
     assert "Enter alone goes on" in terminal.shown.getvalue()
 
 
+def test_reload_takes_the_file_over_or_gives_the_reason_and_the_pause_goes_on(terminal: Terminal) -> None:
+    def person(_runner: Runner) -> None:
+        terminal.wait(PROMPT)
+        terminal.type("green\nNO\n")
+        terminal.wait(PAUSED)
+        terminal.type("reload\n")
+        terminal.wait("this run has no tree file")
+        terminal.type("\n")
+
+    assert terminal.run(ASKING, person).outcome == "success"
+    assert terminal.acts() == [("answer", "terminal"), ("resume", "terminal")]
+
+
 @pytest.mark.parametrize("typed", ["ripe\n", "ripe\nripe\n\n\n", "r"])
 def test_text_typed_before_the_question_does_not_answer_it(terminal: Terminal, typed: str) -> None:
     terminal.type(typed)

@@ -37,6 +37,7 @@ from pomona.executive.values.yaml_nodes import Refused, YamlMapping, YamlScalar
 SHIPPED = installed_trees() / "cells"  # cells that come with Pomona, for `include: sim.yaml` in a file elsewhere
 
 KINDS = ("simulated", "emulated", "real", "frames", "mock")
+SIMULATED = ("simulated", "mock")  # kinds of cells without anything outside this process
 OUTLIVED = ("real", "emulated")  # kinds of cells whose devices may outlive the process: runs on them are supervised
 T = TypeVar("T")
 

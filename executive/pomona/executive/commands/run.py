@@ -60,6 +60,7 @@ def add(subparsers: Any) -> None:
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object as the last line")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    parser.add_argument("--simulated", action="store_true", help="refuse a cell that is not simulated")
     _add_beginnings(parser)
     views = RunViews.installed()
     views.add(parser)
@@ -124,6 +125,7 @@ def _order(options: argparse.Namespace, attended: bool) -> RunOrder:
         cleared=options.cleared,
         speed=speed,
         attended=attended,
+        simulated=options.simulated,
         breaks=(
             *((name, "before") for name in options.break_before),
             *((name, "after") for name in options.break_after),

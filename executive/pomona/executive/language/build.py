@@ -76,6 +76,7 @@ def build(
         dict(analysis.parameters),
         board,
         tuple(builder.breakpoints),
+        document,
     )
 
 

@@ -66,6 +66,7 @@ class BuiltTree:
     board: Board  # the store that the nodes write to
     # that stand in the file: a node's path, and the side on which the run pauses there
     breakpoints: tuple[tuple[str, Side], ...] = ()
+    document: Document | None = None  # of which it was built; None without a file
 
     def find(self, name: str) -> tuple[str, ...]:
         """Return the paths of the nodes with a name: a path, the end of one, or a node's name or type.

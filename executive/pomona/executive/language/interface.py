@@ -7,15 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from pomona.executive.errors import PomonaError, UsageError
-from pomona.executive.language.built import BuiltTree
+from pomona.executive.errors import UsageError
 from pomona.executive.language.literals import LiteralError, literal, scalar_type, type_word
 from pomona.executive.language.model import Declared, Definition, TreeFile
 from pomona.executive.language.value_types import ANY, ValueType
 from pomona.executive.language.values import out_of_range
 from pomona.executive.ports import REQUIRED, Port, PortType
 from pomona.executive.registry import Registry
-from pomona.executive.skill import Skill
 from pomona.executive.values.findings import Finding, Findings, Instead, Source, did_you_mean
 from pomona.executive.values.yaml_nodes import YamlNode, YamlScalar, read_yaml
 
@@ -202,50 +200,3 @@ def parse_settings(given: Sequence[str]) -> dict[str, str]:
             raise UsageError(f"--set {text}: write key=value")
         settings[key.strip()] = value.strip()
     return settings
-
-
-class ChangeRefusedError(PomonaError):
-    """No such skill or input, or no value for it."""
-
-
-def changed_input(tree: BuiltTree, path: str, port: str, text: str) -> Any:
-    """Return the value that `text` means for this input of the skill at this path.
-
-    Raises ChangeRefusedError: there is no such skill or input, or this is no value for it.
-    """
-    skill = tree.behaviours.get(path)
-    if not isinstance(skill, Skill):
-        raise ChangeRefusedError(f"there is no skill at {path}")
-    found = skill.inputs.get(port)
-    if found is None:
-        hint = did_you_mean(port, skill.inputs) or f"it has {', '.join(skill.inputs) or 'none'}"
-        raise ChangeRefusedError(f"{skill.name} has no input '{port}': {hint}")
-    source = Source("change", text)
-    node: YamlNode | None = YamlScalar(source, 1, 1, 1, len(text) + 1, text, True)
-    if text[:1] in ("[", "{"):
-        node = read_yaml(source, Findings())
-    if node is None:
-        raise ChangeRefusedError(f"{port}: this is not YAML: {text[:60]}")
-    try:
-        value = literal(node, found.type, found.choices)
-    except LiteralError as error:
-        raise ChangeRefusedError(f"{port}: {error.message}{error.hint and f' ({error.hint})'}") from None
-    if not found.accepts(value):
-        raise ChangeRefusedError(f"{port} does not accept {text[:60]}")
-    problem = out_of_range(value, found)
-    if problem:
-        raise ChangeRefusedError(f"{port} {problem}")
-    return value
-
-
-def change_input(tree: BuiltTree, detail: str) -> None:
-    """Change an input as requested by `port = value ← path`; it applies from the skill's next start on.
-
-    Raises ChangeRefusedError: as `changed_input`.
-    """
-    said, _, path = detail.rpartition(" ← ")
-    port, _, text = said.partition(" = ")
-    value = changed_input(tree, path, port, text)
-    skill = tree.behaviours[path]
-    assert isinstance(skill, Skill)
-    skill.changed[port] = value

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from pomona.executive.cell.cell import Cell
 from pomona.executive.errors import PomonaError
 from pomona.executive.language.built import BuiltTree, Side
-from pomona.executive.language.interface import changed_input
+from pomona.executive.language.changes import changed_input
 from pomona.executive.nodes.ask import Question
 from pomona.executive.running.tick import BREAK_ACTIONS, Breakpoints
 from pomona.executive.speed import SpeedRefusedError, cannot_slow, checked_speed

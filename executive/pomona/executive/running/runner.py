@@ -16,6 +16,7 @@ import queue
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from py_trees.common import Status
@@ -24,7 +25,7 @@ from pomona.executive.board import Board, Entry
 from pomona.executive.cell.cell import Cell
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.language import BuiltTree
-from pomona.executive.language.interface import change_input
+from pomona.executive.language.changes import ReloadRefusedError, change_input, difference, taken_over
 from pomona.executive.lease import viewed
 from pomona.executive.reasons import Reason
 from pomona.executive.running.cell_watch import (
@@ -51,7 +52,7 @@ from pomona.executive.running.events import (
     StateChanged,
     TickOverran,
 )
-from pomona.executive.running.requests import LATE, SETS_IN_MOTION, Request, Requests
+from pomona.executive.running.requests import LATE, SETS_IN_MOTION, AnswerRefusedError, Request, Requests
 from pomona.executive.running.starting import RunResult, RunState
 from pomona.executive.running.tick import BREAK_ACTIONS, Breakpoints, TreeObserver
 from pomona.executive.running.traces import place_of, traceback_of
@@ -102,6 +103,7 @@ class Runner(Requests):
         heartbeat: Callable[[], None] = lambda: None,
         speed: float = 1.0,
         speeds: Sequence[OperatorActed] = (),
+        rebuild: Build | None = None,
     ) -> None:
         """
         Args:
@@ -117,6 +119,7 @@ class Runner(Requests):
             heartbeat: called in every tick, also while paused or coming to rest.
             speed: initial ratio of the arm's speed to the commanded one.
             speeds: changes of that, to repeat at the moments of another run.
+            rebuild: as `build`, from the files as they are then; None without files.
 
         Raises:
             UsageError: a reduced speed is requested, here or in the tree, and the arm's driver has none.
@@ -130,6 +133,7 @@ class Runner(Requests):
         self.board.subscribe(self._written)
         self.tree = build(viewed(self.context, SkillContext), self.board)
         self._speed, self._repeated = speed, deque(speeds)
+        self._rebuild, self._rebuilt = rebuild, dict[str, BuiltTree]()
         self._refuse_full_speed_only()
         self._breakpoints = Breakpoints(self.tree.behaviours)
         self._questions = self.tree.questions
@@ -314,7 +318,7 @@ class Runner(Requests):
             action, who, detail, number, _at = request
             if action == "leave":
                 continue
-            if action in SETS_IN_MOTION and self._is_late(request):
+            if action in (*SETS_IN_MOTION, "reload") and self._is_late(request):
                 continue
             self._emit(OperatorActed(*self._stamp(), who, action, detail))
             if action == "safe_stop":
@@ -339,8 +343,37 @@ class Runner(Requests):
                 self._switch(detail)
             elif action == "change":
                 change_input(self.tree, detail)
+            elif action == "reload":
+                self._take_over(who, self._rebuilt[detail])
             elif action in BREAK_ACTIONS:
                 self._breakpoints.change(detail, *BREAK_ACTIONS[action])
+
+    def reload(self, number: int, who: str = "operator") -> None:
+        """Take the changed tree file over, in pause `number` and at rest: see `taken_over`.
+
+        Raises:
+            AnswerRefusedError: the run is not in this pause, or something still moves.
+            UsageError: the file cannot be read, or has errors.
+            ReloadRefusedError, ChangeRefusedError: a change cannot be taken over, or there is none.
+        """
+        self._refuse_other_pause(number)
+        if self._state is not RunState.PAUSED:
+            raise AnswerRefusedError("the run still comes to rest")
+        if self._rebuild is None:
+            raise ReloadRefusedError("this run has no tree file")
+        fresh = self._rebuild(viewed(self.context, SkillContext), Board(self._cell.clock))
+        taken_over(self.tree, fresh)
+        if not (lines := difference(self.tree, fresh)):
+            raise ReloadRefusedError("the tree file has not changed")
+        self._rebuilt[lines] = fresh
+        self._ask("reload", who, lines, number)
+
+    def _take_over(self, who: str, fresh: BuiltTree) -> None:
+        for path, port, text in taken_over(self.tree, fresh):
+            detail = f"{port} = {text} ← {path}"
+            self._emit(OperatorActed(*self._stamp(), who, "change", detail))
+            change_input(self.tree, detail)
+        self.tree = replace(self.tree, nodes=fresh.nodes, document=fresh.document)
 
     def _is_late(self, request: Request) -> bool:
         """Refuse, in the record, a request that must not set anything in motion any more."""

@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TextIO
 
+from pomona.executive.errors import PomonaError
 from pomona.executive.nodes.ask import Question
 from pomona.executive.running.events import Event, NodeChanged, OperatorActed, RunEnded, StateChanged
 from pomona.executive.running.requests import AnswerRefusedError
@@ -90,7 +91,7 @@ class Keys:
 
     def _words(self, prompt: _Prompt) -> str:
         if not prompt.path:
-            return "paused: Enter goes on"
+            return "paused: Enter goes on; reload takes the changed tree file over"
         question = self._questions[prompt.path]
         return f"? {question.feedback_message} [{'/'.join(question.choices)}]"
 
@@ -135,6 +136,9 @@ class Keys:
             return
         try:
             if not prompt.path:
+                if line == "reload":
+                    self._runner.reload(prompt.number, WHO)
+                    return
                 if line:
                     self._console.print("  Enter alone goes on")
                     return
@@ -149,6 +153,9 @@ class Keys:
                 self._runner.answer(prompt.path, prompt.number, chosen, WHO)
         except AnswerRefusedError as error:  # it has ended meanwhile
             self._console.print(f"  {error}")
+        except PomonaError as error:  # the file is not taken over: the pause goes on
+            self._console.print(f"  {error}")
+            return
         self._answered = True
 
 

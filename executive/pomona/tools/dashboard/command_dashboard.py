@@ -23,6 +23,7 @@ from pomona.executive.running.starting import Starting
 from pomona.executive.speed import SpeedRefusedError, speed_of
 from pomona.executive.terminal.screen import Screen
 from pomona.tools.alerts.options import add_alerts, alerts_of, outcomes_in
+from pomona.tools.assistants.approvals import find_request
 from pomona.tools.dashboard.apart import PageProcess
 from pomona.tools.dashboard.choices import Choices
 from pomona.tools.dashboard.control_lock import ControlLock, RefusedError
@@ -158,9 +159,15 @@ class Launcher:
         except SpeedRefusedError as error:
             raise UsageError(str(error)) from None
         dry, after_cut = form.get("dry") is True, form.get("after_cut", "")
+        if "request" in form:  # what it asks for is what the page has shown, and nothing of the form
+            asked = find_request(self._record.resolve(), form["request"], form.get("version"))
+            tree, cell, seed, settings = asked.tree, asked.cell, asked.seed, dict(asked.settings)
+        else:
+            tree = self._choices.tree(form.get("tree"))
+            cell = self._choices.cell(form.get("cell", default_name("cell")))
         return RunOrder(
-            tree=self._choices.tree(form.get("tree")),
-            cell=self._choices.cell(form.get("cell", default_name("cell"))),
+            tree=tree,
+            cell=cell,
             seed=seed,
             settings=settings,
             real_time=form.get("pace", "real") == "real",

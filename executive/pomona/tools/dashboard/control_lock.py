@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from pomona.executive.errors import PomonaError
-from pomona.executive.language.interface import ChangeRefusedError
+from pomona.executive.language.changes import ChangeRefusedError
 from pomona.executive.running.requests import AnswerRefusedError, UnknownFaultError
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.starting import Permit, Starting
@@ -273,13 +273,14 @@ class ControlLock:
         Args:
             viewer: id of the page or program that acts.
             action, detail: as `OperatorActed` has them.
-            number: of the question that `answer` answers, or of the pause that `resume` and `step` end.
+            number: of the question that `answer` answers, or of the pause that `resume` and `step` end and in
+                which `reload` acts.
 
         Raises RefusedError: the viewer does not hold control, nothing runs, there is no such action or node, or the
         question or pause of this number is not open.
         """
         who = self.require(viewer)
-        if action not in (*ACTIONS, *BREAK_ACTIONS, "answer", "fail", "change", "speed"):
+        if action not in (*ACTIONS, *BREAK_ACTIONS, "answer", "fail", "change", "reload", "speed"):
             raise RefusedError(f"unknown action '{action}'")
         latched = action == "fail" and self._runner is not None and self._runner.latched is not None
         if self._runner is None or (self._runner.state.ended and not latched):  # a broken device may be repaired
@@ -301,6 +302,11 @@ class ControlLock:
             try:
                 self._runner.change(path, port.strip(), value.strip(), who)
             except ChangeRefusedError as error:
+                raise RefusedError(str(error)) from None
+        elif action == "reload":
+            try:
+                self._runner.reload(number, who)
+            except PomonaError as error:  # of the file as well
                 raise RefusedError(str(error)) from None
         elif action == "speed":
             try:

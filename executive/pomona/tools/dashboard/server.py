@@ -30,6 +30,7 @@ from pomona.executive.recording.drawn_tree import drawing
 from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.recording.plain_file import is_plain
 from pomona.executive.running.events import Event
+from pomona.tools.assistants.approvals import request_facts
 from pomona.tools.dashboard.choices import Choices, JudgeForm, StartRun
 from pomona.tools.dashboard.connections import LiveWire, PatientHttp, hang_up, wire_of
 from pomona.tools.dashboard.control_lock import ControlLock, RefusedError, RunControl
@@ -117,6 +118,7 @@ class Dashboard:
                 Route("/", self._page),
                 Route("/api/remedies", self._remedies),
                 reading("/api/choices", self._offer),
+                reading("/api/requests", self._asked),
                 reading("/api/runs", self._runs),
                 reading("/api/runs/{name}/messages", self._messages),
                 reading("/api/runs/{name}/images/{at}", self._image),
@@ -236,6 +238,9 @@ class Dashboard:
 
     def _offer(self, _request: Request) -> Response:
         return JSONResponse(self._choices.describe())
+
+    def _asked(self, _request: Request) -> Response:
+        return JSONResponse(request_facts(self.records))
 
     async def _remedies(self, _request: Request) -> Response:
         return JSONResponse({code: about.remedy for code, about in failure_codes().items()})

@@ -126,6 +126,9 @@ def test_pause_and_resume_show_the_acknowledged_state(show: Show, open_page: Ope
     expect(page.locator("#ack")).to_have_text("last: pause by ada")
     assert show.cell.wheel.paused
     expect(pause).to_be_disabled()
+    page.locator("#steps").get_by_role("button", name="Reload file").click()
+    expect(page.locator("#connection")).to_have_text("this run has no tree file")
+    assert show.cell.wheel.paused
     page.locator("#steps").get_by_role("button", name="Resume").click()
     expect(page.locator("#why")).to_contain_text("▶ Hold")
     assert not show.cell.wheel.paused

@@ -10,7 +10,7 @@ export const TWICE = 1500; // ms within which Esc must be pressed again, or held
 const RETRY = 400; // ms between two tries
 const CLOSED = 1012; // close code of a server that ends in good order
 const PATIENCE = { safe_stop: 10000 }; // ms for which a press is tried; the server refuses a later one
-const FACED = new Set(["pause", "resume", "step", "stop", "acknowledge", "break", "unbreak", "break_after", "unbreak_after", "answer", "change", "speed"]); // the run itself confirms them
+const FACED = new Set(["pause", "resume", "step", "stop", "acknowledge", "break", "unbreak", "break_after", "unbreak_after", "answer", "change", "reload", "speed"]); // the run itself confirms them
 
 // `known`: time (performance.now) up to which all messages have arrived; `clock`: offset of the server's time [s]; `closed`: date at which the program closed.
 export const link = { socket: null, known: -Infinity, knownAt: null, armed: null, clock: null, press: null, opened: 0, closed: null, escaped: -Infinity };

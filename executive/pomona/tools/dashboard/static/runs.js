@@ -25,7 +25,7 @@ export function showRuns(on) {
   $("run-view").hidden = on;
   document.body.classList.toggle("runs", on);
   $("show-runs").setAttribute("aria-pressed", on);
-  if (on) { loadRuns(); if (!choices.trees.length) loadChoices(); }
+  if (on) { loadRuns(); loadRequests(); if (!choices.trees.length) loadChoices(); }
 }
 
 $("show-runs").addEventListener("click", () => showRuns($("runs-view").hidden));
@@ -127,6 +127,21 @@ async function loadChoices() {
   drawStart();
 }
 
+// An assistant asks for a run; the operator reads tree, difference and cell, and starts it.
+let requests = "";
+async function loadRequests() {
+  const found = await read("/api/requests").then((answer) => answer.json()).catch(() => []);
+  if (JSON.stringify(found) === requests || !Array.isArray(found)) return;
+  requests = JSON.stringify(found);
+  $("requests").hidden = !found.length;
+  $("requests-list").replaceChildren(...found.map((r) => r.problem ? h("p", { class: "wrong" }, `${r.name}: ${r.problem}`) : h("details", { class: "more-fields" }, h("summary", {}, `${r.name}: ${r.tree} on a ${r.kind.toUpperCase()} cell`),
+    h("p", {}, r.reason), h("p", { class: "muted" }, [`cell ${r.cell}`, `seed ${r.seed}`, ...Object.entries(r.settings).map(([key, value]) => `${key} = ${value}`), `asked ${r.asked}`].join(" · ")),
+    h("h3", {}, r.difference_to ? `Difference to the run ${r.difference_to}` : "No tree of this name has run"), h("pre", { tabindex: 0 }, r.difference || "none"),
+    h("h3", {}, "The whole tree"), h("pre", { tabindex: 0 }, r.text),
+    h("button", { type: "button", class: "start-request", onclick: () => startRun({ request: r.name, version: r.version, pace: "real", speed: $("start-speed").value, after_cut: $("start-after-cut").value }) }, `Start ${r.name}`))));
+  drawStart();
+}
+
 // Four fields are in sight; parameters and options are folded, each with its help and its problem.
 function drawFields() {
   const tree = choices.trees.find((c) => c.name === $("start-tree").value);
@@ -224,6 +239,7 @@ export function drawStart() {
   const blocked = !holdsControl() ? "Take control to start a run." : page.control.start && !page.control.start.problem ? "A run is being prepared." : page.live.whole.run && !page.live.whole.ended ? "A run is going on." : page.live.whole.safeStop ? "Reset the safe state first." : "";
   const why = blocked || (Object.keys(problems).length ? `${Object.keys(problems).join(", ")} cannot be used.` : unread);
   $("start-button").disabled = starting || Boolean(why);
+  for (const button of document.querySelectorAll(".start-request")) Object.assign(button, { disabled: starting || Boolean(blocked), title: blocked });
   $("start-hint").textContent = why;
   const cell = choices.cells.find((c) => c.name === $("start-cell").value);
   $("by-hand").hidden = !choices.trees.some((c) => c.name === "recover");

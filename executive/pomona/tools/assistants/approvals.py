@@ -1,0 +1,197 @@
+"""Requests to the operator: run this tree on this cell. A request is a folder that holds a copy of the tree."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import shlex
+import shutil
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from pomona.executive.cell.cell_file import outline_cell
+from pomona.executive.errors import UsageError
+from pomona.executive.files import find_cell, find_tree, read_text
+from pomona.executive.language.check import read_document
+from pomona.executive.language.model import Document
+from pomona.executive.recording.read import read_events
+from pomona.executive.running.events import RunStarted
+from pomona.executive.terminal.output import json_text
+from pomona.executive.values.findings import Findings
+from pomona.tools.assistants.work_folder import WorkFolder, version_of
+from pomona.tools.library.index import RunIndex
+
+PLACE = "approvals"  # folder of the requests, in the folder of records
+REQUEST, DIFFERENCE = "request.json", "difference.patch"
+MOST_OPEN = 20  # requests that wait; more would hide each other
+MOST_REASON = 1000  # characters
+
+
+@dataclass(frozen=True, slots=True)
+class RunRequest:
+    """A request: the tree's copy with its text, the cell's file, and the difference to the run `difference_to`."""
+
+    name: str
+    tree: Path
+    cell: Path
+    seed: int
+    settings: Mapping[str, str]
+    reason: str
+    asked: str
+    difference_to: str
+    difference: str
+    text: str
+    version: str  # of all files of the request
+
+
+class Approvals:
+    """The requests in a folder of records. The door writes them; it never starts a run of one."""
+
+    def __init__(self, folder: WorkFolder) -> None:
+        self._folder, self._place = folder, folder.records / PLACE
+
+    def open(self) -> list[Path]:
+        """Return the requests, oldest first."""
+        return requests_in(self._folder.records)
+
+    def ask(self, tree: str, cell: str, seed: int, settings: Mapping[str, str], reason: str, call: int) -> str:
+        """Write a request with copies of the tree and the files that it calls; return its name.
+
+        Args:
+            tree, cell: as `WorkFolder.tree` and `WorkFolder.cell` return them.
+            call: number in the door's log.
+
+        Raises UsageError: the reason is empty or too long, too many requests wait, or the tree cannot be read.
+        """
+        if not reason.strip() or len(reason) > MOST_REASON:
+            raise UsageError(f"the operator needs a reason, of at most {MOST_REASON} characters")
+        if len(self.open()) >= MOST_OPEN:
+            raise UsageError(f"{MOST_OPEN} requests wait for the operator: no more are taken")
+        path = self._folder.root / tree if tree.startswith("./") else find_tree(tree)
+        document = read_document(path)
+        request = self._new_place(document.main.name)
+        copied = _copy(document, path, request / "tree")
+        against, difference = self._difference(document)
+        (request / DIFFERENCE).write_text(difference, encoding="utf-8")
+        about = {
+            "tree": str(copied.relative_to(request)),
+            "cell": str(self._folder.root / cell if cell.startswith("./") else find_cell(cell)),
+            "seed": seed, "settings": dict(settings), "reason": reason, "difference_to": against,
+            "asked": datetime.now(UTC).isoformat(timespec="seconds"), "call": call,
+        }  # fmt: skip
+        (request / REQUEST).write_text(json_text(about, indent=1) + "\n", encoding="utf-8")
+        return request.name
+
+    def _new_place(self, tree: str) -> Path:
+        numbers = [int(path.name[:4]) for path in self._place.glob("[0-9][0-9][0-9][0-9]_*")]
+        place = self._place / f"{max(numbers, default=0) + 1:04d}_{tree[:60]}"
+        place.mkdir(parents=True)
+        return place
+
+    def _difference(self, document: Document) -> tuple[str, str]:
+        """Return the last run of a tree of this name, or nothing, and the lines that have changed since then."""
+        name = document.main.name
+        for run in RunIndex(self._folder.records).read():
+            if run.tree == name and run.state in ("ended", "cut off"):
+                events = read_events(self._folder.records / run.run)
+                started = next((event for event in events if isinstance(event, RunStarted)), None)
+                if started is not None:
+                    return run.run, _patch(started.tree_text, document.text, run.run, name)
+        return "", _patch("", document.text, "never run", name)
+
+
+def _copy(document: Document, path: Path, place: Path) -> Path:
+    """Copy a tree and the files beside or below it that it calls; return the copied tree."""
+    base = path.parent.resolve()
+    for file in document.files:
+        called = Path(file.source.path).resolve()
+        if called.is_relative_to(base):
+            target = place / called.relative_to(base)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_text(file.source.text, encoding="utf-8")
+    return place / path.resolve().name
+
+
+def _patch(old: str, new: str, old_name: str, new_name: str) -> str:
+    lines = difflib.unified_diff(old.splitlines(), new.splitlines(), old_name, new_name, lineterm="")
+    return "".join(f"{line}\n" for line in lines)
+
+
+def requests_in(records: Path) -> list[Path]:
+    """Return the folders of the requests in a folder of records, oldest first."""
+    return sorted(path.parent for path in (records / PLACE).glob(f"*/{REQUEST}"))
+
+
+def read_request(place: Path) -> RunRequest:
+    """Read a request from its folder. Raises UsageError: it cannot be read."""
+    try:
+        about = json.loads(read_text(place / REQUEST))
+        settings = {str(key): str(value) for key, value in about["settings"].items()}
+        tree = (place / about["tree"]).resolve()
+        if not tree.is_relative_to(place.resolve()):
+            raise UsageError(f"{place}: no request: its tree lies outside")
+        return RunRequest(
+            place.name, tree, Path(about["cell"]), int(about["seed"]), settings, str(about["reason"]),
+            str(about["asked"]), str(about["difference_to"]), read_text(place / DIFFERENCE), read_text(tree),
+            _version(place),
+        )  # fmt: skip
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise UsageError(f"{place}: no request: {error}") from None
+
+
+def find_request(records: Path, name: object, version: object) -> RunRequest:
+    """Return the request that an operator has read.
+
+    Raises UsageError: there is none of this name, it cannot be read, or it is no longer of this version.
+    """
+    place = next((place for place in requests_in(records) if place.name == name), None)
+    if place is None:
+        raise UsageError("there is no such request")
+    asked = read_request(place)
+    if asked.version != version:
+        raise UsageError(f"the request {asked.name} has changed: read it again")
+    return asked
+
+
+def request_facts(records: Path) -> list[dict[str, Any]]:
+    """Return all requests as plain values for the page; one that cannot be read has its `problem`."""
+    found: list[dict[str, Any]] = []
+    for place in requests_in(records):
+        try:
+            asked = read_request(place)
+            outline = outline_cell(asked.cell, Findings())
+        except UsageError as error:
+            found.append({"name": place.name, "problem": str(error)})
+            continue
+        kind = outline.kind if outline is not None else "?"
+        found.append({**asdict(asked), "tree": asked.tree.stem, "cell": str(asked.cell), "kind": kind})
+    return found
+
+
+def _version(place: Path) -> str:
+    """Return the short name of the contents of all files of a request."""
+    files = sorted(path for path in place.rglob("*") if path.is_file())
+    return version_of("".join(f"{path.relative_to(place)}\0{read_text(path)}\0" for path in files))
+
+
+def described(request: RunRequest, records: Path) -> Iterator[str]:
+    """Yield the paragraphs of a request for the operator: reason, difference, and the command to start it."""
+    yield f"{request.name}: {request.tree.stem} on the cell {request.cell}, asked {request.asked}"
+    yield f"reason: {request.reason}"
+    known = request.difference_to
+    yield f"difference to the run {known}:" if known else "no tree of this name has run; the whole tree:"
+    yield request.difference.rstrip() or "none"
+    sets = [f"--set={key}={value}" for key, value in request.settings.items()]
+    command = ["pomona", "run", str(request.tree), f"--cell={request.cell}", f"--seed={request.seed}", *sets]
+    yield f"to start it: {shlex.join([*command, f'--record={records}'])}"
+
+
+def dismiss(request: Path) -> None:
+    """Remove a request. Raises UsageError: it cannot be removed."""
+    try:
+        shutil.rmtree(request)
+    except OSError as error:
+        raise UsageError(f"{request}: {error.strerror}") from error
