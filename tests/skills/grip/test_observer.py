@@ -7,8 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import bilinear, lfilter
 
-from pomona.skills.grip.dynamic_term import GENTLE, DynamicSettings, dynamic_force
-from pomona.skills.grip.observer import ObserverSettings, observe_slip
+from pomona.skills.grip.observer import GENTLE, DynamicSettings, ObserverSettings, dynamic_force, observe_slip
 
 SETTINGS = ObserverSettings()
 INERTIA = 7.4e-4 + 0.35 * 0.01**2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pomona.skills.grip.floor_watch import FloorWatch
+from pomona.skills.grip.hold import FloorWatch
 from pomona.skills.grip.pads import MIRROR
 
 
