@@ -8,9 +8,6 @@ from typing import TYPE_CHECKING
 from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
-    from pomona.skills.perception.depth_registration import (
-        misplaced_depth as misplaced_depth,
-    )
     from pomona.skills.perception.detection.box_evaluation import (
         JudgedPicture as JudgedPicture,
         box_figures as box_figures,
@@ -56,6 +53,7 @@ if TYPE_CHECKING:
     )
     from pomona.skills.perception.frame_check import (
         MISMATCHES as MISMATCHES,
+        misplaced_depth as misplaced_depth,
     )
     from pomona.skills.perception.fruit import (
         FruitModel as FruitModel,
@@ -79,25 +77,22 @@ if TYPE_CHECKING:
     from pomona.skills.perception.measured_fruit import (
         MeasuredFruit as MeasuredFruit,
     )
-    from pomona.skills.perception.refinement.depth_look import (
-        DepthLook as DepthLook,
+    from pomona.skills.perception.refinement.cloud import (
+        horizontal_plane as horizontal_plane,
     )
     from pomona.skills.perception.refinement.errors import (
         RefineError as RefineError,
     )
     from pomona.skills.perception.refinement.measure import (
-        measure as measure,
-    )
-    from pomona.skills.perception.refinement.place_fit import (
         PlaceFit as PlaceFit,
         fit_place as fit_place,
+        measure as measure,
     )
-    from pomona.skills.perception.refinement.support_plane import (
-        horizontal_plane as horizontal_plane,
+    from pomona.skills.perception.refinement.render import (
+        DepthLook as DepthLook,
     )
 
 PUBLIC = {
-    "depth_registration": "misplaced_depth",
     "detection.box_evaluation": "JudgedPicture box_figures intervals judge judge_size recall_and_precision",
     "detection.box_model": "ScoredBox load_boxes",
     "detection.compact_detector": "CompactDetector",
@@ -108,17 +103,16 @@ PUBLIC = {
     "detection.photo_folder": "read_labels",
     "detection.photographs": "Photograph",
     "detection.pyramid": "LARGEST_SIDE at_edge findable_sizes search_sides shared_part",
-    "frame_check": "MISMATCHES",
+    "frame_check": "MISMATCHES misplaced_depth",
     "fruit": "FruitModel find_weights load_fruit",
     "fruit.catalogue": "mass_model mass_of",
     "fruit.errors": "FruitError",
     "fruit.sizes": "KindSizes LEAST_FRUIT TooFewFruit held_out learn_sizes",
     "measured_fruit": "MeasuredFruit",
-    "refinement.depth_look": "DepthLook",
+    "refinement.cloud": "horizontal_plane",
     "refinement.errors": "RefineError",
-    "refinement.measure": "measure",
-    "refinement.place_fit": "PlaceFit fit_place",
-    "refinement.support_plane": "horizontal_plane",
+    "refinement.measure": "PlaceFit fit_place measure",
+    "refinement.render": "DepthLook",
 }
 """Public names by the module that defines them."""
 

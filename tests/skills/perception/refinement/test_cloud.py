@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.synthetic_depth import looking_at
 from pomona.skills.geometry import apply, inverse, rotation_about
-from pomona.skills.perception.refinement.support_plane import Plane, horizontal_plane, seen_elsewhere, seen_near
+from pomona.skills.perception.refinement.cloud import Plane, connected_to, horizontal_plane, seen_elsewhere, seen_near
 
 T_BASE_CAMERA = looking_at((0.0, 0.0, 0.0), 0.6, np.radians(55.0))
 
@@ -71,3 +71,46 @@ def test_a_plane_away_from_its_stated_place_is_reported(height: float, tilt: flo
     if found is not None:
         assert found[0] == pytest.approx(height, abs=4e-3)
         assert np.degrees(found[1]) == pytest.approx(tilt, abs=1.0)
+
+
+SHAPE = (60, 60)
+
+
+def scene():
+    """A fruit-like bump in the middle, a leaf 30 mm nearer over its left third, the ground behind."""
+    v, u = np.indices(SHAPE)
+    apart = np.hypot(u - 30, v - 30)
+    bump = apart < 20
+    depth = np.where(bump, 0.60 + 2e-5 * apart**2, 0.70)
+    leaf = (u > 2) & (u < 22) & (v > 20) & (v < 40)
+    return np.where(leaf, 0.57, depth), bump, leaf
+
+
+def test_agreeing_points_are_kept_and_the_leaf_is_cut_off():
+    depth, bump, leaf = scene()
+    agreeing = bump & ~leaf
+    agreeing[20:24, 20:24] = True  # a few pixels of the leaf agree by chance
+    chosen = connected_to(agreeing, depth, covered=bump)
+    assert not chosen[leaf].any()
+    assert not chosen[~bump].any()
+    assert chosen[bump & ~leaf].mean() > 0.85
+
+
+def test_things_in_front_keep_their_outline():
+    depth, bump, leaf = scene()
+    chosen = connected_to(leaf & bump, depth, covered=bump)
+    assert np.array_equal(chosen, leaf)
+
+
+def test_holes_part_surfaces():
+    depth, bump, _ = scene()
+    depth = np.where(bump, depth, 0.0)
+    depth[:, 30] = np.nan
+    right_half = bump & (np.indices(SHAPE)[1] > 30)
+    chosen = connected_to(right_half, depth, covered=bump)
+    assert np.array_equal(chosen, right_half)
+
+
+def test_nothing_agrees():
+    depth, bump, _ = scene()
+    assert not connected_to(np.zeros(SHAPE, bool), depth, covered=bump).any()

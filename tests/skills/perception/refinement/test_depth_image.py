@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from pomona.skills.perception.refinement.checks import extents
+from pomona.skills.perception.refinement.depth_image import extents
 from pomona.skills.perception.refinement.errors import BadMesh
 
 
