@@ -47,7 +47,7 @@ MATHEMATICS: dict[str, tuple[str, ...]] = {
     "pomona.skills.grip.pads": ("tests/skills/grip/test_pads.py",),
     "pomona.skills.motion.grasps.sphere": ("tests/skills/motion/grasps/test_sphere.py",),
     "pomona.skills.motion.planning.timing": ("tests/skills/motion/planning/test_timing.py",),
-    "pomona.skills.perception.detection.cuboid": ("tests/skills/perception/detection/test_cuboid.py",),
+    "pomona.skills.perception.detection.instances": ("tests/skills/perception/detection/test_instances.py",),
 }
 """Modules with the tests that should find errors in them."""
 

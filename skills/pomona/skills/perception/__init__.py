@@ -26,17 +26,15 @@ if TYPE_CHECKING:
     from pomona.skills.perception.detection.detection import (
         AllDetections as AllDetections,
         Detection as Detection,
+        DetectorOptions as DetectorOptions,
     )
     from pomona.skills.perception.detection.errors import (
         BadFrame as BadFrame,
         BadWeights as BadWeights,
         DetectError as DetectError,
     )
-    from pomona.skills.perception.detection.found_fruit import (
+    from pomona.skills.perception.detection.instances import (
         FoundFruit as FoundFruit,
-    )
-    from pomona.skills.perception.detection.options import (
-        DetectorOptions as DetectorOptions,
     )
     from pomona.skills.perception.detection.photo_folder import (
         read_labels as read_labels,
@@ -44,7 +42,7 @@ if TYPE_CHECKING:
     from pomona.skills.perception.detection.photographs import (
         Photograph as Photograph,
     )
-    from pomona.skills.perception.detection.pyramid import (
+    from pomona.skills.perception.detection.places import (
         LARGEST_SIDE as LARGEST_SIDE,
         at_edge as at_edge,
         findable_sizes as findable_sizes,
@@ -61,11 +59,9 @@ if TYPE_CHECKING:
         load_fruit as load_fruit,
     )
     from pomona.skills.perception.fruit.catalogue import (
+        FruitError as FruitError,
         mass_model as mass_model,
         mass_of as mass_of,
-    )
-    from pomona.skills.perception.fruit.errors import (
-        FruitError as FruitError,
     )
     from pomona.skills.perception.fruit.sizes import (
         LEAST_FRUIT as LEAST_FRUIT,
@@ -96,17 +92,15 @@ PUBLIC = {
     "detection.box_evaluation": "JudgedPicture box_figures intervals judge judge_size recall_and_precision",
     "detection.box_model": "ScoredBox load_boxes",
     "detection.compact_detector": "CompactDetector",
-    "detection.detection": "AllDetections Detection",
+    "detection.detection": "AllDetections Detection DetectorOptions",
     "detection.errors": "BadFrame BadWeights DetectError",
-    "detection.found_fruit": "FoundFruit",
-    "detection.options": "DetectorOptions",
+    "detection.instances": "FoundFruit",
     "detection.photo_folder": "read_labels",
     "detection.photographs": "Photograph",
-    "detection.pyramid": "LARGEST_SIDE at_edge findable_sizes search_sides shared_part",
+    "detection.places": "LARGEST_SIDE at_edge findable_sizes search_sides shared_part",
     "frame_check": "MISMATCHES misplaced_depth",
     "fruit": "FruitModel find_weights load_fruit",
-    "fruit.catalogue": "mass_model mass_of",
-    "fruit.errors": "FruitError",
+    "fruit.catalogue": "FruitError mass_model mass_of",
     "fruit.sizes": "KindSizes LEAST_FRUIT TooFewFruit held_out learn_sizes",
     "measured_fruit": "MeasuredFruit",
     "refinement.cloud": "horizontal_plane",

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pomona.skills.perception.detection.compact_detector import CompactDetector
-from pomona.skills.perception.detection.found_fruit import FoundFruit
-from pomona.skills.perception.detection.options import DetectorOptions
+from pomona.skills.perception.detection.detection import DetectorOptions
+from pomona.skills.perception.detection.instances import FoundFruit
 from pomona.skills.perception.detection.photo_folder import read_photographs
 from pomona.skills.perception.fruit import load_fruit
 from pomona.tools.training.proposals import RecordedLook, propose, write_proposals
