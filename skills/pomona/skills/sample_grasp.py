@@ -12,10 +12,9 @@ from pomona.executive.ports import ANGLE, LENGTH, Angle, Length, Outputs, Port, 
 from pomona.executive.skill import Skill, Work
 from pomona.executive.views import Points3, SceneView
 from pomona.skills.compiled_code import wait_for_first
-from pomona.skills.motion.grasp import Grasp, GraspCandidates, RuledOut
+from pomona.skills.motion.grasp import Grasp, GraspCandidates, RuledOut, Tried, direction
 from pomona.skills.motion.grasps.sample import GraspRules, sample_pre_grasps, support_below, warm_up
 from pomona.skills.motion.grasps.sphere import Sphere, pre_grasp_position
-from pomona.skills.motion.grasps.tried import Tried, direction
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.robot import RobotModel

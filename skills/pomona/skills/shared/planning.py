@@ -7,8 +7,8 @@ from collections.abc import Generator
 import numpy as np
 
 from pomona.executive.skill import Skill
-from pomona.skills.motion.planning.errors import PlanningFailed
 from pomona.skills.motion.planning.plan import PlanRequest, PlanResult, plan
+from pomona.skills.motion.planning.space import PlanningFailed
 
 PLANNING_FAILURES = ("START_IN_COLLISION", "GOAL_UNREACHABLE", "GOAL_IN_COLLISION", "NO_PATH", "TIMEOUT")
 """Codes of every skill that plans."""

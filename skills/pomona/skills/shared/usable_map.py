@@ -5,7 +5,7 @@ from __future__ import annotations
 from pomona.executive.skill import Skill
 from pomona.skills.motion.collision.distance_field import DistanceField
 from pomona.skills.motion.occupancy import OccupancyMap
-from pomona.skills.motion.occupancy.errors import OccupancyError
+from pomona.skills.motion.occupancy.occupancy_map import OccupancyError
 
 MAP_AGE = 120.0  # an occupancy map whose newest look is older than this is stale [s]
 

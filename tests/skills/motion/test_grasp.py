@@ -1,6 +1,6 @@
 import numpy as np
 
-from pomona.skills.motion.grasps.tried import Tried, direction
+from pomona.skills.motion.grasp import Tried, direction
 from tests.skills.picking_scene import a_grasp, apple_at
 
 

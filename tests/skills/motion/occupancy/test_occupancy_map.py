@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pomona.skills.motion.occupancy import FREE, HIDDEN, OCCUPIED, OccupancyMap
-from pomona.skills.motion.occupancy.octomap import to_bt, write_bt
+from pomona.skills.motion.occupancy.occupancy_map import to_bt, write_bt
 
 
 def read_bt(content: bytes) -> tuple[float, int, dict[tuple[int, int, int], bool]]:

@@ -10,9 +10,8 @@ import pytest
 
 from pomona.drivers.interfaces import Box
 from pomona.skills.geometry import transform
-from pomona.skills.motion.planning.arm_space import ArmSpace, arm_space
+from pomona.skills.motion.planning.arm_space import SLACK, ArmSpace, UprightSpace, arm_space
 from pomona.skills.motion.planning.plan import PlanRequest, plan
-from pomona.skills.motion.planning.upright_space import SLACK, UprightSpace
 from tests.skills.picking_scene import ROBOT_MODEL, WORKSPACE, PickingScene, a_grasp
 
 START = a_grasp(1, 3).q_pre_grasp[0]

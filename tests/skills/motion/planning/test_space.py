@@ -3,7 +3,7 @@ from itertools import pairwise
 import numpy as np
 from hypothesis import given, settings, strategies as st
 
-from pomona.skills.motion.planning.shortcut import path_length, shortcut
+from pomona.skills.motion.planning.space import path_length, shortcut
 from tests.skills.motion.planning.disc_world import DiscWorld
 
 
