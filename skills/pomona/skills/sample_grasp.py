@@ -20,7 +20,7 @@ from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.grasp_view import fruit_mesh, summary
-from pomona.skills.shared.usable_map import usable_field
+from pomona.skills.shared.planning import usable_field
 
 FINER = 2  # how often the sphere is sampled at half the spacing when nothing is left to try
 

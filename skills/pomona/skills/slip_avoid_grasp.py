@@ -17,8 +17,7 @@ from pomona.skills.grip.limit_surface import SoftContact, surface_table
 from pomona.skills.grip.observer import GENTLE, DynamicSettings
 from pomona.skills.grip.settings import ForceLaw, ForceLoopSettings, GripSettings, PadStiffness, check_rate
 from pomona.skills.perception.measured_fruit import MeasuredFruit
-from pomona.skills.shared.grip_view import show_grip, watch_grip
-from pomona.skills.shared.held_fruit import expected_load
+from pomona.skills.shared.held_fruit import expected_load, show_grip, watch_grip
 from pomona.skills.shared.touch_view import record_touches
 
 CLEARANCE = 0.008  # opening over the fruit at which a finger may touch [m]: it may lie off the centre

@@ -3,8 +3,8 @@
 A `Hold` is the value of a port. `SlipAvoidGrasp` starts it and publishes it when the fruit is held. The stream steps it
 while later nodes run, through pause, failure and safe stop:
 
-- Lift calls `show_grip(self, hold)` (pomona.skills.shared.grip_view) each tick. `hold.holds` is True while the fruit is
-  there, `hold.problem` has the reason otherwise, `hold.reading` the forces.
+- Lift calls `show_grip(self, hold)` (pomona.skills.shared.held_fruit) each tick. `hold.holds` is True while the fruit
+  is there, `hold.problem` has the reason otherwise, `hold.reading` the forces.
 - Release and Retreat call `take_over(gripper)` before they move the fingers. Control ends, zero speed is commanded and
   nothing opens.
 - Pivot commands `hold.under(gripper)`, the same session with the right to command it, which ends with the skill. A

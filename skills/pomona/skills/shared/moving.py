@@ -24,8 +24,7 @@ from pomona.skills.motion.robot import RobotModel
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.following import MovingSkill, Watching
 from pomona.skills.shared.live_watch import WATCH_FAILURES, KnownAround, prepare_watch
-from pomona.skills.shared.planning import PLANNING_FAILURES, patience, planned
-from pomona.skills.shared.usable_map import usable_field
+from pomona.skills.shared.planning import PLANNING_FAILURES, patience, planned, usable_field
 from pomona.skills.shared.warm_motion import prepare_planning
 
 CARRIED_ACCELERATION = 2.0

@@ -9,7 +9,7 @@ import pytest
 
 from pomona.drivers.errors import DeviceFault
 from pomona.skills.grip.grip import GripProblem
-from pomona.skills.shared.hanging import Hanging
+from pomona.skills.shared.carrying import Hanging
 
 
 def watch(loads: list[float], period: float = 0.02) -> tuple[Hanging, list[str]]:
