@@ -1,4 +1,4 @@
-"""Planning from within a skill: in a process of its own, cancelled at once, given up at a deadline; and the map that it may use."""
+"""Planning within a skill: in a process of its own, cancelled at once, with a deadline; and the map that it may use."""
 
 from __future__ import annotations
 
