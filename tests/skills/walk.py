@@ -11,7 +11,7 @@ from typing import Any
 
 
 def files_visited(package: Path, call: Callable[[], Any]) -> set[str]:
-    """Return the names of a package's files, relative to it, whose functions a call runs; compiled loops do not count."""
+    """Return the files of a package, relative to it, whose functions a call runs; compiled loops do not count."""
     seen: set[str] = set()
 
     def note(frame: FrameType, event: str, _argument: object) -> None:
