@@ -47,7 +47,7 @@ def main(arguments: Sequence[str]) -> int:
         mark = "  above its bound" if name in above else ""
         sys.stdout.write(f"{name:32} {number:>9,.6g}   bound {bounds.get(name, number):>9,.6g}{mark}\n")
     if "--lower" in arguments:
-        lower = {name: min(found[name], bound) for name, bound in (bounds or found).items()}
+        lower = {name: min(found.get(name, bound), bound) for name, bound in (bounds or found).items()}
         BOUNDS.write_text(json.dumps(lower, indent=1) + "\n", encoding="utf-8")
     return 1 if above and "--check" in arguments else 0
 
