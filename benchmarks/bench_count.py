@@ -33,13 +33,12 @@ from pomona.drivers.sim.world import SimWorld
 from pomona.executive.cell.connect import load_cell
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import inverse
-from pomona.skills.perception.detection.detection import Detection
-from pomona.skills.perception.detection.options import DetectorOptions
+from pomona.skills.perception.detection.detection import Detection, DetectorOptions
 from pomona.skills.perception.fruit import FruitModel, load_fruit
 from pomona.skills.perception.measured_fruit import MeasuredFruit
+from pomona.skills.perception.refinement.depth_image import Method
 from pomona.skills.perception.refinement.errors import RefineError
 from pomona.skills.perception.refinement.measure import measure
-from pomona.skills.perception.refinement.result import Method
 from pomona.skills.shared.looking import find_in_frame
 
 CELL = Path("trees/cells/sim.yaml")

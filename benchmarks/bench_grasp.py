@@ -27,9 +27,8 @@ from benchmarks.grasp_patch import GRAVITY, Fruit, PatchGrasp
 from benchmarks.grasp_picture import draw
 from benchmarks.grasp_trial import Lifting, TrialResult, least_grasp_force, run_trial
 from pomona.skills.grip.controller import GripController
-from pomona.skills.grip.force_loop import ForceLoopSettings
 from pomona.skills.grip.limit_surface import SoftContact
-from pomona.skills.grip.settings import ForceLaw, GripSettings
+from pomona.skills.grip.settings import ForceLaw, ForceLoopSettings, GripSettings
 
 BUMP, BUMP_TIME = 5.0, 0.05
 """A bump pulls at the fruit with so much [N] for so long [s]; it is there within a sample."""

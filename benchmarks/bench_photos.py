@@ -30,7 +30,7 @@ from pomona.skills.perception.detection.box_evaluation import (
     recall_and_precision,
 )
 from pomona.skills.perception.detection.compact_detector import CompactDetector
-from pomona.skills.perception.detection.options import DetectorOptions
+from pomona.skills.perception.detection.detection import DetectorOptions
 from pomona.skills.perception.detection.photo_folder import read_empty, read_photographs
 from pomona.skills.perception.detection.photographs import Photograph
 from pomona.skills.perception.fruit import load_fruit

@@ -29,8 +29,8 @@ from pomona.skills.motion.grasps.sample import GraspRules, sample_pre_grasps
 from pomona.skills.motion.grasps.sphere import Sphere
 from pomona.skills.motion.lines import straight_line
 from pomona.skills.motion.occupancy import OccupancyMap, integrate
-from pomona.skills.motion.planning.errors import PlanningFailed
 from pomona.skills.motion.planning.plan import PlanRequest, PlanResult, plan
+from pomona.skills.motion.planning.space import PlanningFailed
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.sample_grasp import FINER
 

@@ -18,9 +18,8 @@ from benchmarks.motion_bench_maker import BadProblem, PlanningProblem, problem_s
 from pomona.executive.values.kinds import Measure
 from pomona.executive.values.units import TIME
 from pomona.skills.motion.planning.arm_space import ArmSpace
-from pomona.skills.motion.planning.planners import PLANNERS, solve
-from pomona.skills.motion.planning.shortcut import path_length, shortcut
-from pomona.skills.motion.planning.space import Effort
+from pomona.skills.motion.planning.plan import PLANNERS, solve
+from pomona.skills.motion.planning.space import Effort, path_length, shortcut
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.motion.robot.errors import RobotError
 

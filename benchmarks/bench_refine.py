@@ -39,11 +39,9 @@ from pomona.skills.perception.refinement import (
     refine,
     render_depth,
 )
-from pomona.skills.perception.refinement.depth_image import ImageBox, RendererName
+from pomona.skills.perception.refinement.depth_image import ImageBox, Method, RendererName
 from pomona.skills.perception.refinement.errors import RefineError
-from pomona.skills.perception.refinement.paper import fit_scale_by_rendering
-from pomona.skills.perception.refinement.result import Method
-from pomona.skills.perception.refinement.scale_fit import fit_scale
+from pomona.skills.perception.refinement.scale_fit import fit_scale, fit_scale_by_rendering
 
 CELL = Path("trees/cells/sim.yaml")
 ELEVATIONS = (30.0, 45.0, 60.0, 75.0, 85.0)
@@ -125,7 +123,7 @@ def speed(fruit: FruitModel, console: Console) -> dict[str, float]:
         }  # fmt: skip
 
     measured = {"pyrender": times("pyrender"), "zbuffer": times("zbuffer")}
-    with mock.patch("pomona.skills.perception.refinement.gl.render_with_gl", render_with_plain_pyrender):
+    with mock.patch("pomona.skills.perception.refinement.render.render_with_gl", render_with_plain_pyrender):
         measured["pyrender as it comes"] = times("pyrender")
     for name, row in measured.items():
         table.add_row(name, *(f"{value:.2f}" for value in row.values()))

@@ -24,7 +24,7 @@ from pomona.drivers.interfaces import Camera, Frame
 from pomona.drivers.sim.world import SimWorld
 from pomona.executive.cell.connect import load_cell
 from pomona.executive.values.arrays import Float32
-from pomona.skills.perception.depth_registration import VARIANTS, misplaced_depth
+from pomona.skills.perception.frame_check import VARIANTS, misplaced_depth
 
 ORCHARD = Path("trees/cells/orchard.yaml")
 SHIFTS, SCALES = (0.02, 0.03, 0.05, 0.1), (1.1, 1.2, 1.4)

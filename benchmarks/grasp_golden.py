@@ -30,9 +30,9 @@ from benchmarks.grasp_patch import PatchGrasp
 from benchmarks.grasp_trial import Corrupt, Lifting, run_trial
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.controller import GripController
-from pomona.skills.grip.dynamic_term import GENTLE
 from pomona.skills.grip.grip import GripPhase
 from pomona.skills.grip.limit_surface import SoftContact
+from pomona.skills.grip.observer import GENTLE
 from pomona.skills.grip.settings import ForceLaw, GripSettings
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -24,10 +24,9 @@ from pomona.skills.grip.estimate_kernel import GripEstimate, NoiseModel
 from pomona.skills.grip.limit_surface import SoftContact, least_force_of_finger, surface_table
 from pomona.skills.grip.monitors import GripState
 from pomona.skills.grip.pads import LEVER_LOAD, PAD_HALF, PRESSING
-from pomona.skills.grip.reference import ForceReference
-from pomona.skills.grip.reference_modes import CarriedMode, Levels, LiftingMode, ReferenceMode
+from pomona.skills.grip.reference import CarriedMode, ForceReference, Levels, LiftingMode, ReferenceMode
+from pomona.skills.grip.sensor import LowPass
 from pomona.skills.grip.settings import GripSettings
-from pomona.skills.grip.timing import LowPass
 
 CALM, MOVE, HIT = range(3)
 

@@ -20,7 +20,7 @@ from pomona.executive.values.arrays import Float64
 from pomona.executive.values.plain_text import read_plain_text
 from pomona.skills.geometry import transform
 from pomona.skills.motion.collision import CollisionWorld, Convex, Margins, RobotShape
-from pomona.skills.motion.planning.errors import PlanningError
+from pomona.skills.motion.planning.space import PlanningError
 from pomona.skills.motion.robot import RobotModel
 
 _NUMBER = re.compile(r"request(\d+)\.yaml$")

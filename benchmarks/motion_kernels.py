@@ -19,7 +19,7 @@ from pomona.skills.geometry import rot_x, rot_y, rot_z, transform
 from pomona.skills.motion.collision import CollisionWorld, DistanceField
 from pomona.skills.motion.occupancy import OccupancyMap, integrate
 from pomona.skills.motion.robot import RobotModel, inverse_kinematics
-from pomona.skills.motion.robot.numeric_ik import descend, spread_starts
+from pomona.skills.motion.robot.inverse_kinematics import descend, spread_starts
 
 ROBOT = Path(__file__).resolve().parents[1] / "trees" / "robots" / "sia5f_wsg32.xml"
 ROUNDS = 7

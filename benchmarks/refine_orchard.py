@@ -25,8 +25,7 @@ from pomona.drivers.interfaces import Frame, Intrinsics
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.pictures import read_plane
 from pomona.skills.geometry import transform
-from pomona.skills.perception.detection.detection import Detection
-from pomona.skills.perception.detection.options import DetectorOptions
+from pomona.skills.perception.detection.detection import Detection, DetectorOptions
 from pomona.skills.perception.fruit import FruitModel
 from pomona.skills.perception.fruit.sizes import KindSizes, learn_sizes
 from pomona.skills.perception.refinement import DepthLook, FruitContext, Limits, RefineResult, refine, render_depth

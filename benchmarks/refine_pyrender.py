@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pomona.drivers.interfaces import Intrinsics
 from pomona.skills.perception.refinement.depth_image import DepthImage, ImageBox, Triangles
-from pomona.skills.perception.refinement.gl import load_pyrender
+from pomona.skills.perception.refinement.render import load_pyrender
 
 _FLIP_Y_Z = np.diag([1.0, -1.0, -1.0, 1.0])
 """OpenGL's camera looks along -z with y up."""

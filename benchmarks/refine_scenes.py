@@ -20,8 +20,8 @@ from pomona.drivers.sim.world import SimWorld
 from pomona.executive.cell.connect import load_cell
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import apply, inverse, rot_y, transform
-from pomona.skills.perception.detection.cuboid import cuboid_keypoints
-from pomona.skills.perception.detection.options import DetectorOptions
+from pomona.skills.perception.detection.detection import DetectorOptions
+from pomona.skills.perception.detection.instances import cuboid_keypoints
 from pomona.skills.perception.fruit import FruitModel
 from pomona.skills.shared.looking import find_in_frame
 

@@ -40,7 +40,6 @@ MODULES = (
     "pomona.skills.motion.robot.model",
     "pomona.skills.motion.collision.world",
     "pomona.skills.motion.planning.plan",
-    "pomona.skills.motion.planning.planners",
     "pomona.skills.motion.grasps.sphere",
     "pomona.skills.motion.occupancy.occupancy_map",
     "pomona.skills.grip.limit_surface",

@@ -16,14 +16,12 @@ from pomona.drivers.depth_model import SIMULATED
 from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.palette import INK, LINE, MUTED, SERIES
 from pomona.skills.geometry import rot_x, transform
-from pomona.skills.grip.dynamic_term import DynamicSettings, dynamic_force
 from pomona.skills.grip.limit_surface import limit_surface
-from pomona.skills.grip.observer import ObserverSettings, observe_slip
+from pomona.skills.grip.observer import DynamicSettings, ObserverSettings, dynamic_force, observe_slip
 from pomona.skills.motion.grasps.sphere import Sphere, pre_grasp_pose
 from pomona.skills.perception.fruit import load_fruit
-from pomona.skills.perception.refinement.paper import moved_and_scaled
 from pomona.skills.perception.refinement.render import render_depth, renderer
-from pomona.skills.perception.refinement.scale_fit import fit_scale
+from pomona.skills.perception.refinement.scale_fit import fit_scale, moved_and_scaled
 
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 NUMBERS = IMAGES / "method.json"

@@ -42,13 +42,12 @@ MATHEMATICS: dict[str, tuple[str, ...]] = {
     "pomona.tools.campaign.statistics": ("tests/executive/tools/campaign/test_statistics.py",),
     "pomona.drivers.trajectory": ("tests/drivers/test_trajectory.py",),
     "pomona.skills.geometry": ("tests/skills/test_geometry.py",),
-    "pomona.skills.grip.dynamic_term": ("tests/skills/grip/test_observer_and_dynamic_term.py",),
-    "pomona.skills.grip.observer": ("tests/skills/grip/test_observer_and_dynamic_term.py",),
+    "pomona.skills.grip.observer": ("tests/skills/grip/test_observer.py",),
     "pomona.skills.grip.limit_surface": ("tests/skills/grip/test_limit_surface.py",),
     "pomona.skills.grip.pads": ("tests/skills/grip/test_pads.py",),
     "pomona.skills.motion.grasps.sphere": ("tests/skills/motion/grasps/test_sphere.py",),
     "pomona.skills.motion.planning.timing": ("tests/skills/motion/planning/test_timing.py",),
-    "pomona.skills.perception.detection.cuboid": ("tests/skills/perception/detection/test_cuboid.py",),
+    "pomona.skills.perception.detection.instances": ("tests/skills/perception/detection/test_instances.py",),
 }
 """Modules with the tests that should find errors in them."""
 

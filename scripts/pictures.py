@@ -165,7 +165,13 @@ PICTURES: dict[str, Picture] = {
         found_in_a_frame,
         tuple(
             f"skills/pomona/skills/perception/detection/{file}"
-            for file in ("compact_*.py", "finder_*.py", "fused_score.py", "weights/apple.weights")
+            for file in (
+                "compact_detector.py",
+                "close_look.py",
+                "places.py",
+                "weights_file.py",
+                "weights/apple.weights",
+            )
         ),
     ),
 }

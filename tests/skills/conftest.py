@@ -15,7 +15,7 @@ from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import apply, inverse, rot_y, transform
 from pomona.skills.perception.fruit import FruitModel, load_fruit
-from pomona.skills.perception.refinement.support_plane import Plane, horizontal_plane
+from pomona.skills.perception.refinement.cloud import Plane, horizontal_plane
 
 PAPER_APPLES = ((89, 81, 89), (91, 85, 91), (93, 73, 93), (73, 64, 73), (62, 47, 62))
 """True dimensions of the paper's five apples [mm]."""

@@ -12,7 +12,7 @@ import pytest
 
 from pomona.skills import compiled_code
 from pomona.skills.compiled_code import FIRST_ONE, HELPER, LAST, PLACE, examine
-from pomona.skills.motion.line_tracking import track_poses
+from pomona.skills.motion.lines import track_poses
 
 INNER = "import numba\n@numba.njit(cache=True)\ndef inner(): return {}\n"
 OUTER = "import numba\nfrom inner import inner\n@numba.njit(cache=True)\ndef outer(): return inner()\n"

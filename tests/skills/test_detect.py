@@ -13,10 +13,9 @@ from pomona.executive.clock import ManualClock
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.skills.detect import Detect
 from pomona.skills.geometry import rotation_about, transform
-from pomona.skills.perception.detection.cuboid import cuboid_keypoints
+from pomona.skills.perception.detection.detection import DetectorOptions, DopeFiles
 from pomona.skills.perception.detection.errors import BadFrame
-from pomona.skills.perception.detection.instances import Instance, rank
-from pomona.skills.perception.detection.options import DetectorOptions, DopeFiles
+from pomona.skills.perception.detection.instances import Instance, cuboid_keypoints, rank
 from pomona.skills.perception.fruit import FruitModel, catalogue, load_fruit
 from pomona.skills.refine import Refine
 from pomona.skills.shared import looking

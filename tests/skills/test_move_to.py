@@ -11,7 +11,7 @@ from pomona.executive.skill_testing import drive
 from pomona.skills.motion.collision import CollisionWorld, Convex
 from pomona.skills.move_to import MoveTo
 from pomona.skills.shared.moving import named_pose
-from tests.skills.motion.planning.test_upright_space import GOAL as UPRIGHT, tilts
+from tests.skills.motion.planning.test_arm_space import GOAL as UPRIGHT, tilts
 from tests.skills.overhead import comes_near, watched
 from tests.skills.picking_scene import (
     HOME,

@@ -16,8 +16,8 @@ from pomona.skills.geometry import inverse, rot_x, rot_y, transform
 from pomona.skills.perception.detection.detection import Detection
 from pomona.skills.perception.refinement.depth_image import ImageBox
 from pomona.skills.perception.refinement.errors import RenderFailed
-from pomona.skills.perception.refinement.paper import moved_and_scaled
 from pomona.skills.perception.refinement.render import render_depth, usable_renderer
+from pomona.skills.perception.refinement.scale_fit import moved_and_scaled
 from pomona.skills.refine import Refine
 
 T_BASE_CAMERA = transform(rot_x(2.8), (-0.04, -0.25, 0.60))
@@ -170,7 +170,7 @@ def no_opengl(monkeypatch):
     def broken(*_: object) -> None:
         raise RenderFailed("pyrender cannot use EGL")
 
-    monkeypatch.setattr("pomona.skills.perception.refinement.gl._render", broken)
+    monkeypatch.setattr("pomona.skills.perception.refinement.render._render", broken)
     usable_renderer.cache_clear()
     yield
     usable_renderer.cache_clear()

@@ -20,9 +20,8 @@ from pomona.executive.errors import NotOwnerError
 from pomona.executive.skill import Skill, Work
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.executive.views import SeriesView
-from pomona.skills.grip.errors import UnusableRate
-from pomona.skills.grip.first_touch import PickTouches, skin_along
-from pomona.skills.grip.grip import GripPhase
+from pomona.skills.grip.closing import PickTouches, skin_along
+from pomona.skills.grip.grip import GripPhase, UnusableRate
 from pomona.skills.grip.hold import Hold, current_hold, take_over
 from pomona.skills.motion.collision import fruit_points
 from pomona.skills.pivot import Pivot

@@ -26,12 +26,13 @@ if TYPE_CHECKING:
         fruit_mesh as fruit_mesh,
         summary as summary,
     )
-    from pomona.skills.shared.grip_view import show_grip as show_grip
+    from pomona.skills.shared.held_fruit import show_grip as show_grip
     from pomona.skills.shared.looking import (
         LOOKING_FAILURES as LOOKING_FAILURES,
         LookingSkill as LookingSkill,
         find_in_frame as find_in_frame,
     )
+    from pomona.skills.shared.planning import usable_field as usable_field
     from pomona.skills.shared.straight_travel import (
         Manner as Manner,
         follow_way as follow_way,
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
         vertical_way as vertical_way,
     )
     from pomona.skills.shared.touch import Touch as Touch
-    from pomona.skills.shared.usable_map import usable_field as usable_field
     from pomona.skills.shared.warm_motion import prepare_moving as prepare_moving
     from pomona.skills.shared.yielding import YieldingFingers as YieldingFingers
 
@@ -48,11 +48,11 @@ PUBLIC = {
     "shared.following": "MOTION_FAILURES MovingSkill",
     "shared.frame_trust": "require_true_look",
     "shared.grasp_view": "fruit_mesh summary",
-    "shared.grip_view": "show_grip",
+    "shared.held_fruit": "show_grip",
     "shared.looking": "LOOKING_FAILURES LookingSkill find_in_frame",
     "shared.straight_travel": "Manner follow_way tool_pose vertical_way",
     "shared.touch": "Touch",
-    "shared.usable_map": "usable_field",
+    "shared.planning": "usable_field",
     "shared.warm_motion": "prepare_moving",
     "shared.yielding": "YieldingFingers",
 }

@@ -21,9 +21,9 @@ from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.live_watch import WATCH_FAILURES, KnownAround, prepare_watch
+from pomona.skills.shared.planning import usable_field
 from pomona.skills.shared.straight_travel import free_line
 from pomona.skills.shared.touch import Touch
-from pomona.skills.shared.usable_map import usable_field
 from pomona.skills.shared.warm_motion import prepare_moving
 from pomona.skills.shared.yielding import YieldingFingers
 

@@ -12,16 +12,16 @@ from pomona.executive.ports import LENGTH, TIME, Length, Outputs, Port, Ratio, T
 from pomona.executive.skill import SkillFailure, Work
 from pomona.executive.values.arrays import Float64
 from pomona.executive.views import ProgressView
-from pomona.skills.perception.detection.detection import Detection
-from pomona.skills.perception.detection.instances import POLICIES, Instance, rank
-from pomona.skills.perception.detection.options import (
+from pomona.skills.perception.detection.detection import (
     WORKING_WIDTH,
     BoxModelFile,
+    Detection,
     DetectorOptions,
     DopeFiles,
     PoseSource,
     Search,
 )
+from pomona.skills.perception.detection.instances import POLICIES, Instance, rank
 from pomona.skills.shared.looking import LOOKING_FAILURES, WIDTH_HELP, LookingSkill, boxes_width, picture
 
 SAME_FRUIT = 0.04  # two detections whose lines of sight pass this close at the fruit are the same fruit [m] …

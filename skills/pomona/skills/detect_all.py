@@ -6,8 +6,7 @@ from typing import Annotated
 
 from pomona.executive.ports import TIME, Outputs, Port, Ratio, Time
 from pomona.executive.skill import Work
-from pomona.skills.perception.detection.detection import AllDetections, Detection
-from pomona.skills.perception.detection.options import WORKING_WIDTH, DetectorOptions
+from pomona.skills.perception.detection.detection import WORKING_WIDTH, AllDetections, Detection, DetectorOptions
 from pomona.skills.shared.looking import LOOKING_FAILURES, WIDTH_HELP, LookingSkill, picture
 
 

@@ -20,7 +20,7 @@ from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
-from pomona.skills.shared.grip_view import show_grip, watch_grip
+from pomona.skills.shared.held_fruit import show_grip, watch_grip
 from pomona.skills.shared.warm_motion import prepare_moving
 
 ACCELERATION, JERK_TIME = 0.4, 0.05  # of the slides [m/s²], and time to reach it [s]

@@ -11,7 +11,7 @@ from pomona.drivers.plain_hand import between, gone
 from pomona.executive.ports import FORCE, LENGTH, SPEED, TIME, Force, Length, Port, Speed, Time
 from pomona.executive.skill import CellFacts, Work
 from pomona.executive.values.sections import Problem
-from pomona.skills.grip.first_touch import PadTouch
+from pomona.skills.grip.closing import PadTouch
 from pomona.skills.grip.hold import take_over
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.following import MOTION_FAILURES, MotionEnded, MovingSkill, Watching, follow_motion

@@ -18,16 +18,15 @@ from pomona.skills.shared.carrying import (
     BACK,
     JERK_TIME,
     GripOverloaded,
+    Hanging,
     OverloadMonitor,
     grip_failure,
     put_back,
 )
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
-from pomona.skills.shared.grip_view import show_grip
-from pomona.skills.shared.hanging import Hanging
-from pomona.skills.shared.held_fruit import HAND_DEVICES, is_held, watch_fruit
+from pomona.skills.shared.held_fruit import HAND_DEVICES, is_held, show_grip, watch_fruit
+from pomona.skills.shared.planning import usable_field
 from pomona.skills.shared.straight_travel import free_line, tool_pose
-from pomona.skills.shared.usable_map import usable_field
 from pomona.skills.shared.warm_motion import prepare_moving
 
 STILL, STILL_FOR = 1e-4, 0.15

@@ -12,7 +12,7 @@ from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
-from pomona.skills.shared.usable_map import usable_field
+from pomona.skills.shared.planning import usable_field
 from pomona.skills.shared.warm_motion import prepare_moving
 
 

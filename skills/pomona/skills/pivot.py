@@ -9,7 +9,7 @@ from pomona.drivers.interfaces import Gripper
 from pomona.executive.ports import LENGTH, TIME, Length, Port, Time
 from pomona.executive.skill import Skill, Work
 from pomona.skills.grip.hold import Hold
-from pomona.skills.shared.grip_view import show_grip, watch_grip
+from pomona.skills.shared.held_fruit import show_grip, watch_grip
 
 
 class Pivot(Skill):

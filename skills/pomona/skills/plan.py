@@ -14,12 +14,10 @@ from pomona.executive.views import Line3, Points3, SceneView
 from pomona.skills.motion.grasp import Grasp, GraspCandidates
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import arm_space
-from pomona.skills.motion.planning.plan import PlanRequest, PlanResult
-from pomona.skills.motion.planning.planners import PLANNERS, BudgetUse
+from pomona.skills.motion.planning.plan import PLANNERS, BudgetUse, PlanRequest, PlanResult
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.shared.grasp_view import grasp_picture
-from pomona.skills.shared.planning import PLANNING_FAILURES, patience, planned
-from pomona.skills.shared.usable_map import usable_field
+from pomona.skills.shared.planning import PLANNING_FAILURES, patience, planned, usable_field
 from pomona.skills.shared.warm_motion import prepare_planning
 
 OPTIMISING = tuple(name for name, planner in PLANNERS.items() if planner.kind is BudgetUse.OPTIMISING)

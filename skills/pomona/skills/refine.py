@@ -18,13 +18,11 @@ from pomona.skills.perception.detection.detection import Detection
 from pomona.skills.perception.frame_check import MISMATCHES, FrameProblem, frame_problem
 from pomona.skills.perception.fruit import Mesh
 from pomona.skills.perception.measured_fruit import MeasuredFruit
-from pomona.skills.perception.refinement.depth_image import RendererName
-from pomona.skills.perception.refinement.depth_look import DepthLook
+from pomona.skills.perception.refinement.depth_image import Limits, RendererName
 from pomona.skills.perception.refinement.errors import RefineError
 from pomona.skills.perception.refinement.measure import measure, outline
 from pomona.skills.perception.refinement.refinement import refine
-from pomona.skills.perception.refinement.render import render_depth, usable_renderer
-from pomona.skills.perception.refinement.result import Limits
+from pomona.skills.perception.refinement.render import DepthLook, render_depth, usable_renderer
 from pomona.skills.shared.frame_trust import earlier_poses, mismatch, note_pose
 
 _SMALL_CAMERA = Intrinsics(400.0, 400.0, 100.0, 100.0, 201, 201)

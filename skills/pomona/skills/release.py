@@ -22,8 +22,8 @@ from pomona.skills.shared.contact_check import Jolted, Leg, lower_to_support
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.held_fruit import HAND_DEVICES, is_held
 from pomona.skills.shared.moving import CARRIED_ACCELERATION, POSE_FAILURES, PoseSkill, move_to_pose
+from pomona.skills.shared.planning import usable_field
 from pomona.skills.shared.straight_travel import Manner, follow_way, tool_pose, vertical_way
-from pomona.skills.shared.usable_map import usable_field
 
 LOWERING = (1.0, 10.0)  # acceleration [m/s²] and jerk [m/s³] of the fruit while nothing is near
 TOUCHING = (0.5, 5.0)  # the same near its support: with twice as much, inertia resembles a contact

@@ -12,16 +12,15 @@ from pomona.executive.ports import ANGLE, LENGTH, Angle, Length, Outputs, Port, 
 from pomona.executive.skill import Skill, Work
 from pomona.executive.views import Points3, SceneView
 from pomona.skills.compiled_code import wait_for_first
-from pomona.skills.motion.grasp import Grasp, GraspCandidates, RuledOut
+from pomona.skills.motion.grasp import Grasp, GraspCandidates, RuledOut, Tried, direction
 from pomona.skills.motion.grasps.sample import GraspRules, sample_pre_grasps, support_below, warm_up
 from pomona.skills.motion.grasps.sphere import Sphere, pre_grasp_position
-from pomona.skills.motion.grasps.tried import Tried, direction
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.grasp_view import fruit_mesh, summary
-from pomona.skills.shared.usable_map import usable_field
+from pomona.skills.shared.planning import usable_field
 
 FINER = 2  # how often the sphere is sampled at half the spacing when nothing is left to try
 

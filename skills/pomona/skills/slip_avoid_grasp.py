@@ -11,16 +11,13 @@ from pomona.executive.skill import CellFacts, Interrupted, Skill, SkillFailure, 
 from pomona.executive.values.sections import Problem
 from pomona.skills.compiled_code import wait_for_first
 from pomona.skills.grip.controller import GripController, warm_up
-from pomona.skills.grip.dynamic_term import GENTLE, DynamicSettings
-from pomona.skills.grip.errors import UnusableRate
-from pomona.skills.grip.force_loop import ForceLoopSettings, PadStiffness
-from pomona.skills.grip.grip import GripPhase
+from pomona.skills.grip.grip import GripPhase, UnusableRate
 from pomona.skills.grip.hold import Hold
 from pomona.skills.grip.limit_surface import SoftContact, surface_table
-from pomona.skills.grip.settings import ForceLaw, GripSettings, check_rate
+from pomona.skills.grip.observer import GENTLE, DynamicSettings
+from pomona.skills.grip.settings import ForceLaw, ForceLoopSettings, GripSettings, PadStiffness, check_rate
 from pomona.skills.perception.measured_fruit import MeasuredFruit
-from pomona.skills.shared.grip_view import show_grip, watch_grip
-from pomona.skills.shared.held_fruit import expected_load
+from pomona.skills.shared.held_fruit import expected_load, show_grip, watch_grip
 from pomona.skills.shared.touch_view import record_touches
 
 CLEARANCE = 0.008  # opening over the fruit at which a finger may touch [m]: it may lie off the centre

@@ -12,10 +12,14 @@ from pomona.executive.values.arrays import Float64
 from pomona.executive.views import Points3, SceneView
 from pomona.skills.compiled_code import wait_for_first
 from pomona.skills.motion.collision import Convex, RobotShape
-from pomona.skills.motion.occupancy.camera_pose import check_camera_pose, pose_of_camera
-from pomona.skills.motion.occupancy.errors import CameraPoseMismatch, NothingMeasured
-from pomona.skills.motion.occupancy.integrate import Sensing, integrate, warm_up
-from pomona.skills.motion.occupancy.occupancy_map import HIDDEN, OCCUPIED, OccupancyMap
+from pomona.skills.motion.occupancy.integrate import Sensing, check_camera_pose, integrate, pose_of_camera, warm_up
+from pomona.skills.motion.occupancy.occupancy_map import (
+    HIDDEN,
+    OCCUPIED,
+    CameraPoseMismatch,
+    NothingMeasured,
+    OccupancyMap,
+)
 from pomona.skills.motion.robot import BadJoints, RobotModel
 from pomona.skills.perception.detection.detection import Detection
 from pomona.skills.perception.frame_check import MISMATCHES

@@ -15,9 +15,9 @@ from pomona.executive.cell.cell import Cell
 from pomona.executive.cli import main as pomona
 from pomona.executive.values.units import STIFFNESS
 from pomona.skills.commands import calibrate_grip
+from pomona.skills.commands.calibrate_grip import GuidedPushes
 from pomona.skills.grip.calibration import write_pushes
-from pomona.skills.grip.errors import GuidanceEnded
-from pomona.skills.grip.guided import GuidedPushes
+from pomona.skills.grip.grip import GuidanceEnded
 from tests.skills.grip.pushes import TRUE, all_pushes
 
 MU = 0.5

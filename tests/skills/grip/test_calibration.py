@@ -17,7 +17,7 @@ from pomona.skills.grip.calibration import (
     write_calibration,
     write_pushes,
 )
-from pomona.skills.grip.errors import TooFewPushes
+from pomona.skills.grip.grip import TooFewPushes
 from pomona.skills.grip.limit_surface import SoftContact
 from tests.skills.grip.pushes import TRUE, all_pushes
 

@@ -14,11 +14,9 @@ from benchmarks.grasp_mujoco import TORSION, MujocoGrasp
 from benchmarks.grasp_patch import Fruit, PatchGrasp
 from benchmarks.grasp_trial import Corrupt, Lifting, TrialResult, run_trial
 from pomona.skills.grip.controller import GripController
-from pomona.skills.grip.errors import UnusableRate
-from pomona.skills.grip.force_loop import ForceLoopSettings
-from pomona.skills.grip.grip import GripPhase
+from pomona.skills.grip.grip import GripPhase, UnusableRate
 from pomona.skills.grip.limit_surface import SoftContact
-from pomona.skills.grip.settings import ForceLaw, GripSettings
+from pomona.skills.grip.settings import ForceLaw, ForceLoopSettings, GripSettings
 
 APPLE = Fruit(mass=0.2, width=0.075, mu=0.6, offset=(0.004, -0.003))
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from pomona.skills.grip.estimate_kernel import GripEstimate
-from pomona.skills.grip.reference import ForceReference
-from pomona.skills.grip.reference_modes import ReferenceMode
+from pomona.skills.grip.reference import ForceReference, ReferenceMode
 from pomona.skills.grip.settings import ForceLaw, GripSettings
 
 PERIOD = 0.002

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pomona.drivers.interfaces import Frame, Intrinsics
-from pomona.skills.perception.depth_registration import misplaced_depth
+from pomona.skills.perception.frame_check import misplaced_depth
 
 WIDTH, HEIGHT = 480, 300
 CAMERA = Intrinsics(400.0, 400.0, 239.5, 149.5, WIDTH, HEIGHT)

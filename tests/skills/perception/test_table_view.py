@@ -11,7 +11,7 @@ from pomona.drivers.depth_model import D4XX, DepthModel
 from pomona.drivers.interfaces import Box, Frame, Hull, Intrinsics, Workspace
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import rot_x, rot_y, rot_z, transform
-from pomona.skills.perception.table_view import HEIGHT, TILT, frame_view, should_show_table
+from pomona.skills.perception.frame_check import HEIGHT, TILT, frame_view, should_show_table
 
 LENS = Intrinsics(305.0, 305.0, 159.5, 119.5, 320, 240)
 TABLE_Z = -0.12

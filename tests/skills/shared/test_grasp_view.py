@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pomona.skills.motion.collision.convex import fruit_points
+from pomona.skills.motion.collision.distance_field import fruit_points
 from pomona.skills.shared.grasp_view import fruit_mesh
 from tests.skills.picking_scene import apple_at
 

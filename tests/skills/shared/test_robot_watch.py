@@ -12,8 +12,7 @@ from pomona.drivers.interfaces import Arm, ArmState, Gripper, GripperState
 from pomona.executive.views import BodiesView, PosesView
 from pomona.skills.motion.collision import RobotShape
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.motion.robot.solids import hull, solid
-from pomona.skills.shared.robot_watch import RobotWatch
+from pomona.skills.shared.robot_watch import RobotWatch, hull, solid
 
 ROBOT = RobotModel.load(Path(__file__).resolve().parents[3] / "trees" / "robots" / "sia5f_wsg32.xml")
 

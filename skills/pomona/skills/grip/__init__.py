@@ -1,7 +1,7 @@
 """Grip control with the minimum force that holds a fruit of unknown weight.
 
-Usable alone on arrays: `limit_surface`, `least_force`, `grasp_force` (limit_surface.py), `observe_slip` (observer.py),
-`dynamic_force` (dynamic_term.py), `pad_loads` (pads.py), and `GripController` (controller.py), stepped by samples.
+Usable alone on arrays: `limit_surface`, `least_force`, `grasp_force` (limit_surface.py), `observe_slip`,
+`dynamic_force` (observer.py), `pad_loads` (pads.py), and `GripController` (controller.py), stepped by samples.
 
 The names below are public, and loaded on first use.
 """
@@ -14,9 +14,6 @@ if TYPE_CHECKING:
     from pomona.skills.grip.controller import (
         GripController as GripController,
         warm_up as warm_up,
-    )
-    from pomona.skills.grip.force_loop import (
-        ForceLoopSettings as ForceLoopSettings,
     )
     from pomona.skills.grip.grip import (
         GripPhase as GripPhase,
@@ -31,17 +28,17 @@ if TYPE_CHECKING:
         surface_table as surface_table,
     )
     from pomona.skills.grip.settings import (
+        ForceLoopSettings as ForceLoopSettings,
         GripSettings as GripSettings,
         WatchSettings as WatchSettings,
     )
 
 PUBLIC = {
     "controller": "GripController warm_up",
-    "force_loop": "ForceLoopSettings",
     "grip": "GripPhase GripProblem",
     "hold": "Hold take_over",
     "limit_surface": "SoftContact surface_table",
-    "settings": "GripSettings WatchSettings",
+    "settings": "ForceLoopSettings GripSettings WatchSettings",
 }
 """Public names by the module that defines them."""
 

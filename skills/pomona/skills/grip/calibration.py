@@ -19,7 +19,7 @@ from scipy.optimize import least_squares
 from pomona.drivers.interfaces import WrenchSample
 from pomona.executive.values.archives import UnreadableArraysError, read_plain_arrays
 from pomona.executive.values.arrays import Float64
-from pomona.skills.grip.errors import TooFewPushes, UnusablePushes
+from pomona.skills.grip.grip import TooFewPushes, UnusablePushes
 from pomona.skills.grip.limit_surface import SoftContact, least_force
 from pomona.skills.grip.pads import PAD_HALF, pad_loads
 

@@ -14,13 +14,10 @@ from dataclasses import replace
 import numpy as np
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.grip.bias_check import BiasRecorder, check_bias
 from pomona.skills.grip.closing import Closing
-from pomona.skills.grip.command_timing import CommandTiming
-from pomona.skills.grip.errors import UnfitSensor
 from pomona.skills.grip.estimate import Estimator
 from pomona.skills.grip.estimate_kernel import GripEstimate
-from pomona.skills.grip.grip import FREEZING, IN_HAND, GripPhase, GripProblem, GripReading
+from pomona.skills.grip.grip import FREEZING, IN_HAND, GripPhase, GripProblem, GripReading, UnfitSensor
 from pomona.skills.grip.limit_surface import SoftContact
 from pomona.skills.grip.monitors import (
     FingerForceMonitor,
@@ -28,17 +25,15 @@ from pomona.skills.grip.monitors import (
     Monitor,
     SaturationMonitor,
     SlipMonitor,
+    SlipWatch,
     first_problem,
     has_dead_finger,
     hold_monitors,
 )
-from pomona.skills.grip.reference import ForceReference
-from pomona.skills.grip.reference_modes import ReferenceMode
-from pomona.skills.grip.sensor_watch import SensorWatch
+from pomona.skills.grip.reference import ForceReference, ReferenceMode
+from pomona.skills.grip.sensor import BiasRecorder, GripSample, SensorWatch, StreamGuard, check_bias
 from pomona.skills.grip.settings import ForceLaw, GripSettings, check_rate
-from pomona.skills.grip.slip_watch import SlipWatch
-from pomona.skills.grip.stream_guard import GripSample, StreamGuard
-from pomona.skills.grip.tracking import ForceTracker
+from pomona.skills.grip.tracking import CommandTiming, ForceTracker
 
 
 class GripController:
@@ -220,7 +215,7 @@ class GripController:
 
         Returns:
             Rate of the opening to command now [m/s]; None most of the time. Never two within the loop's
-            `command_period`; while the stream flows, often enough for the driver's watchdog (command_timing.py).
+            `command_period`; while the stream flows, often enough for the driver's watchdog (tracking.py).
         """
         sample = self._guard.accept(stamp, sequence, wrenches, saturated)
         if sample is None:

@@ -12,9 +12,8 @@ import numpy as np
 from numba import njit
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.grip.dynamic_term import DynamicSettings, answer_slip
 from pomona.skills.grip.limit_surface import SurfaceTable, least_force_of_finger
-from pomona.skills.grip.observer import ObserverSettings, observe
+from pomona.skills.grip.observer import DynamicSettings, ObserverSettings, answer_slip, observe
 from pomona.skills.grip.pads import LEVER_LOAD, MIRROR, PRESSING, loads_of_finger, smooth
 from pomona.skills.grip.settings import FilterSettings
 

@@ -3,8 +3,8 @@
 A `Hold` is the value of a port. `SlipAvoidGrasp` starts it and publishes it when the fruit is held. The stream steps it
 while later nodes run, through pause, failure and safe stop:
 
-- Lift calls `show_grip(self, hold)` (pomona.skills.shared.grip_view) each tick. `hold.holds` is True while the fruit is
-  there, `hold.problem` has the reason otherwise, `hold.reading` the forces.
+- Lift calls `show_grip(self, hold)` (pomona.skills.shared.held_fruit) each tick. `hold.holds` is True while the fruit
+  is there, `hold.problem` has the reason otherwise, `hold.reading` the forces.
 - Release and Retreat call `take_over(gripper)` before they move the fingers. Control ends, zero speed is commanded and
   nothing opens.
 - Pivot commands `hold.under(gripper)`, the same session with the right to command it, which ends with the skill. A
@@ -26,15 +26,15 @@ from pomona.drivers.errors import DeviceError
 from pomona.drivers.interfaces import ForceSensor, Gripper, Subscription, WrenchSample
 from pomona.executive.lease import command, give_up, identity, keep, lend
 from pomona.executive.values.arrays import Float64
+from pomona.skills.grip.closing import PadTouch, TouchRecorder
 from pomona.skills.grip.controller import GripController
 from pomona.skills.grip.estimate_kernel import GripEstimate
-from pomona.skills.grip.first_touch import PadTouch, TouchRecorder
-from pomona.skills.grip.floor_watch import FloorWatch
 from pomona.skills.grip.grip import IN_HAND, LIES, GripPhase, GripProblem, GripReading, GripSamples
 from pomona.skills.grip.limit_surface import SoftContact
-from pomona.skills.grip.reference_modes import ReferenceMode
+from pomona.skills.grip.pads import MIRROR
+from pomona.skills.grip.reference import ReferenceMode
+from pomona.skills.grip.sensor import EARLIEST, STALE_AFTER
 from pomona.skills.grip.settings import GripSettings
-from pomona.skills.grip.stream_guard import EARLIEST, STALE_AFTER
 
 KEPT = 2000  # recorded samples kept until `drain`: 20 s; the oldest are dropped first
 RECORDED_RATE = 100.0  # rate of the samples for viewers [Hz]
@@ -302,3 +302,42 @@ def take_over(gripper: Gripper) -> None:
     hold = current_hold(gripper)
     if hold is not None:
         hold.take_over()
+
+
+LASTING = 3  # number of consecutive samples that begin or end a contact: one may be a spike
+
+
+class FloorWatch:
+    """Compares the load along the pads with the load of the hanging fruit in the first sample.
+
+    A floor reduces the load or reverses it. A contact ends when the load exceeds that of the hanging fruit: then the
+    grip must bear more. A fruit that only hangs again is held by the same force as before.
+
+    Attributes:
+        carried: True while something else carries the fruit.
+    """
+
+    def __init__(self, contact: float) -> None:
+        """
+        Args:
+            contact: change of the load that is a contact [N].
+        """
+        self._contact = contact
+        self._hanging: Float64 | None = None
+        self._lasted = 0
+        self.carried = False
+
+    def look(self, wrenches: Float64) -> bool:
+        """Take one sample as in `WrenchSample`, shape (2, 6); return `carried`."""
+        load = wrenches[0, :2] + (MIRROR * wrenches[1])[:2]
+        if self._hanging is None:
+            self._hanging = load
+        change = load - self._hanging
+        weight = float(np.linalg.norm(self._hanging))
+        grown = float(change @ self._hanging) / max(weight, 1e-9)
+        has_grown = grown > self._contact
+        carried = not has_grown and (self.carried or float(np.linalg.norm(change)) > self._contact)
+        self._lasted = self._lasted + 1 if carried is not self.carried else 0
+        if self._lasted >= LASTING:
+            self.carried, self._lasted = carried, 0
+        return self.carried

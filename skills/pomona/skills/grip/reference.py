@@ -1,28 +1,315 @@
 """Reference of the grip force: a ramp to the initial force, then static plus dynamic term.
 
+Each mode is a class with the transitions that it makes by itself; `docs/grip.md` has the state diagram. Requests
+(`slide`, `pivot`) are handled by `ForceReference`.
+
 f_ref = margin * f_ns + f_nd (the paper's eq. slip_avoidance_control_law), through a 50 Hz low-pass. The static part
 rises with the load and falls slowly. Two more parts act for moments only, like the dynamic one: the rise of the load,
 which continues until the fingers answer, and the lack of force near the limit surface, where a sliding fruit shows no
-more than its friction. `ReferenceMode` names the law that applies; reference_modes.py has one class for each.
+more than its friction.
 """
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
+from enum import Enum
+from typing import ClassVar
 
 from pomona.skills.grip.estimate_kernel import GripEstimate
-from pomona.skills.grip.reference_modes import (
-    CarriedMode,
-    CatchingMode,
-    Levels,
-    LiftingMode,
-    Mode,
-    PivotingMode,
-    ReferenceMode,
-    SlidingMode,
-    StandingMode,
-)
-from pomona.skills.grip.settings import GripSettings
+from pomona.skills.grip.limit_surface import least_force
+from pomona.skills.grip.sensor import LowPass
+from pomona.skills.grip.settings import ForceLaw, GripSettings
+
+
+class ReferenceMode(Enum):
+    """Law that chooses the grip force now."""
+
+    RAMP = "raising the force to its initial value"
+    STANDING = "holding a fruit that stands on the table"
+    LIFTING = "taking the load over from the table"
+    CARRIED = "carrying the fruit"
+    CATCHING = "catching a fruit that was hit"
+    PIVOTING = "letting the fruit turn"
+    SLIDING = "letting the pads slide"
+
+
+class Levels:
+    """Parts of the reference that pass from mode to mode.
+
+    Attributes:
+        margin: factor on the minimum grip force, from the settings and the uncertainty of friction.
+        bias_stds: standard deviations of the bias that are covered too.
+        held: lasting part of the reference [N]: rises with the need, falls slowly.
+        wanted: force that the load needs by the law of the mode [N].
+        for_weight: force that it would need without its moment, as gripped at its centre [N].
+        limit: upper bound of the reference [N].
+        may_fall: False after doubt about the sensors.
+    """
+
+    def __init__(self, settings: GripSettings) -> None:
+        self.set_friction(settings)
+        self.held = self.wanted = self.for_weight = 0.0
+        self.limit, self.may_fall = math.inf, True
+        self._urgent = LowPass(self.tuned.low_pass, 0.0)
+        self._target = LowPass(self.tuned.excess_lag, 0.0)
+
+    def set_friction(self, settings: GripSettings) -> None:
+        """Take settings with another friction."""
+        self.settings, self.tuned = settings, settings.reference
+        self.margin = max(settings.margin, self.tuned.least_margin * (1.0 + settings.mu_uncertainty))
+        self.bias_stds = self.tuned.bias_stds if self.margin > settings.margin else 0.0
+        load = 0.5 * settings.expected_load
+        self._for_expected_load = 2.0 * float(least_force(load, load * settings.offset, settings.contact))
+
+    def drop_urgent(self) -> None:
+        """Forget the momentary part."""
+        self._urgent.value = 0.0
+
+    def raise_to_initial(self, elapsed: float) -> float:
+        """Rise with `ramp_rate` to the initial force, and return the reference [N]."""
+        self.held = min(self.held + self.settings.ramp_rate * elapsed, self.settings.initial_force)
+        return self.held
+
+    def follow(
+        self, wanted: float, answer: float, elapsed: float, lowest: float = 0.0, fall_rate: float | None = None
+    ) -> float:
+        """Follow a wanted force and a momentary answer, and return the reference [N].
+
+        Args:
+            wanted: lasting need [N]; a rise is followed at once.
+            answer: momentary force on top of it [N].
+            elapsed: time since the last call [s].
+            lowest: the reference rises to this with `ramp_rate` even where less is wanted [N].
+            fall_rate: of the lasting part [N/s]; None for `relaxation`.
+        """
+        s = self.settings
+        self.wanted = wanted
+        needed = max(wanted, s.floor)
+        target = max(needed, lowest)
+        self._target.update(target, elapsed)
+        if target >= self.held:
+            share = 1.0 - math.exp(-elapsed / self.tuned.low_pass)
+            loaded = self.held + share * (max(needed, self.held) - self.held)
+            rising = max(loaded, min(target, self.held + s.ramp_rate * elapsed))
+            self.held = min(rising, max(self.held, self.limit))
+        elif self.may_fall:
+            self.held = max(target, self.held - (fall_rate or self.relaxation(target)) * elapsed)
+        return self.held + self._urgent.update(answer, elapsed)
+
+    def relaxation(self, target: float) -> float:
+        """Rate at which the lasting part falls to a target [N/s]."""
+        near = max(self.settings.relax_rate, self.tuned.relax_gain * (self.held - target))
+        excess = self.held - self.tuned.excess * max(target, self._target.value)
+        return near + self.tuned.excess_gain * max(excess, 0.0)
+
+    def has_settled(self) -> bool:
+        """Return True when the lasting part has come down to the wanted force."""
+        return self.held <= max(self.wanted, self.settings.floor) * 1.05
+
+    def baseline(self, estimate: GripEstimate) -> float | None:
+        """Return the force by one of the laws for comparison [N], or None for slip avoidance."""
+        match self.settings.law:
+            case ForceLaw.CONSTANT:
+                return self.settings.initial_force
+            case ForceLaw.COULOMB:
+                return self.margin * estimate.f_coulomb
+            case ForceLaw.STATIC:
+                return self.margin * estimate.f_least
+        return None
+
+    def is_pushed_off(self, estimate: GripEstimate) -> bool:
+        """Return True when a push makes the fruit slide: friction then shows only the beginning of the push."""
+        slides = estimate.push > 0.0 and estimate.f_least > self.tuned.sliding_ratio * estimate.f_n
+        return slides and self.may_fall and self.settings.law is ForceLaw.SLIP_AVOIDANCE
+
+    def answer(self, estimate: GripEstimate, force_coming: float) -> float:
+        """Return the momentary force of slip avoidance [N]: dynamic term, rise of the load, and lack of force."""
+        s, tuned = self.settings, self.tuned
+        missing = max(estimate.f_least - tuned.edge * force_coming - estimate.f_n_band, 0.0)
+        coming = tuned.lead * (1.0 + estimate.twist) * max(estimate.f_least_rise - estimate.f_n_band, 0.0)
+        if estimate.f_t < s.expected_load:
+            coming = min(coming, max(self._for_expected_load - estimate.f_least, 0.0))
+        # Force beyond the need is not added twice, except where the load twists: its moment is still to come.
+        spare = max(1.0 - estimate.twist, 0.0) * max(force_coming - self.margin * estimate.f_least, 0.0)
+        bound = tuned.most_doubtful
+        if self.may_fall:
+            bound = min(tuned.urgent_base + estimate.f_least, tuned.most_urgent)
+        return min(estimate.f_nd + max(coming - spare, 0.0) + tuned.edge_gain * missing, bound)
+
+
+class Mode(ABC):
+    """Law of one `ReferenceMode`."""
+
+    mode: ClassVar[ReferenceMode]
+
+    def __init__(self, levels: Levels) -> None:
+        self._levels = levels
+
+    @abstractmethod
+    def follow(self, estimate: GripEstimate, force_coming: float, elapsed: float) -> float:
+        """Return the reference after a sample [N]; the arguments are those of `ForceReference.follow`."""
+
+    def next_mode(self, estimate: GripEstimate) -> ReferenceMode:
+        """Return the mode for this estimate: by default this one, which only a request ends."""
+        return self.mode
+
+
+class StandingMode(Mode):
+    """Until the tangential load changes by `load_changed`, the table carries the fruit: the initial force is enough."""
+
+    mode = ReferenceMode.STANDING
+    _load = (0.0, 0.0)
+
+    def start(self, load: tuple[float, float]) -> None:
+        """Take the load of the standing fruit [N]."""
+        self._load = load
+
+    def follow(self, _estimate: GripEstimate, _force_coming: float, elapsed: float) -> float:
+        self._levels.wanted = self._levels.settings.initial_force
+        return self._levels.raise_to_initial(elapsed)
+
+    def next_mode(self, estimate: GripEstimate) -> ReferenceMode:
+        change = math.hypot(estimate.load[0] - self._load[0], estimate.load[1] - self._load[1])
+        return self.mode if change < self._levels.tuned.load_changed else ReferenceMode.LIFTING
+
+
+class LiftingMode(Mode):
+    """The load comes on the fingers: at least the initial force, with the fruit's centre `offset` off the axis.
+
+    The fruit is carried once the load has been steady for `carried_after`.
+    """
+
+    mode = ReferenceMode.LIFTING
+    _loaded_for = 0.0
+
+    def follow(self, estimate: GripEstimate, force_coming: float, elapsed: float) -> float:
+        levels, tuned = self._levels, self._levels.tuned
+        is_steady = estimate.f_least_rise < tuned.carried_rise * estimate.f_least + estimate.f_n_band
+        if estimate.f_t < tuned.carried_load:
+            self._loaded_for = 0.0
+        elif is_steady:  # a rising load neither counts nor starts again
+            self._loaded_for += elapsed
+        wanted = levels.margin * estimate.f_cautious + levels.bias_stds * estimate.bias_std
+        baseline = levels.baseline(estimate)
+        answer = levels.answer(estimate, force_coming) if baseline is None else 0.0
+        lowest = 0.0 if self._is_carried() else levels.settings.initial_force
+        levels.for_weight = levels.margin * estimate.f_coulomb
+        return levels.follow(wanted if baseline is None else baseline, answer, elapsed, lowest)
+
+    def next_mode(self, _estimate: GripEstimate) -> ReferenceMode:
+        return ReferenceMode.CARRIED if self._is_carried() else self.mode
+
+    def _is_carried(self) -> bool:
+        return self._loaded_for >= self._levels.tuned.carried_after
+
+
+class CarriedMode(Mode):
+    """The fruit hangs: the averaged minimum force with margin and reserve, and momentary answers to a rise."""
+
+    mode = ReferenceMode.CARRIED
+
+    def __init__(self, levels: Levels) -> None:
+        super().__init__(levels)
+        tuned = levels.tuned
+        self._steady = LowPass(tuned.rise_average)
+        self._twist_fast, self._twist_slow = LowPass(tuned.creep_fast), LowPass(tuned.creep_slow)
+
+    def follow(self, estimate: GripEstimate, force_coming: float, elapsed: float) -> float:
+        levels = self._levels
+        baseline = levels.baseline(estimate)
+        levels.for_weight = levels.margin * estimate.f_coulomb
+        if baseline is not None:
+            return levels.follow(baseline, 0.0, elapsed)
+        wanted = self._average(self._static(estimate), estimate, elapsed)
+        return levels.follow(wanted, levels.answer(estimate, force_coming), elapsed)
+
+    def next_mode(self, estimate: GripEstimate) -> ReferenceMode:
+        return ReferenceMode.CATCHING if self._levels.is_pushed_off(estimate) else self.mode
+
+    def _static(self, estimate: GripEstimate) -> float:
+        levels = self._levels
+        reserve = estimate.f_reserved - estimate.f_least
+        uncertain = 1.0 + levels.settings.mu_uncertainty
+        return (
+            levels.margin * estimate.f_least
+            + levels.tuned.reserve_margin * uncertain * reserve
+            + levels.bias_stds * estimate.bias_std
+        )
+
+    def _average(self, static: float, estimate: GripEstimate, elapsed: float) -> float:
+        """Return the static part without the noise of a light fruit [N]."""
+        tuned = self._levels.tuned
+        is_rising = math.isnan(self._steady.value) or static > self._steady.value
+        steady = self._steady.update(static, elapsed, tuned.rise_average if is_rising else tuned.fall_average)
+        creep = tuned.creep_gain * self._creep(estimate, elapsed) * estimate.f_coulomb
+        noise = tuned.average_stds * self._levels.margin * estimate.f_least_std
+        return steady + max(static - steady - noise, 0.0) + creep
+
+    def _creep(self, estimate: GripEstimate, elapsed: float) -> float:
+        """Return the growth of the ratio of minimum force to Coulomb's force, beyond noise."""
+        ratio = estimate.f_least / max(estimate.f_coulomb, 0.1)
+        fast, slow = self._twist_fast.update(ratio, elapsed), self._twist_slow.update(ratio, elapsed)
+        return max(fast - slow - self._levels.tuned.creep_noise, 0.0)
+
+
+class CatchingMode(Mode):
+    """A push makes the carried fruit slide: the force rises as long as it slides, and falls to `floor` after the push.
+
+    Doubt about the sensors ends it.
+    """
+
+    mode = ReferenceMode.CATCHING
+
+    def __init__(self, levels: Levels, carried: CarriedMode) -> None:
+        super().__init__(levels)
+        self._carried, self._caught = carried, 0.0
+
+    def follow(self, estimate: GripEstimate, force_coming: float, elapsed: float) -> float:
+        f_ref = self._carried.follow(estimate, force_coming, elapsed)
+        tuned = self._levels.tuned
+        if self._levels.is_pushed_off(estimate):
+            more = min(tuned.push_gain * estimate.push / self._levels.settings.contact.mu, tuned.most_urgent)
+            self._caught = max(self._caught, estimate.f_n + more)
+        elif estimate.push == 0.0:
+            self._caught -= min(tuned.excess_gain * elapsed, 1.0) * self._caught
+        return max(f_ref, self._caught)
+
+    def next_mode(self, estimate: GripEstimate) -> ReferenceMode:
+        levels = self._levels
+        if levels.may_fall and (self._caught > levels.settings.floor or levels.is_pushed_off(estimate)):
+            return self.mode
+        self._caught = 0.0
+        return ReferenceMode.CARRIED
+
+
+class PivotingMode(Mode):
+    """Coulomb's force for the weight alone: the fruit turns under its moment until it hangs plumb."""
+
+    mode = ReferenceMode.PIVOTING
+
+    def follow(self, estimate: GripEstimate, force_coming: float, elapsed: float) -> float:
+        levels, tuned = self._levels, self._levels.tuned
+        missing = max(estimate.f_coulomb - tuned.edge * force_coming, 0.0)
+        answer = min(tuned.edge_gain * missing, tuned.most_urgent)
+        levels.for_weight = levels.margin * estimate.f_coulomb
+        return levels.follow(tuned.pivot_margin * estimate.f_coulomb, answer, elapsed, fall_rate=tuned.pivot_rate)
+
+
+class SlidingMode(Mode):
+    """The skill's force under any load: it rises with `sliding_rate` and falls as in the other modes."""
+
+    mode = ReferenceMode.SLIDING
+    force = 0.0
+
+    def follow(self, _estimate: GripEstimate, _force_coming: float, elapsed: float) -> float:
+        levels, force = self._levels, self.force
+        levels.wanted = force
+        levels.drop_urgent()
+        lowest = levels.held - levels.relaxation(force) * elapsed
+        levels.held = max(lowest, min(force, levels.held + levels.tuned.sliding_rate * elapsed))
+        return levels.held
+
 
 REQUESTED = (ReferenceMode.PIVOTING, ReferenceMode.SLIDING)  # modes that a skill starts and ends
 HANGING = (ReferenceMode.CARRIED, ReferenceMode.CATCHING)  # modes of a fruit that hangs in the fingers

@@ -1,8 +1,8 @@
 """Settings of a grip, with defaults that hold an apple.
 
 Every line has the quantity with its unit, the effect of a larger value, and the source: the paper, or a page of
-docs/decisions/ without its "grasp-". Defaults were found on the random lifts of `make bench-grasp` and on picks of the
-simulated cell. Another gripper, sensor or fruit may need other values.
+docs/decisions/ without its "grasp-". Those of the force loop have the quantity alone. Defaults were found on the random
+lifts of `make bench-grasp` and on picks of the simulated cell. Another gripper, sensor or fruit may need other values.
 """
 
 from __future__ import annotations
@@ -12,11 +12,9 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import NamedTuple
 
-from pomona.skills.grip.dynamic_term import DynamicSettings
-from pomona.skills.grip.errors import UnusableRate
-from pomona.skills.grip.force_loop import ForceLoopSettings
+from pomona.skills.grip.grip import UnusableRate
 from pomona.skills.grip.limit_surface import SoftContact
-from pomona.skills.grip.observer import ObserverSettings
+from pomona.skills.grip.observer import DynamicSettings, ObserverSettings
 
 RATES = (100.0, 2000.0)
 """Sample rates that a grip can use [Hz]: slower sensors miss a load that passes within 20 ms, faster ones leave no time
@@ -104,6 +102,35 @@ class ReferenceSettings:
     pivot_margin: float = 1.25  # factor on Coulomb's force while pivoting; slower turning; test_controller
     pivot_rate: float = 1.5  # fall of the force while pivoting [N/s]; sooner turning, more slip; test_controller
     sliding_rate: float = 12.0  # rise of the force while the pads slide [N/s]; harder; feel-friction
+
+
+@dataclass(frozen=True, slots=True)
+class PadStiffness:
+    """Rise of the grip force (both fingers) as the opening closes on the fruit."""
+
+    linear: float = 2000.0  # s1 [N/m], of the opening: two pads in series
+    quadratic: float = 0.0  # s2 [N/m²] for pads that stiffen, f = s2 x²; 0 for linear ones
+
+    def pressed(self, f_n: float) -> float:
+        """Return φ⁻¹, the closing of the opening under a grip force [m]."""
+        return math.sqrt(max(f_n, 0.0) / self.quadratic) if self.quadratic else f_n / self.linear
+
+    def slope(self, f_n: float) -> float:
+        """Return the grip force per metre of closing, at a grip force [N/m]."""
+        return 2.0 * math.sqrt(self.quadratic * max(f_n, 0.1)) if self.quadratic else self.linear
+
+
+@dataclass(frozen=True, slots=True)
+class ForceLoopSettings:
+    """Gain and limits of the force loop."""
+
+    gain: float = 20.0  # c [1/s]
+    lag: float = 0.015  # of fingers and measurement: delay of a commanded motion in the measured force [s]
+    stiffness: PadStiffness = field(default_factory=PadStiffness)  # of the pads
+    max_force: float = 14.0  # largest grip force [N]; each finger presses with at most half of it
+    closing_speed: float = 0.2  # closing_speed, opening_speed: bounds of the opening's rate, both positive [m/s]
+    opening_speed: float = 0.012
+    command_period: float = 0.02  # time between two rates [s]; the WSG's finger script reaches 50 Hz
 
 
 @dataclass(frozen=True, slots=True)

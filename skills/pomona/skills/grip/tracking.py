@@ -1,12 +1,62 @@
-"""Tracking of the reference by the fingers: at once where it rises, at rest within noise."""
+"""Commands of the fingers: the speed that tracks the reference of the grip force, and when it is commanded.
+
+    v = -(c (φ⁻¹(f_ref) - φ⁻¹(f)) + d/dt φ⁻¹(f_ref)),   φ⁻¹(f) = f / s1   or   sqrt(f / s2)
+
+φ⁻¹(f) is the deformation of the pads under the grip force f. The position of the fingers integrates the speed, so a
+constant reference is reached without droop. The rate of the reference is fed forward, so a rising one is tracked
+without lag; the gain then acts on the error before the rise, which would else be corrected twice.
+
+A gripper takes a new rate every 20 ms. A superfluous command delays an important one by that time. Rest and small
+corrections are therefore repeated only as often as the driver's watchdog needs.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
 
-from pomona.skills.grip.force_loop import ForceLoopSettings, finger_speed
-from pomona.skills.grip.settings import TrackingSettings
+from pomona.skills.grip.settings import CommandSettings, ForceLoopSettings, TrackingSettings
+
+
+def finger_speed(
+    f_ref: float,
+    f_ref_rate: float,
+    f_n: float,
+    settings: ForceLoopSettings,
+    speed_before: float = 0.0,
+    error_feedthrough: float = 1.0,
+    hardest: float = 0.0,
+) -> float:
+    """Return the rate of the opening to command [m/s]; negative closes.
+
+    The rate keeps the force within the limit until the next command. It is 0.0 for input that is not finite, and where
+    a force of more than twice the limit would be raised further.
+
+    Args:
+        f_ref, f_ref_rate: reference of the grip force [N] and its rate [N/s].
+        f_n: measured grip force [N].
+        settings: gain and limits.
+        speed_before: last commanded rate [m/s].
+        error_feedthrough: 0 … 1; with 1 the gain acts on the whole error although its rise is fed forward, which
+            overshoots.
+        hardest: twice the stronger finger's force [N]: it stays within the limit, too.
+    """
+    if not all(map(math.isfinite, (f_ref, f_ref_rate, f_n, hardest))):
+        return 0.0
+    f_n = abs(f_n)
+    if f_n > 2.0 * settings.max_force and f_ref > f_n:
+        return 0.0
+    if f_n > settings.max_force or f_ref > settings.max_force:
+        f_ref, f_ref_rate = min(f_ref, settings.max_force), min(f_ref_rate, 0.0)
+    pads = settings.stiffness
+    # The rise of the reference is fed forward: the gain acts on the error before it.
+    before = f_ref - (1.0 - error_feedthrough) * f_ref_rate * settings.command_period
+    error = pads.pressed(before) - pads.pressed(f_n) + speed_before * settings.lag
+    closing = settings.gain * error + f_ref_rate / pads.slope(f_n)
+    most = max(f_n, hardest)
+    left = (settings.max_force - most) / pads.slope(most) + speed_before * settings.lag
+    fastest = min(settings.closing_speed, max(left, 0.0) / settings.command_period)
+    return min(max(-closing, -fastest), settings.opening_speed)
 
 
 class ForceTracker:
@@ -79,3 +129,52 @@ class ForceTracker:
         if self._correcting * error <= 0.0:
             self._correcting = 0.0 if abs(error) < near else math.copysign(1.0, error)
         return self._correcting == 0.0
+
+
+class CommandTiming:
+    """Decides, sample by sample, whether a rate is commanded.
+
+    Args:
+        rate: of the samples [Hz].
+        command_period: shortest time between two rates [s].
+
+    Attributes:
+        every: smallest number of samples between two rates.
+        interval: the same [s].
+    """
+
+    def __init__(
+        self, rate: float, command_period: float = 0.02, settings: CommandSettings = CommandSettings()
+    ) -> None:
+        self._settings = settings
+        self._period = 1.0 / rate
+        self.every = math.ceil(command_period * rate - 1e-6)
+        self.interval = self.every * self._period
+        self._keep_alive, self._heartbeat = round(settings.keep_alive * rate), round(settings.heartbeat * rate)
+        self._since = self._heartbeat
+        self._calm_for = 0.0
+
+    @property
+    def near(self) -> bool:
+        """True when the next sample may bring a command."""
+        return self._since + 1 >= self.every
+
+    def pass_time(self, periods: int) -> bool:
+        """Count samples, and return True when the gripper would take a rate now."""
+        self._since += periods
+        return self._since >= self.every
+
+    def goes_out(self, speed: float, before: float, holding: bool) -> bool:
+        """Return True when a rate is to be commanded now.
+
+        Args:
+            speed, before: this rate of the opening and the last commanded one [m/s].
+            holding: a fruit is in hand; before, every rate is commanded.
+        """
+        trims = holding and abs(speed - before) < self._settings.trim
+        waits_for = self._heartbeat if speed == before == 0.0 else self._keep_alive
+        if trims and self._calm_for >= self._settings.calm_after and self._since < waits_for:
+            return False
+        self._calm_for = self._calm_for + self._since * self._period if trims else 0.0
+        self._since = 0
+        return True

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
         fruit_points as fruit_points,
     )
     from pomona.skills.motion.grasp import (
+        SAME_PLACE as SAME_PLACE,
         Grasp as Grasp,
         GraspCandidates as GraspCandidates,
         RuledOut as RuledOut,
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
         warm_up as warm_up,
     )
     from pomona.skills.motion.grasps.sphere import Sphere as Sphere
-    from pomona.skills.motion.grasps.tried import SAME_PLACE as SAME_PLACE
     from pomona.skills.motion.lines import straight_line as straight_line
     from pomona.skills.motion.occupancy import OccupancyMap as OccupancyMap
     from pomona.skills.motion.planning.arm_space import (
@@ -44,11 +44,10 @@ if TYPE_CHECKING:
 
 PUBLIC = {
     "collision": "Convex fruit_points",
-    "grasp": "Grasp GraspCandidates RuledOut",
+    "grasp": "Grasp GraspCandidates RuledOut SAME_PLACE",
     "grasps.gripper_shape": "GripperShape gripper_shape",
     "grasps.sample": "CandidateRejected GraspRules grasp_setting judge_candidate warm_up",
     "grasps.sphere": "Sphere",
-    "grasps.tried": "SAME_PLACE",
     "lines": "straight_line",
     "occupancy": "OccupancyMap",
     "planning.arm_space": "ArmSpace arm_space",

@@ -8,9 +8,6 @@ from typing import TYPE_CHECKING
 from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
-    from pomona.skills.perception.depth_registration import (
-        misplaced_depth as misplaced_depth,
-    )
     from pomona.skills.perception.detection.box_evaluation import (
         JudgedPicture as JudgedPicture,
         box_figures as box_figures,
@@ -29,17 +26,15 @@ if TYPE_CHECKING:
     from pomona.skills.perception.detection.detection import (
         AllDetections as AllDetections,
         Detection as Detection,
+        DetectorOptions as DetectorOptions,
     )
     from pomona.skills.perception.detection.errors import (
         BadFrame as BadFrame,
         BadWeights as BadWeights,
         DetectError as DetectError,
     )
-    from pomona.skills.perception.detection.found_fruit import (
+    from pomona.skills.perception.detection.instances import (
         FoundFruit as FoundFruit,
-    )
-    from pomona.skills.perception.detection.options import (
-        DetectorOptions as DetectorOptions,
     )
     from pomona.skills.perception.detection.photo_folder import (
         read_labels as read_labels,
@@ -47,7 +42,7 @@ if TYPE_CHECKING:
     from pomona.skills.perception.detection.photographs import (
         Photograph as Photograph,
     )
-    from pomona.skills.perception.detection.pyramid import (
+    from pomona.skills.perception.detection.places import (
         LARGEST_SIDE as LARGEST_SIDE,
         at_edge as at_edge,
         findable_sizes as findable_sizes,
@@ -56,6 +51,7 @@ if TYPE_CHECKING:
     )
     from pomona.skills.perception.frame_check import (
         MISMATCHES as MISMATCHES,
+        misplaced_depth as misplaced_depth,
     )
     from pomona.skills.perception.fruit import (
         FruitModel as FruitModel,
@@ -63,11 +59,9 @@ if TYPE_CHECKING:
         load_fruit as load_fruit,
     )
     from pomona.skills.perception.fruit.catalogue import (
+        FruitError as FruitError,
         mass_model as mass_model,
         mass_of as mass_of,
-    )
-    from pomona.skills.perception.fruit.errors import (
-        FruitError as FruitError,
     )
     from pomona.skills.perception.fruit.sizes import (
         LEAST_FRUIT as LEAST_FRUIT,
@@ -79,46 +73,40 @@ if TYPE_CHECKING:
     from pomona.skills.perception.measured_fruit import (
         MeasuredFruit as MeasuredFruit,
     )
-    from pomona.skills.perception.refinement.depth_look import (
-        DepthLook as DepthLook,
+    from pomona.skills.perception.refinement.cloud import (
+        horizontal_plane as horizontal_plane,
     )
     from pomona.skills.perception.refinement.errors import (
         RefineError as RefineError,
     )
     from pomona.skills.perception.refinement.measure import (
-        measure as measure,
-    )
-    from pomona.skills.perception.refinement.place_fit import (
         PlaceFit as PlaceFit,
         fit_place as fit_place,
+        measure as measure,
     )
-    from pomona.skills.perception.refinement.support_plane import (
-        horizontal_plane as horizontal_plane,
+    from pomona.skills.perception.refinement.render import (
+        DepthLook as DepthLook,
     )
 
 PUBLIC = {
-    "depth_registration": "misplaced_depth",
     "detection.box_evaluation": "JudgedPicture box_figures intervals judge judge_size recall_and_precision",
     "detection.box_model": "ScoredBox load_boxes",
     "detection.compact_detector": "CompactDetector",
-    "detection.detection": "AllDetections Detection",
+    "detection.detection": "AllDetections Detection DetectorOptions",
     "detection.errors": "BadFrame BadWeights DetectError",
-    "detection.found_fruit": "FoundFruit",
-    "detection.options": "DetectorOptions",
+    "detection.instances": "FoundFruit",
     "detection.photo_folder": "read_labels",
     "detection.photographs": "Photograph",
-    "detection.pyramid": "LARGEST_SIDE at_edge findable_sizes search_sides shared_part",
-    "frame_check": "MISMATCHES",
+    "detection.places": "LARGEST_SIDE at_edge findable_sizes search_sides shared_part",
+    "frame_check": "MISMATCHES misplaced_depth",
     "fruit": "FruitModel find_weights load_fruit",
-    "fruit.catalogue": "mass_model mass_of",
-    "fruit.errors": "FruitError",
+    "fruit.catalogue": "FruitError mass_model mass_of",
     "fruit.sizes": "KindSizes LEAST_FRUIT TooFewFruit held_out learn_sizes",
     "measured_fruit": "MeasuredFruit",
-    "refinement.depth_look": "DepthLook",
+    "refinement.cloud": "horizontal_plane",
     "refinement.errors": "RefineError",
-    "refinement.measure": "measure",
-    "refinement.place_fit": "PlaceFit fit_place",
-    "refinement.support_plane": "horizontal_plane",
+    "refinement.measure": "PlaceFit fit_place measure",
+    "refinement.render": "DepthLook",
 }
 """Public names by the module that defines them."""
 

@@ -1,4 +1,4 @@
-"""Steps of the skills that carry a fruit: is the load too much, put it down, put it back."""
+"""Steps of the skills that carry a fruit: is the load too much, put it down, put it back; does it still hang."""
 
 from __future__ import annotations
 
@@ -7,18 +7,17 @@ from collections.abc import Callable
 
 import numpy as np
 
+from pomona.drivers.errors import DeviceFault
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper
 from pomona.executive.skill import SkillFailure, Work
 from pomona.executive.values.arrays import Float64
-from pomona.skills.grip.grip import GripProblem
+from pomona.skills.grip.grip import LIES, GripProblem
 from pomona.skills.grip.hold import Hold, current_hold, take_over
 from pomona.skills.motion.lines import StraightLine, straight_line
 from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.shared.following import MovingSkill, Watching
-from pomona.skills.shared.grip_view import show_grip
-from pomona.skills.shared.hanging import LEAST, require_truth
-from pomona.skills.shared.held_fruit import is_held, is_pressed
+from pomona.skills.shared.held_fruit import is_held, is_pressed, show_grip
 from pomona.skills.shared.touch import Touch, load, pressing_forces
 
 JERK_TIME = 0.1  # time in which the arm reaches its acceleration [s]
@@ -189,3 +188,53 @@ def put_back(
         if not is_pressed(skill):
             raise grip_failure(skill, "LOST", LOST_PUT_BACK, hold) from None
     return True
+
+
+LEAST = 0.25  # the tangential load of a fruit that hangs [N]; the lightest weighs 0.5 N, noise and bias are 0.1 N
+LASTING = 0.06  # minimum duration [s]
+
+AVERAGED, REMEMBERED = 0.1, 1.0  # time of the load's average, and in which its largest value fades [s]
+
+
+class Hanging:
+    """Watches the load of a held fruit during the lift, and decides whether it hangs at the end."""
+
+    def __init__(self, hold: Hold) -> None:
+        self._hold = hold
+        self._stamp = math.nan
+        self._load = self._most = 0.0
+        self._light_for = 0.0
+
+    def look(self) -> str:
+        """Check the newest sample, once a tick; return why the fruit cannot hang any more, or an empty text.
+
+        Raises DeviceFault: the finger readings are not valid.
+        """
+        require_truth(self._hold)
+        reading = self._hold.reading
+        elapsed = 0.0 if math.isnan(self._stamp) else max(reading.stamp - self._stamp, 0.0)
+        self._stamp = reading.stamp
+        self._load += (1.0 - math.exp(-elapsed / AVERAGED)) * (reading.f_t - self._load)
+        self._most = max(self._load, self._most * math.exp(-elapsed / REMEMBERED))
+        # Less than this share of the load that was there has gone: a lift that slows down with 3 m/s² leaves 0.5
+        light = self._most > LEAST and reading.f_t < 0.35 * self._most
+        self._light_for = self._light_for + elapsed if light else 0.0
+        if self._light_for > LASTING:
+            return f"its weight has gone from the fingers: {reading.f_t:.1f} N of {self._most:.1f} N are left"
+        return ""
+
+    def missing(self) -> str:
+        """Return the evidence against a hanging fruit, at rest; empty without any."""
+        if self._load < LEAST:
+            return f"no weight hangs on the fingers: {self._load:.2f} N"
+        return ""
+
+
+def require_truth(hold: Hold) -> None:
+    """Refuse to continue a grip with invalid finger readings; the run ends in the safe state.
+
+    Raises DeviceFault: they stand still, contradict each other or the motor, or have gone silent.
+    """
+    problem = hold.problem
+    if problem is not None and problem.code in LIES:
+        raise DeviceFault("fingers", problem.message)

@@ -12,8 +12,7 @@ from pomona.skills.grip.hold import Hold, current_hold
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.shared.carrying import RESTING, TouchedDown, rest_on_contact
 from pomona.skills.shared.following import MovingSkill
-from pomona.skills.shared.grip_view import show_grip
-from pomona.skills.shared.held_fruit import is_pressed, watch_fruit
+from pomona.skills.shared.held_fruit import is_pressed, show_grip, watch_fruit
 from pomona.skills.shared.straight_travel import Manner, follow_way, vertical_way
 from pomona.skills.shared.touch import Touch, load
 

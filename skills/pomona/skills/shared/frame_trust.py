@@ -11,8 +11,7 @@ from pomona.drivers.interfaces import Frame, Workspace
 from pomona.executive.skill import Skill, SkillFailure, Work
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import angle_between
-from pomona.skills.perception.frame_check import FrameProblem, frame_problem, pose_problem
-from pomona.skills.perception.table_view import frame_view
+from pomona.skills.perception.frame_check import FrameProblem, frame_problem, frame_view, pose_problem
 
 KEPT = 12  # number of earlier poses of each camera that stale depth is compared with
 APART, TURNED = 5e-3, np.radians(0.5)  # poses nearer to each other than this are one [m, rad]

@@ -19,20 +19,19 @@ from pomona.executive.values.installation import install_extra
 from pomona.executive.values.sections import Problem
 from pomona.executive.views import ImageView, Line2, Pinhole
 from pomona.skills.motion.robot.model import RobotModel
-from pomona.skills.perception.detection.errors import BadFrame, BadPoseConfig, BadWeights, MissingPackage
-from pomona.skills.perception.detection.instances import Instance, find_instances
-from pomona.skills.perception.detection.options import (
+from pomona.skills.perception.detection.detection import (
     WORKING_WIDTH,
     BoxModelFile,
     DopeFiles,
     Search,
 )
-from pomona.skills.perception.detection.pose_config import find_entry
-from pomona.skills.perception.detection.pyramid import width_for
+from pomona.skills.perception.detection.dope_decode import find_entry
+from pomona.skills.perception.detection.errors import BadFrame, BadPoseConfig, BadWeights, MissingPackage
+from pomona.skills.perception.detection.instances import Instance, find_instances
+from pomona.skills.perception.detection.places import width_for
 from pomona.skills.perception.detection.weights_file import ENDING, is_torch_file
 from pomona.skills.perception.fruit import FruitModel, find_weights, load_fruit
-from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS, damage, known_fruits
-from pomona.skills.perception.fruit.errors import FruitError
+from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS, FruitError, damage, known_fruits
 
 if TYPE_CHECKING:  # engines are loaded where they are used: importing PyTorch takes seconds
     from pomona.skills.perception.detection.box_detector import BoxDetector

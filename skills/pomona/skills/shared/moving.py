@@ -18,15 +18,13 @@ from pomona.skills.motion.collision import Convex
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.occupancy.integrate import without_robot
-from pomona.skills.motion.planning.arm_space import ArmSpace, arm_space
+from pomona.skills.motion.planning.arm_space import ArmSpace, UprightSpace, arm_space
 from pomona.skills.motion.planning.plan import PlanRequest
-from pomona.skills.motion.planning.upright_space import UprightSpace
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.following import MovingSkill, Watching
 from pomona.skills.shared.live_watch import WATCH_FAILURES, KnownAround, prepare_watch
-from pomona.skills.shared.planning import PLANNING_FAILURES, patience, planned
-from pomona.skills.shared.usable_map import usable_field
+from pomona.skills.shared.planning import PLANNING_FAILURES, patience, planned, usable_field
 from pomona.skills.shared.warm_motion import prepare_planning
 
 CARRIED_ACCELERATION = 2.0

@@ -1,4 +1,4 @@
-"""Planning from within a skill: in a process of its own, cancelled at once, given up at a deadline."""
+"""Planning within a skill: in a process of its own, cancelled at once, with a deadline; and the map that it may use."""
 
 from __future__ import annotations
 
@@ -7,8 +7,11 @@ from collections.abc import Generator
 import numpy as np
 
 from pomona.executive.skill import Skill
-from pomona.skills.motion.planning.errors import PlanningFailed
+from pomona.skills.motion.collision.distance_field import DistanceField
+from pomona.skills.motion.occupancy import OccupancyMap
+from pomona.skills.motion.occupancy.occupancy_map import OccupancyError
 from pomona.skills.motion.planning.plan import PlanRequest, PlanResult, plan
+from pomona.skills.motion.planning.space import PlanningFailed
 
 PLANNING_FAILURES = ("START_IN_COLLISION", "GOAL_UNREACHABLE", "GOAL_IN_COLLISION", "NO_PATH", "TIMEOUT")
 """Codes of every skill that plans."""
@@ -47,3 +50,21 @@ def planned(skill: Skill, request: PlanRequest) -> Generator[str | None, None, P
 def patience(skill: Skill, budget: float) -> float:
     """Wall seconds that planning may take: the budget on a real clock, practically no limit on a simulated one."""
     return SIMULATED_PATIENCE if skill.clock.simulated else budget
+
+
+MAP_AGE = 120.0  # an occupancy map whose newest look is older than this is stale [s]
+
+
+def usable_field(skill: Skill, map: OccupancyMap | None, max_age: float = MAP_AGE) -> DistanceField | None:
+    """Return the distance field of a map that may be relied on; None where no map is wired.
+
+    `skill` must declare MAP_STALE: it fails with it when the map is empty or too old.
+    """
+    if map is None:
+        return None
+    try:
+        return map.usable_field(skill.clock.now(), max_age)
+    except OccupancyError as unusable:
+        stamp = map.stamp
+        age = None if stamp is None else round(skill.clock.now() - stamp, 3)
+        raise skill.failure("MAP_STALE", f"{unusable}: look again", age_s=age, allowed_s=max_age) from unusable

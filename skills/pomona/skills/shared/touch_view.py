@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from pomona.drivers.interfaces import Arm
 from pomona.executive.skill import Skill
-from pomona.skills.grip.first_touch import PadTouch, PickTouches, skin_along
+from pomona.skills.grip.closing import PadTouch, PickTouches, skin_along
 from pomona.skills.motion.collision import fruit_points
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.perception.measured_fruit import MeasuredFruit

@@ -103,7 +103,7 @@ def export_main(options: argparse.Namespace) -> int:
     from pomona.skills.perception.detection.errors import BadWeights, DetectError
     from pomona.skills.perception.detection.weights_file import ENDING, write_weights
     from pomona.skills.perception.fruit import load_fruit
-    from pomona.skills.perception.fruit.errors import FruitError
+    from pomona.skills.perception.fruit.catalogue import FruitError
 
     try:
         fruit = load_fruit(options.fruit)
@@ -159,7 +159,7 @@ def train_main(options: argparse.Namespace) -> int:
     for package in ("torch", "onnx"):
         need(package, "torch", "pomona train")
     from pomona.skills.perception.detection.errors import BadTraining, DetectError
-    from pomona.skills.perception.fruit.errors import FruitError
+    from pomona.skills.perception.fruit.catalogue import FruitError
     from pomona.tools.training.recipe import QUICK, SHIPPED, WITH_PHOTOGRAPHS, make_weights
     from pomona.tools.training.report import write_report
 
@@ -203,7 +203,7 @@ def train_main(options: argparse.Namespace) -> int:
 def _start(options: argparse.Namespace) -> Path | None:
     """Return the weights to go on from; None starts from nothing."""
     from pomona.skills.perception.detection.errors import BadTraining
-    from pomona.skills.perception.detection.finder_network import FinderNetwork
+    from pomona.skills.perception.detection.networks import FinderNetwork
     from pomona.skills.perception.detection.weights import load_compact
     from pomona.skills.perception.fruit import load_fruit
     from pomona.tools.training.trunk import load_trunk

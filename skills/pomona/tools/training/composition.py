@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.perception.detection.symmetry import STEM_AXIS, minimal_rotation
+from pomona.skills.perception.detection.close_look import STEM_AXIS, minimal_rotation
 from pomona.skills.perception.fruit import FruitModel
 from pomona.tools.training import shapes
 from pomona.tools.training.contents import Item, SyntheticScene

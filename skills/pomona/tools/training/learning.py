@@ -11,7 +11,7 @@ import numpy as np
 from pomona.skills.perception.detection.box_evaluation import box_figures
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.errors import BadTraining
-from pomona.skills.perception.detection.finder_network import FinderNetwork
+from pomona.skills.perception.detection.networks import FinderNetwork
 from pomona.skills.perception.detection.photographs import PhotoSet, fruit_scale
 from pomona.skills.perception.detection.weights import load_compact
 from pomona.skills.perception.detection.weights_file import read_weights, write_weights

@@ -6,8 +6,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from pomona.skills.perception.detection import outputs as rows
-from pomona.skills.perception.detection.outputs import AXIS, CENTRE, KIND, SEEN, SIZE, SPREAD
+from pomona.skills.perception.detection import close_look as rows
+from pomona.skills.perception.detection.close_look import AXIS, CENTRE, KIND, SEEN, SIZE, SPREAD
 from pomona.tools.training import targets
 
 BOXES, QUALITIES = 2.0, 0.5  # weights of the finder's losses of boxes and of their quality, beside that of the heat

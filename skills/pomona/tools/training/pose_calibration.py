@@ -9,9 +9,8 @@ import numpy as np
 from scipy.stats import chi2
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.perception.detection.close_look import OUTLINE_RADIUS
+from pomona.skills.perception.detection.close_look import OUTLINE_RADIUS, STEM_AXIS
 from pomona.skills.perception.detection.instances import Instance
-from pomona.skills.perception.detection.symmetry import STEM_AXIS
 from pomona.tools.training.annotations import AnnotatedObject
 
 

@@ -15,10 +15,15 @@ from torch.utils.data import Dataset
 
 from pomona.executive.values.arrays import Float64, UInt8
 from pomona.executive.values.pictures import UnusablePicture, read_picture
-from pomona.skills.perception.detection.close_look import REFERENCE_LENGTH, VirtualCamera, keypoint_size, look_at
-from pomona.skills.perception.detection.dope_network import IMAGENET_MEAN, IMAGENET_STD, STRIDE
+from pomona.skills.perception.detection.close_look import (
+    CLOSE_LOOK_SIZE,
+    REFERENCE_LENGTH,
+    VirtualCamera,
+    keypoint_size,
+    look_at,
+)
 from pomona.skills.perception.detection.errors import BadAnnotation, BadTraining
-from pomona.skills.perception.detection.outputs import CLOSE_LOOK_SIZE
+from pomona.skills.perception.detection.networks import IMAGENET_MEAN, IMAGENET_STD, STRIDE
 from pomona.tools.training.annotations import AnnotatedObject, Annotation, read_annotation
 from pomona.tools.training.augmentation import change_look, cover
 from pomona.tools.training.targets import dope_targets

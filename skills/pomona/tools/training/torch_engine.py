@@ -8,10 +8,10 @@ import torch
 from torch import nn
 
 from pomona.executive.values.arrays import Float32
+from pomona.skills.perception.detection.close_look import Network
 from pomona.skills.perception.detection.compact_detector import CompactDetector
-from pomona.skills.perception.detection.compact_network import CloseLookNetwork
-from pomona.skills.perception.detection.options import DetectorOptions
-from pomona.skills.perception.detection.outputs import Network
+from pomona.skills.perception.detection.detection import DetectorOptions
+from pomona.skills.perception.detection.networks import CloseLookNetwork
 from pomona.skills.perception.detection.weights import Finder
 from pomona.skills.perception.detection.weights_file import Score
 

@@ -15,11 +15,9 @@ import torch
 from torch import Tensor, nn
 from torch.utils.data import Dataset
 
-from pomona.skills.perception.detection.compact_network import CloseLookNetwork, to_input
-from pomona.skills.perception.detection.dope_network import DopeNetwork
+from pomona.skills.perception.detection.close_look import AXIS, CENTRE, KIND, SIZE
 from pomona.skills.perception.detection.errors import BadTraining
-from pomona.skills.perception.detection.finder_network import FinderNetwork
-from pomona.skills.perception.detection.outputs import AXIS, CENTRE, KIND, SIZE
+from pomona.skills.perception.detection.networks import CloseLookNetwork, DopeNetwork, FinderNetwork, to_input
 from pomona.skills.perception.detection.photographs import PhotoSet
 from pomona.tools.training.all_reduce import CONTEXT, GradientAllReduce
 from pomona.tools.training.finder_figures import finder_figures

@@ -8,7 +8,7 @@ from typing import Any
 import torch
 
 from pomona.skills.perception.detection.errors import BadWeights
-from pomona.skills.perception.detection.finder_network import FinderNetwork
+from pomona.skills.perception.detection.networks import FinderNetwork
 from pomona.skills.perception.detection.weights import fill
 
 

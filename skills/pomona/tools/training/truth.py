@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float32, Float64
-from pomona.skills.perception.detection.cuboid import cuboid_keypoints
-from pomona.skills.perception.detection.symmetry import STEM_AXIS, label_rotation
+from pomona.skills.perception.detection.close_look import STEM_AXIS, label_rotation
+from pomona.skills.perception.detection.instances import cuboid_keypoints
 from pomona.skills.perception.fruit import FruitModel
 from pomona.tools.training.contents import SyntheticScene
 from pomona.tools.training.options import SceneOptions

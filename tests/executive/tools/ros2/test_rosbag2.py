@@ -26,8 +26,7 @@ from pomona.executive.errors import UsageError
 from pomona.executive.recording.folder import DEVICES, EVENTS_FILE
 from pomona.executive.recording.read import decode_image
 from pomona.executive.values.installation import install_extra
-from pomona.skills.motion.occupancy.occupancy_map import OCCUPIED, UNKNOWN, OccupancyMap
-from pomona.skills.motion.occupancy.octomap import to_bt
+from pomona.skills.motion.occupancy.occupancy_map import OCCUPIED, UNKNOWN, OccupancyMap, to_bt
 from pomona.tools.ros2.definitions import ACTIONS, POMONA, SERVICES
 from pomona.tools.ros2.octomap import octomap
 from pomona.tools.ros2.rosbag2 import export_rosbag2

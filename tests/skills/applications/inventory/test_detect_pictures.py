@@ -19,8 +19,8 @@ from pomona.applications.inventory import command_detect_pictures as detect_pict
 from pomona.applications.inventory.command_detect_pictures import add, find_fruit
 from pomona.executive.running.signals import raising
 from pomona.skills.perception.detection.compact_detector import CompactDetector
-from pomona.skills.perception.detection.found_fruit import FoundFruit
-from pomona.skills.perception.detection.options import DetectorOptions
+from pomona.skills.perception.detection.detection import DetectorOptions
+from pomona.skills.perception.detection.instances import FoundFruit
 from pomona.skills.perception.detection.photo_folder import read_labels
 from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS

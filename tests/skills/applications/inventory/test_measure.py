@@ -15,8 +15,7 @@ import pytest
 from pomona.applications.inventory import command_measure as measure
 from pomona.executive.cli import main
 from pomona.skills.geometry import transform
-from pomona.skills.perception.detection.instances import Instance
-from pomona.skills.perception.detection.rigid_pose import cuboid_in_picture
+from pomona.skills.perception.detection.instances import Instance, cuboid_in_picture
 from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.shared import looking
 

@@ -6,8 +6,7 @@ import pytest
 from pomona.drivers.interfaces import Box
 from pomona.skills.geometry import is_pose, rot_y, rot_z, transform
 from pomona.skills.motion.collision import CollisionWorld, Convex, fruit_points
-from pomona.skills.motion.grasps.fruit_section import fruit_section
-from pomona.skills.motion.grasps.gripper_shape import gripper_shape
+from pomona.skills.motion.grasps.gripper_shape import fruit_section, gripper_shape
 from pomona.skills.motion.grasps.sample import GraspRules, sample_pre_grasps, support_below
 from pomona.skills.motion.grasps.sphere import Sphere
 from pomona.skills.motion.planning.arm_space import TARGET, ArmSpace

@@ -10,8 +10,8 @@ from pomona.drivers.mock.arm import ROBOT, SIA5F_LIMITS
 from pomona.executive.running.compute import Computations
 from pomona.skills.motion.collision import CollisionWorld
 from pomona.skills.motion.planning.arm_space import ArmSpace
-from pomona.skills.motion.planning.errors import PlanningFailed
 from pomona.skills.motion.planning.plan import PlanRequest, plan
+from pomona.skills.motion.planning.space import PlanningFailed
 from pomona.skills.shared.warm_motion import warm_planner
 from tests.skills.picking_scene import HOME, OBSERVE, ROBOT_MODEL, WORKSPACE
 

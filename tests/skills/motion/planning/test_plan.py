@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from pomona.drivers.trajectory import check_trajectory
-from pomona.skills.motion.planning.errors import BadRequest, PlanningFailed
-from pomona.skills.motion.planning.plan import PlanRequest, plan
-from pomona.skills.motion.planning.planners import PLANNERS
+from pomona.skills.motion.planning.plan import PLANNERS, PlanRequest, plan
+from pomona.skills.motion.planning.space import BadRequest, PlanningFailed
 from tests.skills.motion.planning.disc_world import LIMITS, DiscWorld, closed_wall, wall_with_gap
 
 START = np.array([-1.5, -1.0])

@@ -7,9 +7,8 @@ import sys
 import numpy as np
 import pytest
 
-from pomona.skills.motion.planning.errors import BadRequest
-from pomona.skills.motion.planning.planners import PLANNERS, solve
-from pomona.skills.motion.planning.space import Effort
+from pomona.skills.motion.planning.plan import PLANNERS, solve
+from pomona.skills.motion.planning.space import BadRequest, Effort
 
 
 def test_a_planner_of_ompl_names_ompl_where_it_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:

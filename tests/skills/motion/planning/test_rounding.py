@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from pomona.skills.motion.planning.errors import PlanningFailed
 from pomona.skills.motion.planning.plan import time_free_path
+from pomona.skills.motion.planning.space import PlanningFailed
 from pomona.skills.motion.planning.timing import time_polyline
 from tests.skills.motion.planning.disc_world import LIMITS, DiscWorld
 

@@ -12,7 +12,7 @@ from pomona.skills.motion.collision import CollisionWorld, Convex, Margins
 from pomona.skills.motion.collision.segment import SLACK
 from pomona.skills.motion.planning import rrt_connect
 from pomona.skills.motion.planning.arm_space import ArmSpace
-from pomona.skills.motion.planning.planners import solve
+from pomona.skills.motion.planning.plan import solve
 from pomona.skills.motion.planning.space import Effort
 from pomona.skills.motion.robot import RobotModel
 from tests.skills.picking_scene import OBSERVE, ROBOT_MODEL, WORKSPACE

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from pomona.skills.motion.robot import BadJoints, RobotModel, inverse_kinematics, nearest_solution
-from pomona.skills.motion.robot.numeric_ik import descend, spread_starts
+from pomona.skills.motion.robot.inverse_kinematics import descend, spread_starts
 from pomona.skills.motion.robot.spherical_arm import as_spherical_arm
 
 SIA5F = Path(__file__).resolve().parents[4] / "trees" / "robots" / "sia5f_wsg32.xml"

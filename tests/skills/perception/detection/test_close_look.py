@@ -5,9 +5,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from pomona.skills.perception.detection.close_look import OUTLINE_RADIUS, REFERENCE_LENGTH, look_at
-from pomona.skills.perception.detection.outputs import CENTRE, CLOSE_LOOK_SIZE, SIZE
-from pomona.skills.perception.detection.symmetry import STEM_AXIS, label_rotation
+from pomona.skills.perception.detection.close_look import (
+    CENTRE,
+    CLOSE_LOOK_SIZE,
+    OUTLINE_RADIUS,
+    REFERENCE_LENGTH,
+    SIZE,
+    STEM_AXIS,
+    label_rotation,
+    look_at,
+)
 
 K = np.array([[610.6, 0.0, 317.7], [0.0, 598.0, 238.1], [0.0, 0.0, 1.0]])
 PLACE = st.tuples(st.floats(-0.25, 0.25), st.floats(-0.18, 0.18), st.floats(0.3, 0.9))

@@ -5,14 +5,12 @@ import numpy as np
 import pytest
 import torch
 
-from pomona.skills.perception.detection.box_evaluation import iou
 from pomona.skills.perception.detection.compact_detector import CompactDetector
-from pomona.skills.perception.detection.compact_network import CloseLookNetwork
+from pomona.skills.perception.detection.detection import DetectorOptions
 from pomona.skills.perception.detection.errors import BadFrame
-from pomona.skills.perception.detection.finder_network import FinderNetwork
-from pomona.skills.perception.detection.found_fruit import FoundFruit
-from pomona.skills.perception.detection.instances import find_instances
-from pomona.skills.perception.detection.options import DetectorOptions
+from pomona.skills.perception.detection.instances import FoundFruit, find_instances
+from pomona.skills.perception.detection.networks import CloseLookNetwork, FinderNetwork
+from pomona.skills.perception.detection.places import iou
 from pomona.skills.perception.fruit import FruitModel, load_fruit
 from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS
 from pomona.tools.training.annotations import AnnotatedObject, Annotation

@@ -12,13 +12,12 @@ from pomona.executive.skill_testing import drive
 from pomona.skills.detect import Detect
 from pomona.skills.geometry import rotation_about, transform
 from pomona.skills.perception.detection import dope_detector
-from pomona.skills.perception.detection.cuboid import cuboid_keypoints
-from pomona.skills.perception.detection.dope_decode import OFFSET_DUE_TO_UPSAMPLING
+from pomona.skills.perception.detection.detection import DopeFiles
+from pomona.skills.perception.detection.dope_decode import OFFSET_DUE_TO_UPSAMPLING, load_pose_config
 from pomona.skills.perception.detection.dope_detector import DopeDetector
-from pomona.skills.perception.detection.dope_network import STRIDE, DopeNetwork
 from pomona.skills.perception.detection.errors import BadPoseConfig, BadWeights
-from pomona.skills.perception.detection.options import DopeFiles
-from pomona.skills.perception.detection.pose_config import load_pose_config
+from pomona.skills.perception.detection.instances import cuboid_keypoints
+from pomona.skills.perception.detection.networks import STRIDE, DopeNetwork
 from pomona.tools.training.targets import dope_targets
 
 APPLE = (0.09756, 0.08539, 0.09590)

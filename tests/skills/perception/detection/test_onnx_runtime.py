@@ -1,23 +1,46 @@
 """ONNX Runtime finds the same as PyTorch, with the same weights."""
 
+from __future__ import annotations
+
+import contextlib
 import os
+import resource
 import subprocess
 import sys
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from hypothesis import given, settings, strategies as st
+from onnx import TensorProto, helper, numpy_helper
 
+from pomona.skills.perception.detection import compact_detector
+from pomona.skills.perception.detection.box_model import BoxModel, load_boxes
 from pomona.skills.perception.detection.compact_detector import CompactDetector
-from pomona.skills.perception.detection.compact_network import BeliefFinder, CloseLookNetwork
 from pomona.skills.perception.detection.errors import BadWeights
-from pomona.skills.perception.detection.finder_network import FinderNetwork
-from pomona.skills.perception.detection.onnx_runtime import onnx_network
+from pomona.skills.perception.detection.networks import BeliefFinder, CloseLookNetwork, FinderNetwork
+from pomona.skills.perception.detection.onnx_runtime import (
+    INPUT,
+    MOST_NODES,
+    BadGraph,
+    judge_layers,
+    judge_model,
+    onnx_network,
+)
 from pomona.skills.perception.detection.weights import load_compact, save_compact
-from pomona.skills.perception.detection.weights_file import FINDER, StoredDetector, read_weights, write_weights
+from pomona.skills.perception.detection.weights_file import (
+    FINDER,
+    MOST_BYTES,
+    StoredDetector,
+    read_weights,
+    write_weights,
+)
 from pomona.skills.perception.fruit import load_fruit
+from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS
 from pomona.tools.training.options import SceneOptions
 from pomona.tools.training.scene import render_scene
 from pomona.tools.training.torch_engine import torch_detector
@@ -116,3 +139,163 @@ def test_graphs_that_are_none_are_refused_in_words(tmp_path: Path) -> None:
     other = stored.finder.replace(b"picture", b"drawing")
     with pytest.raises(BadWeights, match=r"has the inputs \['drawing'\], expected \['picture'\]"):
         onnx_network(other, path, FINDER)
+
+
+FLOAT = TensorProto.FLOAT
+SHIPPED = read_weights(SHIPPED_WEIGHTS / "apple.weights")
+
+
+def constant(name: str, value: Any, dtype: Any = np.int64) -> Any:
+    return helper.make_node("Constant", [], [name], value=numpy_helper.from_array(np.asarray(value, dtype)))
+
+
+def value(name: str, kind: int = FLOAT, shape: list[int] | None = None) -> Any:
+    return helper.make_tensor_value_info(name, kind, shape)
+
+
+def network(*nodes: Any, functions: tuple[Any, ...] = ()) -> bytes:
+    """A graph from the picture to `maps`."""
+    picture = helper.make_tensor_value_info(INPUT, FLOAT, ["n", 3, "h", "w"])
+    domains = [helper.make_opsetid("", 18), *(helper.make_opsetid(f.domain, 1) for f in functions)]
+    graph = helper.make_graph(list(nodes), "g", [picture], [value("maps")])
+    model = helper.make_model(graph, opset_imports=domains, functions=list(functions), ir_version=9)
+    return bytes(model.SerializeToString())
+
+
+def loop(output: str = "maps") -> Any:
+    """A node that never ends."""
+    same = [helper.make_node("Identity", ["go"], ["on"]), helper.make_node("Identity", ["x"], ["y"])]
+    inputs = [value("i", TensorProto.INT64, []), value("go", TensorProto.BOOL, []), value("x")]
+    body = helper.make_graph(same, "b", inputs, [value("on", TensorProto.BOOL, []), value("y")])
+    return helper.make_node("Loop", ["", "true", INPUT], [output], body=body)
+
+
+def choice() -> Any:
+    """An `If` around the loop."""
+    one = helper.make_graph([loop("q")], "one", [], [value("q")])
+    other = helper.make_graph([helper.make_node("Identity", [INPUT], ["r"])], "other", [], [value("r")])
+    return helper.make_node("If", ["true"], ["maps"], then_branch=one, else_branch=other)
+
+
+TRUE = constant("true", True, np.bool_)
+TWICE = helper.make_function(
+    "own", "twice", ["x"], ["y"], [helper.make_node("Relu", ["x"], ["y"])], [helper.make_opsetid("", 18)]
+)
+ENDLESS = {
+    "a loop": (network(TRUE, loop()), "has the operator 'Loop'"),
+    "a loop in a choice": (network(TRUE, choice()), "has the operator '(If|Loop)'"),
+    "a function": (network(helper.make_node("twice", [INPUT], ["maps"], domain="own"), functions=(TWICE,)), "defines"),
+    "many nodes": (network(*(helper.make_node("Relu", [INPUT], [str(k)]) for k in range(MOST_NODES + 1))), "has more"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ENDLESS)
+def test_a_graph_without_an_end_is_refused_before_it_is_loaded(name: str, tmp_path: Path) -> None:
+    content, words = ENDLESS[name]
+    with pytest.raises(BadGraph, match=words):
+        judge_layers(content, INPUT)
+    with pytest.raises(BadGraph, match=words):
+        judge_model(content)
+    write_weights(tmp_path / "x.weights", StoredDetector(content, SHIPPED.close_look, {}, SHIPPED.scores))
+    with pytest.raises(BadWeights, match=rf"x\.weights: finder\.onnx in it {words}"):
+        CompactDetector.load(tmp_path / "x.weights")
+    (tmp_path / "x.onnx").write_bytes(content)
+    with pytest.raises(BadWeights, match=rf"x\.onnx: {words}"):
+        BoxModel(tmp_path / "x.onnx", "apple")
+
+
+def test_a_size_that_follows_from_the_picture_is_refused() -> None:
+    bright = helper.make_node("ReduceMean", [INPUT], ["bright"], keepdims=1)
+    size = helper.make_node("Cast", ["bright"], ["size"], to=TensorProto.INT64)
+    grown = helper.make_node("Expand", [INPUT, "size"], ["maps"])
+    with pytest.raises(BadGraph, match="computes a size of its operator 'Expand' from the picture"):
+        judge_layers(network(bright, size, grown), INPUT)
+    with pytest.raises(BadGraph, match="lists a node before one whose result it takes"):
+        judge_layers(network(grown, bright, size), INPUT)
+    shape = helper.make_node("Shape", [INPUT], ["size"])
+    judge_layers(network(shape, grown), INPUT)
+
+
+@pytest.mark.parametrize("name", ["apple", "lemon", "apple_photographs"])
+def test_the_shipped_networks_would_be_loaded_from_elsewhere_too(name: str) -> None:
+    stored = read_weights(SHIPPED_WEIGHTS / f"{name}.weights")
+    for content in (stored.finder, stored.close_look):
+        judge_layers(content, INPUT)
+        judge_model(content)
+
+
+def twofold() -> bytes:
+    names = [INPUT, *(f"c{k}" for k in range(1, 14)), "maps"]
+    pairs = pairwise(names)
+    return network(*(helper.make_node("Concat", [a, a], [b], axis=1) for a, b in pairs))
+
+
+def slow() -> bytes:
+    first, kernel = np.zeros((64, 3, 9, 9)), np.zeros((64, 64, 9, 9))
+    names = ["x", *(f"x{k}" for k in range(200)), "maps"]
+    nodes = [constant("first", first, np.float32), constant("kernel", kernel, np.float32)]
+    nodes.append(helper.make_node("Conv", [INPUT, "first"], ["x"], pads=[4] * 4))
+    pairs = pairwise(names)
+    nodes += [helper.make_node("Conv", [a, "kernel"], [b], pads=[4] * 4) for a, b in pairs]
+    return network(*nodes)
+
+
+@pytest.mark.parametrize(
+    ("finder", "words"),
+    [(twofold, r"needs more than 512 MB of memory"), (slow, r"takes more than 4 s of processor time")],
+)
+def test_a_network_that_is_too_large_ends_in_its_trial(finder: Callable[[], bytes], words: str, tmp_path: Path) -> None:
+    path = tmp_path / "x.weights"
+    write_weights(path, StoredDetector(finder(), SHIPPED.close_look, {}, SHIPPED.scores))
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    with pytest.raises(BadWeights, match=rf"x\.weights: {words}"):
+        CompactDetector.load(path)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 10.0
+    assert after.ru_maxrss < max(1_000_000, before.ru_maxrss + 1)  # the largest of all children so far
+
+
+def test_a_detector_of_boxes_that_is_too_large_ends_in_its_trial(tmp_path: Path) -> None:
+    path = tmp_path / "x.onnx"
+    path.write_bytes(twofold())
+    with pytest.raises(BadWeights, match="needs more than 512 MB of memory"):
+        load_boxes(path, "apple")
+
+
+def test_weights_that_unpack_to_more_than_a_detector_has_are_not_unpacked(tmp_path: Path) -> None:
+    path = tmp_path / "x.weights"
+    write_weights(path, StoredDetector(bytes(MOST_BYTES), SHIPPED.close_look, {}, SHIPPED.scores))
+    assert path.stat().st_size < 8_000_000
+    with pytest.raises(BadWeights, match=r"x\.weights: unpacks to 72 MB; 67 MB are read at most: no weights"):
+        read_weights(path)
+
+
+def test_shipped_weights_start_without_a_trial_and_others_with_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[str] = []
+    monkeypatch.setattr(compact_detector, "trial", lambda *arguments: tried.append(arguments[1]) or "")
+    CompactDetector.load(SHIPPED_WEIGHTS / "apple.weights")
+    assert tried == []
+    write_weights(tmp_path / "mine.weights", SHIPPED)
+    CompactDetector.load(tmp_path / "mine.weights")
+    assert tried == [str(tmp_path / "mine.weights")]
+
+
+SMALL = network(constant("k", [0.5], np.float32), helper.make_node("Mul", [INPUT, "k"], ["maps"]))
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.integers(0, len(SMALL) - 1), st.binary(max_size=8), st.integers(0, 8))
+def test_a_damaged_graph_is_judged_or_refused(at: int, inserted: bytes, length: int) -> None:
+    content = SMALL[:at] + inserted + SMALL[at + length :]
+    for judge in (lambda: judge_layers(content, INPUT), lambda: judge_model(content)):
+        with contextlib.suppress(BadGraph):
+            judge()
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.binary(max_size=60))
+def test_any_bytes_are_judged_or_refused(content: bytes) -> None:
+    with contextlib.suppress(BadGraph):
+        judge_layers(content, INPUT)

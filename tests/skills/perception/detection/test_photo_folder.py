@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pomona.skills.perception.detection import labelled
+from pomona.skills.perception.detection import photographs
 from pomona.skills.perception.detection.errors import BadPhotographs
 from pomona.skills.perception.detection.photo_folder import read_labels, read_photographs
 from tests.skills.perception.detection.photo_folders import SIDE, TRUTH, boxes_of, coco, draw, tables, yolo
@@ -233,7 +233,7 @@ def test_folders_that_are_none_or_hold_too_much_are_refused(tmp_path: Path, monk
     draw(tmp_path / "empty" / "a.jpg", [])
     with pytest.raises(BadPhotographs, match=r"has no labels, expected images\.csv"):
         read_photographs(tmp_path / "empty")
-    monkeypatch.setattr(labelled, "MOST_FILES", 1)
+    monkeypatch.setattr(photographs, "MOST_FILES", 1)
     with pytest.raises(BadPhotographs, match="holds more than 1 files"):
         read_photographs(yolo(tmp_path / "yolo"))
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from pomona.skills.perception.detection.cuboid import cuboid_keypoints
-from pomona.skills.perception.detection.reprojection import linearise, refine_pose
+from pomona.skills.perception.detection.instances import cuboid_keypoints
+from pomona.skills.perception.detection.pose import linearise, refine_pose
 
 K = np.array([[610.0, 0.0, 317.0], [0.0, 605.0, 238.0], [0.0, 0.0, 1.0]])
 MODEL = cuboid_keypoints(np.array([0.08, 0.07, 0.08]))

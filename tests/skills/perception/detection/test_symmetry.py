@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 from hypothesis import given, strategies as st
 
-from pomona.skills.perception.detection.symmetry import STEM_AXIS, label_rotation, minimal_rotation
+from pomona.skills.perception.detection.close_look import STEM_AXIS, label_rotation, minimal_rotation
 
 ANGLE = st.floats(-np.pi, np.pi)
 UNIT = st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)).filter(lambda v: np.linalg.norm(v) > 0.1)

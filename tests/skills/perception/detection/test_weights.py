@@ -9,14 +9,12 @@ import pytest
 import torch
 
 from pomona.executive.values.installation import install_extra
+from pomona.skills.perception.detection.close_look import CLOSE_LOOK_OUTPUTS
 from pomona.skills.perception.detection.compact_detector import CompactDetector, read_stored
-from pomona.skills.perception.detection.compact_network import BeliefFinder, CloseLookNetwork
 from pomona.skills.perception.detection.errors import BadWeights, MissingPackage
-from pomona.skills.perception.detection.finder_network import FinderNetwork
-from pomona.skills.perception.detection.fused_score import FusedScore
-from pomona.skills.perception.detection.outputs import CLOSE_LOOK_OUTPUTS
-from pomona.skills.perception.detection.scores import PowerScore, ScoreMap
+from pomona.skills.perception.detection.networks import BeliefFinder, CloseLookNetwork, FinderNetwork
 from pomona.skills.perception.detection.weights import TORCH_FORMAT, load_compact, save_compact
+from pomona.skills.perception.detection.weights_file import FusedScore, PowerScore, ScoreMap
 
 
 def save_with_torch(

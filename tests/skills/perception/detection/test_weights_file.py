@@ -4,11 +4,22 @@ import json
 from pathlib import Path
 from zipfile import ZipFile
 
+import numpy as np
 import pytest
 
 from pomona.skills.perception.detection.errors import BadWeights
-from pomona.skills.perception.detection.scores import PowerScore, ScoreMap
-from pomona.skills.perception.detection.weights_file import StoredDetector, is_torch_file, read_weights, write_weights
+from pomona.skills.perception.detection.weights_file import (
+    HOPELESS,
+    FusedScore,
+    PowerScore,
+    ScoreMap,
+    StoredDetector,
+    is_torch_file,
+    read_fused_score,
+    read_weights,
+    write_weights,
+)
+from pomona.tools.training.photo_figures import calibration
 
 STORED = StoredDetector(
     b"finder", b"close look", {"frames": "12"}, PowerScore(ScoreMap(0.7, -0.2)), {"finder": [8, 8, 8, 8]}
@@ -60,3 +71,55 @@ def test_a_format_or_a_map_of_scores_that_cannot_be_used_is_named(tmp_path: Path
         about(path, scores=wrong)
         with pytest.raises(BadWeights, match=r"scores|about\.json"):
             read_weights(path)
+
+
+def test_a_map_is_a_line_through_logits_and_keeps_the_order() -> None:
+    rng = np.random.default_rng(0)
+    scores = rng.uniform(0.01, 0.99, 20_000)
+    logit = np.log(scores / (1.0 - scores))
+    right = rng.random(20_000) < 1.0 / (1.0 + np.exp(-(0.6 * logit - 0.8)))  # surer than it should be
+    line = ScoreMap(0.6, -0.8)
+    assert calibration(scores, right)[0] > 0.1
+    assert calibration(line.of(scores), right)[0] < 0.02
+    assert np.array_equal(np.argsort(line.of(scores)), np.argsort(scores))
+    assert line(0.3) == pytest.approx(float(line.of(np.array([0.3]))[0]))
+    assert ScoreMap()(0.123) == 0.123
+
+
+def test_a_score_of_powers_is_the_geometric_mean_over_both_looks() -> None:
+    belief, first, second = 0.8, 0.6, 0.9
+    features = np.log(np.array([[belief, 0.5, first, second]])) - np.log1p(-np.array([[belief, 0.5, first, second]]))
+    expected = np.sqrt(np.sqrt(belief * first) * np.sqrt(belief * second))
+    assert PowerScore().of(features) == pytest.approx([expected])
+    assert PowerScore(ScoreMap(0.7, -0.2)).of(features) == pytest.approx([ScoreMap(0.7, -0.2)(expected)])
+    assert PowerScore(ScoreMap(0.7, -0.2)).hopeless == ScoreMap(0.7, -0.2)(HOPELESS)
+    assert PowerScore().of(np.full((1, 4), -800.0)) == pytest.approx([0.0])
+
+
+def test_the_score_is_the_nets_own_arithmetic_and_survives_its_file() -> None:
+    hidden, output = np.array([[0.5, 0.0, 1.0, 0.0, -0.2], [0.0, 0.1, 0.0, 2.0, 0.3]]), np.array([1.5, -0.5, 0.25])
+    score = FusedScore(hidden, output)
+    units = np.tanh([0.5 * 2.0 + 1.0 * -1.0 - 0.2, 0.1 * 3.0 + 2.0 * 0.5 + 0.3])
+    expected = 1.0 / (1.0 + np.exp(-(1.5 * units[0] - 0.5 * units[1] + 0.25)))
+    features = np.array([[2.0, 3.0, -1.0, 0.5]])
+    assert score.of(features) == pytest.approx([expected])
+    assert read_fused_score(score.content()).of(features) == pytest.approx([expected])
+
+
+def test_logits_without_bound_give_scores_between_zero_and_one() -> None:
+    score = FusedScore(np.ones((1, 5)), np.array([3.0, 0.0]))
+    values = score.of(np.array([[np.inf] * 4, [-np.inf] * 4, [np.nan] * 4]))
+    assert ((values >= 0.0) & (values <= 1.0)).all()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {"hidden": [[1.0, 2.0]], "output": [1.0, 2.0]},
+        {"hidden": [[1.0] * 5], "output": [1.0]},
+        {"hidden": [[float("nan")] * 5], "output": [1.0, 0.0]},
+    ],
+)
+def test_a_net_of_another_form_is_refused(content: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match="a net"):
+        read_fused_score(content)

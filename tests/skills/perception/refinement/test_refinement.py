@@ -12,6 +12,7 @@ from pomona.skills.geometry import inverse, rot_x, rotation_about, transform
 from pomona.skills.perception.fruit import Mesh
 from pomona.skills.perception.fruit.sizes import KindSizes
 from pomona.skills.perception.refinement import DepthLook, FruitContext, Limits, horizontal_plane, refine
+from pomona.skills.perception.refinement.cloud import Plane
 from pomona.skills.perception.refinement.errors import (
     AtBound,
     BadDepth,
@@ -21,7 +22,6 @@ from pomona.skills.perception.refinement.errors import (
     RenderFailed,
     TooFewInliers,
 )
-from pomona.skills.perception.refinement.support_plane import Plane
 
 PAPER_APPLES = ((89, 81, 89), (91, 85, 91), (93, 73, 93), (73, 64, 73), (62, 47, 62))
 ELEVATIONS = (32, 50, 68, 84)

@@ -151,7 +151,7 @@ def test_context_of_the_callers_thread_stays_current():
 import numpy as np, trimesh
 from pomona.drivers.interfaces import Intrinsics
 from pomona.skills.geometry import transform
-from pomona.skills.perception.refinement.gl import load_pyrender
+from pomona.skills.perception.refinement.render import load_pyrender
 from pomona.skills.perception.refinement.render import render_depth
 
 other = load_pyrender().OffscreenRenderer(64, 64)
@@ -243,7 +243,7 @@ def test_lives_beside_mujoco_in_either_order(order):
 def test_a_renderer_that_does_not_import_or_open_is_replaced(hidden: str, says: str) -> None:
     """In a process of its own: libraries that were imported before stay."""
     hide = {
-        "context": "import pomona.skills.perception.refinement.gl as gl\n"
+        "context": "import pomona.skills.perception.refinement.render as gl\n"
         "def refuse(self): raise OSError('no display')\n"
         "gl._GlRenderer.__init__ = refuse\n",
     }.get(hidden, f"import sys\nsys.modules[{hidden!r}] = None\n")

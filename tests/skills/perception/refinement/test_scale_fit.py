@@ -10,10 +10,10 @@ from scipy.optimize import minimize_scalar
 
 from pomona.drivers.interfaces import Intrinsics
 from pomona.skills.geometry import rotation_about, transform
+from pomona.skills.perception.refinement import DepthLook, Limits, refine
 from pomona.skills.perception.refinement.errors import BadDepth, DepthNotInMetres, NoDepth, TooFewInliers
-from pomona.skills.perception.refinement.paper import moved_and_scaled
 from pomona.skills.perception.refinement.render import image_box, render_depth
-from pomona.skills.perception.refinement.scale_fit import fit_scale
+from pomona.skills.perception.refinement.scale_fit import fit_scale, moved_and_scaled, sigma_bound
 
 CAMERA = Intrinsics(610.6, 610.6, 322.3, 241.9, 640, 480)
 MESHES = {
@@ -151,3 +151,33 @@ def test_any_depth_gives_a_supported_scale_or_a_refusal(depths, band):
     assert np.isfinite([fit.mu, fit.variance, fit.residual]).all()
     assert fit.inliers.any()
     assert fit.residual <= band
+
+
+def test_sigma_moves_along_the_ray_and_scales_with_the_distance():
+    T = np.eye(4)
+    T[:3, 3] = [0.1, -0.2, 0.5]
+    moved = moved_and_scaled(T, 0.1)
+    length = np.linalg.norm(T[:3, 3])
+    assert np.linalg.norm(moved[:3, 3]) == pytest.approx(length - 0.1)
+    np.testing.assert_allclose(np.cross(moved[:3, 3], T[:3, 3]), 0.0, atol=1e-12)
+    np.testing.assert_allclose(moved[:3, :3], np.eye(3) * (length - 0.1) / length)
+    assert sigma_bound(T[:3, 3]) == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize("elevation", [35, 60, 80])
+def test_both_methods_agree_on_noisy_depth(scene, apple, elevation):
+    """They choose their inliers differently; with the inliers alike, so is the scale."""
+    s = scene((89, 81, 89), elevation, 1)
+    results = [
+        refine(
+            DepthLook(s.depth, s.intrinsics, renderer="zbuffer"),
+            s.T_camera_detected,
+            apple,
+            method=method,
+            limits=Limits(8e-3),
+        )
+        for method in ("uniform", "paper")
+    ]
+    assert results[0].mu == pytest.approx(results[1].mu, abs=4e-3)
+    assert np.linalg.norm(results[0].T_camera_object[:3, 3] - results[1].T_camera_object[:3, 3]) < 3e-3
+    assert results[1].method == "paper"

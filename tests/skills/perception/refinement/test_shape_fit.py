@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -12,12 +14,10 @@ from pomona.drivers.depth_model import DepthModel
 from pomona.drivers.interfaces import Intrinsics
 from pomona.skills.geometry import inverse, rot_x, rot_y, rotation_about, transform
 from pomona.skills.perception.fruit import load_fruit
-from pomona.skills.perception.refinement.cloud import Cloud, cloud, together
-from pomona.skills.perception.refinement.depth_look import DepthLook
-from pomona.skills.perception.refinement.render import render_depth
-from pomona.skills.perception.refinement.shape_fit import RIGID, Priors, fit_shape
+from pomona.skills.perception.refinement.cloud import Cloud, Plane, cloud, horizontal_plane, together
+from pomona.skills.perception.refinement.render import DepthLook, render_depth
+from pomona.skills.perception.refinement.shape_fit import RIGID, Form, Priors, fit_shape
 from pomona.skills.perception.refinement.shape_steps import step_until_still
-from pomona.skills.perception.refinement.support_plane import Plane, horizontal_plane
 
 APPLE = load_fruit("apple")
 CAMERA = Intrinsics(305.3, 305.3, 159.5, 119.5, 320, 240)
@@ -170,3 +170,18 @@ def test_all_fits_use_one_compilation():
     for normal in (np.array([0.0, 0.0, -1.0]), tilted[:, 0]):
         fit_shape(points, APPLE, UPRIGHT, 1.0, support=Plane(normal, 0.6))
     assert len(step_until_still.signatures) == 1
+
+
+BALL = trimesh.creation.icosphere(subdivisions=5, radius=0.05)
+
+
+def test_cuboid_of_a_leaning_fruit_is_higher():
+    upright = Form.scaled(BALL, 1.0)
+    leaning = replace(upright, lean=np.array([0.05, 0.0]))
+    assert upright.cuboid(BALL)[1] == pytest.approx([0.1, 0.1, 0.1], rel=1e-3)
+    assert leaning.cuboid(BALL)[1][1] > 0.1
+
+
+def test_nearly_round_models_are_known(apple):
+    assert Form.scaled(apple, 1.0).nearly_round
+    assert not Form.scaled(trimesh.creation.box((0.1, 0.05, 0.08)), 1.0).nearly_round

@@ -11,8 +11,8 @@ from hypothesis import given, strategies as st
 from pomona.drivers.depth_model import SIMULATED
 from pomona.skills.geometry import is_pose, rot_x, rot_y, rotation_about, transform
 from pomona.skills.perception.refinement import DepthLook, FruitContext, refine
-from pomona.skills.perception.refinement.starts import other_starts
-from pomona.skills.perception.refinement.support_plane import Plane
+from pomona.skills.perception.refinement.cloud import Plane
+from pomona.skills.perception.refinement.shape_fit import other_starts
 
 angles = st.floats(-np.pi, np.pi)
 

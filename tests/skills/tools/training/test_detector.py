@@ -11,7 +11,7 @@ import torch
 
 from pomona.executive.errors import UsageError
 from pomona.executive.values.installation import install_extra
-from pomona.skills.perception.detection.compact_network import BeliefFinder, CloseLookNetwork
+from pomona.skills.perception.detection.networks import BeliefFinder, CloseLookNetwork
 from pomona.skills.perception.detection.weights import load_compact, save_compact
 from pomona.skills.perception.detection.weights_file import read_weights
 from pomona.tools.training import recipe

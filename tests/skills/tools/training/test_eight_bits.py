@@ -8,8 +8,7 @@ import onnx
 import pytest
 import torch
 
-from pomona.skills.perception.detection.compact_network import BeliefFinder, CloseLookNetwork
-from pomona.skills.perception.detection.finder_network import FinderNetwork
+from pomona.skills.perception.detection.networks import BeliefFinder, CloseLookNetwork, FinderNetwork
 from pomona.skills.perception.detection.onnx_runtime import onnx_network
 from pomona.skills.perception.detection.weights import load_compact, save_compact
 from pomona.skills.perception.detection.weights_file import StoredDetector, read_weights

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 import torch
 
-from pomona.skills.perception.detection.compact_network import CloseLookNetwork
 from pomona.skills.perception.detection.errors import BadTraining
-from pomona.skills.perception.detection.finder_network import FinderNetwork
+from pomona.skills.perception.detection.networks import CloseLookNetwork, FinderNetwork
 from pomona.skills.perception.detection.photo_folder import read_photographs
 from pomona.skills.perception.detection.photographs import PhotoSet
 from pomona.skills.perception.detection.weights import save_compact

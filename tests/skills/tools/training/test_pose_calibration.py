@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from pomona.skills.geometry import transform
-from pomona.skills.perception.detection.close_look import look_at
+from pomona.skills.perception.detection.close_look import label_rotation, look_at, minimal_rotation
 from pomona.skills.perception.detection.instances import Instance
-from pomona.skills.perception.detection.symmetry import label_rotation, minimal_rotation
 from pomona.tools.training.annotations import AnnotatedObject
 from pomona.tools.training.pose_calibration import (
     FREEDOM,

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from pomona.skills.perception.detection.compact_detector import CompactDetector
-from pomona.skills.perception.detection.found_fruit import FoundFruit
-from pomona.skills.perception.detection.options import DetectorOptions
+from pomona.skills.perception.detection.detection import DetectorOptions
+from pomona.skills.perception.detection.instances import FoundFruit
 from pomona.skills.perception.detection.photo_folder import read_photographs
 from pomona.skills.perception.fruit import load_fruit
 from pomona.tools.training.proposals import RecordedLook, propose, write_proposals
-from tests.skills.perception.detection.test_sphere_in_box import K, ball, box_of
+from tests.skills.perception.detection.test_box_detector import K, ball, box_of
 
 CENTRES = [(-0.15, 0.0, 0.5), (0.0, 0.0, 0.5), (0.15, 0.0, 0.5)]
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from pomona.skills.perception.detection.symmetry import STEM_AXIS, label_rotation
+from pomona.skills.perception.detection.close_look import STEM_AXIS, label_rotation
 from pomona.skills.perception.fruit import FruitModel, load_fruit
 from pomona.tools.training.annotations import read_annotation
 from pomona.tools.training.dataset import frame_paths, render_dataset

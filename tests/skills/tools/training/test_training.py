@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 import torch
 
-from pomona.skills.perception.detection.compact_network import CloseLookNetwork
+from pomona.skills.perception.detection.close_look import HEAT, QUALITY, REACHES
 from pomona.skills.perception.detection.errors import BadAnnotation, BadTraining
-from pomona.skills.perception.detection.finder_network import FinderNetwork
-from pomona.skills.perception.detection.outputs import HEAT, QUALITY, REACHES
+from pomona.skills.perception.detection.networks import CloseLookNetwork, FinderNetwork
 from pomona.tools.training import targets
 from pomona.tools.training.all_reduce import GradientAllReduce
 from pomona.tools.training.dataset import render_dataset

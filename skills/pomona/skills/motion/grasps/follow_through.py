@@ -9,7 +9,7 @@ from pomona.executive.values.arrays import Float64, Int64
 from pomona.skills.motion.collision.kernel import WorldArrays, check_states
 from pomona.skills.motion.collision.robot_shape import RobotArrays
 from pomona.skills.motion.collision.segment import check_segment
-from pomona.skills.motion.line_tracking import REACHED, track_poses
+from pomona.skills.motion.lines import REACHED, track_poses
 
 GOOD, START_BLOCKED, LINE_BROKEN, LINE_BLOCKED = 3, 0, 1, 2  # how far a solution came; GOOD ones came all the way
 

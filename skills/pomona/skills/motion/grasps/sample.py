@@ -22,8 +22,7 @@ from pomona.skills.motion.grasps.follow_through import (
     START_BLOCKED,
     follow_through,
 )
-from pomona.skills.motion.grasps.fruit_section import CrossSection, extent, fruit_section
-from pomona.skills.motion.grasps.gripper_shape import GripperShape, gripper_shape
+from pomona.skills.motion.grasps.gripper_shape import CrossSection, GripperShape, extent, fruit_section, gripper_shape
 from pomona.skills.motion.grasps.sphere import Sphere, pre_grasp_orientations
 from pomona.skills.motion.lines import LARGEST_RATE
 from pomona.skills.motion.planning.arm_space import ArmSpace

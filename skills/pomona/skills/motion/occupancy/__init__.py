@@ -1,15 +1,18 @@
 """Occupancy map from depth frames: free, occupied and hidden cells, ages, distance to blocked cells."""
 
-from pomona.skills.motion.occupancy.camera_pose import check_camera_pose, pose_of_camera
-from pomona.skills.motion.occupancy.errors import (
+from pomona.skills.motion.occupancy.integrate import Sensing, check_camera_pose, excess_green, integrate, pose_of_camera
+from pomona.skills.motion.occupancy.occupancy_map import (
+    FREE,
+    HIDDEN,
+    OCCUPIED,
+    UNKNOWN,
     CameraPoseMismatch,
     MapEmpty,
     MapStale,
     NothingMeasured,
     OccupancyError,
+    OccupancyMap,
 )
-from pomona.skills.motion.occupancy.integrate import Sensing, excess_green, integrate
-from pomona.skills.motion.occupancy.occupancy_map import FREE, HIDDEN, OCCUPIED, UNKNOWN, OccupancyMap
 
 __all__ = [
     "FREE",

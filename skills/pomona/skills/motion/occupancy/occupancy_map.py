@@ -1,18 +1,68 @@
-"""The occupancy map: the observed state of the cell's volume, as a frozen snapshot."""
+"""The occupancy map: the observed state of the cell's volume, as a frozen snapshot, and as a file of OctoMap (`.bt`).
+
+None of its errors is ever read as "free":
+
+OccupancyError
+├── NothingMeasured      a look without depth, or without a valid pixel in the mapped volume
+├── CameraPoseMismatch   the camera's given pose contradicts the arm or the table
+├── MapEmpty             no look has been taken yet
+└── MapStale             the newest look is too old
+
+The file of OctoMap is a text header, then the octree (`pomona.executive.values.octree`) of cells that are `resolution`
+wide.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pomona.executive.values import octree
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.read_only import read_only
-from pomona.skills.motion.collision.convex import Convex
-from pomona.skills.motion.collision.distance_field import DistanceField
-from pomona.skills.motion.occupancy.errors import MapEmpty, MapStale
+from pomona.skills.motion.collision.distance_field import Convex, DistanceField
+
+
+class OccupancyError(Exception):
+    """Root of this package's errors."""
+
+
+class NothingMeasured(OccupancyError):
+    """A frame without information about the mapped volume."""
+
+    def __init__(self, label: str, valid: int, inside: int) -> None:
+        self.label, self.valid, self.inside = label, valid, inside
+        super().__init__(
+            f"frame {label or '(unnamed)'} has {valid} pixels with depth, {inside} of them inside the mapped volume"
+        )
+
+
+class CameraPoseMismatch(OccupancyError):
+    """A camera pose that cannot be true."""
+
+    def __init__(self, problem: str, distance: float = 0.0, angle: float = 0.0) -> None:
+        self.problem, self.distance, self.angle = problem, distance, angle
+        super().__init__(f"the camera's pose contradicts the rest of the cell: {problem}")
+
+
+class MapEmpty(OccupancyError):
+    """A map without any look."""
+
+    def __init__(self) -> None:
+        super().__init__("the occupancy map holds no look yet: nothing in it may be taken for free")
+
+
+class MapStale(OccupancyError):
+    """A map whose newest look is too old."""
+
+    def __init__(self, age: float, max_age: float) -> None:
+        self.age, self.max_age = age, max_age
+        super().__init__(f"the newest look of the occupancy map is {age:.2f} s old, {max_age:.2f} s are allowed")
+
 
 UNKNOWN, FREE, OCCUPIED, HIDDEN = 0, 1, 2, 3  # states of a cell; HIDDEN: close behind a seen surface
 
@@ -90,3 +140,26 @@ class OccupancyMap:
         """Return the indices of the cell at a point of the base frame, shape (3,); they may lie outside the grid."""
         i, j, k = np.floor((np.asarray(point) - self.origin) / self.resolution).astype(int)
         return int(i), int(j), int(k)
+
+
+def write_bt(map: OccupancyMap, path: Path) -> None:
+    """Write a map. Blocked cells (occupied and hidden) are occupied, free cells free, the rest is unknown.
+
+    OctoMap's cells lie on multiples of the resolution: a map whose origin does not is shifted by up to half a cell.
+
+    Raises:
+        OSError: the file cannot be written.
+        ValueError: the map lies beyond the 32 768 cells on each side of the origin that the format can hold.
+    """
+    path.write_bytes(to_bt(map))
+
+
+def to_bt(map: OccupancyMap) -> bytes:
+    """Return the contents of a `.bt` file; see `write_bt`."""
+    known = np.argwhere(map.states != UNKNOWN)
+    codes = np.where(map.states[tuple(known.T)] >= OCCUPIED, octree.OCCUPIED, octree.FREE).astype(np.uint8)
+    data, nodes = octree.octree(known + np.round(map.origin / map.resolution).astype(np.int64), codes)
+    header = (
+        f"# Octomap OcTree binary file\n# written by Pomona\nid OcTree\nsize {nodes}\nres {map.resolution:.9g}\ndata\n"
+    )
+    return header.encode() + data

@@ -1,7 +1,7 @@
 """RRT-Connect to a set of goals, compiled by numba: a first path in a millisecond or two.
 
-Two trees grow, one from the start and one from all goals; the smaller one takes a step towards a random posture and
-the other one tries to reach the new node in steps of its own, until something is in the way (Kuffner and LaValle 2000).
+Two trees grow, one from the start and one from all goals; the smaller one takes a step towards a random posture and the
+other one tries to reach the new node in steps of its own, until something is in the way (Kuffner and LaValle 2000).
 Trees that have not met after a while are thrown away and begun anew with twice the patience: most problems are solved
 by small trees, and an unlucky start is cheaper to forget than to repair.
 """

@@ -1,10 +1,10 @@
 """Time for a path: joint polylines and smooth joint curves within velocity, acceleration and jerk limits.
 
 A polyline is driven at constant speed along each segment and then averaged over two sliding windows of T1 and T2
-seconds (a finite impulse response filter). The first average turns steps of velocity into ramps (bounded
-acceleration), the second turns ramps into S-curves (bounded jerk). Straight segments stay straight; a corner is rounded
-where two segments fall into one window, and stays sharp where the motion dwells at it for T1 + T2. All derivatives are
-second differences of integrals of the piecewise linear input, so they are exact and their extremes are known exactly.
+seconds (a finite impulse response filter). The first average turns steps of velocity into ramps (bounded acceleration),
+the second turns ramps into S-curves (bounded jerk). Straight segments stay straight; a corner is rounded where two
+segments fall into one window, and stays sharp where the motion dwells at it for T1 + T2. All derivatives are second
+differences of integrals of the piecewise linear input, so they are exact and their extremes are known exactly.
 """
 
 from __future__ import annotations

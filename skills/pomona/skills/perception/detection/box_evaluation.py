@@ -9,15 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
-
-
-def iou(a: Float64, b: Float64) -> Float64:
-    """Intersection over union of each box of `a` (n, 4) with each of `b` (m, 4), x, y, w, h; (n, m)."""
-    low = np.maximum(a[:, None, :2], b[None, :, :2])
-    high = np.minimum(a[:, None, :2] + a[:, None, 2:], b[None, :, :2] + b[None, :, 2:])
-    shared = np.clip(high - low, 0.0, None).prod(axis=2)
-    union = a[:, None, 2:].prod(axis=2) + b[None, :, 2:].prod(axis=2) - shared
-    return np.asarray(shared / np.maximum(union, 1e-12), np.float64)
+from pomona.skills.perception.detection.places import iou
 
 
 def match_boxes(found: Float64, scores: Float64, labelled: Float64, least: float) -> NDArray[np.bool_]:

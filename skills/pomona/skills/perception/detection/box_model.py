@@ -13,6 +13,8 @@ With more than one class the file names its classes in the metadata entry `names
 from __future__ import annotations
 
 import ast
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
@@ -24,13 +26,56 @@ from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64, UInt8
 from pomona.executive.values.trial import MEMORY, trial
-from pomona.skills.perception.detection.class_names import ClassUnknown, class_of
+from pomona.skills.perception.detection.close_look import check_picture
+from pomona.skills.perception.detection.detection import WORKING_WIDTH
 from pomona.skills.perception.detection.errors import BadWeights
-from pomona.skills.perception.detection.finder_places import distinct
-from pomona.skills.perception.detection.frame_check import check_picture
-from pomona.skills.perception.detection.onnx_graph import BadGraph, judge_model
-from pomona.skills.perception.detection.onnx_runtime import open_session
-from pomona.skills.perception.detection.options import WORKING_WIDTH
+from pomona.skills.perception.detection.onnx_runtime import BadGraph, judge_model, open_session
+from pomona.skills.perception.detection.places import distinct
+
+
+class ClassUnknown(ValueError):
+    """No class, or several, could be the fruit; the text lists the classes."""
+
+
+def class_of(names: Mapping[int, str], fruit: str) -> int:
+    """Return the number of the fruit's class: the one of its name, else the only one whose name has it as a word.
+
+    "red_apples" has the word apple; "pineapple" has not. Raises ClassUnknown: there is none, or several.
+    """
+    wanted = _words_of(fruit)
+    by_falling_likeness: tuple[Callable[[str], bool], ...] = (
+        lambda name: name.strip() == fruit,
+        lambda name: name.strip().casefold() == fruit.casefold(),
+        lambda name: _words_of(name) == wanted,
+        lambda name: _has(_words_of(name), wanted),
+    )
+    right: list[int] = []
+    for like in by_falling_likeness:
+        right = right or [number for number, name in names.items() if like(name)]
+    if len(right) != 1:
+        none = "none of them is" if not right else f"{len(right)} of them could be"
+        listed = ", ".join(list(names.values())[:8]) + (", …" if len(names) > 8 else "")
+        raise ClassUnknown(f"has the classes {listed}: {none} {fruit}")
+    return right[0]
+
+
+def _words_of(name: str) -> list[str]:
+    """Return the words of a name in small letters and in the singular: "RedApples_2" is red, apple, 2."""
+    parts = re.findall(r"[^\W\d_]+|\d+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name))
+    return [_singular(part.casefold()) for part in parts]
+
+
+def _singular(word: str) -> str:
+    for plural, singular in (("ies", "y"), ("oes", "o"), ("ches", "ch"), ("s", "")):
+        if word.endswith(plural) and len(word) > len(plural) + 2 and not word.endswith("ss"):
+            return word.removesuffix(plural) + singular
+    return word
+
+
+def _has(words: list[str], wanted: list[str]) -> bool:
+    """Return True if the wanted words stand in a name one after the other."""
+    return any(words[at : at + len(wanted)] == wanted for at in range(len(words) - len(wanted) + 1)) and bool(wanted)
+
 
 IN_PARTS = 2.0  # corners that all lie below this are in parts of the picture, not in pixels
 MULTIPLE = 32  # sides of an input without a fixed size are multiples of this stride [px]

@@ -1,19 +1,116 @@
-"""The second look: the view of a virtual camera turned to one fruit.
+"""The pictures that networks take, and their outputs; the second look: a virtual camera turned to one fruit.
+
+`label_rotation` gives one label among the equivalent poses of a fruit that is nearly symmetric about its stem axis.
+The label must move smoothly with the view, or the network is asked to jump. "The front faces the camera" is
+singular for a fruit seen from straight above. The swing rule is singular only for an upside-down fruit seen from
+below: take the mean upright view, and turn it by the smallest rotation that brings its stem axis onto the seen one.
 
 The virtual camera has the real one's place, is turned to the fruit and zoomed to its size; a plain crop would not do.
-Away from the picture's middle a round fruit appears up to a fifth longer than wide; in the turned view it is round,
-and its stem axis appears the same at every place in the picture.
+Away from the picture's middle a round fruit appears up to a fifth longer than wide; in the turned view it is round, and
+its stem axis appears the same at every place in the picture.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from pomona.executive.values.arrays import Float64
-from pomona.skills.perception.detection.outputs import AXIS, CENTRE, CLOSE_LOOK_SIZE, SIZE
-from pomona.skills.perception.detection.symmetry import STEM_AXIS, minimal_rotation
+from pomona.executive.values.arrays import Float32, Float64
+from pomona.skills.perception.detection.errors import BadFrame
+
+Network = Callable[[Float32], Sequence[Float32]]  # pictures (n, 3, h, w), RGB in 0..1 minus 0.5, to outputs
+FINDER_STRIDE = 4  # input pixels per cell of the belief maps
+OFFSET_UNIT = 8.0  # offsets are learnt in units of this many cells
+CLOSE_LOOK_SIZE = 96  # side of the square picture of one fruit [px]
+
+CENTRE, SIZE, AXIS, SPREAD, KIND, SEEN = slice(0, 2), 2, slice(3, 6), slice(6, 9), 9, 10
+"""Columns of the close look's output."""
+
+CLOSE_LOOK_OUTPUTS = SEEN + 1
+
+HEAT, REACHES, QUALITY = 0, slice(1, 5), 5
+"""Rows of the finder's maps: logit of the heat, log reaches left, up, right and down [cells], logit of the quality."""
+
+FINDER_MULTIPLE = 32  # sides of the finder's input are multiples of this [px]: its coarsest features have this stride
+
+
+LEAST_SIDE = 32  # pictures smaller than this on either side are refused [px]
+
+
+def check_picture(colour: object) -> None:
+    """Refuse a value that is no RGB picture.
+
+    Raises BadFrame: not an array of shape (h, w, 3), uint8, at least 32 px on each side.
+    """
+    expected = f"(h, w, 3) uint8 RGB, at least {LEAST_SIDE} px on each side"
+    if not isinstance(colour, np.ndarray):
+        raise BadFrame(expected, f"a {type(colour).__name__}")
+    if colour.dtype != np.uint8 or colour.ndim != 3 or colour.shape[2] != 3 or min(colour.shape[:2]) < LEAST_SIDE:
+        raise BadFrame(expected, f"{colour.shape} {colour.dtype}")
+
+
+MEAN_ELEVATION = np.deg2rad(57.0)  # mean elevation of the view [rad]; the label's singularity is opposite to it
+STEM_AXIS = np.array([0.0, -1.0, 0.0])  # the stem axis in the object frame
+
+
+def minimal_rotation(source: ArrayLike, target: ArrayLike) -> NDArray[np.float64]:
+    """Return the rotation by the smallest angle that maps unit vector `source` onto unit vector `target`, (3, 3)."""
+    a, b = np.asarray(source, np.float64), np.asarray(target, np.float64)
+    cosine = float(a @ b)
+    if cosine < -1.0 + 1e-9:
+        # Any half turn across the source will do: the axis is not determined here.
+        across = np.cross(a, [1.0, 0.0, 0.0] if abs(a[0]) < 0.9 else [0.0, 1.0, 0.0])
+        across /= np.linalg.norm(across)
+        half_turn: NDArray[np.float64] = 2.0 * np.outer(across, across) - np.eye(3)
+        return half_turn
+    # I + [v]x + [v]x² / (1 + c) with v = a x b, written out: this is called sixty times a picture.
+    (p, q, r), (s, t, u) = a.tolist(), b.tolist()
+    x, y, z = q * u - r * t, r * s - p * u, p * t - q * s
+    k = 1.0 / (1.0 + cosine)
+    return np.array(
+        [
+            [1.0 - k * (y * y + z * z), k * x * y - z, k * x * z + y],
+            [k * x * y + z, 1.0 - k * (x * x + z * z), k * y * z - x],
+            [k * x * z - y, k * y * z + x, 1.0 - k * (x * x + y * y)],
+        ]
+    )
+
+
+def label_rotation(stem_camera: ArrayLike, centre_camera: ArrayLike) -> NDArray[np.float64]:
+    """R_camera_object of the label by the swing rule, (3, 3).
+
+    Args:
+        stem_camera: direction of the stem axis in the camera frame, (3,).
+        centre_camera: the fruit's centre in the camera frame, (3,) [m].
+    """
+    stem = np.asarray(stem_camera, np.float64) / np.linalg.norm(stem_camera)
+    upright = upright_rotation(centre_camera)
+    # Turned back into the ray's frame, so that the label is the same wherever in the picture the fruit lies.
+    R_ray = _ray_rotation(centre_camera)
+    swing = minimal_rotation(R_ray.T @ upright @ STEM_AXIS, R_ray.T @ stem)
+    rotation: NDArray[np.float64] = R_ray @ swing @ R_ray.T @ upright
+    return rotation
+
+
+def upright_rotation(centre_camera: ArrayLike) -> NDArray[np.float64]:
+    """R_camera_object (3, 3) of a fruit with its stem up, as a camera sees it at the mean elevation.
+
+    Args:
+        centre_camera: the fruit's centre in the camera frame, (3,) [m].
+    """
+    cosine, sine = np.cos(MEAN_ELEVATION), np.sin(MEAN_ELEVATION)
+    R_mean = np.array([[1.0, 0.0, 0.0], [0.0, cosine, -sine], [0.0, sine, cosine]])
+    rotation: NDArray[np.float64] = _ray_rotation(centre_camera) @ R_mean
+    return rotation
+
+
+def _ray_rotation(centre_camera: ArrayLike) -> NDArray[np.float64]:
+    ray = np.asarray(centre_camera, np.float64) / np.linalg.norm(centre_camera)
+    return minimal_rotation((0.0, 0.0, 1.0), ray)
+
 
 MARGIN = 1.15  # half side of the look over the corners' mean distance: the fruit fills two thirds
 REFERENCE_LENGTH = 0.0633  # length whose picture is a fruit's size [m]: mean distance of an apple's corners

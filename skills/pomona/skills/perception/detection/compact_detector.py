@@ -12,15 +12,7 @@ import numpy as np
 
 from pomona.executive.values.arrays import Float32, Float64, UInt8
 from pomona.executive.values.trial import trial
-from pomona.skills.perception.detection.close_look import REFERENCE_LENGTH, look_at
-from pomona.skills.perception.detection.errors import BadWeights, MissingPackage
-from pomona.skills.perception.detection.finder_places import MOST_PEAKS, Proposal, read_places
-from pomona.skills.perception.detection.found_fruit import FoundFruit
-from pomona.skills.perception.detection.frame_check import check_picture
-from pomona.skills.perception.detection.fused_score import FEATURES
-from pomona.skills.perception.detection.onnx_runtime import judge_network, onnx_network
-from pomona.skills.perception.detection.options import WORKING_WIDTH, DetectorOptions
-from pomona.skills.perception.detection.outputs import (
+from pomona.skills.perception.detection.close_look import (
     AXIS,
     CENTRE,
     CLOSE_LOOK_OUTPUTS,
@@ -29,23 +21,34 @@ from pomona.skills.perception.detection.outputs import (
     FINDER_STRIDE,
     HEAT,
     KIND,
+    REFERENCE_LENGTH,
     SEEN,
     SPREAD,
     Network,
+    check_picture,
+    look_at,
 )
-from pomona.skills.perception.detection.pyramid import (
+from pomona.skills.perception.detection.detection import WORKING_WIDTH, DetectorOptions
+from pomona.skills.perception.detection.errors import BadWeights, MissingPackage
+from pomona.skills.perception.detection.instances import FoundFruit
+from pomona.skills.perception.detection.onnx_runtime import judge_network, onnx_network
+from pomona.skills.perception.detection.places import (
     LARGEST_FRUIT,
+    MOST_PEAKS,
     SMALLEST_FRUIT,
+    Proposal,
     agreed_score,
     megapixels,
     merge,
+    read_places,
     search_sides,
     tiles,
 )
-from pomona.skills.perception.detection.scores import PowerScore
 from pomona.skills.perception.detection.weights_file import (
     CLOSE_LOOK,
+    FEATURES,
     FINDER,
+    PowerScore,
     Score,
     StoredDetector,
     is_torch_file,

@@ -1,15 +1,19 @@
-"""Belief and affinity maps to keypoints, with the constants of DOPE's post-processing."""
+"""DOPE's config_pose.yaml, and belief and affinity maps to keypoints with the constants of its post-processing."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+import yaml
+from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import gaussian_filter
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.perception.detection.errors import BadMaps
+from pomona.executive.values.plain_text import read_plain_text
+from pomona.skills.perception.detection.errors import BadMaps, BadPoseConfig
 
 OFFSET_DUE_TO_UPSAMPLING = 0.4395  # where a peak lies within its cell, in DOPE's convention [cells]
 WINDOW = 5  # half width of the window whose weighted mean locates a peak [cells]
@@ -133,3 +137,140 @@ def _units(vectors: Float64) -> Float64:
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     units: Float64 = np.divide(vectors, length, out=np.full_like(vectors, np.nan), where=length > 0.0)
     return units
+
+
+SAME_SIZE = 0.05  # greatest relative difference between the sides of a configured cuboid and those of the fruit's mesh
+
+_THRESHOLDS = ("thresh_angle", "thresh_map", "sigma", "thresh_points")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ObjectEntry:
+    """One object of a config_pose.yaml."""
+
+    name: str  # its key in the file
+    weights: str  # as written: a path or URL; empty in files of DOPE's newer tools, which take weights as an option
+    dimensions: NDArray[np.float64]  # cuboid [m]; the file gives centimetres
+    class_id: int = 0  # number for messages; 0 when the file gives none
+    draw_colour: tuple[int, int, int] = (255, 255, 255)  # RGB
+    # (4, 4) from the mesh's frame to the detection's
+    model_transform: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    mesh: str = ""  # path or URL, empty when there is none
+    mesh_scale: float = 1.0  # factor to metres
+
+
+@dataclass(frozen=True, slots=True)
+class PoseConfig:
+    """A whole config_pose.yaml: objects by name, and how pictures are treated."""
+
+    objects: dict[str, ObjectEntry]
+    thresholds: DecodeThresholds
+    downscale_height: int = 400
+    input_is_rectified: bool = True
+
+
+def load_pose_config(path: Path | str) -> PoseConfig:
+    """Read a config_pose.yaml, plain or with its entries under `/dope: ros__parameters:` as in ROS 2 launches.
+
+    Keys without a use in Detect (topics, frames, camera settings) are ignored, as in DOPE. The objects are those with
+    weights; in a file without weights, as DOPE's tools under `train/` read it, those with dimensions.
+
+    Raises BadPoseConfig: unreadable, without objects, or an object without dimensions.
+    """
+    content = _read(Path(path))
+    weights, dimensions = _table(path, content, "weights"), _table(path, content, "dimensions")
+    if not dimensions:
+        raise BadPoseConfig(path, "names no dimensions of any object, expected dimensions: {apple: [9.8, 8.5, 9.6]}")
+    objects = {}
+    for name, source in (weights or dict.fromkeys(dimensions, "")).items():
+        if name not in dimensions:
+            raise BadPoseConfig(path, f"{name} has weights but no dimensions")
+        objects[name] = ObjectEntry(
+            name=name,
+            weights=str(source),
+            dimensions=_numbers(path, f"dimensions of {name}", dimensions[name], (3,)) / 100.0,
+            class_id=round(_number(path, f"class_ids of {name}", _table(path, content, "class_ids").get(name, 0))),
+            draw_colour=_colour(path, name, _table(path, content, "draw_colors").get(name, (255, 255, 255))),
+            model_transform=_numbers(
+                path,
+                f"model_transforms of {name}",
+                _table(path, content, "model_transforms").get(name, np.eye(4)),
+                (4, 4),
+            ),
+            mesh=str(_table(path, content, "meshes").get(name, "")),
+            mesh_scale=_positive(path, f"mesh_scales of {name}", _table(path, content, "mesh_scales").get(name, 1.0)),
+        )
+    thresholds = {key: _number(path, key, content[key]) for key in _THRESHOLDS if key in content}
+    downscale = round(_positive(path, "downscale_height", content.get("downscale_height", 400)))
+    return PoseConfig(objects, DecodeThresholds(**thresholds), downscale, bool(content.get("input_is_rectified", True)))
+
+
+def find_entry(path: Path, fruit: str, dimensions: NDArray[np.float64]) -> tuple[PoseConfig, ObjectEntry]:
+    """Read a config_pose.yaml and the fruit's entry in it: that of its name, or the only one.
+
+    Args:
+        fruit: name.
+        dimensions: of its mesh, (3,) [m].
+
+    Raises BadPoseConfig: unreadable, without this fruit, or with a cuboid of another size.
+    """
+    config = load_pose_config(path)
+    entry = config.objects.get(fruit)
+    if entry is None and len(config.objects) == 1:
+        entry = next(iter(config.objects.values()))
+    if entry is None:
+        raise BadPoseConfig(path, f"configures {', '.join(config.objects)}, not {fruit}")
+    if np.any(np.abs(entry.dimensions - dimensions) > SAME_SIZE * dimensions):
+        cuboid, mesh = (" × ".join(f"{100 * v:.1f}" for v in sides) for sides in (entry.dimensions, dimensions))
+        raise BadPoseConfig(
+            path, f"{entry.name} is {cuboid} cm, the mesh of {fruit} {mesh} cm: they must be the same object"
+        )
+    return config, entry
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        content = yaml.safe_load(read_plain_text(path))
+    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
+        raise BadPoseConfig(path, f"cannot be read: {error}") from error
+    while isinstance(content, dict) and len(content) == 1 and not content.keys() & {"weights", "dimensions"}:
+        content = next(iter(content.values()))
+    if not isinstance(content, dict):
+        raise BadPoseConfig(path, "must be a mapping with weights and dimensions")
+    return content
+
+
+def _table(path: Path | str, content: dict[str, Any], key: str) -> dict[str, Any]:
+    table = content.get(key) or {}
+    if not isinstance(table, dict):
+        raise BadPoseConfig(path, f"{key} must map objects to values")
+    return table
+
+
+def _numbers(path: Path | str, what: str, value: Any, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    try:
+        numbers = np.asarray(value, np.float64)
+    except (TypeError, ValueError) as error:
+        raise BadPoseConfig(path, f"{what} must be numbers, not {value!r}") from error
+    if numbers.size == int(np.prod(shape)):
+        numbers = numbers.reshape(shape)
+    if numbers.shape != shape or not np.isfinite(numbers).all():
+        count = f"{' by '.join(map(str, shape))} finite numbers" if shape else "a finite number"
+        raise BadPoseConfig(path, f"{what} must be {count}, not {value!r}")
+    return numbers
+
+
+def _number(path: Path | str, what: str, value: Any) -> float:
+    return float(_numbers(path, what, value, ()))
+
+
+def _positive(path: Path | str, what: str, value: Any) -> float:
+    number = _number(path, what, value)
+    if number <= 0.0:
+        raise BadPoseConfig(path, f"{what} must be positive, not {value!r}")
+    return number
+
+
+def _colour(path: Path | str, name: str, value: Any) -> tuple[int, int, int]:
+    r, g, b = _numbers(path, f"draw_colors of {name}", value, (3,)).astype(int).tolist()
+    return r, g, b

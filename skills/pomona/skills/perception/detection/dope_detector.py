@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.trial import MEMORY, trial
-from pomona.skills.perception.detection.dope_decode import decode_maps
-from pomona.skills.perception.detection.dope_network import DopeNetwork, dope_input
+from pomona.skills.perception.detection.detection import DopeFiles
+from pomona.skills.perception.detection.dope_decode import PoseConfig, decode_maps, find_entry
 from pomona.skills.perception.detection.errors import BadWeights, PoseUnsolved
-from pomona.skills.perception.detection.instances import Instance
-from pomona.skills.perception.detection.options import DopeFiles
+from pomona.skills.perception.detection.instances import Instance, cuboid_in_picture
+from pomona.skills.perception.detection.networks import DopeNetwork, dope_input
 from pomona.skills.perception.detection.pose import solve_pose
-from pomona.skills.perception.detection.pose_config import PoseConfig, find_entry
-from pomona.skills.perception.detection.rigid_pose import cuboid_in_picture
 from pomona.skills.perception.detection.weights import load_weights
 from pomona.skills.perception.detection.weights_file import MOST_TORCH_BYTES
 

@@ -15,11 +15,19 @@ import yaml
 
 from pomona.executive.values.pictures import UnusablePicture, read_picture
 from pomona.executive.values.plain_text import NoTableError, read_plain_text, read_table
-from pomona.skills.perception.detection.class_names import ClassUnknown, class_of
+from pomona.skills.perception.detection.box_model import ClassUnknown, class_of
 from pomona.skills.perception.detection.errors import BadPhotographs
-from pomona.skills.perception.detection.labelled import PICTURES, Labelled, files
-from pomona.skills.perception.detection.photographs import Photograph, PhotoSet
-from pomona.skills.perception.detection.published import kfuji, kfuji_folder, minneapple, minneapple_folders
+from pomona.skills.perception.detection.photographs import (
+    PICTURES,
+    Labelled,
+    Photograph,
+    PhotoSet,
+    files,
+    kfuji,
+    kfuji_folder,
+    minneapple,
+    minneapple_folders,
+)
 
 SLACK = 3.0  # a box may end this far outside of its picture, as rounding leaves it, and is cut there [px]
 

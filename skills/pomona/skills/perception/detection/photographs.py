@@ -1,16 +1,25 @@
-"""Photographs with boxes around fruit."""
+"""Photographs with boxes around fruit, and the published data sets of apples.
+
+- MinneApple (Häni and others, 2020), detection: `train/images/` beside `train/masks/`, one mask of the same name per
+  picture, 0 for background and another value per apple. `test/` has no masks.
+- KFuji RGB-DS (Gené-Mola and others, 2019): `preprocessed data/` with `images/NAMEhr.jpg`,
+  `square_annotations1/NAME.xml` and `sets/train.txt`, `val.txt` and `test.txt` of names.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64, UInt8
-from pomona.executive.values.pictures import UnusablePicture, read_picture
+from pomona.executive.values.pictures import ENDINGS, UnusablePicture, read_picture, read_plane
+from pomona.executive.values.plain_text import read_plain_text
 from pomona.skills.perception.detection.errors import BadPhotographs
 
 FRUIT_IN_INPUT = 45.6
@@ -66,3 +75,122 @@ def fruit_scale(photographs: Sequence[Photograph]) -> float:
     """Return the factor by which these photographs are shrunk for the finder."""
     longer = [photo.boxes[:, 2:].max(axis=1) for photo in photographs if len(photo.boxes)]
     return FRUIT_IN_INPUT / float(np.median(np.concatenate(longer)))
+
+
+PICTURES = ENDINGS
+
+MOST_FILES = 200_000  # a folder with more files is refused: each is looked at
+
+Boxes = list[tuple[float, float, float, float]]
+
+
+@dataclass(slots=True)
+class Labelled:
+    """One picture with its labels as they are written."""
+
+    path: Path  # of the picture
+    says: str  # file of the labels, for messages
+    split: str = ""  # split, group: as of `Photograph`; empty where nothing gives them
+    group: str = ""
+    size: tuple[int, int] | None = None  # width and height that the labels give [px]; None without
+    parts: bool = False  # boxes are in parts of the picture, not in pixels
+    boxes: Boxes = field(default_factory=list)  # x, y, w, h
+    lines: list[str] = field(default_factory=list)  # place of each box in `says`
+    crowd: list[bool] = field(default_factory=list)  # whether each box is of more than one fruit or marked as doubtful
+
+    def add(self, box: tuple[float, float, float, float], line: str, crowd: bool = False) -> None:
+        """Append a box with its place in the file of labels."""
+        self.boxes.append(box)
+        self.lines.append(line)
+        self.crowd.append(crowd)
+
+
+def files(folder: Path) -> list[Path]:
+    """Return all files in a folder and its folders.
+
+    Raises BadPhotographs: no such folder, or more than `MOST_FILES` files.
+    """
+    if not folder.is_dir():
+        raise BadPhotographs(folder, "no such folder")
+    found = list(islice((p for p in folder.rglob("*") if p.is_file()), MOST_FILES + 1))
+    if len(found) > MOST_FILES:
+        raise BadPhotographs(folder, f"holds more than {MOST_FILES} files: name a folder with fewer")
+    return found
+
+
+ANNOTATIONS, SETS, COLOUR = "square_annotations1", "sets", "hr.jpg"
+"""KFuji's folders of boxes and of names, and the ending of its colour pictures."""
+
+
+def minneapple_folders(folder: Path) -> list[Path]:
+    """Return the folders with `images/` and `masks/`: this one, or those in it or in its `detection/`."""
+    places = [folder, *sorted(folder.glob("*")), *sorted(folder.glob("detection/*"))]
+    return [place for place in places if (place / "masks").is_dir() and (place / "images").is_dir()]
+
+
+def minneapple(folder: Path) -> list[Labelled]:
+    """Read the pictures and masks of MinneApple; pictures of one sequence, by their names, are one group.
+
+    Raises BadPhotographs: a picture without its mask, a mask without its picture, or a mask of another form.
+    """
+    items = []
+    for place in minneapple_folders(folder):
+        pictures = {path.stem: path for path in (place / "images").iterdir() if path.suffix.lower() in PICTURES}
+        masks = {path.stem: path for path in (place / "masks").iterdir() if path.suffix.lower() in PICTURES}
+        for here, missing, kind in ((pictures, masks, "mask in masks/"), (masks, pictures, "picture in images/")):
+            alone = sorted(here.keys() - missing.keys())
+            if alone:
+                raise BadPhotographs(here[alone[0]], f"has no {kind}, like {len(alone) - 1} others")
+        items += [_masked(pictures[name], masks[name]) for name in sorted(pictures)]
+    return items
+
+
+def _masked(picture: Path, path: Path) -> Labelled:
+    try:
+        mask = read_plane(path)
+    except UnusablePicture as error:
+        raise BadPhotographs(path, str(error)) from error
+    if mask.ndim != 2:
+        raise BadPhotographs(path, f"has {mask.shape[2]} channels, expected one: 0 for background, a value per apple")
+    height, width = mask.shape
+    item = Labelled(picture, str(path), group="_".join(picture.stem.split("_")[:-1]), size=(width, height))
+    for value in np.unique(mask[mask > 0]).tolist():
+        rows, columns = (np.flatnonzero((mask == value).any(axis=axis)) for axis in (1, 0))
+        left, top = float(columns[0]), float(rows[0])
+        item.add((left, top, float(columns[-1]) + 1.0 - left, float(rows[-1]) + 1.0 - top), f"value {value}")
+    return item
+
+
+def kfuji_folder(folder: Path) -> Path | None:
+    """Return the folder with KFuji's boxes: this one, or one of the two levels in it; None without."""
+    found = [folder / ANNOTATIONS, *sorted(folder.glob(f"*/{ANNOTATIONS}")), *sorted(folder.glob(f"*/*/{ANNOTATIONS}"))]
+    return next((place.parent for place in found if place.is_dir()), None)
+
+
+def kfuji(folder: Path) -> list[Labelled]:
+    """Read KFuji's pictures by the names in `sets/`. Raises BadPhotographs: a file is missing or has another form."""
+    items = []
+    for split in ("train", "val", "test"):
+        listed = folder / SETS / f"{split}.txt"
+        try:
+            names = read_plain_text(listed).split()
+        except (OSError, ValueError) as error:
+            raise BadPhotographs(listed, f"cannot be read, expected a name per line: {error}") from None
+        items += [_annotated(folder, name, split) for name in names]
+    return items
+
+
+def _annotated(folder: Path, name: str, split: str) -> Labelled:
+    path = folder / ANNOTATIONS / f"{name}.xml"
+    item = Labelled(folder / "images" / f"{name}{COLOUR}", str(path), split)
+    try:
+        text = read_plain_text(path)
+        if "<!DOCTYPE" in text:
+            raise ValueError("it declares a document type")
+        root = ElementTree.fromstring(text)
+        for number, box in enumerate(root.iter("bbox"), start=1):
+            left, top, right, bottom = (float(box.findtext(side) or "") for side in ("xmin", "ymin", "xmax", "ymax"))
+            item.add((left, top, right - left, bottom - top), f"object {number}")
+    except (OSError, ValueError, ElementTree.ParseError) as error:
+        raise BadPhotographs(path, f"is no annotation of KFuji's: {error}") from None
+    return item

@@ -12,14 +12,12 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from pomona.skills.perception.detection.compact_network import BeliefFinder, CloseLookNetwork
-from pomona.skills.perception.detection.dope_network import DopeNetwork
+from pomona.skills.perception.detection.close_look import CLOSE_LOOK_OUTPUTS, CLOSE_LOOK_SIZE
 from pomona.skills.perception.detection.errors import BadWeights, MissingPackage
-from pomona.skills.perception.detection.finder_network import FinderNetwork
+from pomona.skills.perception.detection.networks import BeliefFinder, CloseLookNetwork, DopeNetwork, FinderNetwork
 from pomona.skills.perception.detection.onnx_runtime import INPUT
-from pomona.skills.perception.detection.outputs import CLOSE_LOOK_OUTPUTS, CLOSE_LOOK_SIZE
-from pomona.skills.perception.detection.scores import PowerScore
 from pomona.skills.perception.detection.weights_file import (
+    PowerScore,
     Score,
     StoredDetector,
     is_torch_file,

@@ -1,10 +1,14 @@
-"""Weights files of the compact detector: both networks as ONNX in one archive, read without PyTorch.
+"""Weights files of the compact detector: both networks as ONNX in one archive, read without PyTorch, and their score.
 
 A weights file is a zip archive of three members:
 
 - `finder.onnx` and `close_look.onnx`: input `picture`, float32 (n, 3, h, w), RGB in 0..1 minus 0.5. The finder's h and
   w are multiples of 32, the close look's 96. Outputs are those of `FinderNetwork` and `CloseLookNetwork`.
 - `about.json`: the file's format, how the weights were made, and their score.
+
+The score is fitted to heat, box quality and the close look's kind. Products of powers of these cost one domain several
+points of recall: heat separates better on photographs, kind on rendered frames. A net of a few units serves both with
+one threshold (docs/evidence/detect-photographs.md).
 """
 
 from __future__ import annotations
@@ -17,10 +21,101 @@ from pathlib import Path
 from typing import Any
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
+import numpy as np
+
 from pomona.executive.values.archives import ArchiveTooLarge, open_archive
+from pomona.executive.values.arrays import Float64
 from pomona.skills.perception.detection.errors import BadWeights
-from pomona.skills.perception.detection.fused_score import FusedScore, read_fused_score
-from pomona.skills.perception.detection.scores import PowerScore, ScoreMap
+
+HOPELESS = 0.2  # least product after one look for a second one: a quarter of the places have less, and hardly any fruit
+EDGE = 1e-6  # scores are kept so far from 0 and 1 before their logits are taken
+
+
+@dataclass(frozen=True, slots=True)
+class ScoreMap:
+    """Line through logits, from a product of the networks' outputs to a ratio of fruit (Platt's scaling).
+
+    It rises, so that it changes no order. The default changes nothing.
+    """
+
+    slope: float = 1.0  # of the line, more than 0
+    offset: float = 0.0  # of the line
+
+    def __call__(self, score: float) -> float:
+        """Return the ratio of fruit among detections with this score, 0..1."""
+        return float(self.of(np.array([score]))[0])
+
+    def of(self, scores: Float64) -> Float64:
+        """Return the same of many, (n,)."""
+        if self == ScoreMap():
+            return scores
+        return np.asarray(1.0 / (1.0 + np.exp(-(self.slope * _logit(scores) + self.offset))), np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class PowerScore:
+    """Score of weights without a fitted one: product of powers of heat and of the kind that both looks give."""
+
+    line: ScoreMap = ScoreMap()  # from this product to the ratio of fruit
+
+    @property
+    def hopeless(self) -> float:
+        """A place with less score after one look gets no second one."""
+        return self.line(HOPELESS)
+
+    def of(self, features: Float64) -> Float64:
+        """Return scores of places with these features, logits as of `FusedScore` (n, 4): (n,)."""
+        heat, _, first, second = -np.logaddexp(0.0, -features.T)
+        return self.line.of(np.exp(0.5 * heat + 0.25 * (first + second)))
+
+    def content(self) -> dict[str, float]:
+        """As a weights file holds it."""
+        return {"slope": self.line.slope, "offset": self.line.offset}
+
+
+def _logit(scores: Float64) -> Float64:
+    inner = np.clip(scores, EDGE, 1.0 - EDGE)
+    return np.asarray(np.log(inner) - np.log1p(-inner), np.float64)
+
+
+FEATURES = 4  # logits: heat, box quality, kind of the first look, and kind of the second look
+LARGEST = 12.0  # logits are cut at ± this before the net reads them
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FusedScore:
+    """A net with one hidden layer of tanh units."""
+
+    hidden: Float64  # weights and, last, bias of each unit, (units, 5)
+    output: Float64  # weights of the units and, last, bias, (units + 1,)
+
+    hopeless: float = 0.05  # a place with less score after one look gets no second one
+
+    def __post_init__(self) -> None:
+        fits = self.hidden.ndim == 2 and self.hidden.shape[1] == FEATURES + 1
+        if not fits or self.output.shape != (len(self.hidden) + 1,):
+            raise ValueError(f"a net of {self.hidden.shape} and {self.output.shape}, expected (n, 5) and (n + 1,)")
+        if not (np.isfinite(self.hidden).all() and np.isfinite(self.output).all()):
+            raise ValueError("a net with values that are not finite")
+
+    def of(self, features: Float64) -> Float64:
+        """Estimated ratio of fruit among places with these features (n, 4): (n,), 0..1."""
+        x = np.clip(np.nan_to_num(features), -LARGEST, LARGEST)
+        units = np.tanh(x @ self.hidden[:, :FEATURES].T + self.hidden[:, FEATURES])
+        return np.asarray(1.0 / (1.0 + np.exp(-(units @ self.output[:-1] + self.output[-1]))), np.float64)
+
+    def content(self) -> dict[str, Any]:
+        """As `read_fused_score` reads it."""
+        return {"hidden": self.hidden.tolist(), "output": self.output.tolist()}
+
+
+def read_fused_score(content: Mapping[str, Any]) -> FusedScore:
+    """Return the score that `FusedScore.content` describes.
+
+    Raises KeyError, TypeError, ValueError: it describes none.
+    """
+    return FusedScore(np.array(content["hidden"], np.float64), np.array(content["output"], np.float64))
+
 
 FORMAT = "pomona compact detector 3"
 

@@ -1,8 +1,13 @@
-"""Fruit models: a folder with a fruit.yaml and its meshes, found by name or by path."""
+"""Errors of the fruit catalogue.
+
+FruitError
+├── UnknownFruit      no such name in the catalogue
+└── BadFruitFile      a fruit.yaml, or the mesh it names, that cannot be read
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from pathlib import Path
@@ -14,7 +19,7 @@ from numpy.typing import NDArray
 from pomona.executive.values.archives import open_archive
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.documents import read_value_file, with_includes
-from pomona.executive.values.findings import Finding, Findings
+from pomona.executive.values.findings import Finding, Findings, did_you_mean, format_findings
 from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.kinds import Measure, Number, PathTo, Row, Schema, Text
 from pomona.executive.values.mesh_file import UnreadableMeshError, read_mesh
@@ -22,8 +27,30 @@ from pomona.executive.values.plain_text import is_file
 from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import LENGTH, MASS, RATIO, Array
 from pomona.executive.values.yaml_nodes import Refused
-from pomona.skills.perception.fruit.errors import BadFruitFile, UnknownFruit
 from pomona.skills.perception.fruit.sizes import KindSizes
+
+
+class FruitError(Exception):
+    """Root of this package's errors."""
+
+
+class UnknownFruit(FruitError):
+    """The catalogue has no fruit of this name."""
+
+    def __init__(self, name: str, known: tuple[str, ...]) -> None:
+        self.name, self.known = name, known
+        hint = did_you_mean(name, known)
+        there = f"the catalogue has {', '.join(known) or 'none'}"
+        super().__init__(f"no fruit named '{name}'; {hint + ' ' if hint else ''}{there}")
+
+
+class BadFruitFile(FruitError):
+    """A fruit file that cannot be used, with everything that was found in it."""
+
+    def __init__(self, path: Path, findings: Sequence[Finding]) -> None:
+        self.path, self.findings = path, tuple(findings)
+        super().__init__(format_findings(self.findings))
+
 
 CATALOGUE = installed_trees() / "fruits"
 MOST_WEIGHTS = 256 << 20  # of a file of weights, unpacked, of whichever kind [byte]

@@ -1,14 +1,12 @@
 """Refine: where a detected fruit truly is and how large it truly is, from depth."""
 
 from pomona.skills.perception.measured_fruit import MeasuredFruit
-from pomona.skills.perception.refinement.depth_image import ImageBox
-from pomona.skills.perception.refinement.depth_look import DepthLook
+from pomona.skills.perception.refinement.cloud import Plane, horizontal_plane
+from pomona.skills.perception.refinement.depth_image import ImageBox, Limits, RefineResult
 from pomona.skills.perception.refinement.refinement import FruitContext, refine
-from pomona.skills.perception.refinement.render import render_depth
-from pomona.skills.perception.refinement.result import Limits, RefineResult
+from pomona.skills.perception.refinement.render import DepthLook, render_depth
 from pomona.skills.perception.refinement.scale_fit import ScaleFit, fit_scale
 from pomona.skills.perception.refinement.shape_fit import Priors
-from pomona.skills.perception.refinement.support_plane import Plane, horizontal_plane
 
 __all__ = [
     "DepthLook",

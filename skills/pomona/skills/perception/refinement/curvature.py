@@ -15,8 +15,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
+from pomona.skills.perception.refinement.cloud import connected_to
 from pomona.skills.perception.refinement.depth_image import DepthImage
-from pomona.skills.perception.refinement.segment import connected_to
 
 _INNER = 0.87  # scale of the silhouette within which pixels are used: mixed pixels at the outline disturb
 

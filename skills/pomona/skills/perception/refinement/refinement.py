@@ -10,11 +10,19 @@ import numpy as np
 from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.values.arrays import Float64
 from pomona.skills.perception.fruit.sizes import KindSizes
-from pomona.skills.perception.refinement.checks import check_pose, extents, farthest
-from pomona.skills.perception.refinement.cloud import Cloud
+from pomona.skills.perception.refinement.cloud import Cloud, Plane, gather, gather_others, near_model, plane_below
 from pomona.skills.perception.refinement.curvature import least_curvature
-from pomona.skills.perception.refinement.depth_image import DepthImage, ImageBox, Triangles
-from pomona.skills.perception.refinement.depth_look import DepthLook
+from pomona.skills.perception.refinement.depth_image import (
+    DepthImage,
+    ImageBox,
+    Limits,
+    Method,
+    RefineResult,
+    Triangles,
+    check_pose,
+    extents,
+    farthest,
+)
 from pomona.skills.perception.refinement.errors import (
     AtBound,
     NotItsShape,
@@ -22,13 +30,18 @@ from pomona.skills.perception.refinement.errors import (
     SizeOutOfRange,
     TooFewInliers,
 )
-from pomona.skills.perception.refinement.gather import gather, gather_others, near_model, plane_below
-from pomona.skills.perception.refinement.paper import fit_scale_by_rendering, sigma_bound
-from pomona.skills.perception.refinement.result import Limits, Method, RefineResult
-from pomona.skills.perception.refinement.scale_fit import ScaleFit, fit_scale
-from pomona.skills.perception.refinement.shape_fit import FEW_POINTS, MAX_POINTS, RIGID, Priors, ShapeFit, fit_shape
-from pomona.skills.perception.refinement.starts import Judge, other_starts
-from pomona.skills.perception.refinement.support_plane import Plane
+from pomona.skills.perception.refinement.render import DepthLook
+from pomona.skills.perception.refinement.scale_fit import ScaleFit, fit_scale, fit_scale_by_rendering, sigma_bound
+from pomona.skills.perception.refinement.shape_fit import (
+    FEW_POINTS,
+    MAX_POINTS,
+    RIGID,
+    Judge,
+    Priors,
+    ShapeFit,
+    fit_shape,
+    other_starts,
+)
 
 _LEAST_POINTS = 150
 _FEW_STARTS, _FINALISTS = 3, 2

@@ -1,14 +1,32 @@
-"""Virtual depth of one mesh, behind one small interface: restricted to an image box, by a renderer to choose."""
+"""Virtual depth of one mesh, behind one small interface: restricted to an image box, by a renderer to choose.
+
+pyrender works through EGL, beside MuJoCo's EGL renderer; the z-buffer in compiled loops needs no OpenGL. A program with
+one matrix draws a mesh that pyrender uploaded into a buffer of depth alone: pyrender's own `render` spends most of its
+time on colour and on walking the scene. The picture equals pyrender's (tested).
+
+A context belongs to the thread in which it is current. This one is current for one call, under a lock; afterwards the
+context before is current again. The renderer is never deleted, since that terminates the display of other renderers.
+"""
 
 from __future__ import annotations
 
+import ctypes
+import os
+import threading
+from dataclasses import dataclass, field
 from functools import cache
+from types import ModuleType
+from typing import Any
 
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 
+from pomona.drivers.depth_model import D4XX, DepthModel
 from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.values.arrays import Float64
 from pomona.skills.perception.fruit import Mesh
+from pomona.skills.perception.rasteriser import draw, project
 from pomona.skills.perception.refinement.depth_image import (
     NEAR,
     DepthImage,
@@ -16,6 +34,9 @@ from pomona.skills.perception.refinement.depth_image import (
     ImageBox,
     RendererName,
     Triangles,
+    check_depth,
+    check_pose,
+    winding,
 )
 from pomona.skills.perception.refinement.errors import RenderFailed
 
@@ -26,12 +47,8 @@ def renderer(name: RendererName) -> DepthRenderer:
     Raises RenderFailed: no such renderer, or its libraries do not work on this machine.
     """
     if name == "pyrender":
-        from pomona.skills.perception.refinement.gl import render_with_gl
-
         return render_with_gl
     if name == "zbuffer":
-        from pomona.skills.perception.refinement.zbuffer import render_with_zbuffer
-
         return render_with_zbuffer
     raise RenderFailed(f"there is no renderer named {name!r}: choose pyrender or zbuffer")
 
@@ -91,3 +108,241 @@ def render_depth(
     """
     covered = image_box(mesh, T_camera_mesh, intrinsics) if box is None else box
     return renderer(using)(mesh, T_camera_mesh, intrinsics, covered), covered
+
+
+_TILE = 32  # frame buffers are rounded up to multiples of this [px]: a new size costs a new one
+
+_BUFFERS_KEPT = 8
+_MESHES_KEPT = 8
+
+_VERTEX_SHADER = """#version 330 core
+layout(location = 0) in vec3 position;
+uniform mat4 clip_from_mesh;
+void main() { gl_Position = clip_from_mesh * vec4(position, 1.0); }
+"""
+_FRAGMENT_SHADER = """#version 330 core
+void main() {}
+"""
+
+
+def load_pyrender() -> ModuleType:
+    """Import pyrender for off-screen rendering and leave PyOpenGL usable for MuJoCo.
+
+    Raises RenderFailed: pyrender or EGL does not load.
+    """
+    os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
+    if not hasattr(np, "infty"):  # pyrender 0.1.45 still uses numpy 1's name
+        np.infty = np.inf  # type: ignore[attr-defined]  # noqa: NPY201
+    try:
+        import pyrender
+        from OpenGL import EGL
+    except Exception as error:  # a missing system library shows as ImportError, AttributeError or OSError
+        raise RenderFailed(
+            f"pyrender cannot be imported ({error}); it needs EGL: apt install libegl1 libopengl0"
+        ) from error
+    if not hasattr(EGL, "EGLDeviceEXT"):
+        EGL.EGLDeviceEXT = ctypes.c_void_p  # absent in PyOpenGL 3.1.0; MuJoCo's EGL import needs it
+    module: ModuleType = pyrender
+    return module
+
+
+class _GlRenderer:
+    """A context of pyrender's, a program, and the meshes and frame buffers that it keeps."""
+
+    def __init__(self) -> None:
+        self._pyrender = load_pyrender()
+        from OpenGL import EGL, GL
+
+        self._egl, self._gl = EGL, GL
+        self._offscreen = self._pyrender.OffscreenRenderer(_TILE, _TILE)  # leaves its context current
+        self._display, self._context = EGL.eglGetCurrentDisplay(), EGL.eglGetCurrentContext()
+        self._meshes: dict[tuple[int, int], tuple[Triangles, Any]] = {}
+        self._buffers: dict[tuple[int, int], tuple[int, int]] = {}
+        GL.glBindVertexArray(GL.glGenVertexArrays(1))  # a program is validated with one bound
+        program = GL.glCreateProgram()
+        for kind, source in ((GL.GL_VERTEX_SHADER, _VERTEX_SHADER), (GL.GL_FRAGMENT_SHADER, _FRAGMENT_SHADER)):
+            shader = GL.glCreateShader(kind)
+            GL.glShaderSource(shader, source)
+            GL.glCompileShader(shader)
+            GL.glAttachShader(program, shader)
+        GL.glLinkProgram(program)
+        GL.glUseProgram(program)
+        self._clip_from_mesh = GL.glGetUniformLocation(program, "clip_from_mesh")
+        GL.glEnable(GL.GL_DEPTH_TEST)
+
+    def make_current(self) -> None:
+        """In this thread, until `release`."""
+        self._egl.eglMakeCurrent(self._display, self._egl.EGL_NO_SURFACE, self._egl.EGL_NO_SURFACE, self._context)
+
+    def release(self) -> None:
+        """Leave this thread without a context."""
+        self._egl.eglMakeCurrent(
+            self._display, self._egl.EGL_NO_SURFACE, self._egl.EGL_NO_SURFACE, self._egl.EGL_NO_CONTEXT
+        )
+
+    def render(self, mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, box: ImageBox) -> DepthImage:
+        GL = self._gl
+        z = mesh.vertices @ T_camera_mesh[2, :3] + T_camera_mesh[2, 3]
+        nearest, farthest = float(z.min()), float(z.max())
+        if nearest <= NEAR:
+            raise RenderFailed("the fruit's pose is behind the camera or touches it: the detection is wrong")
+        # Tight planes: the 24 bits of the depth buffer are spent on the fruit alone.
+        near, far = 0.98 * nearest, 1.02 * farthest
+        rows, columns = box.shape
+        clip_from_camera = _projection(intrinsics, box, near, far)
+        matrix = np.ascontiguousarray((clip_from_camera @ T_camera_mesh).T, dtype=np.float32)
+        primitive = self._primitive(mesh)
+        self._bind_buffer(rows, columns)
+        GL.glViewport(0, 0, columns, rows)
+        GL.glClear(GL.GL_DEPTH_BUFFER_BIT)
+        GL.glUniformMatrix4fv(self._clip_from_mesh, 1, GL.GL_FALSE, matrix)
+        primitive._bind()
+        # Of a closed mesh, faces that look away are never seen. Rows grow downwards here, which turns the winding.
+        outwards = winding(mesh)
+        (GL.glEnable if outwards else GL.glDisable)(GL.GL_CULL_FACE)
+        GL.glFrontFace(GL.GL_CW if outwards > 0 else GL.GL_CCW)
+        GL.glDrawElements(GL.GL_TRIANGLES, 3 * len(mesh.faces), GL.GL_UNSIGNED_INT, None)
+        buffer = np.empty((rows, columns), dtype=np.float32)
+        GL.glReadPixels(0, 0, columns, rows, GL.GL_DEPTH_COMPONENT, GL.GL_FLOAT, buffer)
+        seen = buffer < 1.0
+        depth: DepthImage = np.zeros((rows, columns), dtype=np.float32)
+        depth[seen] = near * far / (far - buffer[seen].astype(np.float64) * (far - near))
+        return depth
+
+    def _primitive(self, mesh: Triangles) -> Any:
+        """Return the mesh as pyrender uploads it; kept, since uploading costs more than rendering."""
+        key = (id(mesh.vertices), id(mesh.faces))
+        if key not in self._meshes:
+            while len(self._meshes) >= _MESHES_KEPT:
+                self._meshes.pop(next(iter(self._meshes)))[1].delete()
+            primitive = self._pyrender.Primitive(
+                positions=mesh.vertices.astype(np.float32), indices=mesh.faces.astype(np.uint32), mode=4
+            )
+            primitive._add_to_context()
+            self._meshes[key] = (mesh, primitive)  # holding the mesh keeps its arrays' ids from being reused
+        return self._meshes[key][1]
+
+    def _bind_buffer(self, rows: int, columns: int) -> None:
+        """Draw into a buffer that holds depth alone and is at least so large."""
+        GL = self._gl
+        height, width = (-(-size // _TILE) * _TILE for size in (rows, columns))
+        if (height, width) not in self._buffers:
+            while len(self._buffers) >= _BUFFERS_KEPT:
+                framebuffer, depth = self._buffers.pop(next(iter(self._buffers)))
+                GL.glDeleteFramebuffers(1, [framebuffer])
+                GL.glDeleteRenderbuffers(1, [depth])
+            framebuffer, depth = int(GL.glGenFramebuffers(1)), int(GL.glGenRenderbuffers(1))
+            GL.glBindRenderbuffer(GL.GL_RENDERBUFFER, depth)
+            GL.glRenderbufferStorage(GL.GL_RENDERBUFFER, GL.GL_DEPTH_COMPONENT24, width, height)
+            GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, framebuffer)
+            GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, GL.GL_DEPTH_ATTACHMENT, GL.GL_RENDERBUFFER, depth)
+            GL.glDrawBuffer(GL.GL_NONE)
+            GL.glReadBuffer(GL.GL_NONE)
+            self._buffers[(height, width)] = (framebuffer, depth)
+        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._buffers[(height, width)][0])
+
+
+def _projection(intrinsics: Intrinsics, box: ImageBox, near: float, far: float) -> Float64:
+    """OpenGL's clip coordinates from the camera frame, for the pixels of a box; row 0 of the buffer is the top."""
+    rows, columns = box.shape
+    matrix = np.zeros((4, 4))
+    matrix[0, 0], matrix[0, 2] = 2.0 * intrinsics.fx / columns, 2.0 * (intrinsics.cx - box.left + 0.5) / columns - 1.0
+    matrix[1, 1], matrix[1, 2] = 2.0 * intrinsics.fy / rows, 2.0 * (intrinsics.cy - box.top + 0.5) / rows - 1.0
+    matrix[2, 2], matrix[2, 3] = (far + near) / (far - near), -2.0 * far * near / (far - near)
+    matrix[3, 2] = 1.0
+    return matrix
+
+
+_lock = threading.Lock()
+_renderer: _GlRenderer | None = None
+
+
+def render_with_gl(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, box: ImageBox) -> DepthImage:
+    """`render.DepthRenderer` by pyrender, depth (h, w) [m]; may be called from any thread.
+
+    Raises RenderFailed: OpenGL does not work here, or a part of the mesh is not in front of the camera.
+    """
+    try:
+        return _render(mesh, T_camera_mesh, intrinsics, box)
+    except RenderFailed:
+        raise
+    except Exception as error:  # PyOpenGL raises many kinds; none of them is this caller's fault
+        raise RenderFailed(f"pyrender could not render ({type(error).__name__}: {error})") from error
+
+
+def _render(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, box: ImageBox) -> DepthImage:
+    global _renderer
+    load_pyrender()
+    from OpenGL import EGL
+
+    with _lock:
+        before = EGL.eglGetCurrentDisplay(), EGL.eglGetCurrentContext()
+        surfaces = EGL.eglGetCurrentSurface(EGL.EGL_DRAW), EGL.eglGetCurrentSurface(EGL.EGL_READ)
+        try:
+            if _renderer is None:
+                _renderer = _GlRenderer()
+            _renderer.make_current()
+            return _renderer.render(mesh, T_camera_mesh, intrinsics, box)
+        finally:
+            if before[1]:
+                EGL.eglMakeCurrent(before[0], *surfaces, before[1])
+            elif _renderer is not None:
+                _renderer.release()
+
+
+def render_with_zbuffer(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, box: ImageBox) -> DepthImage:
+    """`render.DepthRenderer` in compiled loops, depth (h, w) [m].
+
+    Raises RenderFailed: a part of the mesh is not in front of the camera.
+    """
+    points = mesh.vertices @ T_camera_mesh[:3, :3].T + T_camera_mesh[:3, 3]
+    if points[:, 2].min() <= NEAR:
+        raise RenderFailed("the fruit's pose is behind the camera or touches it: the detection is wrong")
+    camera = (intrinsics.fx, intrinsics.fy, intrinsics.cx - box.left, intrinsics.cy - box.top)
+    nearest = np.zeros(box.shape)
+    faces = np.ascontiguousarray(mesh.faces)
+    u, v, nearness = project(points, camera)
+    draw(u, v, nearness, faces, _seen(u, v, faces, winding(mesh)), nearest)
+    depth: DepthImage = np.where(nearest > 0.0, 1.0 / np.maximum(nearest, 1e-12), 0.0).astype(np.float32)
+    return depth
+
+
+@njit(cache=True, nogil=True)
+def _seen(u: Float64, v: Float64, faces: NDArray[np.int32], outwards: int) -> NDArray[np.bool_]:
+    """Return which faces may be seen, (m,): of a closed mesh, those that look at the camera."""
+    seen = np.ones(len(faces), np.bool_)
+    if outwards == 0:
+        return seen
+    for i in range(len(faces)):
+        a, b, c = faces[i, 0], faces[i, 1], faces[i, 2]
+        area = (u[b] - u[a]) * (v[c] - v[a]) - (u[c] - u[a]) * (v[b] - v[a])
+        seen[i] = area * outwards < 0.0
+    return seen
+
+
+def _identity() -> Float64:
+    return np.eye(4)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DepthLook:
+    """One depth image of a fruit, with its camera."""
+
+    depth: DepthImage  # z-depth, shape (h, w) [m]; 0 or not finite where the sensor saw nothing
+    intrinsics: Intrinsics  # of the depth image
+    depth_model: DepthModel = D4XX  # errors of the depth, as the camera states them
+    # pose of this camera in the frame of the look that is refined, shape (4, 4)
+    T_camera_look: Float64 = field(default_factory=_identity)
+    renderer: RendererName = "pyrender"  # name of the renderer of the virtual depth
+
+    def check(self) -> None:
+        """Raise BadDepth for a depth of another shape or type, BadPose for a pose that is not rigid."""
+        check_depth(self.depth, self.intrinsics)
+        check_pose(self.T_camera_look)
+
+    def render(self, mesh: Triangles, T_look_mesh: Float64, box: ImageBox | None = None) -> tuple[DepthImage, ImageBox]:
+        """Render the depth of a mesh as this camera would measure it, float32, shape `box.shape` [m].
+
+        See `render.render_depth` for the arguments, the returned box and the errors.
+        """
+        return render_depth(mesh, T_look_mesh, self.intrinsics, box, self.renderer)

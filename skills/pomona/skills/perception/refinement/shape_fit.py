@@ -11,19 +11,107 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.geometry import transform
-from pomona.skills.perception.refinement.checks import extents
-from pomona.skills.perception.refinement.cloud import Cloud
-from pomona.skills.perception.refinement.depth_image import Triangles
-from pomona.skills.perception.refinement.form import Form
-from pomona.skills.perception.refinement.points_to_surface import PARAMETERS, PlacedForm, Points
-from pomona.skills.perception.refinement.shape_steps import ShapePriors, Support, contact, step_until_still
-from pomona.skills.perception.refinement.support_plane import Plane
-from pomona.skills.perception.refinement.surface import surface_of
+from pomona.skills.geometry import rotation_about, transform
+from pomona.skills.perception.refinement.cloud import Cloud, Plane
+from pomona.skills.perception.refinement.depth_image import DepthImage, RefineResult, Triangles, extents, winding
+from pomona.skills.perception.refinement.shape_steps import (
+    PARAMETERS,
+    PlacedForm,
+    Points,
+    Samples,
+    ShapePriors,
+    Support,
+    contact,
+    step_until_still,
+)
+
+_NEARLY_ROUND = 0.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Form:
+    """(x, y, z) of the model -> (s_x x, s_y y (1 + l_x x/r_x + l_z z/r_z), s_z z), r half the model's widths."""
+
+    stretch: Float64  # factors s along the axes, shape (3,)
+    lean: Float64  # l, by how much the height differs at the sides, towards x and towards z, shape (2,)
+    radius: Float64  # r, shape (2,) [m]
+
+    @classmethod
+    def scaled(cls, mesh: Triangles, mu: float) -> Form:
+        """Return the model's own form at another size."""
+        return cls(np.full(3, mu), np.zeros(2), 0.5 * extents(mesh)[[0, 2]])
+
+    @property
+    def nearly_round(self) -> bool:
+        """Whether the model is nearly a body of revolution, so that its turn about the axis is unobservable."""
+        return bool(abs(np.log(self.radius[0] / self.radius[1])) < _NEARLY_ROUND)
+
+    def height_factor(self, model: Float64) -> Float64:
+        """1 + l_x x/r_x + l_z z/r_z at points of the model, shape (n, 3) -> (n,)."""
+        factor: Float64 = 1.0 + (model[:, [0, 2]] / self.radius) @ self.lean
+        return factor
+
+    def points(self, model: Float64) -> Float64:
+        """Where points of the model are on the fruit, shape (n, 3) [m]."""
+        leaned = model.copy()
+        leaned[:, 1] *= self.height_factor(model)
+        return leaned * self.stretch
+
+    def cuboid(self, mesh: Triangles) -> tuple[Float64, Float64]:
+        """Centre and dimensions of the fruit's cuboid in the model's axes, shape (3,) each [m]."""
+        x, y, z = np.ascontiguousarray(mesh.vertices.T)
+        a, b = self.lean / self.radius
+        leaned = (x, y * (1.0 + a * x + b * z), z)
+        low = self.stretch * [float(axis.min()) for axis in leaned]
+        high = self.stretch * [float(axis.max()) for axis in leaned]
+        return 0.5 * (low + high), high - low
+
+
+_SAMPLES = 4000
+_NEIGHBOURS = 16
+"""Number of neighbours of a sample that are tried for one that is nearer to a point. After a step of up to 10 mm a
+search from neighbour to neighbour ends beside the nearest sample for 1 of 10 000 points about the shipped fruit (12: 1
+of 1 000)."""
+_CELLS, _BESIDE = 24, 0.1
+"""Number of the grid's cells along each axis, and how far it reaches beyond the model, relative to its size."""
+
+
+@lru_cache(maxsize=8)
+def surface_of(mesh: Triangles) -> Samples:
+    """Sample a mesh; the same mesh object gives the same samples.
+
+    Normals look outwards also where faces are wound inwards, or not alike as in scans with holes: there away from the
+    middle, as every part of a fruit's skin does.
+    """
+    corners = mesh.vertices[mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    wound = winding(mesh)
+    middle = 0.5 * (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0))
+    away = np.einsum("ij,ij->i", normals, corners.mean(axis=1) - middle)
+    normals *= wound if wound else np.where(away < 0.0, -1.0, 1.0)[:, None]
+    area = np.linalg.norm(normals, axis=1)
+    share = np.cumsum(area) / area.sum()
+    face = np.minimum(np.searchsorted(share, (np.arange(_SAMPLES) + 0.5) / _SAMPLES), len(area) - 1)
+    along, across = np.random.default_rng(0).random((2, _SAMPLES))
+    root = np.sqrt(along)
+    weights = np.column_stack([1.0 - root, root * (1.0 - across), root * across])
+    points = np.einsum("nc,nci->ni", weights, corners[face])
+    tree = cKDTree(points)
+    neighbours = np.ascontiguousarray(tree.query(points, _NEIGHBOURS + 1)[1][:, 1:], dtype=np.int32)
+    low, high = points.min(axis=0), points.max(axis=0)
+    corner = low - _BESIDE * (high - low)
+    edges = (1.0 + 2.0 * _BESIDE) * (high - low) / _CELLS
+    middles = corner + edges * (np.indices((_CELLS, _CELLS, _CELLS)).transpose(1, 2, 3, 0) + 0.5)
+    near = tree.query(middles)[1].astype(np.int32)
+    vertices = np.array(mesh.vertices, dtype=np.float64)
+    return Samples(points, normals[face] / area[face, None], neighbours, near, corner, edges, vertices)
+
 
 _NARROWING = (3.0, 3.0, 2.0, 2.0, 1.5, 1.5)  # the band of the first steps, in final bands
 
@@ -143,3 +231,75 @@ def _expected(start: PlacedForm, form: Form, priors: Priors) -> ShapePriors:
 
 def _points(cloud: Cloud) -> Points:
     return Points(*map(np.ascontiguousarray, (cloud.points, cloud.rays, cloud.deviation, cloud.beside)))
+
+
+_CLEARLY = 0.02  # minimum additional ratio of the depth that another axis of the stem must explain
+
+_ASPECT_WEIGHT = 0.05
+"""Additional ratio of the depth that the axis with less likely proportions must explain, per squared deviation:
+upside down a fruit fits its depth nearly as well, but wider and flatter than it is."""
+
+_ASIDE = np.radians(45.0)
+
+
+def other_starts(T_camera_object: Float64, support: Plane | None) -> list[Float64]:
+    """Return other poses (4, 4) to start a fit from if the detected one fails: same place, other axes of the stem. On a
+    support fruit stands upright or upside down; elsewhere the stem may point anywhere, and 45 degrees to each side of
+    both ends are tried.
+    """
+    x, y = T_camera_object[:3, 0], T_camera_object[:3, 1]
+    stems = [y]
+    if support is not None:
+        stems = [support.normal, -support.normal, y]
+    else:
+        aside = (x, -x, T_camera_object[:3, 2], -T_camera_object[:3, 2])
+        stems += [np.sin(_ASIDE) * a + turn * np.cos(_ASIDE) * y for turn in (-1.0, 1.0) for a in aside]
+    return [_with_stem(T_camera_object, stem) for stem in stems]
+
+
+def _with_stem(T_camera_object: Float64, stem: Float64) -> Float64:
+    """Return the pose turned by the shortest way until the stem (the object's -y) points along a unit vector."""
+    now = -T_camera_object[:3, 1]
+    axis = np.cross(now, stem)
+    sine = float(np.linalg.norm(axis))
+    if sine > 1e-9:
+        axis = axis / sine
+    else:  # along it already, or half a turn away from it
+        axis, sine = T_camera_object[:3, 0], 0.0
+    result = T_camera_object.copy()
+    result[:3, :3] = rotation_about(axis, float(np.arctan2(sine, now @ stem))) @ T_camera_object[:3, :3]
+    return result
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Judge:
+    """Scores how well a fitted model explains the depth."""
+
+    depth: DepthImage  # measured, of the whole image [m]
+    band: float  # half-width of the band in which depth agrees [m]
+    model: Float64  # dimensions of the model, shape (3,) [m]
+    aspect: float  # standard deviation of ln(height / width) among fruit, relative to the model's
+
+    def explained(self, result: RefineResult) -> tuple[int, int]:
+        """Return the numbers of explained and of contradicting pixels; pixels of hiding objects count as neither."""
+        model, measured = result.virtual_depth, self.depth[result.box.slices]
+        valid = (model > 0.0) & np.isfinite(measured) & (measured > 0.0)
+        difference = measured[valid] - model[valid]
+        agree = np.count_nonzero(np.abs(difference) <= self.band)
+        # distance in front of the model from which an object hides it, in bands
+        hidden = np.count_nonzero(difference < -5.0 * self.band)
+        return int(agree), int(difference.size - agree - hidden)
+
+    def aspect_penalty(self, dimensions: Float64) -> float:
+        """How far height over width is from the model's, squared, in standard deviations."""
+        wide, model_wide = dimensions[[0, 2]].mean(), self.model[[0, 2]].mean()
+        return float((np.log(dimensions[1] * model_wide / (wide * self.model[1])) / self.aspect) ** 2)
+
+    def score(self, result: RefineResult) -> tuple[float, float, bool]:
+        """Return explained minus contradicting pixels and oddness; the margin for a better one; and whether it is
+        settled.
+        """
+        agree, differ = self.explained(result)
+        penalty = _ASPECT_WEIGHT * self.aspect_penalty(result.dimensions) * agree
+        # ratio of agreeing depth from which the detected axis of the stem is accepted
+        return agree - differ - penalty, _CLEARLY * agree, agree >= 0.95 * (agree + differ)

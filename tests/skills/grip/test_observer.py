@@ -1,0 +1,85 @@
+"""The observer against a general solver and its steady states; C_d against its transfer function."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.signal import bilinear, lfilter
+
+from pomona.skills.grip.observer import GENTLE, DynamicSettings, ObserverSettings, dynamic_force, observe_slip
+
+SETTINGS = ObserverSettings()
+INERTIA = 7.4e-4 + 0.35 * 0.01**2
+
+
+def by_general_solver(y: np.ndarray, g: float) -> np.ndarray:
+    """The observer's equations as they are published, with a stiff solver, sample by sample."""
+    s = SETTINGS
+    state, result = np.array([0.0, y[0] / s.sigma0]), []
+    for torque in y:
+
+        def rates(_t: float, x: np.ndarray, u: float = torque) -> list[float]:
+            omega, z = x
+            y_hat = s.sigma0 * z + s.beta * omega
+            force = -s.beta * omega - s.sigma0 * z + u + INERTIA * s.gain * (u - y_hat)
+            return [force / INERTIA, omega - s.sigma0 / g * abs(omega) * z]
+
+        state = solve_ivp(rates, (0.0, 0.002), state, method="Radau", rtol=1e-9, atol=1e-12).y[:, -1]
+        result.append(state[0])
+    return np.array(result)
+
+
+def test_the_observer_solves_its_published_equations() -> None:
+    t = np.arange(60) * 0.002
+    y = 0.02 + 0.01 * np.clip((t - 0.02) / 0.05, 0.0, 1.0) + 0.002 * np.sin(40.0 * t)
+    ours = observe_slip(y, 0.05, INERTIA, SETTINGS)
+    assert np.abs(ours - by_general_solver(y, 0.05)).max() < 5e-4 * np.abs(ours).max()
+
+
+def test_a_constant_load_below_friction_shows_no_slip() -> None:
+    assert np.abs(observe_slip(np.full(500, 0.03), 0.05, INERTIA, SETTINGS)).max() < 1e-12
+
+
+def test_a_load_beyond_friction_shows_the_viscous_sliding_speed() -> None:
+    y = np.concatenate([np.full(50, 0.01), np.full(1000, 0.06)])
+    omega = observe_slip(y, 0.05, INERTIA, SETTINGS)
+    assert omega[-1] == pytest.approx((0.06 - 0.05) / SETTINGS.beta, rel=1e-6)
+
+
+def test_a_rising_load_shows_before_anything_slides() -> None:
+    y = np.linspace(0.0, 0.02, 250)
+    omega = observe_slip(y, 1.0, INERTIA, SETTINGS)
+    assert omega[-1] == pytest.approx((y[1] - y[0]) / 0.002 / SETTINGS.sigma0, rel=0.05)
+
+
+def test_the_observer_reproduces_itself() -> None:
+    rng = np.random.default_rng(4)
+    y, g = rng.uniform(0.0, 0.1, 2000), rng.uniform(0.001, 0.1, 2000)
+    first, again = observe_slip(y, g, INERTIA, SETTINGS), observe_slip(y, g, INERTIA, SETTINGS)
+    assert np.abs(first - again).max() < 1e-9
+    assert np.isfinite(first).all()
+
+
+@pytest.mark.parametrize("settings", [DynamicSettings(), GENTLE])
+def test_the_dynamic_term_is_its_transfer_function_by_tustin(settings: DynamicSettings) -> None:
+    rng = np.random.default_rng(1)
+    omega = np.cumsum(rng.normal(0.0, 1e-3, 400))
+    leak = settings.ki / settings.kdc
+    b, a = bilinear([settings.kp, settings.kp * leak + settings.ki], [1.0, leak], fs=2000.0)
+    expected = np.abs(lfilter(b, a, np.repeat(omega, 4)))[3::4]
+    assert dynamic_force(omega, settings) == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_dynamic_term_comes_to_its_gain_at_rest() -> None:
+    settings = DynamicSettings()
+    force = dynamic_force(np.full(5000, 0.1), settings)
+    assert force[-1] == pytest.approx((settings.kp + settings.kdc) * 0.1, rel=1e-3)
+
+
+def test_the_dynamic_term_saturates_and_does_not_wind_up() -> None:
+    settings = DynamicSettings(kp=1.0, ki=200.0, kdc=1000.0, bound=10.0)
+    force = dynamic_force(np.concatenate([np.full(2500, 5.0), np.full(2500, -5.0)]), settings)
+    assert force.max() <= 10.0
+    unwound = int(np.argmax(force[2500:] < 1.0))
+    assert unwound * 0.002 < 15.0 / (200.0 * 5.0) + 0.01
