@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING
 from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
+    from pomona.drivers.base.knot_maker import (
+        KnotMaker as KnotMaker,
+    )
     from pomona.drivers.base.parallel_gripper import (
         ParallelGripper as ParallelGripper,
     )
@@ -103,6 +106,7 @@ if TYPE_CHECKING:
         AT_REST as AT_REST,
         PathArm as PathArm,
         SetPointStream as SetPointStream,
+        StreamingArm as StreamingArm,
         words as words,
     )
     from pomona.drivers.path_follower import (
@@ -120,6 +124,9 @@ if TYPE_CHECKING:
     )
     from pomona.drivers.robot_file import (
         read_limits as read_limits,
+    )
+    from pomona.drivers.streamed_motion import (
+        StreamedMotion as StreamedMotion,
     )
     from pomona.drivers.streams import (
         SIDES as SIDES,
@@ -158,6 +165,7 @@ if TYPE_CHECKING:
     )
 
 PUBLIC = {
+    "base.knot_maker": "KnotMaker",
     "base.parallel_gripper": "ParallelGripper",
     "base.rolling_path": "OutOfSetPointsError PERIOD RollingPath SetPoint",
     "camera_options": "IntrinsicsSection",
@@ -178,7 +186,7 @@ PUBLIC = {
         "Workspace WrenchSample"
     ),
     "motion_supervisor": "Supervision",
-    "path_arm": "AT_REST PathArm SetPointStream words",
+    "path_arm": "AT_REST PathArm SetPointStream StreamingArm words",
     "path_follower": "PathFollower",
     "path_motion": "PathMotion",
     "pomona.executive.cell.cell": "Cell",
@@ -190,6 +198,7 @@ PUBLIC = {
     "pomona.executive.cell.wire": "Address Link Malformed Nonsense TcpLink raise_priority tcp_opener",
     "registration": "Driver NoOptions Settings Surroundings driver",
     "robot_file": "read_limits",
+    "streamed_motion": "StreamedMotion",
     "streams": "Belief FrameGuard SIDES SILENCE WrenchStream",
 }
 """Public names by the module that defines them."""

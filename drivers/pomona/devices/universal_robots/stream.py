@@ -12,12 +12,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pomona.drivers import PathMotion, Supervision
+from pomona.drivers import KnotMaker, PathMotion, StreamedMotion, Supervision
 from pomona.executive import Clock, Float64
 
 PERIOD = 0.004  # period of stepping the path here [s]
 CUSHION = 0.1  # time from the first knot until the script plays it [s], in which the next ones come; also in the script
-BLEND = 0.3  # time over which the distance between the path's start and the arm's true position is taken up [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,30 +47,37 @@ class KnotStream:
     Attributes:
         number: of the knot that the script takes next.
         sent: knots that it has taken.
-        q_last: of the newest knot, (6,) [rad].
     """
 
     def __init__(
         self,
-        motion: PathMotion,
-        q_start: Float64,
+        motion: PathMotion | StreamedMotion,
         q_arm: Float64,
         clock: Clock,
         options: UrOptions,
         number: int,
         commanded: Callable[[float, Float64], None],
     ) -> None:
-        """Begin at the arm's own position `q_arm`, which may differ a little from the path's start `q_start`.
+        """Begin at the arm's own position `q_arm`, (6,) [rad].
 
         `commanded` is called with each knot that was taken and the time at which the arm shall pass it [s].
         """
-        self.motion, self.number, self.sent, self.q_last = motion, number, 0, q_arm
+        self.number, self.sent = number, 0
         self._clock, self._lead, self._commanded = clock, options.lead, commanded
-        self._steps = max(round(options.point_period / PERIOD), 1)
-        self._offset, self._blended = q_arm - q_start, 0.0
+        self._maker = KnotMaker(motion, q_arm, clock, PERIOD, options.point_period, options.lead)
         self._time = 0.0  # of the newest knot [s]
         self._began: float | None = None  # when the script plays the time 0; None until it has taken that knot
         self._waiting = deque([Knot(0.0, q_arm, np.zeros_like(q_arm))])
+
+    @property
+    def q_last(self) -> Float64:
+        """The newest knot, (6,) [rad]."""
+        return self._maker.q_last
+
+    @property
+    def due(self) -> float:
+        """When the arm shall pass the newest set-point, on the cell's clock [s]."""
+        return self._maker.due
 
     @property
     def played(self) -> bool:
@@ -87,25 +93,18 @@ class KnotStream:
             self.number, self.sent = self.number + 1, self.sent + 1
             self._commanded(self._began + knot.time, knot.q)
         if not self._waiting and self._began is not None and self._began + self._time - now < self._lead:
-            self._extend(self._began + self._time < now)
+            self._extend(self._began, now)
         return self._waiting[0] if self._waiting else None
 
-    def _extend(self, rested: bool) -> None:
+    def _extend(self, began: float, now: float) -> None:
         """Add the next knot, unless the set-point rests; an arm that has rested, as after a pause, begins anew."""
-        rested_before = self.motion.set_point_rests
-        q, qd = self.motion.step()
-        if rested_before and self.motion.set_point_rests:
+        rested, before = began + self._time < now, self.q_last
+        knot = self._maker.next(now + CUSHION if rested else began + self._time)
+        if knot is None:
             return
-        steps = 1
-        while steps < self._steps and not self.motion.set_point_rests:
-            q, qd = self.motion.step()
-            steps += 1
         if rested:
             self._began, self._time = None, 0.0
-            self._waiting.append(Knot(0.0, self.q_last, np.zeros_like(qd)))
-        self._time += steps * PERIOD
-        self._blended += steps * PERIOD
-        left = max(1.0 - self._blended / BLEND, 0.0)
-        self.q_last = q + left**2 * (3.0 - 2.0 * left) * self._offset
-        qd = qd - 6.0 * left * (1.0 - left) / BLEND * self._offset
-        self._waiting.append(Knot(self._time, self.q_last, np.zeros_like(qd) if self.motion.set_point_rests else qd))
+            self._waiting.append(Knot(0.0, before, np.zeros_like(before)))
+        elapsed, q, qd = knot
+        self._time += elapsed
+        self._waiting.append(Knot(self._time, q, qd))
