@@ -54,7 +54,7 @@ class PathArm(Device, ABC):
     that stream, halt and restart a path.
     """
 
-    interfaces: tuple[type, ...] = (Arm,)
+    interfaces: ClassVar[tuple[type, ...]] = (Arm,)
     outlives = True
     stops_when_told: ClassVar[bool] = False
     """Whether the controller has a command that stops the arm at its place. Such an arm is checked and stopped also
