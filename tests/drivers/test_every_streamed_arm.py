@@ -122,3 +122,9 @@ def test_a_step_of_the_host_s_clock_changes_nothing(rig: Rig, monkeypatch: pytes
     rig.step_clocks(-60.0, 0.0)
     assert max(led(rig, motion, start, 1.0)) < 0.012
     assert motion.state is MotionState.RUNNING
+
+
+def test_an_arm_whose_controller_takes_whole_paths_does_not_offer_it() -> None:
+    arm = pytest.importorskip("pomona.devices.ros2.arm", reason="the extra ros2 is not installed").Ros2Arm
+    assert StreamedArm not in arm.interfaces
+    assert not hasattr(arm, "stream")

@@ -73,7 +73,10 @@ class StreamedMotion:
         self.take(self.checked(q, qd, at))
 
     def checked(self, q: Float64, qd: Float64 | None, at: float) -> tuple[Float64, Float64, float]:
-        """Return the target of an `aim` for `take`, for another thread than the one that steps. Raises as `aim`."""
+        """Return the arguments of `aim`, (dof,) each and a time, for `take` in the thread that steps.
+
+        Raises BadTrajectory: see `aim`.
+        """
         target = np.array(q, np.float64)
         moves_on = np.zeros_like(self._raw) if qd is None else np.array(qd, np.float64)
         numbers = np.concatenate([target.ravel(), moves_on.ravel(), [at]])

@@ -75,7 +75,7 @@ class XArmSession:
         return bool(reports)
 
     def error(self) -> int:
-        """Return the number of the controller's error, 0 for none. Raises as `ask`."""
+        """Return the number of the controller's error, 0 for none. Raises Nonsense, and as `ask`."""
         body = self.ask(Register.ERROR)
         if not body:
             raise Nonsense(self._device, Malformed(body, "is no number of an error"))
