@@ -16,7 +16,7 @@ import numpy as np
 from pomona.devices.xarm.codec import ERROR, Register, identity, joints, servo_point
 from pomona.devices.xarm.session import SLOW, XArmSession
 from pomona.devices.xarm.stream import PERIOD, ServoStream, XArmOptions
-from pomona.devices.xarm.words import READY, SERVO, STOP, error_words, interrupted
+from pomona.devices.xarm.words import BY_HAND, READY, SERVO, STOP, error_words, interrupted
 from pomona.drivers import (
     ArmLimits,
     ArmState,
@@ -123,6 +123,8 @@ class XArm(StreamingArm):
         error = session.error()
         if error:
             raise DeviceFault(self.name, error_words(error))
+        if session.report.mode == BY_HAND:
+            raise DeviceFault(self.name, "is in manual mode, in which it is guided by hand; end it in UFACTORY Studio")
         queued = int.from_bytes(session.ask(Register.QUEUED), "big")
         if queued or session.report.state == 1 or self._moves():
             raise DeviceFault(self.name, "another program moves it, or has queued motions; end that one first")
@@ -134,8 +136,8 @@ class XArm(StreamingArm):
         end = self._clock.now() + READIES
         while session.report.mode != SERVO or session.report.state not in READY:
             if self._clock.now() > end:
-                problem = error_words(session.error()) if session.flags & ERROR else "does not become ready"
-                raise DeviceFault(self.name, f"{problem}; enable it in UFACTORY Studio")
+                idle = "does not become ready; enable it in UFACTORY Studio"
+                raise DeviceFault(self.name, error_words(session.error()) if session.flags & ERROR else idle)
             session.listen(0.01)
         self._rests_at = None
 
@@ -244,8 +246,6 @@ class XArm(StreamingArm):
             self._doubted = False
             session.ask(Register.CLEAN_ERROR, deadline=SLOW)
             self._make_ready(session)
-        except Nonsense:
-            raise
         except DeviceFault as error:
             self._blame(error)
         finally:

@@ -345,6 +345,14 @@ def test_an_arm_that_another_program_moves_is_refused() -> None:
     assert cell.speed() > 0.05
 
 
+def test_an_arm_that_is_guided_by_hand_is_refused_and_stays_so() -> None:
+    cell = Cell()
+    cell.controller.mode = 2
+    cell.let_pass(0.05)
+    assert "is in manual mode" in refusal(cell)
+    assert (cell.controller.mode, cell.controller.enabled) == (2, False)
+
+
 def test_motors_are_enabled_only_where_the_options_allow_it() -> None:
     cell = Cell()
     assert "does not become ready; enable it in UFACTORY Studio" in refusal(cell, enable=False)
