@@ -311,7 +311,7 @@ class UrArm(StreamingArm):
 
     @property
     def _due(self) -> float:
-        return self._clock.now() if self._knots is None else self._knots.due
+        return SERVO_LAG + (self._clock.now() if self._knots is None else self._knots.due)
 
     def _begin_stream(self, motion: PathMotion | StreamedMotion, q_arm: Float64) -> None:
         taken = self._session.whole(TAKEN) if self._session is not None else 0

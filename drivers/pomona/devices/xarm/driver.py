@@ -263,7 +263,7 @@ class XArm(StreamingArm):
 
     @property
     def _due(self) -> float:
-        return self._clock.now() if self._points is None else self._points.due
+        return self.options.servo_lag + (self._clock.now() if self._points is None else self._points.due)
 
     def _begin_stream(self, motion: PathMotion | StreamedMotion, q_arm: Float64) -> None:
         longest, command = self.options.silence, self._supervisor.command
