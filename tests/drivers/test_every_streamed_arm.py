@@ -48,9 +48,11 @@ def test_an_arm_states_that_it_can_be_streamed_to(rig: Rig) -> None:
     assert StreamedArm in rig.arm.interfaces
 
 
-def test_set_points_are_passed_at_their_times_when_they_come_so_early_as_the_delay(rig: Rig) -> None:
+@pytest.mark.parametrize("waits", [0.0, 0.05])
+def test_set_points_are_passed_at_their_times_when_they_come_so_early_as_the_delay(rig: Rig, waits: float) -> None:
     start = rig.q
     motion = rig.arm.stream(WATCHDOG)
+    rig.serve(waits)
     assert 0.0 < motion.delay < 0.5
     beside = led(rig, motion, start, 3.0)
     assert (motion.state, motion.problem) == (MotionState.RUNNING, "")

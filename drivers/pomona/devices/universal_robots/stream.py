@@ -67,7 +67,7 @@ class KnotStream:
         self._maker = KnotMaker(motion, q_arm, clock, PERIOD, options.point_period, options.lead)
         self._time = 0.0  # of the newest knot [s]
         self._began: float | None = None  # when the script plays the time 0; None until it has taken that knot
-        self._waiting = deque([Knot(0.0, q_arm, np.zeros_like(q_arm))])
+        self._waiting: deque[Knot] = deque()
 
     @property
     def q_last(self) -> Float64:
@@ -82,7 +82,7 @@ class KnotStream:
     @property
     def played(self) -> bool:
         """Whether the script must have played everything that was sent."""
-        return not self._waiting and self._began is not None and self._clock.now() >= self._began + self._time
+        return not self._waiting and self._left(self._clock.now()) <= 0.0
 
     def pump(self, taken: int) -> Knot | None:
         """Take note that the script has taken the knot `taken`; return the one that it shall have now, if any."""
@@ -92,14 +92,22 @@ class KnotStream:
             self._began = now + CUSHION if self._began is None else self._began
             self.number, self.sent = self.number + 1, self.sent + 1
             self._commanded(self._began + knot.time, knot.q)
-        if not self._waiting and self._began is not None and self._began + self._time - now < self._lead:
-            self._extend(self._began, now)
+        if not self._waiting and self._left(now) < self._lead:
+            self._extend(now)
         return self._waiting[0] if self._waiting else None
 
-    def _extend(self, began: float, now: float) -> None:
-        """Add the next knot, unless the set-point rests; an arm that has rested, as after a pause, begins anew."""
-        rested, before = began + self._time < now, self.q_last
-        knot = self._maker.next(now + CUSHION if rested else began + self._time)
+    def _left(self, now: float) -> float:
+        """Return for how long the script plays what it has [s]; negative when it has played all."""
+        return -1.0 if self._began is None else self._began + self._time - now
+
+    def _extend(self, now: float) -> None:
+        """Add the next knot, unless the set-point rests; an arm that has rested, as after a pause, begins anew.
+
+        It begins with two knots, since the script counts no time with one alone.
+        """
+        left, before = self._left(now), self.q_last
+        rested = left < 0.0
+        knot = self._maker.next(now + (CUSHION if rested else left))
         if knot is None:
             return
         if rested:
