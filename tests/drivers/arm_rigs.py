@@ -5,6 +5,7 @@ A new driver gets these tests by a class here and a line in `RIGS`.
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable
 from typing import Any
 
@@ -256,6 +257,53 @@ class UrRig(Rig):
         return self.to(np.array([0.5, -0.4, 0.3, 0.2, -0.1, 0.6]))
 
 
+class XArmRig(Rig):
+    """The driver of UFACTORY arms against the emulated controller, in servo mode."""
+
+    period = 0.004
+    holds_up = True
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        from tests.drivers.devices.xarm import test_driver
+
+        super().__init__(monkeypatch)
+        self.cell = test_driver.Cell()
+        self.limits = test_driver.limits(6)
+        controller = self.cell.controller
+        self._measured, answer = controller.measured, controller.answer
+
+        def answered(register: int, body: bytes) -> bytes:
+            if register == 29:
+                self.played.append(np.array(struct.unpack_from("<6f", body), np.float64))
+            elif register == 12 and body[0] == 4:
+                self.stop_noting()  # it brakes by itself
+            return answer(register, body)
+
+        self.arm = test_driver.connected(self.cell)
+        controller.answer = answered  # type: ignore[method-assign]
+        self._serve = test_driver.serve
+
+    @property
+    def q(self) -> np.ndarray:
+        return self.cell.joints.measured()[0]
+
+    def serve(self, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
+        self._serve(self.arm, self.cell, seconds, until)
+
+    def lie(self, says: Says) -> None:
+        def wrongly() -> tuple[np.ndarray, np.ndarray]:
+            q, qd = self._measured()
+            return says(q), qd
+
+        self.cell.controller.measured = wrongly  # type: ignore[method-assign]
+
+    def hold_up(self, seconds: float) -> None:
+        self.cell.let_pass(seconds)
+
+    def path(self) -> Trajectory:
+        return self.to(np.array([0.5, -0.4, 0.3, 0.2, -0.1, 0.6]))
+
+
 class Ros2Rig(Rig):
     """The driver of ROS 2 against a joint_trajectory_controller."""
 
@@ -307,5 +355,6 @@ RIGS: dict[str, type[Rig]] = {
     "sim": SimRig,
     "motoman": MotomanRig,
     "universal-robots": UrRig,
+    "xarm": XArmRig,
     "ros2": Ros2Rig,
 }

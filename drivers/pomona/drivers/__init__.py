@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING
 from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
+    from pomona.drivers.base.knot_maker import (
+        KnotMaker as KnotMaker,
+    )
     from pomona.drivers.base.parallel_gripper import (
         ParallelGripper as ParallelGripper,
     )
@@ -94,6 +97,7 @@ if TYPE_CHECKING:
         AT_REST as AT_REST,
         PathArm as PathArm,
         SetPointStream as SetPointStream,
+        StreamingArm as StreamingArm,
         words as words,
     )
     from pomona.drivers.path_motion import (
@@ -105,6 +109,9 @@ if TYPE_CHECKING:
     )
     from pomona.drivers.services import (
         ConnectContext as ConnectContext,
+    )
+    from pomona.drivers.streamed_motion import (
+        StreamedMotion as StreamedMotion,
     )
     from pomona.drivers.streams import (
         SIDES as SIDES,
@@ -148,6 +155,7 @@ if TYPE_CHECKING:
     )
 
 PUBLIC = {
+    "base.knot_maker": "KnotMaker",
     "base.parallel_gripper": "ParallelGripper",
     "base.rolling_path": "OutOfSetPointsError PERIOD RollingPath SetPoint",
     "camera_options": "IntrinsicsSection",
@@ -164,7 +172,7 @@ PUBLIC = {
         "SampleRate SetPoints StreamedArm Subscription Trajectory Workspace WrenchSample"
     ),
     "motion_supervisor": "Supervision",
-    "path_arm": "AT_REST PathArm SetPointStream words",
+    "path_arm": "AT_REST PathArm SetPointStream StreamingArm words",
     "path_motion": "PathFollower PathMotion",
     "pomona.executive.cell.cell": "Cell",
     "pomona.executive.cell.cell_file": "read_cell_file",
@@ -174,6 +182,7 @@ PUBLIC = {
     "pomona.executive.cell.registration": "Driver NoOptions Settings Surroundings driver read_section_file",
     "robot_file": "read_limits",
     "services": "ConnectContext",
+    "streamed_motion": "StreamedMotion",
     "streams": "Belief FrameGuard SIDES SILENCE WrenchStream",
 }
 """Public names by the module that defines them."""

@@ -2,28 +2,32 @@
 
 A controller gets set-points up to a short `lead` before the arm shall pass them. One thread owns the wire and the
 motion; requests are posted to it. A problem fails the motion and stays latched until an operator acknowledges it, and
-nothing resumes by itself. A driver derives from `PathArm` and implements the controller's protocol.
+nothing resumes by itself. A driver derives from `PathArm` and implements the controller's protocol; one whose stream
+tells when its newest set-point is due derives from `StreamingArm`, and follows set-points of a skill, too.
 """
 
 from __future__ import annotations
 
 import threading
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from pathlib import Path
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 
 from pomona.drivers.errors import BadTrajectory, DeviceError, DeviceFault, DeviceLost, MotionRefused
-from pomona.drivers.interfaces import Arm, ArmLimits, ArmState, Motion, MotionState, Trajectory
+from pomona.drivers.interfaces import Arm, ArmLimits, ArmState, Motion, MotionState, SetPoints, StreamedArm, Trajectory
 from pomona.drivers.motion_supervisor import MotionSupervisor, Supervision
 from pomona.drivers.path_motion import PathMotion
+from pomona.drivers.streamed_motion import StreamedMotion
 from pomona.drivers.trajectory import check_trajectory
 from pomona.executive.cell.device import Device
 from pomona.executive.cell.owner import Owner
 from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import Float64
 
+M = TypeVar("M", PathMotion, StreamedMotion)
 AT_REST = 5e-3  # no joint moves faster than this when the arm rests [rad/s]
 
 
@@ -50,7 +54,7 @@ class PathArm(Device, ABC):
     that stream, halt and restart a path.
     """
 
-    interfaces = (Arm,)
+    interfaces: ClassVar[tuple[type, ...]] = (Arm,)
     outlives = True
     stops_when_told: ClassVar[bool] = False
     """Whether the controller has a command that stops the arm at its place. Such an arm is checked and stopped also
@@ -73,7 +77,7 @@ class PathArm(Device, ABC):
         self._state: ArmState | None = None
         self._believed = False  # the newest feedback can be true
         self._doubted = False  # feedback was not, since the last acknowledgement
-        self._motion: PathMotion | None = None
+        self._motion: PathMotion | StreamedMotion | None = None
         self._speed = 1.0
         self._latched: str | None = None
         self._problem: DeviceError | None = DeviceLost(name, "was never connected")
@@ -94,8 +98,11 @@ class PathArm(Device, ABC):
         """Of the present motion."""
 
     @abstractmethod
-    def _begin_stream(self, motion: PathMotion, q_start: Float64, q_arm: Float64) -> None:
-        """Make the stream of a motion whose path starts at `q_start`, for an arm that stands at `q_arm` [rad]."""
+    def _begin_stream(self, motion: Any, q_arm: Float64) -> None:
+        """Make the stream of a motion that starts where the arm stands, at `q_arm`, shape (dof,) [rad].
+
+        It is a `PathMotion`; of a `StreamingArm` also a `StreamedMotion`, with the same methods.
+        """
 
     @abstractmethod
     def _end_stream(self) -> None:
@@ -190,6 +197,17 @@ class PathArm(Device, ABC):
     # ------------------------------------------------------------------------------------------ the interface
 
     def follow(self, trajectory: Trajectory) -> Motion:
+        def along(q: Float64) -> PathMotion:
+            try:
+                check_trajectory(trajectory, self.limits, q)
+            except BadTrajectory as bad:
+                raise MotionRefused(self.name, bad.problem) from bad
+            return PathMotion(trajectory, self.limits, self._period, self._speed, q)
+
+        return PostedMotion(self._start_motion(along), self._owner)
+
+    def _start_motion(self, make: Callable[[Float64], M]) -> M:
+        """Start the motion that `make` returns for the arm's joints. Raises MotionRefused."""
         with self._lock:
             if self._latched is not None:
                 raise MotionRefused(self.name, f"latched in the safe state ({self._latched})")
@@ -199,15 +217,11 @@ class PathArm(Device, ABC):
             if self._motion is not None and not self._motion.settled:
                 raise MotionRefused(self.name, "still moves; stop the motion and wait until it has settled")
             q = self._state.q
-            try:
-                check_trajectory(trajectory, self.limits, q)
-            except BadTrajectory as bad:
-                raise MotionRefused(self.name, bad.problem) from bad
-            motion = self._motion = PathMotion(trajectory, self.limits, self._period, self._speed)
-        self._owner.post(lambda: self._begin(motion, trajectory.q[0], q))
-        return PostedMotion(motion, self._owner)
+            motion = self._motion = make(q)
+        self._owner.post(lambda: self._begin(motion, q))
+        return motion
 
-    def _begin(self, motion: PathMotion, q_start: Float64, q_arm: Float64) -> None:
+    def _begin(self, motion: PathMotion | StreamedMotion, q_arm: Float64) -> None:
         """Begin a motion, unless the arm was stopped or lost since it was asked for."""
         with self._lock:
             problem = self._latched or self._not_ready()
@@ -216,7 +230,7 @@ class PathArm(Device, ABC):
             motion.settled = True
             return
         self._supervisor.end()
-        self._begin_stream(motion, q_start, q_arm)
+        self._begin_stream(motion, q_arm)
 
     # --------------------------------------------------------------------------------------------- the device
 
@@ -282,6 +296,28 @@ class PathArm(Device, ABC):
         self._leave()
 
 
+class StreamingArm(PathArm):
+    """A `PathArm` that also follows set-points which a skill streams to it."""
+
+    interfaces = (Arm, StreamedArm)
+
+    @property
+    @abstractmethod
+    def _ahead(self) -> float:
+        """Time between a set-point and its passage by the arm, without the smoothing of set-points [s]."""
+
+    @property
+    @abstractmethod
+    def _due(self) -> float:
+        """When the arm shall pass the newest set-point, on the cell's clock [s]."""
+
+    def stream(self, watchdog: float) -> SetPoints:
+        def towards(q: Float64) -> StreamedMotion:
+            return StreamedMotion(q, self.limits, self._period, watchdog, self._speed, lambda: self._due)
+
+        return PostedSetPoints(self._start_motion(towards), self._owner, self._ahead)
+
+
 def words(problem: DeviceError | None) -> str:
     """Return the problem as part of a sentence."""
     return "no problem is known" if problem is None else problem.message
@@ -311,3 +347,20 @@ class PostedMotion:
 
     def stop(self) -> None:
         self._owner.post(self._motion.stop)
+
+
+class PostedSetPoints(PostedMotion):
+    """A `SetPoints` whose calls are posted to the device's owner thread, and whose delay is the whole arm's."""
+
+    def __init__(self, motion: StreamedMotion, owner: Owner, ahead: float) -> None:
+        super().__init__(motion, owner)
+        self._set_points = motion
+        self.delay = motion.delay + ahead
+
+    @property
+    def speed(self) -> float:
+        return self._set_points.speed
+
+    def aim(self, q: Float64, qd: Float64 | None = None, at: float = 0.0) -> None:
+        target = self._set_points.checked(q, qd, at)
+        self._owner.post(lambda: self._set_points.take(target))

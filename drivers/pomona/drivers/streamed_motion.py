@@ -43,7 +43,7 @@ class StreamedMotion:
             q: where the arm stands, shape (dof,) [rad].
             watchdog: without a new set-point for this long it comes to rest and has failed [s].
             speed: share of the joints' largest speeds that is used, above 0 to 1.
-            now: the cell's clock at a step, for set-points with a time [s].
+            now: when the arm shall pass the newest set-point, on the cell's clock [s]; for set-points with a time.
         """
         self.speed = speed
         self.state, self.settled, self.problem = MotionState.RUNNING, False, ""
@@ -70,6 +70,13 @@ class StreamedMotion:
 
         Raises BadTrajectory: not finite, or outside the joints' limits; it is ignored, and the watchdog runs on.
         """
+        self.take(self.checked(q, qd, at))
+
+    def checked(self, q: Float64, qd: Float64 | None, at: float) -> tuple[Float64, Float64, float]:
+        """Return the arguments of `aim`, (dof,) each and a time, for `take` in the thread that steps.
+
+        Raises BadTrajectory: see `aim`.
+        """
         target = np.array(q, np.float64)
         moves_on = np.zeros_like(self._raw) if qd is None else np.array(qd, np.float64)
         numbers = np.concatenate([target.ravel(), moves_on.ravel(), [at]])
@@ -87,7 +94,11 @@ class StreamedMotion:
             most = f"{np.degrees(self._limits.velocity[joint]):.0f}°/s"
             words = f"joint {joint + 1} would move at {np.degrees(moves_on[joint]):.0f}°/s, its limit is {most}"
             raise BadTrajectory(words, 0, joint)
-        self._target, self._moves_on, self._at, self._aimed = target, moves_on, at, 0.0
+        return target, moves_on, at
+
+    def take(self, target: tuple[Float64, Float64, float]) -> None:
+        """Go to a target of `checked` from now on."""
+        (self._target, self._moves_on, self._at), self._aimed = target, 0.0
 
     # ------------------------------------------------------------------------------------ supervision
 

@@ -94,7 +94,7 @@ class LoopArm(PathArm):
     def _stream(self) -> LoopController | None:
         return self._controller if self._streaming else None
 
-    def _begin_stream(self, motion: PathMotion, q_start: Float64, q_arm: Float64) -> None:
+    def _begin_stream(self, motion: PathMotion, q_arm: Float64) -> None:
         self._streaming = True
 
     def _end_stream(self) -> None:

@@ -1,4 +1,4 @@
-"""`pomona emulate universal-robots` and `modbus-plc`: the controller alone, in a process of its own."""
+"""`pomona emulate universal-robots`, `xarm` and `modbus-plc`: the controller alone, in a process of its own."""
 
 from __future__ import annotations
 
@@ -13,10 +13,15 @@ from pomona.devices.emulators.motoman import FreeJoints
 from pomona.devices.emulators.server import Endpoint, TcpPort
 from pomona.devices.laboratory_emulators.modbus_plc import PlcEmulator
 from pomona.devices.laboratory_emulators.universal_robots import UrEmulator
+from pomona.devices.laboratory_emulators.xarm import PORTS as XARM_PORTS, XArmEmulator
 from pomona.devices.universal_robots.connect import PORTS
 
 STRETCHED_UP = np.array([0.0, -1.57, 1.57, -1.57, -1.57, 0.0])
 """Joints at the start, the tool downwards [rad]."""
+FOLDED = np.array([0.0, -0.6, -0.7, 0.0, 1.3, 0.0, 0.0])
+"""The same of an xArm; the elbow of a Lite 6 bends the other way."""
+KINDS = {"xarm5": (5, 5), "xarm6": (6, 6), "xarm7": (7, 7), "lite6": (6, 9), "850": (6, 12)}
+"""Axes and type in the controller's version, by model."""
 
 
 def add_universal_robots(kinds: Any) -> None:
@@ -54,3 +59,19 @@ def _modbus_plc(options: argparse.Namespace) -> tuple[list[Endpoint], list[Any]]
 
     plc.program = follow
     return [TcpPort(plc, options.host, options.port, clients=4)], [plc]
+
+
+def add_xarm(kinds: Any) -> None:
+    """Register the device."""
+    arm = kinds.add_parser("xarm", help="UFACTORY controller: registers and reports")
+    arm.add_argument("--host", default="127.0.0.1", help="its ports are fixed: 502 and 30001 to 30003")
+    arm.add_argument("--model", default="xarm6", choices=list(KINDS), help="of the arm (default: xarm6)")
+    arm.set_defaults(main=lambda options: serve(_xarm, options))
+
+
+def _xarm(options: argparse.Namespace) -> tuple[list[Endpoint], list[Any]]:
+    axes, kind = KINDS[options.model]
+    start = FOLDED[:axes] * (np.array([1.0, -1.0, -1.0, 1.0, 1.0, 1.0]) if options.model == "lite6" else 1.0)
+    controller = XArmEmulator(FreeJoints(start), np.full(axes, math.pi), kind)
+    ports = [(getattr(controller, name), number) for name, number in XARM_PORTS.items()]
+    return [TcpPort(port, options.host, number, clients=4) for port, number in ports], [controller]

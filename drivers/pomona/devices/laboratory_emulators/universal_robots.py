@@ -13,6 +13,7 @@ import numpy as np
 from pomona.devices.emulators.emulated import EmulatedDevice, EmulatedWire, EmulatorKind, SimJoints, world_of
 from pomona.devices.emulators.motoman import Joints
 from pomona.devices.emulators.server import Peer
+from pomona.devices.laboratory_emulators.ports import ControllerPort
 from pomona.devices.laboratory_emulators.urscript import compile_script
 from pomona.devices.universal_robots.connect import PORTS
 from pomona.devices.universal_robots.rtde import FORMATS, RtdeKind, decode, encode
@@ -360,41 +361,7 @@ def _kind(name: str, direction: str) -> str | None:
     return TYPES.get(name)
 
 
-class _UrPort:
-    """One of the controller's ports."""
-
-    def __init__(self, controller: UrEmulator) -> None:
-        self._robot = controller
-        self._peers: dict[int, tuple[Peer, bytearray]] = {}
-
-    def connected(self, peer: Peer) -> None:
-        if self._robot.fault == "killed":
-            peer.close()
-        else:
-            self._peers[id(peer)] = (peer, bytearray())
-
-    def disconnected(self, peer: Peer) -> None:
-        self._peers.pop(id(peer), None)
-
-    def received(self, peer: Peer, chunk: bytes) -> None:
-        if not self._robot.deaf and id(peer) in self._peers:
-            buffer = self._peers[id(peer)][1]
-            buffer += chunk
-            self.on_bytes(peer, buffer)
-
-    def hang_up(self) -> None:
-        """End all connections."""
-        for peer, _ in tuple(self._peers.values()):
-            peer.close()
-
-    def on_bytes(self, peer: Peer, buffer: bytearray) -> None:
-        """Take the complete messages."""
-
-    def advance(self, now: float) -> None:
-        """Time belongs to the controller."""
-
-
-class _DashboardPort(_UrPort):
+class _DashboardPort(ControllerPort):
     def connected(self, peer: Peer) -> None:
         super().connected(peer)
         if not self._robot.deaf:
@@ -438,7 +405,7 @@ class _DashboardPort(_UrPort):
         return told.get(line.lower(), lambda: f'could not understand: "{line}"')()
 
 
-class _ScriptPort(_UrPort):
+class _ScriptPort(ControllerPort):
     def on_bytes(self, peer: Peer, buffer: bytearray) -> None:
         text = buffer.decode("utf-8", "replace")
         opened = len(re.findall(r"(?m)^\s*(?:def|thread|if|while)\b", text))
@@ -457,7 +424,7 @@ class _Client:
         self.inputs: dict[int, tuple[list[str], struct.Struct]] = {}
 
 
-class _RtdePort(_UrPort):
+class _RtdePort(ControllerPort):
     def __init__(self, controller: UrEmulator) -> None:
         super().__init__(controller)
         self._clients: dict[int, _Client] = {}

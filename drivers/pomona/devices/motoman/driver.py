@@ -25,8 +25,9 @@ from pomona.drivers import (
     DeviceLost,
     Link,
     Nonsense,
-    PathArm,
     PathMotion,
+    StreamedMotion,
+    StreamingArm,
     words,
 )
 from pomona.executive import Clock, Float64
@@ -36,7 +37,7 @@ SERVO_ON = 15.0  # deadline of switching the servos on: the controller waits up 
 FIRST_STATE = 1.0  # deadline of the first feedback and status [s]
 
 
-class MotomanArm(PathArm):
+class MotomanArm(StreamingArm):
     """The arm. Joints in the order of the robot's description; the wire's order stays in here."""
 
     stops_when_told = True
@@ -228,8 +229,16 @@ class MotomanArm(PathArm):
     def _stream(self) -> PointStream | None:
         return self._points
 
-    def _begin_stream(self, motion: PathMotion, q_start: Float64, q_arm: Float64) -> None:
-        self._points = PointStream(motion, q_start, q_arm, self._clock, self.options, self._supervisor.command)
+    @property
+    def _ahead(self) -> float:
+        return self.options.lead
+
+    @property
+    def _due(self) -> float:
+        return self._clock.now() if self._points is None else self._points.due
+
+    def _begin_stream(self, motion: PathMotion | StreamedMotion, q_arm: Float64) -> None:
+        self._points = PointStream(motion, q_arm, self._clock, self.options, self._supervisor.command)
 
     def _end_stream(self) -> None:
         self._points = None

@@ -14,11 +14,10 @@ import numpy as np
 from pomona.devices.motoman.codec import Order, Result, TrajectoryPoint, Valid
 from pomona.devices.motoman.session import ControllerSession
 from pomona.devices.motoman.words import refusal
-from pomona.drivers import DeviceFault, PathMotion, Supervision
+from pomona.drivers import DeviceFault, KnotMaker, PathMotion, StreamedMotion, Supervision
 from pomona.executive import Clock, Float64
 
 INTERPOLATION = 0.004  # period of the controller's own interpolation, and of stepping the path here [s]
-BLEND = 0.3  # time over which the distance between the path's start and the arm's true position is taken up [s]
 GAP = 0.1  # gap between points after which a moving arm rests [s]: going on would be an unrequested start
 
 
@@ -53,30 +52,36 @@ class PointStream:
 
     def __init__(
         self,
-        motion: PathMotion,
-        q_start: Float64,
+        motion: PathMotion | StreamedMotion,
         q_arm: Float64,
         clock: Clock,
         options: MotomanOptions,
         commanded: Callable[[float, Float64], None] = lambda due, q: None,
     ) -> None:
-        """Begin at the arm's own position `q_arm`, which may differ a little from the path's start `q_start`.
+        """Begin at the arm's own position `q_arm`, shape (dof,) [rad].
 
         `commanded` is called with every accepted point and the time at which the arm shall pass it [s].
         """
         self._commanded = commanded
         self._joint_of_place = np.argsort(options.wire_joints)
-        self.motion = motion
         self.sent, self.busy, self.dry = 0, 0, 0
-        self.q_last = q_arm
-        self._offset = q_arm - q_start
+        self._maker = KnotMaker(motion, q_arm, clock, INTERPOLATION, options.point_period, options.lead)
         self._clock, self._group, self._lead = clock, options.group, options.lead
-        self._steps = max(round(options.point_period / INTERPOLATION), 1)
         self._time = 0.0
         self._began: float | None = None
         self._resend_at = 0.0
         self._moving = False
         self._point: TrajectoryPoint | None = self._make(q_arm, np.zeros_like(q_arm))
+
+    @property
+    def q_last(self) -> Float64:
+        """The newest set-point, shape (dof,) [rad]."""
+        return self._maker.q_last
+
+    @property
+    def due(self) -> float:
+        """When the arm shall pass the newest set-point, on the cell's clock [s]."""
+        return self._maker.due
 
     @property
     def played(self) -> bool:
@@ -131,23 +136,13 @@ class PointStream:
 
     def _next(self) -> TrajectoryPoint | None:
         """Return the next point, or None while the set-point rests."""
-        rested = self.motion.set_point_rests
-        q, qd = self.motion.step()
-        if rested and self.motion.set_point_rests:
+        now = self._clock.now()
+        knot = self._maker.next(now if self._began is None else max(self._began + self._time, now))
+        if knot is None:
             return None
-        self._time += INTERPOLATION
-        for _ in range(self._steps - 1):
-            if self.motion.set_point_rests:
-                break
-            q, qd = self.motion.step()
-            self._time += INTERPOLATION
-        left = max(1.0 - self._time / BLEND, 0.0)
-        smooth = left**2 * (3.0 - 2.0 * left)
-        self.q_last = q + smooth * self._offset
-        if self.motion.set_point_rests:
-            return self._make(self.q_last, np.zeros_like(qd))
-        blend_rate = -6.0 * left * (1.0 - left) / BLEND
-        return self._make(self.q_last, qd + blend_rate * self._offset)
+        elapsed, q, qd = knot
+        self._time += elapsed
+        return self._make(q, qd)
 
     def _make(self, q: Float64, qd: Float64) -> TrajectoryPoint:
         self._moving = bool(np.any(qd != 0.0))

@@ -123,11 +123,9 @@ class Ros2Arm(PathArm):
     def _stream(self) -> RollingPath | None:
         return self._path
 
-    def _begin_stream(self, motion: PathMotion, q_start: Float64, q_arm: Float64) -> None:
+    def _begin_stream(self, motion: PathMotion, q_arm: Float64) -> None:
         self._say_at, self._rested, self._offset = -np.inf, False, self._read_offset()
-        self._path = RollingPath(
-            self.name, motion, q_start, q_arm, self._clock, self.options.lead, self._supervisor.command
-        )
+        self._path = RollingPath(self.name, motion, q_arm, self._clock, self.options.lead, self._supervisor.command)
 
     def _end_stream(self) -> None:
         self._path = None

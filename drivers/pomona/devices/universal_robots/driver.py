@@ -28,7 +28,18 @@ from pomona.devices.universal_robots.words import (
     stopped,
     unfit,
 )
-from pomona.drivers import ArmLimits, ArmState, DeviceError, DeviceFault, DeviceLost, Link, PathArm, PathMotion, words
+from pomona.drivers import (
+    ArmLimits,
+    ArmState,
+    DeviceError,
+    DeviceFault,
+    DeviceLost,
+    Link,
+    PathMotion,
+    StreamedMotion,
+    StreamingArm,
+    words,
+)
 from pomona.executive import Clock, Float64
 
 TAKEN, ENDED, ECHO = (f"output_int_register_{i}" for i in (24, 25, 26))
@@ -44,6 +55,7 @@ RECONNECT = 0.5  # pause between attempts to open a lost connection again [s]
 BEAT = 0.02  # period of the heart beat [s]; without it for 100 ms the controller ends the script
 UNHEARD = 0.06  # a beat that the script has not repeated after this time shows that another program runs [s]
 STARTS = 2.0  # the script must run within this time after it was sent [s]
+SERVO_LAG = 0.03  # of servoj: its lookahead time in the script [s]
 POWERED = 30.0  # deadline of powering the arm and releasing its brakes, which is audible [s]
 UNLOCKED = 2.0  # deadline of the release of a protective stop [s]
 
@@ -54,7 +66,7 @@ def resident_script() -> str:
     return re.sub(r"= @(\d+)", lambda found: f"= [{','.join(['0.0'] * int(found[1]))}]", text)
 
 
-class UrArm(PathArm):
+class UrArm(StreamingArm):
     """The arm. Joints from the base to the wrist, as in its description."""
 
     stops_when_told = True
@@ -293,10 +305,18 @@ class UrArm(PathArm):
     def _stream(self) -> KnotStream | None:
         return self._knots
 
-    def _begin_stream(self, motion: PathMotion, q_start: Float64, q_arm: Float64) -> None:
+    @property
+    def _ahead(self) -> float:
+        return self.options.lead + SERVO_LAG
+
+    @property
+    def _due(self) -> float:
+        return SERVO_LAG + (self._clock.now() if self._knots is None else self._knots.due)
+
+    def _begin_stream(self, motion: PathMotion | StreamedMotion, q_arm: Float64) -> None:
         taken = self._session.whole(TAKEN) if self._session is not None else 0
         command = self._supervisor.command
-        self._knots = KnotStream(motion, q_start, q_arm, self._clock, self.options, taken + 1, command)
+        self._knots = KnotStream(motion, q_arm, self._clock, self.options, taken + 1, command)
 
     def _end_stream(self) -> None:
         self._knots = None

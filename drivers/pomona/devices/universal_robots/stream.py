@@ -12,12 +12,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pomona.drivers import PathMotion, Supervision
+from pomona.drivers import KnotMaker, PathMotion, StreamedMotion, Supervision
 from pomona.executive import Clock, Float64
 
 PERIOD = 0.004  # period of stepping the path here [s]
 CUSHION = 0.1  # time from the first knot until the script plays it [s], in which the next ones come; also in the script
-BLEND = 0.3  # time over which the distance between the path's start and the arm's true position is taken up [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,35 +47,42 @@ class KnotStream:
     Attributes:
         number: of the knot that the script takes next.
         sent: knots that it has taken.
-        q_last: of the newest knot, (6,) [rad].
     """
 
     def __init__(
         self,
-        motion: PathMotion,
-        q_start: Float64,
+        motion: PathMotion | StreamedMotion,
         q_arm: Float64,
         clock: Clock,
         options: UrOptions,
         number: int,
         commanded: Callable[[float, Float64], None],
     ) -> None:
-        """Begin at the arm's own position `q_arm`, which may differ a little from the path's start `q_start`.
+        """Begin at the arm's own position `q_arm`, (6,) [rad].
 
         `commanded` is called with each knot that was taken and the time at which the arm shall pass it [s].
         """
-        self.motion, self.number, self.sent, self.q_last = motion, number, 0, q_arm
+        self.number, self.sent = number, 0
         self._clock, self._lead, self._commanded = clock, options.lead, commanded
-        self._steps = max(round(options.point_period / PERIOD), 1)
-        self._offset, self._blended = q_arm - q_start, 0.0
+        self._maker = KnotMaker(motion, q_arm, clock, PERIOD, options.point_period, options.lead)
         self._time = 0.0  # of the newest knot [s]
         self._began: float | None = None  # when the script plays the time 0; None until it has taken that knot
-        self._waiting = deque([Knot(0.0, q_arm, np.zeros_like(q_arm))])
+        self._waiting: deque[Knot] = deque()
+
+    @property
+    def q_last(self) -> Float64:
+        """The newest knot, (6,) [rad]."""
+        return self._maker.q_last
+
+    @property
+    def due(self) -> float:
+        """When the arm shall pass the newest set-point, on the cell's clock [s]."""
+        return self._maker.due
 
     @property
     def played(self) -> bool:
         """Whether the script must have played everything that was sent."""
-        return not self._waiting and self._began is not None and self._clock.now() >= self._began + self._time
+        return not self._waiting and self._left(self._clock.now()) <= 0.0
 
     def pump(self, taken: int) -> Knot | None:
         """Take note that the script has taken the knot `taken`; return the one that it shall have now, if any."""
@@ -86,26 +92,27 @@ class KnotStream:
             self._began = now + CUSHION if self._began is None else self._began
             self.number, self.sent = self.number + 1, self.sent + 1
             self._commanded(self._began + knot.time, knot.q)
-        if not self._waiting and self._began is not None and self._began + self._time - now < self._lead:
-            self._extend(self._began + self._time < now)
+        if not self._waiting and self._left(now) < self._lead:
+            self._extend(now)
         return self._waiting[0] if self._waiting else None
 
-    def _extend(self, rested: bool) -> None:
-        """Add the next knot, unless the set-point rests; an arm that has rested, as after a pause, begins anew."""
-        rested_before = self.motion.set_point_rests
-        q, qd = self.motion.step()
-        if rested_before and self.motion.set_point_rests:
+    def _left(self, now: float) -> float:
+        """Return for how long the script plays what it has [s]; negative when it has played all."""
+        return -1.0 if self._began is None else self._began + self._time - now
+
+    def _extend(self, now: float) -> None:
+        """Add the next knot, unless the set-point rests; an arm that has rested, as after a pause, begins anew.
+
+        It begins with two knots, since the script counts no time with one alone.
+        """
+        left, before = self._left(now), self.q_last
+        rested = left < 0.0
+        knot = self._maker.next(now + (CUSHION if rested else left))
+        if knot is None:
             return
-        steps = 1
-        while steps < self._steps and not self.motion.set_point_rests:
-            q, qd = self.motion.step()
-            steps += 1
         if rested:
             self._began, self._time = None, 0.0
-            self._waiting.append(Knot(0.0, self.q_last, np.zeros_like(qd)))
-        self._time += steps * PERIOD
-        self._blended += steps * PERIOD
-        left = max(1.0 - self._blended / BLEND, 0.0)
-        self.q_last = q + left**2 * (3.0 - 2.0 * left) * self._offset
-        qd = qd - 6.0 * left * (1.0 - left) / BLEND * self._offset
-        self._waiting.append(Knot(self._time, self.q_last, np.zeros_like(qd) if self.motion.set_point_rests else qd))
+            self._waiting.append(Knot(0.0, before, np.zeros_like(before)))
+        elapsed, q, qd = knot
+        self._time += elapsed
+        self._waiting.append(Knot(self._time, q, qd))

@@ -18,7 +18,6 @@ from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import Float64
 
 PERIOD = 0.01  # time between the points of a message, which a controller joins by cubics [s]
-BLEND = 0.3  # time over which the distance between the path's start and the arm's true position is taken up [s]
 
 
 class OutOfSetPointsError(DeviceFault):
@@ -36,10 +35,9 @@ class SetPoint:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Promised:
-    """A fixed set-point, its time since the motion began [s], and how the motion would brake from there."""
+    """A fixed set-point, and how the motion would brake from there."""
 
     point: SetPoint
-    time: float
     stop: PathFollower
 
 
@@ -55,13 +53,12 @@ class RollingPath:
         self,
         device: str,
         motion: PathMotion,
-        q_start: Float64,
         q_arm: Float64,
         clock: Clock,
         lead: float,
         commanded: Callable[[float, Float64], None],
     ) -> None:
-        """Begin at the arm's own position `q_arm`, which may differ a little from the path's start `q_start`.
+        """Begin at the arm's own position `q_arm`, shape (dof,) [rad].
 
         Args:
             lead: time by which set-points precede the arm [s]; a stop takes effect after it.
@@ -69,9 +66,8 @@ class RollingPath:
         """
         self.motion, self.sent, self.braking_now = motion, 0, False
         self._device, self._clock, self._lead, self._commanded = device, clock, lead, commanded
-        self._offset, self._time = q_arm - q_start, 0.0
         self._last = SetPoint(clock.now(), q_arm, np.zeros_like(q_arm))
-        self._promised = deque([_Promised(self._last, 0.0, motion.braking())])
+        self._promised = deque([_Promised(self._last, motion.braking())])
 
     @property
     def played(self) -> bool:
@@ -100,8 +96,7 @@ class RollingPath:
             q, qd = self.motion.step()
             if rested and self.motion.set_point_rests:
                 break
-            self._time += PERIOD
-            self._promise(self._blended(self._last.due + PERIOD, self._time, q, qd))
+            self._promise(SetPoint(self._last.due + PERIOD, q, qd))
         while len(self._promised) > 2 and self._promised[2].point.due <= now:
             self._promised.popleft()
 
@@ -112,7 +107,7 @@ class RollingPath:
         while len(self._promised) > 1 and self._promised[-2].point.due >= now:
             self._promised.pop()
         newest = self._promised[-1]
-        self._last, self._time = newest.point, newest.time
+        self._last = newest.point
         self.motion.come_to_rest(newest.stop)
         if now <= self._last.due:
             self.go_on()
@@ -124,12 +119,12 @@ class RollingPath:
         order in the period, and cubics through both would swing.
         """
         points, follower = [promised.point for promised in self._promised], self.motion.braking()
-        due, time = self._last.due, self._time
+        due = self._last.due
         # maximum number of points of a stopping path; five seconds, ten times the need of any arm
         while not follower.at_rest and len(points) < 500:
             q, qd = follower.step()
-            due, time = due + PERIOD, time + PERIOD
-            points.append(self._blended(due, time, q, qd))
+            due += PERIOD
+            points.append(SetPoint(due, q, qd))
         told = [
             SetPoint(here.due, here.q, (after.q - before.q) / (after.due - before.due))
             for before, here, after in zip(points, points[1:], points[2:], strict=False)
@@ -138,11 +133,6 @@ class RollingPath:
 
     def _promise(self, point: SetPoint) -> None:
         self._last = point
-        self._promised.append(_Promised(point, self._time, self.motion.braking()))
+        self._promised.append(_Promised(point, self.motion.braking()))
         self.sent += 1
         self._commanded(point.due, point.q)
-
-    def _blended(self, due: float, time: float, q: Float64, qd: Float64) -> SetPoint:
-        left = max(1.0 - time / BLEND, 0.0)
-        smooth, rate = left**2 * (3.0 - 2.0 * left), -6.0 * left * (1.0 - left) / BLEND
-        return SetPoint(due, q + smooth * self._offset, qd + rate * self._offset)

@@ -118,10 +118,10 @@ class $Name(PathArm):
     def _stream(self) -> RollingPath | None:
         return self._path
 
-    def _begin_stream(self, motion: PathMotion, q_start: Float64, q_arm: Float64) -> None:
+    def _begin_stream(self, motion: PathMotion, q_arm: Float64) -> None:
         self._told_at = -np.inf
         commanded = self._supervisor.command
-        self._path = RollingPath(self.name, motion, q_start, q_arm, self._clock, self._lead, commanded)
+        self._path = RollingPath(self.name, motion, q_arm, self._clock, self._lead, commanded)
 
     def _end_stream(self) -> None:
         self._path = None

@@ -1,4 +1,4 @@
-"""The emulated twin of a UR5e with a Hand-E: real drivers and bytes on virtual time, and faults."""
+"""Emulated twins of cells with a Hand-E: real drivers and bytes on virtual time, and faults."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from pomona.skills.motion.planning.timing import time_polyline
 
 pytestmark = pytest.mark.slow
 
-CELL = Path(__file__).resolve().parents[4] / "trees" / "cells" / "emulated_ur5e_hand_e.yaml"
+CELLS = Path(__file__).resolve().parents[4] / "trees" / "cells"
+ARMS = {"ur5e": "UrArm", "xarm6": "XArm"}
 
 
-@pytest.fixture
-def cell() -> Iterator[Cell]:
-    opened = load_cell(CELL, seed=1, overrides={"distractors": "0"})
+@pytest.fixture(params=ARMS)
+def cell(request: pytest.FixtureRequest) -> Iterator[Cell]:
+    opened = load_cell(CELLS / f"emulated_{request.param}_hand_e.yaml", seed=1, overrides={"distractors": "0"})
     yield opened
     opened.close()
 
@@ -32,7 +33,8 @@ def run(cell: Cell, seconds: float, until: Callable[[], bool] = lambda: False) -
 def test_every_device_answers_through_its_own_wire(cell: Cell) -> None:
     assert set(cell.links().values()) == {"ok"}
     arm, gripper = cell.device(Arm), cell.device(Gripper)
-    assert (type(arm).__name__, type(gripper).__name__) == ("UrArm", "RobotiqGripper")
+    assert type(arm).__name__ == ARMS[cell.name.split("_")[1]]
+    assert type(gripper).__name__ == "RobotiqGripper"
     q, width = arm.state().q, gripper.state().width
     truly = cell.devices["world"]._cell.device(Gripper).state().width  # type: ignore[attr-defined]
     assert width == pytest.approx(truly, abs=2e-4)
@@ -47,15 +49,24 @@ def test_every_device_answers_through_its_own_wire(cell: Cell) -> None:
 
 
 @pytest.mark.parametrize(
-    ("switch", "fault", "device", "within"),
+    ("cell", "switch", "fault", "device", "within"),
     [
-        ("arm", "protective", "arm", 0.06),
-        ("arm.rtde_wire", "cut", "arm", 0.06),
-        ("arm.rtde_wire", "silent", "arm", 0.06),
-        ("arm.rtde_wire", "garbage", "arm", 0.06),
-        ("gripper.controller", "hot", "gripper", 0.06),
-        ("gripper.wire", "silent", "gripper", 0.1),
+        ("ur5e", "arm", "protective", "arm", 0.06),
+        ("ur5e", "arm.rtde_wire", "cut", "arm", 0.06),
+        ("ur5e", "arm.rtde_wire", "silent", "arm", 0.06),
+        ("ur5e", "arm.rtde_wire", "garbage", "arm", 0.06),
+        ("ur5e", "gripper.controller", "hot", "gripper", 0.06),
+        ("ur5e", "gripper.wire", "silent", "gripper", 0.1),
+        ("xarm6", "arm", "collision", "arm", 0.06),
+        ("xarm6", "arm", "e_stop", "arm", 0.06),
+        ("xarm6", "arm", "replaced", "arm", 0.06),
+        ("xarm6", "arm.command_wire", "cut", "arm", 0.06),
+        ("xarm6", "arm.command_wire", "silent", "arm", 0.06),
+        ("xarm6", "arm.command_wire", "garbage", "arm", 0.06),
+        ("xarm6", "arm.report_wire", "cut", "arm", 0.06),
+        ("xarm6", "arm.report_wire", "silent", "arm", 0.06),
     ],
+    indirect=["cell"],
 )
 def test_a_fault_stops_the_arm(cell: Cell, switch: str, fault: str, device: str, within: float) -> None:
     arm = cell.device(Arm)

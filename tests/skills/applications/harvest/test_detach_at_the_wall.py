@@ -23,10 +23,46 @@ FRUIT = 7
 """One of three apples on its spur; both rolls are free."""
 
 
+EMULATED = """
+name: emulated_orchard
+kind: emulated
+workspace: {{include: "{cells}/orchard.yaml#workspace"}}
+world:
+  driver: emulated-world
+  cell: {cells}/orchard.yaml
+  options: {{leaves: "0", behind: "0", friction: "0.8"}}
+  arm: 127.0.0.1:50240
+  controller: fs100
+  gripper: 127.0.0.1:41000
+  fingers: /tmp/pomona
+  camera: 127.0.0.1:41001
+devices:
+  arm:
+    driver: motoman
+    address: 127.0.0.1:50240
+    controller: fs100
+    robot: {cells}/../robots/sia5f_wsg32.xml
+    joints: S L E U R B T
+  gripper: {{driver: wsg, tcp: "127.0.0.1:41000", finger_offset: 35 mm, speed_max: 200 mm/s}}
+  fingers:
+    driver: suntouch
+    left: {{port: /tmp/pomona/finger_left, calibration: {cells}/emulated_fingers/left.json}}
+    right: {{port: /tmp/pomona/finger_right, calibration: {cells}/emulated_fingers/right.json}}
+"""
+"""The wall behind the bytes of a Yaskawa controller, a WSG and SUNTouch fingers, on virtual time."""
+
+
 @pytest.mark.slow
-def test_an_apple_is_rolled_off_its_branch_and_held_without_a_bruise() -> None:
-    cell = load_cell(CELL, seed=3, overrides={"leaves": "0", "behind": "0", "friction": "0.8"})
-    script, world = Script(cell), cell.devices["world"]
+@pytest.mark.parametrize("kind", ["simulated", "emulated"])
+def test_an_apple_is_rolled_off_its_branch_and_held_without_a_bruise(kind: str, tmp_path: Path) -> None:
+    if kind == "simulated":
+        cell = load_cell(CELL, seed=3, overrides={"leaves": "0", "behind": "0", "friction": "0.8"})
+        world = cell.devices["world"]
+    else:
+        (tmp_path / "cell.yaml").write_text(EMULATED.format(cells=CELL.parent))
+        cell = load_cell(tmp_path / "cell.yaml", seed=3)
+        world = cell.devices["world"]._world
+    script = Script(cell)
     search, hung = GraspSearch(world.built, world.description), world.built.wall.fruits[FRUIT]
     T, q = next(search.grasps(FRUIT))
     before = T.copy()

@@ -1,0 +1,309 @@
+"""A UFACTORY controller that speaks its bytes: registers at port 502, pushed reports at 30001 to 30003."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+
+from pomona.devices.emulators.emulated import EmulatedDevice, EmulatedWire, EmulatorKind, SimJoints, world_of
+from pomona.devices.emulators.motoman import Joints
+from pomona.devices.emulators.server import Peer
+from pomona.devices.laboratory_emulators.ports import ControllerPort
+from pomona.devices.xarm.codec import ERROR, HEADER, INVALID, NOT_READY, PLACES, WARNING, Register
+from pomona.drivers import Arm, Cell, FaultSwitch
+from pomona.executive import Float64
+
+PORTS = {"command": 502, "normal": 30001, "rich": 30002, "report": 30003}
+CYCLE = 0.002
+"""Control cycle [s]: plausible, not known."""
+FILTER = 0.010
+"""Time in which servo mode comes to a set-point [s]: plausible, not measured."""
+MOST = 20.0
+"""Acceleration of a joint in a stop and in the queue [rad/s²]: plausible, not measured."""
+FAR = 0.2
+"""Distance of a set-point in servo mode that is the error 24 [rad]: plausible, not measured."""
+MOVE_JOINT, JOINT_SPEEDS = 23, 81
+"""Registers of the queue (mode 0) and of joint speeds (mode 4)."""
+READ_AS_ZERO = 40  # bytes of the answer to a register that the emulator does not have
+
+
+class XArmEmulator(FaultSwitch):
+    """The controller; `command`, `normal`, `rich` and `report` serve its ports.
+
+    Faults: `collision`, `e_stop`, `motor` (errors 31, 1, 13); `stopped`, `paused` (in UFACTORY Studio); `replaced`
+    (another program sets the queue's mode and moves); `moved` (another client sends set-points); `killed` (all
+    connections end), `silent` (no byte at any port), `no_report`; `stuck`, `frozen`, `nan`, `wild` (joints and their
+    feedback).
+
+    Attributes:
+        axes, kind, firmware: of the answer to VERSION.
+        state, mode, error, warning, enabled, pressed: as in UFACTORY Studio; `pressed` is the emergency stop.
+        unknown: registers that were asked for and are not here.
+    """
+
+    known_faults = (
+        *("collision", "e_stop", "motor", "stopped", "paused", "replaced", "moved", "killed", "silent", "no_report"),
+        *("stuck", "frozen", "nan", "wild"),
+    )
+
+    def __init__(self, joints: Joints, velocity: Float64, kind: int = 6) -> None:
+        super().__init__()
+        self.command = _CommandPort(self)
+        self.normal, self.rich, self.report = ControllerPort(self), ControllerPort(self), ControllerPort(self)
+        self.axes, self.kind, self.firmware = len(velocity), kind, (2, 5, 0)
+        self.state, self.mode, self.error, self.warning = 4, 0, 0, 0
+        self.enabled = self.pressed = False
+        self.unknown: set[int] = set()
+        self._joints, self._velocity = joints, velocity
+        self._q, self._qd = joints.measured()[0], np.zeros(len(velocity))
+        self._frozen = joints.measured()
+        self._target: Float64 | None = None
+        self._queue: deque[tuple[Float64, float]] = deque()
+        self._speeds, self._speeds_end = np.zeros(len(velocity)), math.inf
+        self._next: float | None = None
+        self._count = 0
+
+    # ------------------------------------------------------------------------------------------ faults
+
+    def inject_fault(self, kind: str) -> None:
+        super().inject_fault(kind)
+        self._frozen = self._joints.measured()
+        if kind in ("collision", "motor", "e_stop"):
+            self.raise_error({"collision": 31, "motor": 13, "e_stop": 1}[kind])
+            self.pressed = kind == "e_stop"
+        elif kind in ("stopped", "paused"):
+            self.set_state(4 if kind == "stopped" else 3)
+        elif kind == "replaced":
+            self.set_mode(0)
+            self.set_state(0)
+            self._queue.append((self._q + 0.3, 0.5))
+        elif kind == "moved":
+            self._target = self._q + 0.1
+        elif kind == "killed":
+            for port in (self.command, self.normal, self.rich, self.report):
+                port.hang_up()
+
+    def clear_fault(self) -> None:
+        """Release the button, plug the cable in; errors are cleared by a command."""
+        super().clear_fault()
+        self.pressed = False
+
+    @property
+    def deaf(self) -> bool:
+        """Whether nothing passes at any port."""
+        return self.fault in ("silent", "killed")
+
+    def raise_error(self, code: int) -> None:
+        """Stop with an error; an emergency stop takes the power from the motors."""
+        self.error = code
+        self.enabled = self.enabled and code != 1
+        self.set_state(4)
+
+    # ------------------------------------------------------------------------------------------ commands
+
+    def set_state(self, state: int) -> None:
+        """Take a command of the state: 0 go on, 3 pause, 4 stop."""
+        if state == 0:
+            self.state = 2 if self.enabled and not self.error else 4
+        elif state in (3, 4):
+            self.state = state
+        if self.state == 4:
+            self._forget()
+
+    def set_mode(self, mode: int) -> None:
+        """Take another mode; the arm stops until a state is commanded."""
+        self.mode, self.state = mode, 4
+        self._forget()
+
+    def _forget(self) -> None:
+        self._queue.clear()
+        self._target, self._speeds = None, np.zeros_like(self._qd)
+
+    def clean_error(self) -> None:
+        """Clear the error, unless its cause is still there."""
+        self.error = 1 if self.pressed else 0
+
+    @property
+    def flags(self) -> int:
+        """The flags of each answer."""
+        not_ready = self.state == 4 or not self.enabled or self.error
+        return (ERROR if self.error else 0) | (WARNING if self.warning else 0) | (NOT_READY if not_ready else 0)
+
+    def answer(self, register: int, body: bytes) -> bytes:
+        """Carry a request out, and return the parameters of its answer."""
+        orders: dict[int, Callable[[], None]] = {
+            Register.MOTION_ENABLE: lambda: setattr(self, "enabled", bool(body[1]) and not self.pressed),
+            Register.SET_STATE: lambda: self.set_state(body[0]),
+            Register.SET_MODE: lambda: self.set_mode(body[0]),
+            Register.CLEAN_ERROR: self.clean_error,
+            Register.CLEAN_WARNING: lambda: setattr(self, "warning", 0),
+            Register.SERVO_JOINTS: lambda: self._servo(body),
+            MOVE_JOINT: lambda: self._move(body),
+            JOINT_SPEEDS: lambda: self._set_speeds(body),
+        }
+        if register in orders:
+            orders[register]()
+            return struct.pack(">H", len(self._queue)) if register == MOVE_JOINT else b""
+        told: dict[int, Callable[[], bytes]] = {
+            Register.VERSION: self._version,
+            Register.GET_STATE: lambda: bytes([self.state]),
+            Register.QUEUED: lambda: struct.pack(">H", len(self._queue)),
+            Register.ERROR: lambda: bytes([self.error, self.warning]),
+            Register.JOINTS: lambda: self._told_joints(body[0] & 0x0F if body else 1),
+        }
+        if register not in told:
+            self.unknown.add(register)
+        return told.get(register, lambda: bytes(READ_AS_ZERO))()
+
+    def _version(self) -> bytes:
+        letter = {5: "F", 6: "I", 7: "S"}.get(self.axes, "X")
+        version = ".".join(map(str, self.firmware))
+        return f"{self.axes},{self.kind},X{letter}1304,AC1304,v{version}".encode().ljust(40, b"\0")
+
+    def _told_joints(self, count: int) -> bytes:
+        q, qd = self.measured()
+        return b"".join(_wire(part) for part in (q, qd, np.zeros_like(q))[:count])
+
+    def _servo(self, body: bytes) -> None:
+        q = np.array(struct.unpack_from(f"<{PLACES}f", body)[: self.axes])
+        if self.mode != 1 or self.state == 4 or self.error:
+            return
+        if np.abs(q - self._q).max() > FAR:
+            self.raise_error(24)
+        else:
+            self._target = q
+
+    def _move(self, body: bytes) -> None:
+        values = struct.unpack_from(f"<{PLACES + 2}f", body)
+        if self.mode == 0 and self.state != 4 and not self.error:
+            self._queue.append((np.array(values[: self.axes]), max(values[PLACES], 0.01)))
+
+    def _set_speeds(self, body: bytes) -> None:
+        if self.mode == 4 and self.state != 4 and not self.error:
+            self._speeds = np.array(struct.unpack_from(f"<{PLACES}f", body)[: self.axes])
+            (duration,) = struct.unpack_from("<f", body, 29) if len(body) >= 33 else (-1.0,)
+            now = self._next or 0.0
+            self._speeds_end = now + duration if duration > 0.0 else math.inf
+
+    # -------------------------------------------------------------------------------------------- time
+
+    def advance(self, now: float) -> None:
+        """Make the cycles until now."""
+        self._next = now if self._next is None or now - self._next > 1.0 else self._next
+        while self._next <= now + 1e-9:
+            self._cycle(self._next)
+            self._next += CYCLE
+
+    def _cycle(self, now: float) -> None:
+        wanted, most = np.zeros_like(self._qd), MOST
+        if self.state in (1, 2):
+            if self.mode == 1 and self._target is not None:
+                wanted, most = (self._target - self._q) / FILTER, math.inf
+            elif self.mode == 0 and self._queue:
+                wanted = self._towards(*self._queue[0])
+            elif self.mode == 4 and now < self._speeds_end:
+                wanted = self._speeds
+        wanted = np.clip(wanted, -1.2 * self._velocity, 1.2 * self._velocity)
+        self._qd = self._qd + np.clip(wanted - self._qd, -most * CYCLE, most * CYCLE)
+        self._qd[np.abs(self._qd) < 1e-9] = 0.0
+        self._q = self._q + self._qd * CYCLE
+        if self.state in (1, 2):
+            self.state = 1 if np.abs(self._qd).max() > 1e-4 or self._queue else 2
+        if self.fault != "stuck":
+            self._joints.drive(self._q, self._qd)
+        self._push()
+
+    def _towards(self, q: Float64, speed: float) -> Float64:
+        """Return the speeds of a straight line in joint space, with a ramp at its end."""
+        way = q - self._q
+        far = float(np.abs(way).max())
+        if far < 1e-5:
+            self._queue.popleft()
+            return np.zeros_like(way)
+        return way / far * min(speed, math.sqrt(MOST * far), far / CYCLE)
+
+    def measured(self) -> tuple[Float64, Float64]:
+        """Return the reported positions [rad] and velocities [rad/s], shape (axes,) each."""
+        q, qd = self._joints.measured()
+        match self.fault:
+            case "frozen":
+                return self._frozen
+            case "nan":
+                return np.full_like(q, np.nan), qd
+            case "wild":
+                return np.full_like(q, 1e30), qd
+        return q, qd
+
+    # ------------------------------------------------------------------------------------------ reports
+
+    def _push(self) -> None:
+        self._count += 1
+        if self.deaf or self.fault == "no_report":
+            return
+        if self._count % round(0.01 / CYCLE) == 0:
+            self.report.send(_framed(self._body()))
+        if self._count % round(0.2 / CYCLE) == 0:
+            self.normal.send(_framed(self._body() + self._more()))
+            self.rich.send(_framed((self._body() + self._more() + self._robot()).ljust(241, b"\0")))
+
+    def _body(self) -> bytes:
+        """State, mode, queue, joints, pose, torques: the whole report of 100 Hz."""
+        status = bytes([self.state | self.mode << 4]) + struct.pack(">H", len(self._queue))
+        return status + _wire(self.measured()[0]) + bytes(4 * 6) + bytes(4 * PLACES)
+
+    def _more(self) -> bytes:
+        """Brakes, motors, error, warning, and settings of the tool."""
+        motors = (1 << self.axes) - 1 if self.enabled else 0
+        settings = struct.pack("<10f", *([0.0] * 10)) + bytes([3, 3]) + struct.pack("<3f", 0.0, 0.0, -1.0)
+        return bytes([motors, motors, self.error, self.warning]) + settings
+
+    def _robot(self) -> bytes:
+        version = "v" + ".".join(map(str, self.firmware))
+        return bytes([self.kind, self.axes, 1, 1, 1, 1]) + version.encode().ljust(30, b"\0") + bytes(4 * 10)
+
+
+def _wire(values: Float64) -> bytes:
+    with np.errstate(over="ignore"):
+        return np.concatenate([values, np.zeros(PLACES - len(values))]).astype("<f4").tobytes()
+
+
+def _framed(body: bytes) -> bytes:
+    return struct.pack(">I", 4 + len(body)) + body
+
+
+class _CommandPort(ControllerPort):
+    def on_bytes(self, peer: Peer, buffer: bytearray) -> None:
+        while len(buffer) >= HEADER.size:
+            transaction, protocol, size = HEADER.unpack_from(buffer)
+            if len(buffer) < HEADER.size + size:
+                return
+            body = bytes(buffer[HEADER.size : HEADER.size + size])
+            del buffer[: HEADER.size + size]
+            if protocol not in (2, 3) or not body:
+                continue  # a heart beat of the vendor's client, or standard Modbus
+            try:
+                answer, refused = self._robot.answer(body[0], body[1:]), 0
+            except (struct.error, IndexError):
+                answer, refused = b"", INVALID
+            head = bytes([body[0], self._robot.flags | refused])
+            peer.send(HEADER.pack(transaction, protocol, 2 + len(answer)) + head + answer)
+
+
+def _addresses(address: str) -> tuple[str, ...]:
+    return tuple(f"{address}:{port}" for port in PORTS.values())
+
+
+def _make(cell: Cell, addresses: tuple[str, ...]) -> EmulatedDevice:
+    controller = XArmEmulator(SimJoints(world_of(cell)), cell.device(Arm).limits.velocity)
+    wires = (
+        EmulatedWire(f"{name}_wire", address, getattr(controller, name), clients=4)
+        for name, address in zip(PORTS, addresses, strict=True)
+    )
+    return EmulatedDevice(tuple(wires), controller.advance, {"": controller})
+
+
+XARM = EmulatorKind(_addresses, _make)

@@ -1,0 +1,308 @@
+"""A UFACTORY arm as an `Arm`: set-points in servo mode, joints read back, errors in words.
+
+One thread owns the connections and the motion; requests are posted to it. A lost controller, an error, a stop, another
+mode, implausible feedback or a stalled motion fails the motion and stays latched until an operator acknowledges it. The
+arm is then made ready anew, and nothing resumes by itself.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from pomona.devices.xarm.codec import ERROR, Register, identity, joints, servo_point
+from pomona.devices.xarm.session import SLOW, XArmSession
+from pomona.devices.xarm.stream import PERIOD, ServoStream, XArmOptions
+from pomona.devices.xarm.words import BY_HAND, READY, SERVO, STOP, error_words, interrupted
+from pomona.drivers import (
+    ArmLimits,
+    ArmState,
+    DeviceError,
+    DeviceFault,
+    DeviceLost,
+    Link,
+    Malformed,
+    Nonsense,
+    PathMotion,
+    StreamedMotion,
+    StreamingArm,
+    words,
+)
+from pomona.executive import Clock, Float64
+
+OLDEST = (1, 9, 110)
+"""Oldest firmware: the first that returns measured positions and velocities of joints (`xarm-python-sdk` 1.18.4)."""
+RECONNECT = 0.5  # pause between attempts to open lost connections again [s]
+READIES = 2.0  # the arm must be ready within this time after the command [s]
+STRAYS = 0.02  # joints that were not commanded to move are moved by another beyond this [rad]
+ALL = 8  # of MOTION_ENABLE: every joint
+
+
+class WrongModelError(DeviceFault):
+    """The robot at this address is another model than the cell file's."""
+
+
+class XArm(StreamingArm):
+    """The arm. Joints from the base to the wrist, as in its description."""
+
+    stops_when_told = True
+
+    def __init__(
+        self,
+        open_port: Callable[[str], Link],
+        clock: Clock,
+        description: Path,
+        limits: ArmLimits,
+        options: XArmOptions | None = None,
+        name: str = "arm",
+    ) -> None:
+        """`open_port` connects to "command" or "report"."""
+        self.options = options or XArmOptions()
+        super().__init__(name, clock, description, limits, self.options.supervision, PERIOD)
+        self._open_port = open_port
+        self._session: XArmSession | None = None
+        self._points: ServoStream | None = None
+        self._retry_at, self._next = 0.0, -np.inf
+        self._rests_at: Float64 | None = None  # joints where the arm was left
+        self._starting = False
+
+    # ---------------------------------------------------------------------------------------- connection
+
+    def connect(self) -> None:
+        """Open both connections, see that it is the right arm, and make it ready in servo mode; it stands still.
+
+        Raises:
+            DeviceError: no controller there, another arm, or it is not ready, in words.
+        """
+        session = self._open()
+        try:
+            self._make_ready(session)
+        except OSError as error:
+            session.close()
+            raise DeviceLost(self.name, str(error)) from error
+        except DeviceError:
+            session.close()
+            raise
+        self._session, self._problem = session, None
+
+    def _open(self) -> XArmSession:
+        links: list[Link] = []
+        try:
+            links += [self._open_port("command")]
+            links += [self._open_port("report")]
+            session = XArmSession(self.name, links[0], links[1], self._clock, self.options.silence)
+            self._require_arm(session)
+            self._supervisor.forget()
+            self._believe(*self._joints(session))
+        except (OSError, DeviceError) as error:
+            for link in links:
+                link.close()
+            lost = DeviceLost(self.name, f"cannot be reached: {error}")
+            raise (error if isinstance(error, DeviceError) else lost) from error
+        return session
+
+    def _require_arm(self, session: XArmSession) -> None:
+        try:
+            found = identity(session.ask(Register.VERSION, deadline=1.0))
+        except Malformed as error:
+            raise Nonsense(self.name, error) from error
+        if found.model != self.options.model:
+            raise WrongModelError(self.name, f"is a {found.model}, not the {self.options.model} of the cell file")
+        if found.version < OLDEST:
+            old, least = (".".join(map(str, version)) for version in (found.version, OLDEST))
+            raise DeviceFault(self.name, f"has the firmware {old}, which is too old: update it to {least} at least")
+
+    def _make_ready(self, session: XArmSession) -> None:
+        """Enable the motors where the options allow it, and switch to servo mode; nothing moves.
+
+        Raises DeviceError: it has an error, or another program moves it; OSError.
+        """
+        error = session.error()
+        if error:
+            raise DeviceFault(self.name, error_words(error))
+        if session.report.mode == BY_HAND:
+            raise DeviceFault(self.name, "is in manual mode, in which it is guided by hand; end it in UFACTORY Studio")
+        queued = int.from_bytes(session.ask(Register.QUEUED), "big")
+        if queued or session.report.state == 1 or self._moves():
+            raise DeviceFault(self.name, "another program moves it, or has queued motions; end that one first")
+        if self.options.enable:
+            session.ask(Register.MOTION_ENABLE, bytes([ALL, 1]), SLOW)
+        session.ask(Register.CLEAN_WARNING)
+        session.ask(Register.SET_MODE, bytes([SERVO]), SLOW)
+        session.ask(Register.SET_STATE, bytes([0]), SLOW)
+        end = self._clock.now() + READIES
+        while session.report.mode != SERVO or session.report.state not in READY:
+            if self._clock.now() > end:
+                idle = "does not become ready; enable it in UFACTORY Studio"
+                raise DeviceFault(self.name, error_words(session.error()) if session.flags & ERROR else idle)
+            session.listen(0.01)
+        self._rests_at = None
+
+    def _moves(self) -> bool:
+        return self._state is not None and float(np.abs(self._state.qd).max()) > STRAYS
+
+    # ----------------------------------------------------------------------------------------- the wire
+
+    def step(self) -> None:
+        """Serve the connections for a moment; the arm's own thread calls this without end."""
+        try:
+            if self._session is None:
+                self._reconnect()
+            else:
+                self._serve(self._session)
+        except (OSError, DeviceError) as error:
+            self._lose(error)
+
+    def _reconnect(self) -> None:
+        if self._clock.now() < self._retry_at:
+            self._clock.advance(min(self._retry_at - self._clock.now(), 0.05))
+            return
+        self._session = self._open()
+
+    def _lose(self, error: BaseException) -> None:
+        """Fail the motion and reopen the wire; without set-points the arm stays where it is."""
+        session, self._session = self._session, None
+        self._believed = False
+        if session is not None:
+            told = f"the connection failed: {error}" if isinstance(error, OSError) else f"the driver failed: {error!r}"
+            self._blame(error if isinstance(error, DeviceError) else DeviceLost(self.name, told))
+            self._abandon(words(self._problem))
+            if self._motion is not None:
+                self._motion.settled = True  # its state is unknown
+            with contextlib.suppress(OSError):
+                session.send(Register.SET_STATE, bytes([STOP]))
+            session.close()
+        self._retry_at = self._clock.now() + RECONNECT
+        self._starting = False
+
+    _failed = _lose
+
+    def _serve(self, session: XArmSession) -> None:
+        now = self._clock.now()
+        session.listen(min(max(self._next - now, 0.0), 0.002))
+        silent = self._clock.now() - session.reported_at
+        if silent > self.options.silence and not session.listen(0.0):  # unless this thread itself was held up
+            raise DeviceLost(self.name, f"no report for {1e3 * silent:.0f} ms")
+        if self._starting:
+            self._start_again(session)
+        now = self._clock.now()
+        if now >= self._next - 1e-9:
+            self._next = max(self._next + PERIOD, now)
+            self._exchange(session)
+        self._watch_motion()
+
+    def _exchange(self, session: XArmSession) -> None:
+        """Send the set-point of now, read the joints, and look whether the controller goes along."""
+        try:
+            q = None if self._points is None else self._points.next()
+        except DeviceFault as error:
+            self._blame(error)
+            self._halt(error.message)
+            q = None
+        if q is not None:
+            session.ask(Register.SERVO_JOINTS, servo_point(q.tolist()))
+        found = self._joints(session)
+        try:
+            self._believe(*found)
+        except DeviceLost as error:
+            self._doubt(error)
+        self._watch_controller(session)
+
+    def _joints(self, session: XArmSession) -> tuple[float, Float64, Float64]:
+        """Read the joints: time [s], positions [rad], velocities [rad/s]. Raises as `XArmSession.ask`."""
+        try:
+            q, qd = joints(session.ask(Register.JOINTS, bytes([2])))
+        except Malformed as error:
+            raise Nonsense(self.name, error) from error
+        dof = len(self.limits.lower)
+        return self._clock.now(), q[:dof], qd[:dof]
+
+    def _watch_controller(self, session: XArmSession) -> None:
+        if self._problem is not None:
+            return
+        problem = ""
+        if session.flags & ERROR:
+            problem = error_words(session.error())
+        problem = problem or interrupted(session.report.state, session.report.mode)
+        if problem:
+            self._blame(DeviceFault(self.name, problem))
+            self._halt(problem)
+        elif self._points is not None or self._state is None:
+            self._rests_at = None
+        elif self._rests_at is None:
+            self._rests_at = self._state.q
+        elif np.abs(self._state.q - self._rests_at).max() > STRAYS:
+            problem = "moves without a command of this run: another program moves it"
+            self._blame(DeviceFault(self.name, problem))
+            self._halt(problem)
+
+    def _start_again(self, session: XArmSession) -> None:
+        """After an acknowledgement; takes a moment, in which motions are refused."""
+        try:
+            self._supervisor.forget()
+            self._doubted = False
+            session.ask(Register.CLEAN_ERROR, deadline=SLOW)
+            self._make_ready(session)
+        except DeviceFault as error:
+            self._blame(error)
+        finally:
+            self._starting = False
+
+    # --------------------------------------------------------------------------------------- the motion
+
+    @property
+    def _stream(self) -> ServoStream | None:
+        return self._points
+
+    @property
+    def _ahead(self) -> float:
+        return self.options.servo_lag
+
+    @property
+    def _due(self) -> float:
+        return self.options.servo_lag + (self._clock.now() if self._points is None else self._points.due)
+
+    def _begin_stream(self, motion: PathMotion | StreamedMotion, q_arm: Float64) -> None:
+        longest, command = self.options.silence, self._supervisor.command
+        self._points = ServoStream(self.name, motion, q_arm, self._clock, longest, command)
+
+    def _end_stream(self) -> None:
+        self._points = None
+
+    def _halt(self, problem: str) -> None:
+        """Let the controller brake at once; it follows no set-point after this."""
+        self._abandon(problem)
+        if self._session is not None:
+            self._session.ask(Register.SET_STATE, bytes([STOP]))
+
+    # ---------------------------------------------------------------------------------------- the device
+
+    def state(self) -> ArmState:
+        """See the Protocol. Raises DeviceLost: there is no fresh state."""
+        if self._session is None or self._state is None:
+            raise DeviceLost(self.name, words(self._problem))
+        return self._state
+
+    def check(self) -> None:
+        if self._problem is not None or not self._starting:  # which takes a moment
+            super().check()
+
+    def _not_ready(self) -> str | None:
+        if self._session is None or self._problem is not None:
+            return words(self._problem)
+        return "it is being made ready" if self._starting else None
+
+    def _release(self) -> None:
+        """Clear the error and make the arm ready anew."""
+        if self._problem is not None:
+            self._starting, self._problem = True, None
+
+    def _leave(self) -> None:
+        session, self._session = self._session, None
+        if session is not None:
+            with contextlib.suppress(OSError, DeviceError):
+                session.ask(Register.SET_STATE, bytes([STOP]))
+            session.close()
