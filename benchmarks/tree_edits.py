@@ -1,4 +1,4 @@
-"""Random edits of tree files, and a judge of each: written apart from the editor, on lines and on the tree as it is read.
+"""Random edits of tree files, and a judge of each, written apart from the editor, on lines and on the tree as read.
 
 The judge wants of each edit that untouched lines are there byte for byte in their order, that no comment is lost which
 does not belong to something that is taken out, that the new text reads as the tree with the edit made, and that taking
@@ -227,8 +227,8 @@ def random_edit(rng: random.Random, text: str) -> dict[str, Any]:
     """Return the message of a random edit that names nodes of a text."""
     table = nodes(text)
     kind = rng.choice(
-        ("insert", "insert", "move", "move", "move", "wrap", "wrap", "unwrap", "delete", "duplicate", "rename", "set_port",
-         "set_port", "set_modifier", "set_modifier", "comment", "set_parameter")
+        ("insert", "insert", "move", "move", "move", "wrap", "wrap", "unwrap", "delete", "duplicate", "rename",
+         "set_port", "set_port", "set_modifier", "set_modifier", "comment", "set_parameter")
     )  # fmt: skip
     node = rng.choice(table)
     if not node["parent"] and rng.random() < 0.7:
@@ -253,7 +253,7 @@ def random_edit(rng: random.Random, text: str) -> dict[str, Any]:
         port = rng.choice([p["name"] for p in leaf["ports"]] + ["new_port"])
         return {"do": kind, "node": leaf["id"], "port": port, "value": rng.choice((None, *VALUES))}
     if kind == "set_modifier":
-        word = rng.choice([m["name"] for m in node["modifiers"]] + [rng.choice(BESIDE)])
+        word = rng.choice([m["name"] for m in node["modifiers"] if m["name"] != "on_failure"] + [rng.choice(BESIDE)])
         return {"do": kind, "node": address, "modifier": word, "value": rng.choice((None, *VALUES))}
     if kind == "comment":
         said = rng.choice(("", "one line", "one: line # with more", "two\nlines"))
@@ -324,6 +324,9 @@ def _lines(before: str, edit: TreeEdit, after: str) -> str:
             key = next(n["line"] for n in nodes(before) if n["id"] == edit.into) - 1
             flow = any(mark in lines[row] for row in touched for mark in ("[", "{"))
             touched = touched if flow else {key}
+        parent = edit.node.rpartition("/")[0]
+        if edit.do == "delete" and sum(n["parent"] == parent for n in nodes(before)) == 1:
+            touched.add(next((n["line"] - 1 for n in nodes(before) if n["id"] == parent), 0))  # it has `[]` now
         if edit.do == "move":
             touched |= {row for row in _rows_of(before, edit.into) if re.search(r"[\[\]{}]", lines[row])}
             touched |= {row for row in _rows_of(before, edit.into) if re.search(r":\s*(#.*)?\r?$", lines[row])}

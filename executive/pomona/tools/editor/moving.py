@@ -94,7 +94,7 @@ def carried(patch: TextPatch, node: WrittenNode) -> CarriedNode:
 
     lifted = lift(patch, node)
     rows = range(node.at.line, patch.tree.row(patch.tree.end(node.at)) + 2)
-    rows = rows if not stands_in_flow(patch.tree, node) else range(0)
+    rows = rows if not patch.tree.stands_in_flow(node) else range(0)
     return CarriedNode(lifted, flow)
 
 
@@ -106,10 +106,6 @@ def brought(snippet: Snippet) -> CarriedNode:
 def braced(text: str) -> str:
     """Return a node in braces."""
     return text if text.startswith("{") else f"{{{text}}}"
-
-
-def stands_in_flow(tree: WrittenTree, node: WrittenNode) -> bool:
-    return tree.is_flow(node.holder) or tree.text[tree.start(node.holder) - 1 : tree.start(node.holder)] in ("[", ",")
 
 
 # ----------------------------------------------------------------------------------------------------- put in
@@ -127,7 +123,7 @@ def put(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode, leaving: Wr
     gone = next((n for n, item in enumerate(items.items) if leaving is not None and item is leaving.at), None)
     index = place.index + (gone is not None and place.index >= gone)
     if tree.is_flow(items):
-        if not node.is_short and not tree.is_flow(place.at) and not _pair_in_flow(tree, place.at):
+        if not node.is_short and not tree.is_flow(place.at) and id(place.at) not in tree.pairs:
             _open_list(patch, place, items, index, node)
         elif not node.is_short and _can_open(tree, place):
             _open_braces(patch, place, items, index, node)
@@ -151,7 +147,7 @@ def _put_first(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode) -> N
     key, value = entry
     if not (isinstance(value, YamlList) or (isinstance(value, YamlScalar) and value.is_null)):
         raise EditError(f"'{place.word}' holds no list; edit it as text", place.parent)
-    if tree.is_flow(place.at) or _pair_in_flow(tree, place.at):
+    if tree.is_flow(place.at) or id(place.at) in tree.pairs:
         patch.set_value(place.at, key, value, read_snippet(f"[{node.flow()}]", "the node", tree))
         return
     colon = patch.after_colon(key)
@@ -188,7 +184,7 @@ def _dashed(tree: WrittenTree, items: YamlList, index: int, node: CarriedNode, c
 def _can_open(tree: WrittenTree, place: NodePlaceToFill) -> bool:
     """Return True if a node in braces stands on one line, alone or behind a key."""
     behind = tree.text[tree.end(place.at) : tree.line_end(place.at.line - 1)].strip()
-    alone = not stands_in_flow(tree, tree.node(place.parent)) and place.at.line == place.at.end_line
+    alone = not tree.stands_in_flow(tree.node(place.parent)) and place.at.line == place.at.end_line
     return alone and behind[:1] in ("", "#")
 
 
@@ -209,12 +205,6 @@ def _open_braces(patch: TextPatch, place: NodePlaceToFill, items: YamlList, inde
     lines[0] += tree.text[tree.end(at) : end]
     text = tree.eol.join(lines)
     patch.replace(start, end, tree.eol + text if isinstance(parent.holder, YamlMapping) else text[column:])
-
-
-def _pair_in_flow(tree: WrittenTree, at: YamlMapping) -> bool:
-    """Return True if a mapping stands in brackets without braces of its own."""
-    before = tree.text[: tree.start(at)].rstrip()[-1:]
-    return before in ("[", ",") and not tree.is_flow(at) and at.line == at.end_line
 
 
 def _put_below_word(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode) -> None:

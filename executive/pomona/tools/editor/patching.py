@@ -129,8 +129,9 @@ class TextPatch:
             self.set_value(at, *entry, value)
         elif self.tree.is_flow(at):
             self.add_in_flow(at, [entry for pair in at.entries.values() for entry in pair], f"{word}: {value.flow()}")
-        elif self.tree.text[self.tree.start(at) - 1 : self.tree.start(at)] in ("[", ","):
-            raise EditError("this node has no braces of its own; edit it as text")
+        elif id(at) in self.tree.pairs:
+            self.replace(self.tree.start(at), self.tree.start(at), "{")
+            self.replace(self.tree.end(at), self.tree.end(at), f", {word}: {value.flow()}}}")
         else:
             self.add_entry(at, [" " * (at.column - 1) + line for line in value.below(word)])
 
@@ -151,10 +152,11 @@ class TextPatch:
         """Put a value in the place of another."""
         tree = self.tree
         start, end, colon = tree.start(old), tree.end(old), self.after_colon(key)
-        flow = tree.is_flow(at) or tree.text[tree.start(at) - 1 : tree.start(at)] in ("[", ",") or value.on_one_line
+        inside = tree.is_flow(at) or id(at) in tree.pairs
+        flow = inside or value.on_one_line
         lines = [] if flow else value.below("")[1:]
         new = (
-            f" {value.flow() if tree.is_flow(at) else value.line}"
+            f" {value.flow() if inside else value.line}"
             if flow
             else "".join(tree.eol + " " * (key.column - 1) + line for line in lines)
         )
@@ -162,7 +164,7 @@ class TextPatch:
             self.replace(tree.end(key), tree.end(key), f":{new}")
         elif start == end:
             self.replace(colon, colon, new)
-        elif old.line == key.line or tree.is_flow(at):
+        elif old.line == key.line or inside:
             blanks = 0 if flow else start - colon
             self.replace(start - blanks, end, new[1:] if flow else new)
         else:
