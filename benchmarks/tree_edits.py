@@ -13,12 +13,13 @@ import random
 import re
 from collections import Counter
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from pomona.executive.language.documents import with_declarations
 from pomona.executive.language.model import Document, TreeNode
 from pomona.executive.language.read import read
-from pomona.executive.registry import Registry
 from pomona.executive.values.findings import TreeFileError
 from pomona.executive.values.yaml_nodes import written
 from pomona.tools.editor.edits import EditError, TreeEdit, apply, edit_of, nodes
@@ -159,11 +160,10 @@ def tree_texts(seed: int = 0) -> dict[str, str]:
     found = {
         str(path.relative_to(ROOT)): path.read_text("utf-8") for path in _files() if _is_tree(path.read_text("utf-8"))
     }
-    skills = Registry.installed()
     for name, text in list(found.items()):
         document = read(text, ROOT / name)
         if not document.findings:
-            found[f"{name} imported"] = import_groot(export_groot(document, skills), "tree.xml")[0]
+            found[f"{name} imported"] = import_groot(with_declarations(partial(export_groot, document)), "tree.xml")[0]
     for path in [*(ROOT / "docs").rglob("*.md"), ROOT / "README.md"]:
         for number, block in enumerate(re.findall(r"```yaml\n(.*?)```", path.read_text("utf-8"), re.DOTALL)):
             found[f"{path.name} {number}"] = block
@@ -194,15 +194,20 @@ def disturbed(rng: random.Random, text: str) -> str:
         elif lines[row].strip() and "#" not in lines[row] and not lines[row].endswith("\r"):
             lines[row] += rng.choice((f"  {note}", "  "))
     found = "\n".join(lines)
-    same = [{**node, "line": 0, "end_line": 0, "comment": ""} for node in nodes(found)]
-    for node in same:
-        for entry in (*node.get("ports", ()), *node.get("modifiers", ())):
-            entry["line"] = 0
-    before = [{**node, "line": 0, "end_line": 0, "comment": ""} for node in nodes(text)]
-    for node in before:
-        for entry in (*node.get("ports", ()), *node.get("modifiers", ())):
-            entry["line"] = 0
-    return found if same == before else text
+    return found if _content(found) == _content(text) else text
+
+
+def _content(text: str) -> list[object]:
+    """Return the nodes of a text without their lines and comments."""
+    apart = {"line", "end_line", "comment", "ports", "modifiers"}
+    return [
+        ({k: v for k, v in node.items() if k not in apart}, [(e["name"], e["text"]) for e in _entries(node)])
+        for node in nodes(text)
+    ]
+
+
+def _entries(node: dict[str, Any]) -> list[dict[str, Any]]:
+    return [*node.get("ports", ()), *node.get("modifiers", ())]
 
 
 def _files() -> Iterator[Path]:
@@ -211,7 +216,8 @@ def _files() -> Iterator[Path]:
 
 
 def _literals(path: Path) -> Iterator[str]:
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+    text = path.read_text("utf-8")
+    for node in ast.walk(ast.parse(text)) if "root:" in text else ():
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and "\nroot:" in node.value:
             yield node.value
 
@@ -420,8 +426,8 @@ def _meaning(before: str, edit: TreeEdit, after: str) -> str:
     _change(shapes, edit)
     if edit.do == "duplicate":
         return _same_but_names(shapes, _shapes(new))
-    found = _shapes(new)
-    return "" if found == shapes else f"it reads as {found}, expected {shapes}"
+    reads = _shapes(new)
+    return "" if reads == shapes else f"it reads as {reads}, expected {shapes}"
 
 
 def _same_but_names(wanted: dict[str, Shape], found: dict[str, Shape]) -> str:

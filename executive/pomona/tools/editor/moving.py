@@ -224,6 +224,12 @@ def _put_below_word(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode)
                 patch.set_value(at, key, found, read_snippet(text, "the node", tree))
             return
         at = found
+    if tree.is_flow(at) and not at.entries and place.parent.endswith(":"):  # a subtree without anything
+        key = _subtree_key(tree, place.parent[:-1])
+        patch.replace(patch.after_colon(key) or tree.end(key), tree.end(at), "")
+        lines = [" " * STEP + f"{word}:", *node.lifted.indented(2 * STEP)]
+        patch.insert_lines(key.line, [" " * (key.column - 1) + line if line else line for line in lines])
+        return
     if tree.is_flow(at):
         pairs = [entry for pair in at.entries.values() for entry in pair]
         patch.add_in_flow(at, pairs, f"{word}: {node.flow()}")
@@ -239,6 +245,12 @@ def _put_below_word(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode)
         patch.add_entry(at, lines)
     else:
         patch.insert_lines(patch.entry_rows(*below)[0], [*lines, ""])
+
+
+def _subtree_key(tree: WrittenTree, name: str) -> YamlScalar:
+    found = tree.top.get("subtrees") if tree.top is not None else None
+    assert isinstance(found, YamlMapping)
+    return found.entries[name][0]
 
 
 _PLAIN = re.compile(r"[A-Za-z_µ°/(][^:#,\[\]{}\"'\n\t]*")
@@ -259,12 +271,10 @@ def quoted(text: str) -> str:
 def take_out(patch: TextPatch, node: WrittenNode) -> None:
     """Take a node out, with its comments; a list without other nodes becomes `[]`."""
     tree, holder = patch.tree, node.holder
-    if isinstance(node.at, YamlScalar) and node.kind is None and node.index == 0 and node.parent:
-        raise EditError("a condition belongs to its node; give it another one", node.id)
     if isinstance(holder, YamlMapping):
         word = str(node.path[-1])
         if node.parent and tree.node(node.parent).type_key.text == word:
-            raise EditError("the node that is asked belongs to its parent; put another one in its place", node.id)
+            raise EditError("the condition belongs to its node; give it another one", node.id)
         if len(holder.entries) == 1:
             _empty(patch, holder, *holder.entries[word])
         else:

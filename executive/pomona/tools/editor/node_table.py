@@ -34,11 +34,11 @@ def _read_nodes(tree: WrittenTree) -> tuple[dict[int, TreeNode], dict[int, str]]
     findings = Findings()
     reader = NodeReader(findings, TreeFile(tree.source), tree.types)
     found: dict[int, TreeNode] = {}
+    mappings = {id(node.at) for node in tree.nodes.values() if node.key is not None}
     for node in [n for n in tree.nodes.values() if not n.parent]:
         root = reader.node(node.at)
         for one in root.walk() if root is not None else ():
-            found[id(one.at)] = one
-            found.setdefault(id(one.value), one)
+            found[id(one.at) if id(one.at) in mappings else id(one.value)] = one  # a condition has no mapping
     return found, {finding.line: finding.message for finding in reversed(findings.sorted())}
 
 

@@ -227,7 +227,7 @@ class Snippet:
 
     def lifted(self) -> LiftedNode:
         """Return it as a node without a place."""
-        raw = re.split(r"\r\n|[\n\r]", self.tree.raw(self.at))
+        raw = self.tree.text[self.tree.start(self.at) :].split("\n")  # a comment may stand behind it
         return LiftedNode(self.comments, tuple(raw), self.at.column - 1)
 
     def flow(self) -> str:
