@@ -249,12 +249,12 @@ def in_braces(tree: WrittenTree, at: YamlNode) -> str:
         raw = tree.raw(at)
         one_line = at.line == at.end_line and not (not at.plain and raw[:1] in "|>")
         if at.is_null:
-            return raw or "null"
+            return raw
         return raw if one_line and not (at.plain and IN_FLOW.search(raw)) else json.dumps(at.text, ensure_ascii=False)
     if tree.is_flow(at) and at.line == at.end_line:
         return tree.raw(at)
     if isinstance(at, YamlList):
-        return "[" + ", ".join(in_braces(tree, item) for item in at.items) + "]"
+        return "[" + ", ".join(in_braces(tree, item) or "null" for item in at.items) + "]"
     assert isinstance(at, YamlMapping)
     pairs = (f"{tree.raw(key)}: {in_braces(tree, value)}" for key, value in at.entries.values())
     return "{" + ", ".join(pairs) + "}"

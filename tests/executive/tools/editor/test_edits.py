@@ -15,6 +15,7 @@ from pomona.executive.language.declared_skills import declared_skills
 from pomona.tools.editor.edits import EditError, TreeEdit, apply, edit_of, nodes
 
 FOLDER = Path(__file__).resolve().parents[4]
+HEAD = "pomona: 1\ntree: t\nroot:\n"
 TREE = """\
 pomona: 1
 tree: t
@@ -197,7 +198,8 @@ class TestLists:
         text = "pomona: 1\ntree: t\nroot:\n  Beep: {}\n\nsubtrees:\n  s:\n    root:\n      Beep: {}\n"
         without = edited(text, do="delete", node="root")
         assert "\nroot:" not in without
-        assert edited(without, do="insert", into="", node="Beep: {}").startswith("pomona: 1\ntree: t\n\nroot:\n  Beep: {}\n\nsubtrees:")
+        again = edited(without, do="insert", into="", node="Beep: {}")
+        assert again.startswith("pomona: 1\ntree: t\n\nroot:\n  Beep: {}\n\nsubtrees:")
         assert edited(edited(text, do="delete", node="s:root"), do="insert", into="s:", node="wait: 1 s") == (
             text.replace("      Beep", "      wait").replace("wait: {}", "wait: 1 s")
         )
@@ -219,7 +221,7 @@ class TestLists:
         )
 
     def test_nodes_are_put_below_words_and_cases(self):
-        text = 'pomona: 1\ntree: t\nroot:\n  sequence:\n    - if: "true"\n      then: {Beep: {}}\n    - Beep: {}\n      retry: 2\n'
+        text = HEAD + '  sequence:\n    - if: "true"\n      then: {Beep: {}}\n    - Beep: {}\n      retry: 2\n'
         after = edited(text, do="insert", into="root/0", slot="else", node="fail: {}")
         assert changed(text, after)[1] == "      else:\n        fail: {}\n"
         after = edited(text, do="move", node="root/1", into="root/0", slot="else")
@@ -322,7 +324,7 @@ class TestExtract:
             apply(self.tree(), edit_of({"do": "extract", "node": "root/1", "name": "attempt"}), declared_skills())
 
     def test_what_only_its_place_knows_is_refused(self):
-        text = 'pomona: 1\ntree: t\nroot:\n  fallback:\n    - wait: 1 s\n      timeout: 1 s\n    - check: "failure.code == TIMEOUT"\n'
+        text = HEAD + '  fallback:\n    - wait: 1 s\n      timeout: 1 s\n    - check: "failure.code == TIMEOUT"\n'
         with pytest.raises(EditError, match="would have an error"):
             apply(text, edit_of({"do": "extract", "node": "root/1", "name": "late"}), declared_skills())
 
