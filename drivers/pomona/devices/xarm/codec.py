@@ -44,7 +44,7 @@ class Register(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class XArmAnswer:
     """The answer to a request; `flags` are those of the controller at that moment."""
 
     transaction: int
@@ -76,7 +76,7 @@ def encode(transaction: int, register: int, parameters: bytes = b"") -> bytes:
     return HEADER.pack(transaction, PROTOCOLS[0], 1 + len(parameters)) + bytes([register]) + parameters
 
 
-def decode_answers(buffer: bytearray) -> list[Answer]:
+def decode_answers(buffer: bytearray) -> list[XArmAnswer]:
     """Take the whole answers from the beginning of a stream. Raises Malformed: it is another protocol."""
     found = []
     while len(buffer) >= HEADER.size:
@@ -87,7 +87,7 @@ def decode_answers(buffer: bytearray) -> list[Answer]:
         if len(buffer) < whole:
             break
         register, flags = buffer[HEADER.size : HEADER.size + 2]
-        found.append(Answer(transaction, register, flags, bytes(buffer[HEADER.size + 2 : whole])))
+        found.append(XArmAnswer(transaction, register, flags, bytes(buffer[HEADER.size + 2 : whole])))
         del buffer[:whole]
     return found
 

@@ -11,9 +11,9 @@ from hypothesis import given, strategies as st
 
 from pomona.devices.xarm.codec import (
     HEADER,
-    Answer,
     Identity,
     Register,
+    XArmAnswer,
     decode_answers,
     decode_reports,
     encode,
@@ -24,18 +24,18 @@ from pomona.devices.xarm.codec import (
 from pomona.drivers import Malformed
 
 ANSWERS = st.lists(
-    st.builds(Answer, st.integers(0, 0xFFFF), st.integers(0, 255), st.integers(0, 255), st.binary(max_size=300)),
+    st.builds(XArmAnswer, st.integers(0, 0xFFFF), st.integers(0, 255), st.integers(0, 255), st.binary(max_size=300)),
     max_size=6,
 )
 
 
-def written(answer: Answer) -> bytes:
+def written(answer: XArmAnswer) -> bytes:
     head = bytes([answer.register, answer.flags])
     return HEADER.pack(answer.transaction, 2, 2 + len(answer.body)) + head + answer.body
 
 
 @given(ANSWERS, st.lists(st.integers(1, 50), min_size=1, max_size=20))
-def test_answers_come_whole_however_the_wire_cuts_them(answers: list[Answer], cuts: list[int]) -> None:
+def test_answers_come_whole_however_the_wire_cuts_them(answers: list[XArmAnswer], cuts: list[int]) -> None:
     stream = b"".join(map(written, answers))
     buffer, found, at, turn = bytearray(), [], 0, 0
     while at < len(stream):
