@@ -10,23 +10,17 @@ from typing import Any
 
 from pomona.executive.commands.command_line import RUN, add_records_folder
 from pomona.executive.errors import UsageError
-from pomona.executive.execute import RunOrder, execute, versions
-from pomona.executive.judging import judge
-from pomona.executive.language.documents import read_document
+from pomona.executive.execute import execute, versions
 from pomona.executive.recording.difference import first_difference
 from pomona.executive.recording.digest import trusted
 from pomona.executive.recording.folder import find_record
 from pomona.executive.recording.read import read_events
-from pomona.executive.registry import Registry
 from pomona.executive.running.events import OperatorActed, RunEnded, RunStarted
-from pomona.executive.speed import SpeedRefusedError, checked_speed, speed_of
 from pomona.executive.terminal.explain import describe
 from pomona.executive.terminal.live import LiveTree
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import seconds
-from pomona.executive.values.shipped import installed_trees
-
-REPEATABLE = ("simulated", "frames", "mock")
+from pomona.tools.cures.repetition import REPEATABLE, judged_order, order_of
 
 
 def add(subparsers: Any) -> None:
@@ -49,8 +43,9 @@ def main(options: argparse.Namespace) -> int:
     console = Screen()
     started, speeds, remarks = _beginning(record)
     with tempfile.TemporaryDirectory(prefix="pomona-rerun-") as folder:
-        order = _order(started, speeds, Path(folder))
-        _refuse_devices(order)
+        order = order_of(started, speeds, Path(folder))
+        if not order.dry:
+            judged_order(order).refuse_errors()
         with contextlib.closing(LiveTree(console)) as live:
             executed = execute(order, [live.on_event])
         if executed.problem or executed.record is None:
@@ -95,55 +90,6 @@ def _beginning(record: Path) -> tuple[RunStarted, tuple[OperatorActed, ...], lis
     if not ended:
         remarks.append("the record was cut off: the repetition goes on where it ends")
     return started, speeds, remarks
-
-
-def _refuse_devices(order: RunOrder) -> None:
-    """Refuse a record whose cell is a real one, independent of its header.
-
-    Raises UsageError: the cell that it holds is none that can be repeated, or cannot be read.
-    """
-    if order.dry:
-        return
-    document = read_document(order.tree, order.texts)
-    judged = judge(document, Registry.installed(), order.settings, order.cell, order.texts)
-    judged.refuse_errors()
-    if judged.cell is not None and judged.cell.kind not in REPEATABLE:
-        raise UsageError(
-            f"the cell in the record is of kind {judged.cell.kind}, the record's header names another kind"
-        )
-
-
-def _order(started: RunStarted, speeds: tuple[OperatorActed, ...], folder: Path) -> RunOrder:
-    """Return the order of the recorded run, with the file contents of that time.
-
-    Raises UsageError: the record names an impossible speed, or a folder that does not exist here.
-    """
-    try:
-        speed = checked_speed(started.speed)
-        for act in speeds:
-            speed_of(act.detail)
-    except SpeedRefusedError as error:
-        raise UsageError(f"the record is none of a run: {error}") from None
-    dry = started.cell == "dry" and started.cell_kind == "mock"
-    cell = Path(started.cell_path)
-    if not dry and not cell.parent.is_dir():  # recorded on another machine: its files are found beside the cell
-        cell = installed_trees() / "cells" / cell.name
-        if not cell.parent.is_dir():
-            raise UsageError(f"{started.cell_path}: its folder holds files that it names, and does not exist here")
-    texts = {started.tree_path: started.tree_text, str(cell): started.cell_text, **started.tree_files}
-    texts |= {str(cell.parent / name): text for name, text in started.cell_files.items()}
-    return RunOrder(
-        tree=Path(started.tree_path),
-        cell=cell,
-        seed=started.seed,
-        speed=speed,
-        speeds=speeds,
-        settings=dict(started.settings),
-        record=folder,
-        dry=dry,
-        mocks=cell if dry and started.cell_path else None,
-        texts=texts,
-    )
 
 
 def _versions_differ(started: RunStarted) -> list[str]:
