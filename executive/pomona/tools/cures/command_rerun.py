@@ -1,16 +1,17 @@
-"""`pomona rerun`: repeat a simulated run from its own record and confirm that the same happens."""
+"""`pomona rerun`: repeat a simulated run from its own record, unchanged or with changes."""
 
 from __future__ import annotations
 
 import argparse
 import contextlib
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from pomona.executive.commands.command_line import RUN, add_records_folder
 from pomona.executive.errors import UsageError
-from pomona.executive.execute import execute, versions
+from pomona.executive.execute import RunOrder, execute, versions
 from pomona.executive.recording.difference import first_difference
 from pomona.executive.recording.digest import trusted
 from pomona.executive.recording.folder import find_record
@@ -20,6 +21,7 @@ from pomona.executive.terminal.explain import describe
 from pomona.executive.terminal.live import LiveTree
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import seconds
+from pomona.tools.cures.asked import asked_change
 from pomona.tools.cures.repetition import REPEATABLE, judged_order, order_of
 
 
@@ -29,9 +31,17 @@ def add(subparsers: Any) -> None:
         "rerun",
         help="repeat a simulated run from its own record and confirm the same events",
         description="Repeats a simulated run with the tree and the cell of its record, not with the present files, "
-        "and compares every event. Exit status: 0 the same, 1 different.",
+        "and compares every event. Exit status: 0 the same, 1 different. With --set the run is repeated with changes: "
+        "0 it succeeded, 1 it did not. The tree file stays as it is.",
     )
     parser.add_argument("run", help=RUN)
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a change: of a parameter, an option of the cell, or NODE.port",
+    )
     add_records_folder(parser)
     parser.set_defaults(main=main)
 
@@ -42,6 +52,8 @@ def main(options: argparse.Namespace) -> int:
     trusted(record)
     console = Screen()
     started, speeds, remarks = _beginning(record)
+    if options.set:
+        return _changed(order_of(started, speeds, None), options.set, console)
     with tempfile.TemporaryDirectory(prefix="pomona-rerun-") as folder:
         order = order_of(started, speeds, Path(folder))
         if not order.dry:
@@ -62,6 +74,23 @@ def main(options: argparse.Namespace) -> int:
     for line in [*describe(difference, "recorded", "now"), *remarks, *_versions_differ(started)]:
         console.print(f"  {line}", soft_wrap=True)
     return 1
+
+
+def _changed(order: RunOrder, texts: Sequence[str], console: Screen) -> int:
+    """Repeat the run with changes, and print how it ends now; it leaves no record."""
+    changes = []
+    for text in texts:
+        judged = judged_order(order)
+        judged.refuse_errors()
+        changes.append(asked_change(text, order, judged))
+        order = changes[-1].applied(order)
+    judged_order(order).refuse_errors()
+    for change in changes:
+        console.print(change.sentence, soft_wrap=True)
+    with contextlib.closing(LiveTree(console)) as live:
+        executed = execute(order, [live.on_event])
+    executed.summary.print(console, None)
+    return 0 if executed.result.outcome == "success" else 1
 
 
 def _beginning(record: Path) -> tuple[RunStarted, tuple[OperatorActed, ...], list[str]]:

@@ -87,7 +87,7 @@ def main(options: argparse.Namespace) -> int:
     console.print(f"{len(case.candidates)} single changes may cure it; budget {seconds(options.budget)}")
     with contextlib.closing(Pool(options.jobs or one_per_core(), run_trial, case.conditions)) as pool:
         search = Search(
-            case.order, case.candidates, _usable, options.seeds, options.cures, options.budget, _progress(console)
+            case.order, case.candidates, usable, options.seeds, options.cures, options.budget, _progress(console)
         )
         answer = search.run(pool)
     _print(console, answer, case)
@@ -147,7 +147,7 @@ def _conditions(cell: CellFile | None) -> tuple[str, ...]:
     return (cell.score.success or ()) if cell is not None and cell.score is not None else ()
 
 
-def _usable(order: RunOrder) -> bool:
+def usable(order: RunOrder) -> bool:
     """Return whether a changed run passes the check, on a cell that moves nothing real."""
     try:
         return not first_error(judged_order(order))

@@ -56,12 +56,11 @@ class Knob:
 
     def changed(self, text: str, size: float) -> Change:
         """Return the change to another value."""
-        settings, pieces = {}, ()
+        about = self.kind, self.name, self.path, self.line, self.text, text, size
         if self.setting:
-            settings = {self.setting: text}
-        else:
-            pieces = (Piece(self.start, self.end, f"{self.lead}{quoted(text)}{self.trail}"),)
-        return Change(self.kind, self.name, self.path, self.line, self.text, text, size, settings, pieces)
+            return Change(*about, settings={self.setting: text})
+        piece = Piece(self.start, self.end, f"{self.lead}{quoted(text)}{self.trail}")
+        return Change(*about, pieces=(piece,))
 
 
 def quoted(text: str) -> str:
@@ -106,14 +105,17 @@ class Knobs:
             return found.skill.inputs
         if found.subtree is not None:
             return self.analysis.interfaces[id(found.subtree)].inputs
-        return {slot: taken.port for slot, taken in layer.slots.items() if isinstance(taken, takes.Value)}
+        words = {slot: taken.port for slot, taken in layer.slots.items() if isinstance(taken, takes.Value)}
+        wires = any(taken.wires for taken in layer.slots.values())
+        return {**words, **(dict.fromkeys(found.node.ports, Port(object)) if wires else {})}
 
     def slot(self, node: TreeNode, layer: NodeType, found: Resolved, slot: str) -> Knob | None:
         """Return the place of a port or a word; None if it is wired, or holds no single value."""
         port = self.slots(layer, found)[slot]
         calls = found.skill is not None or found.subtree is not None
-        entry = node.ports.get(slot) if calls else node.entry(layer, slot)
-        kind = "port" if calls else "word"
+        wired = calls or (layer is node.type and slot in node.ports)
+        entry = node.ports.get(slot) if wired else node.entry(layer, slot)
+        kind = "port" if wired else "word"
         name = f"{node.label}.{slot}"
         default = None if port.required else text_of(port.default, port)
         if entry is not None:
