@@ -6,11 +6,11 @@ from pomona.executive.errors import UsageError
 from pomona.executive.execute import RunOrder
 from pomona.executive.judging import Judged
 from pomona.executive.values.findings import did_you_mean
-from pomona.tools.cures.change import Change
+from pomona.tools.cures.change import SingleChange
 from pomona.tools.cures.knobs import Knob, Knobs
 
 
-def asked_change(text: str, order: RunOrder, judged: Judged) -> Change:
+def asked_change(text: str, order: RunOrder, judged: Judged) -> SingleChange:
     """Return the change that a text `NAME=VALUE` asks for.
 
     Raises UsageError: there is no such place, more than one, or it holds no single value.

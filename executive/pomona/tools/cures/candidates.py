@@ -16,11 +16,11 @@ from pomona.executive.nodes.node_type import NodeType
 from pomona.executive.ports import Port
 from pomona.executive.reasons import DEEPEST_CAUSE
 from pomona.executive.values.failure_codes import failure_codes
-from pomona.tools.cures.change import Change
-from pomona.tools.cures.evidence import Evidence, Failed
+from pomona.tools.cures.change import SingleChange
+from pomona.tools.cures.evidence import FailedNode, RunEvidence
 from pomona.tools.cures.knobs import Knob, Knobs
 from pomona.tools.cures.orders import moved
-from pomona.tools.cures.other_values import Other, other_values
+from pomona.tools.cures.other_values import OtherValue, other_values
 
 OWN = 0.6  # a port of the node that failed
 MODIFIER = 1.5  # the modifier that failed itself, such as a timeout
@@ -44,10 +44,10 @@ _QUOTED = re.compile(r"(?:did you mean |known: |there is |it has )'?([A-Za-z_][A
 
 
 @dataclass(frozen=True, slots=True)
-class Candidate:
+class CureCandidate:
     """A change, how likely it is a cure relative to the others, and why it is one."""
 
-    change: Change
+    change: SingleChange
     likely: float
     why: str
 
@@ -62,15 +62,15 @@ class _Blame:
     why: str
 
 
-def candidates(knobs: Knobs, evidence: Evidence) -> list[Candidate]:
+def candidates(knobs: Knobs, evidence: RunEvidence) -> list[CureCandidate]:
     """Return single changes that may cure the run, each once, the most likely and smallest first."""
     search = _Search(knobs, evidence)
     search.run()
-    found: dict[tuple[str, str, int, str], Candidate] = {}
+    found: dict[tuple[str, str, int, str], CureCandidate] = {}
     for blame in search.blamed.values():
         for other, why in _others(blame, evidence):
             change = blame.knob.changed(other.text, other.size)
-            candidate = Candidate(change, blame.weight * other.share, why)
+            candidate = CureCandidate(change, blame.weight * other.share, why)
             key = (change.name, change.path, change.line, change.after)
             if key not in found or found[key].likely < candidate.likely:
                 found[key] = candidate
@@ -79,28 +79,28 @@ def candidates(knobs: Knobs, evidence: Evidence) -> list[Candidate]:
 
 
 @dataclass(frozen=True, slots=True)
-class Hint:
+class RemedyHint:
     """What is known of a port: +1 to raise it, -1 to lower it, 0 unknown; and the factor of its weight."""
 
     direction: int
     factor: float = REMEDY
 
 
-Hints = Mapping[str, Hint]
+Hints = Mapping[str, RemedyHint]
 
 
 def hints(code: str) -> Hints:
     """Return the names in a failure code's remedy, each with the direction of the last verb before it."""
     known = failure_codes().get(code)
-    found: dict[str, Hint] = {}
+    found: dict[str, RemedyHint] = {}
     for match in re.finditer(r"`([a-z_]+)`", known.remedy if known is not None else ""):
         words = re.findall(r"[a-z]+", known.remedy[: match.start()].lower()) if known is not None else []
         verbs = [sign for word in words for sign, known_verbs in _VERBS.items() if word in known_verbs]
-        found.setdefault(match[1], Hint(verbs[-1] if verbs else 0))
+        found.setdefault(match[1], RemedyHint(verbs[-1] if verbs else 0))
     return found
 
 
-def _others(blame: _Blame, evidence: Evidence) -> Iterator[tuple[Other, str]]:
+def _others(blame: _Blame, evidence: RunEvidence) -> Iterator[tuple[OtherValue, str]]:
     knob = blame.knob
     for other in other_values(knob.text, knob.port, knob.default, blame.direction):
         back = knob.given and other.text == knob.default
@@ -112,7 +112,7 @@ def _others(blame: _Blame, evidence: Evidence) -> Iterator[tuple[Other, str]]:
         for failed in evidence.failed():
             for word in _QUOTED.findall(failed.message):
                 if word != knob.text:
-                    yield Other(word, 1.0, BY_MESSAGE), "the failure's message names it"
+                    yield OtherValue(word, 1.0, BY_MESSAGE), "the failure's message names it"
 
 
 BY_MESSAGE = 2.0  # share of a word that the failure's message offers for a text [-]: an assumption
@@ -121,9 +121,9 @@ BY_MESSAGE = 2.0  # share of a word that the failure's message offers for a text
 @dataclass(slots=True, eq=False)
 class _Search:
     knobs: Knobs
-    evidence: Evidence
+    evidence: RunEvidence
     blamed: dict[tuple[str, str, int, int], _Blame] = field(default_factory=dict)
-    orders: list[Candidate] = field(default_factory=list)
+    orders: list[CureCandidate] = field(default_factory=list)
     followed: dict[int, float] = field(default_factory=dict)
     calls: dict[int, list[tuple[TreeNode, Resolved]]] = field(default_factory=dict)  # of each definition, by its id
     paths: dict[str, tuple[TreeNode, str]] = field(default_factory=dict)  # node and word of a run's path
@@ -165,13 +165,14 @@ class _Search:
 
     # ------------------------------------------------------------------------------------------- failures
 
-    def _failure(self, failed: Failed) -> None:
+    def _failure(self, failed: FailedNode) -> None:
         if failed.path not in self.paths:
             return
         node, kind = self.paths[failed.path]
         hinted, label = hints(failed.code), f"{node.label} failed with {failed.code}"
         if kind in node.decorators:
             self._modifier(failed.path, MODIFIER * failed.weight, 1 if failed.code == "TIMEOUT" else 0, label)
+            hinted = {}  # the remedy is about the modifier: a planner's `budget` is not meant
         self._node(node, OWN * failed.weight, hinted, label)
         self._orders(failed, node)
 
@@ -183,7 +184,7 @@ class _Search:
         for layer, found in self.knobs.layers(node):
             if layer.key == kind:
                 for slot in self.knobs.slots(layer, found):
-                    self._slot(node, layer, found, slot, weight, {slot: Hint(direction, 1.0)}, why, False)
+                    self._slot(node, layer, found, slot, weight, {slot: RemedyHint(direction, 1.0)}, why, False)
 
     def _node(self, node: TreeNode, weight: float, hinted: Hints, why: str, follow: bool = True) -> None:
         """Blame everything that a node takes, and what wrote it."""
@@ -252,14 +253,14 @@ class _Search:
     def _blame(self, knob: Knob | None, weight: float, hinted: Hints, why: str) -> None:
         if knob is None:
             return
-        hint = hinted.get(knob.slot, Hint(0, UNWRITTEN if knob.unwritten else 1.0))
+        hint = hinted.get(knob.slot, RemedyHint(0, UNWRITTEN if knob.unwritten else 1.0))
         weight *= hint.factor
         key = knob.path, knob.setting or knob.name, knob.line, knob.start
         if key not in self.blamed or self.blamed[key].weight < weight:
             named = f"{why}; the remedy names `{knob.slot}`" if hint.factor == REMEDY else why
             self.blamed[key] = _Blame(knob, weight, hint.direction, named)
 
-    def _orders(self, failed: Failed, node: TreeNode) -> None:
+    def _orders(self, failed: FailedNode, node: TreeNode) -> None:
         """Take other orders of the children around a failed node, the nearest composite first."""
         known = failure_codes().get(failed.code)
         earlier = EARLIER if known is not None and " before " in known.remedy else 1.0
@@ -269,7 +270,7 @@ class _Search:
                 continue
             for change, distance in moved(parent, inside):
                 likely = ORDER * failed.weight * earlier * 0.7**above / distance
-                self.orders.append(Candidate(change, likely, f"{node.label} failed with {failed.code}"))
+                self.orders.append(CureCandidate(change, likely, f"{node.label} failed with {failed.code}"))
 
     def _above(self, node: TreeNode) -> list[TreeNode]:
         """Return the composites around a node in its definition, the nearest first."""

@@ -11,7 +11,7 @@ from pomona.executive.execute import RunOrder
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class TextPiece:
     """The characters of a file from `start` up to `end`, to replace by a text."""
 
     start: int
@@ -20,7 +20,7 @@ class Piece:
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class SingleChange:
     """One change: settings of the run, or pieces of one tree file.
 
     Attributes:
@@ -41,7 +41,7 @@ class Change:
     after: str
     size: float = 1.0
     settings: Mapping[str, str] = field(default_factory=dict)
-    pieces: tuple[Piece, ...] = ()
+    pieces: tuple[TextPiece, ...] = ()
 
     @property
     def place(self) -> str:
@@ -74,7 +74,7 @@ class Change:
         }
 
 
-def replaced(text: str, pieces: Iterable[Piece]) -> str:
+def replaced(text: str, pieces: Iterable[TextPiece]) -> str:
     """Return a text with pieces replaced, which do not overlap; all other characters stay."""
     for piece in sorted(pieces, key=lambda piece: -piece.start):
         text = text[: piece.start] + piece.text + text[piece.end :]

@@ -27,18 +27,18 @@ from pomona.executive.terminal.filtered import write_json
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import seconds
 from pomona.executive.values.units import TIME
-from pomona.tools.cures.candidates import Candidate, candidates
-from pomona.tools.cures.evidence import Evidence, gather
+from pomona.tools.cures.candidates import CureCandidate, candidates
+from pomona.tools.cures.evidence import RunEvidence, gather
 from pomona.tools.cures.knobs import Knobs
 from pomona.tools.cures.repetition import REPEATABLE, first_error, judged_order, order_of
-from pomona.tools.cures.search import Answer, Search, Tried
-from pomona.tools.cures.trials import Pool, Trial, disagrees, force_of, run_trial
+from pomona.tools.cures.search import CureAnswer, CureSearch, TriedChange
+from pomona.tools.cures.trials import Trial, TrialPool, disagrees, force_of, run_trial
 
 SIMULATION = "This is a simulation of a run on a real cell: only changes of the tree and its ports are tried."
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class FailedRun:
     """A failed run, ready for the search.
 
     Attributes:
@@ -49,9 +49,9 @@ class Case:
         simulated: the run was on another cell than the search.
     """
 
-    evidence: Evidence
+    evidence: RunEvidence
     order: RunOrder
-    candidates: Sequence[Candidate]
+    candidates: Sequence[CureCandidate]
     conditions: tuple[str, ...]
     simulated: bool
 
@@ -85,8 +85,8 @@ def main(options: argparse.Namespace) -> int:
     if case.simulated:
         console.print(SIMULATION, soft_wrap=True)
     console.print(f"{len(case.candidates)} single changes may cure it; budget {seconds(options.budget)}")
-    with contextlib.closing(Pool(options.jobs or one_per_core(), run_trial, case.conditions)) as pool:
-        search = Search(
+    with contextlib.closing(TrialPool(options.jobs or one_per_core(), run_trial, case.conditions)) as pool:
+        search = CureSearch(
             case.order, case.candidates, usable, options.seeds, options.cures, options.budget, _progress(console)
         )
         answer = search.run(pool)
@@ -96,7 +96,7 @@ def main(options: argparse.Namespace) -> int:
     return 0 if answer.cures() else 1
 
 
-def read_case(record: Path, cell: str | None = None) -> Case:
+def read_case(record: Path, cell: str | None = None) -> FailedRun:
     """Return a failed run with its candidates.
 
     Args:
@@ -124,10 +124,10 @@ def read_case(record: Path, cell: str | None = None) -> Case:
     options = () if simulated or judged.cell is None else judged.cell.options
     text = order.texts.get(str(order.cell), "")
     knobs = Knobs(judged.analysis, order.settings, options, str(order.cell), text)
-    return Case(evidence, order, candidates(knobs, evidence), conditions, simulated)
+    return FailedRun(evidence, order, candidates(knobs, evidence), conditions, simulated)
 
 
-def _own(started: RunStarted, evidence: Evidence, cell: str | None) -> RunOrder:
+def _own(started: RunStarted, evidence: RunEvidence, cell: str | None) -> RunOrder:
     if cell is not None:
         raise UsageError(f"--cell is for runs on a real cell: this one is repeated on its own cell, {started.cell}")
     return order_of(started, tuple(act for act in evidence.acts if act.action == "speed"), None)
@@ -161,7 +161,7 @@ def usable(order: RunOrder) -> bool:
 def _progress(console: Screen) -> Any:
     count = 0
 
-    def show(what: str, candidate: Candidate | None, seed: int, trial: Trial) -> None:
+    def show(what: str, candidate: CureCandidate | None, seed: int, trial: Trial) -> None:
         nonlocal count
         sign = "✓" if trial.succeeded else "✗"
         if what.startswith("original"):
@@ -182,7 +182,7 @@ def _end(trial: Trial) -> str:
     return f"{trial.code or trial.outcome} after {seconds(trial.time)}" if trial.time else trial.code or trial.outcome
 
 
-def _print(console: Screen, answer: Answer, case: Case) -> None:
+def _print(console: Screen, answer: CureAnswer, case: FailedRun) -> None:
     if answer.original is not None and answer.original.succeeded:
         where = "on the simulated cell" if case.simulated else "with the present versions"
         console.print(f"the failure does not repeat {where}: without a change the run succeeds", soft_wrap=True)
@@ -202,7 +202,7 @@ def _print(console: Screen, answer: Answer, case: Case) -> None:
         console.print(f"  {rare}", soft_wrap=True)
 
 
-def _table(shown: Sequence[Tried], answer: Answer, case: Case) -> Table:
+def _table(shown: Sequence[TriedChange], answer: CureAnswer, case: FailedRun) -> Table:
     table = Table(box=None, padding=(0, 2, 0, 0))
     for title in ("change", "succeeds", "time", "force"):
         table.add_column(title, justify="left" if title == "change" else "right", overflow="fold")
@@ -223,7 +223,7 @@ def _table(shown: Sequence[Tried], answer: Answer, case: Case) -> Table:
     return table
 
 
-def as_json(record: Path, answer: Answer, case: Case) -> dict[str, Any]:
+def as_json(record: Path, answer: CureAnswer, case: FailedRun) -> dict[str, Any]:
     """Return the answer as JSON; times in s, forces in N."""
     ended = case.evidence.ended
     assert ended is not None
@@ -248,7 +248,7 @@ def as_json(record: Path, answer: Answer, case: Case) -> dict[str, Any]:
     }
 
 
-def _tried_json(tried: Tried) -> dict[str, Any]:
+def _tried_json(tried: TriedChange) -> dict[str, Any]:
     trial = tried.trial
     return {
         **tried.candidate.change.as_json(),

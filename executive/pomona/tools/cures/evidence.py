@@ -20,7 +20,7 @@ ON_THE_WAY = 0.5  # weight of all failures before the last one, together, relati
 
 
 @dataclass(frozen=True, slots=True)
-class Failed:
+class FailedNode:
     """A leaf, or a modifier, that failed; `weight` is 1 for the last one of the run."""
 
     path: str
@@ -30,7 +30,7 @@ class Failed:
 
 
 @dataclass(slots=True)
-class Evidence:
+class RunEvidence:
     """What a record says about a failure."""
 
     started: RunStarted | None = None
@@ -42,22 +42,22 @@ class Evidence:
     failures: Counter[tuple[str, str]] = field(default_factory=Counter)  # by path and code
     messages: dict[tuple[str, str], str] = field(default_factory=dict)  # the last message of each
 
-    def failed(self) -> list[Failed]:
+    def failed(self) -> list[FailedNode]:
         """Return what failed: the last one first, then the others by how often they did."""
         reason = self.ended.reason if self.ended is not None else None
         last = latest_leaf(reason) if reason is not None else None
-        found = [] if last is None else [Failed(last.node_path, last.code, last.message, 1.0)]
+        found = [] if last is None else [FailedNode(last.node_path, last.code, last.message, 1.0)]
         keys = {(last.node_path, last.code)} if last is not None else set()
         others = [(key, count) for key, count in self.failures.most_common() if key not in keys]
         total = sum(self.failures.values())
         for (path, code), count in others:
-            found.append(Failed(path, code, self.messages[path, code], ON_THE_WAY * count / total))
+            found.append(FailedNode(path, code, self.messages[path, code], ON_THE_WAY * count / total))
         return found
 
 
-def gather(events: Iterable[Event]) -> Evidence:
+def gather(events: Iterable[Event]) -> RunEvidence:
     """Return the evidence of a run's events."""
-    found, seen = Evidence(), set[str]()
+    found, seen = RunEvidence(), set[str]()
     for event in events:
         if isinstance(event, RunStarted):
             found.started = event

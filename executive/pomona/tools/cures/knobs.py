@@ -14,7 +14,7 @@ from pomona.executive.nodes.node_type import NodeType
 from pomona.executive.ports import Port
 from pomona.executive.values.documents import Option
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
-from pomona.tools.cures.change import Change, Piece, offset
+from pomona.tools.cures.change import SingleChange, TextPiece, offset
 from pomona.tools.cures.other_values import text_of
 
 _PLAIN = re.compile(r"[A-Za-z0-9_.°%/²+-][A-Za-z0-9_.°%/²+ -]*")  # texts that need no quotes in YAML, also in braces
@@ -54,13 +54,13 @@ class Knob:
     given: bool = False
     unwritten: bool = False
 
-    def changed(self, text: str, size: float) -> Change:
+    def changed(self, text: str, size: float) -> SingleChange:
         """Return the change to another value."""
         about = self.kind, self.name, self.path, self.line, self.text, text, size
         if self.setting:
-            return Change(*about, settings={self.setting: text})
-        piece = Piece(self.start, self.end, f"{self.lead}{quoted(text)}{self.trail}")
-        return Change(*about, pieces=(piece,))
+            return SingleChange(*about, settings={self.setting: text})
+        piece = TextPiece(self.start, self.end, f"{self.lead}{quoted(text)}{self.trail}")
+        return SingleChange(*about, pieces=(piece,))
 
 
 def quoted(text: str) -> str:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from pomona.executive.language.model import TreeNode
-from pomona.tools.cures.change import Change, Piece, offset
+from pomona.tools.cures.change import SingleChange, TextPiece, offset
 
 ORDERED = ("sequence", "sequence_with_memory", "reactive_sequence", "fallback", "reactive_fallback")
 MOST_MOVES = 2  # a child is moved over at most so many others
 
 
-def moved(parent: TreeNode, child: int) -> Iterator[tuple[Change, int]]:
+def moved(parent: TreeNode, child: int) -> Iterator[tuple[SingleChange, int]]:
     """Yield the orders in which one child stands elsewhere, each with the number of places that it moved."""
     if parent.kind not in ORDERED:
         return
@@ -23,18 +23,18 @@ def moved(parent: TreeNode, child: int) -> Iterator[tuple[Change, int]]:
                 yield ordered(parent, order), distance
 
 
-def ordered(parent: TreeNode, order: list[int]) -> Change:
+def ordered(parent: TreeNode, order: list[int]) -> SingleChange:
     """Return the change that puts the children of a composite into another order: the old index of each."""
     texts = [_span(child) for child in parent.children]
     source = parent.key.source
     pieces = tuple(
-        Piece(*texts[place], source.text[slice(*texts[index])])
+        TextPiece(*texts[place], source.text[slice(*texts[index])])
         for place, index in enumerate(order)
         if place != index
     )  # fmt: skip
     labels = [child.label for child in parent.children]
     first = next((place for place, index in enumerate(order) if place != index), 0)
-    return Change(
+    return SingleChange(
         "order",
         f"{parent.kind} {parent.label}" if parent.name is not None else parent.kind,
         source.path,

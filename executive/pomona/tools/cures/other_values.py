@@ -21,7 +21,7 @@ BACK = 1.5  # how likely a default is that the tree or the run replaced, relativ
 
 
 @dataclass(frozen=True, slots=True)
-class Other:
+class OtherValue:
     """Another value: its text, how much it changes, how likely it is the right one relative to the others."""
 
     text: str
@@ -29,7 +29,7 @@ class Other:
     share: float
 
 
-def other_values(text: str, port: Port, default: str | None = None, direction: int = 0) -> list[Other]:
+def other_values(text: str, port: Port, default: str | None = None, direction: int = 0) -> list[OtherValue]:
     """Return other values of a port, each once.
 
     Args:
@@ -38,23 +38,23 @@ def other_values(text: str, port: Port, default: str | None = None, direction: i
         default: the value that it would have if nobody had written one, as text; None without one.
         direction: +1 if a remedy says to raise it, -1 to lower it, 0 if none does.
     """
-    found: dict[str, Other] = {}
+    found: dict[str, OtherValue] = {}
     number = _number(text, port)
     if default is not None and default != text:
         before, after = number, _number(default, port)
         size = _size(before, after)
         against = direction and before is not None and after is not None and (after - before) * direction < 0
-        found[default] = Other(default, size, BACK * (AGAINST if against else 1.0))
+        found[default] = OtherValue(default, size, BACK * (AGAINST if against else 1.0))
     if port.type is bool or text in ("true", "false"):
         other = "false" if text == "true" else "true"
-        found.setdefault(other, Other(other, 1.0, 1.0))
+        found.setdefault(other, OtherValue(other, 1.0, 1.0))
     elif port.choices:
         for choice in port.choices:
             if choice != text:
-                found.setdefault(choice, Other(choice, 1.0, UNKNOWN))
+                found.setdefault(choice, OtherValue(choice, 1.0, UNKNOWN))
     elif number is not None:
         for other_text, size, share in _numbers(text, number, port, direction):
-            found.setdefault(other_text, Other(other_text, size, share))
+            found.setdefault(other_text, OtherValue(other_text, size, share))
     return list(found.values())
 
 

@@ -8,15 +8,15 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from pomona.executive.execute import RunOrder
-from pomona.tools.cures.candidates import Candidate
-from pomona.tools.cures.trials import Trial, Trials
+from pomona.tools.cures.candidates import CureCandidate
+from pomona.tools.cures.trials import Trial, TrialRunner
 
 
 @dataclass(slots=True)
-class Tried:
+class TriedChange:
     """A change that was tried; `others` are its repetitions with other seeds, by seed."""
 
-    candidate: Candidate
+    candidate: CureCandidate
     trial: Trial
     others: dict[int, Trial] = field(default_factory=dict)
 
@@ -26,7 +26,7 @@ class Tried:
 
 
 @dataclass(slots=True)
-class Answer:
+class CureAnswer:
     """The answer of a search.
 
     Attributes:
@@ -42,16 +42,16 @@ class Answer:
     seeds: tuple[int, ...]
     original: Trial | None = None
     others: dict[int, Trial] = field(default_factory=dict)
-    tried: list[Tried] = field(default_factory=list)
+    tried: list[TriedChange] = field(default_factory=list)
     untried: int = 0
     refused: int = 0
     spent: float = 0.0
 
-    def cures(self) -> list[Tried]:
+    def cures(self) -> list[TriedChange]:
         """Return the changes that succeeded with every seed, in the order in which they were found."""
         return [tried for tried in self.tried if tried.successes() == 1 + len(self.seeds)]
 
-    def lucky(self) -> list[Tried]:
+    def lucky(self) -> list[TriedChange]:
         """Return the changes that succeeded with the run's seed and are no cure."""
         return [t for t in self.tried if t.trial.succeeded and t.successes() <= len(self.seeds)]
 
@@ -60,15 +60,15 @@ class Answer:
 class _Task:
     what: str  # original, change, seed, original seed
     seed: int
-    candidate: Candidate | None = None
-    tried: Tried | None = None
+    candidate: CureCandidate | None = None
+    tried: TriedChange | None = None
 
 
-Progress = Callable[[str, Candidate | None, int, Trial], None]
+Progress = Callable[[str, CureCandidate | None, int, Trial], None]
 
 
 @dataclass(slots=True, eq=False)
-class Search:
+class CureSearch:
     """One search.
 
     Attributes:
@@ -83,21 +83,21 @@ class Search:
     """
 
     order: RunOrder
-    candidates: Sequence[Candidate]
+    candidates: Sequence[CureCandidate]
     usable: Callable[[RunOrder], bool]
     seeds: int
     most: int
     budget: float
     progress: Progress = lambda _what, _candidate, _seed, _trial: None
     clock: Callable[[], float] = time.monotonic
-    answer: Answer = field(init=False)
+    answer: CureAnswer = field(init=False)
     _urgent: deque[_Task] = field(default_factory=deque)
     _over: bool = False
 
-    def run(self, trials: Trials) -> Answer:
+    def run(self, trials: TrialRunner) -> CureAnswer:
         """Search until there are enough cures, no candidate is left, or the budget is used."""
         begun = self.clock()
-        self.answer = Answer(tuple(self.order.seed + k for k in range(1, self.seeds + 1)))
+        self.answer = CureAnswer(tuple(self.order.seed + k for k in range(1, self.seeds + 1)))
         self._urgent.append(_Task("original", self.order.seed))
         left = iter(self.candidates)
         remaining = len(self.candidates)
@@ -118,7 +118,7 @@ class Search:
         order = replace(self.order, seed=task.seed)
         return order if task.candidate is None else task.candidate.change.applied(order)
 
-    def _next(self, left: Iterator[Candidate]) -> _Task | None:
+    def _next(self, left: Iterator[CureCandidate]) -> _Task | None:
         while self._urgent:
             task = self._urgent.popleft()
             # with a failed seed the change is no cure, and the other seeds would only count
@@ -148,7 +148,7 @@ class Search:
                 self._urgent.extend(_Task("original seed", seed) for seed in answer.seeds)
         else:
             assert task.candidate is not None
-            tried = Tried(task.candidate, trial)
+            tried = TriedChange(task.candidate, trial)
             answer.tried.append(tried)
             if trial.succeeded:
                 self._urgent.extend(_Task("seed", seed, task.candidate, tried) for seed in answer.seeds)

@@ -73,7 +73,7 @@ def run_trial(order: RunOrder, conditions: tuple[str, ...]) -> Trial:
     return Trial(outcome, code, message, told["time_s"], force_of(truth), time.monotonic() - begun)
 
 
-class Trials(Protocol):
+class TrialRunner(Protocol):
     """Something that computes trials at once, `jobs` of them."""
 
     @property
@@ -94,7 +94,7 @@ class _Busy:
     ends: float
 
 
-class Pool:
+class TrialPool:
     """Worker processes; one is renewed after some runs, and after a death."""
 
     def __init__(self, jobs: int, work: Callable[..., Trial], *about: Any) -> None:

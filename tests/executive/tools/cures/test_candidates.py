@@ -16,13 +16,13 @@ from pomona.executive.reasons import Reason
 from pomona.executive.registry import Registry
 from pomona.executive.running.events import AttemptEnded, NodeChanged, RunEnded
 from pomona.executive.values.shipped import installed_trees
-from pomona.tools.cures.candidates import Candidate, candidates, hints
-from pomona.tools.cures.change import Change
-from pomona.tools.cures.evidence import Evidence, gather
+from pomona.tools.cures.candidates import CureCandidate, candidates, hints
+from pomona.tools.cures.change import SingleChange
+from pomona.tools.cures.evidence import RunEvidence, gather
 from pomona.tools.cures.knobs import Knobs
 from pomona.tools.cures.orders import moved, ordered
 from pomona.tools.cures.other_values import other_values
-from pomona.tools.cures.search import Search
+from pomona.tools.cures.search import CureSearch
 from pomona.tools.cures.trials import Trial, disagrees
 
 # ------------------------------------------------------------------------------------------------ values
@@ -135,7 +135,7 @@ constants: {pause: 20 ms}
 """
 
 
-def found(tree: str, code: str, path: str, *more: Any, settings: dict[str, str] | None = None) -> list[Candidate]:
+def found(tree: str, code: str, path: str, *more: Any, settings: dict[str, str] | None = None) -> list[CureCandidate]:
     from recorded_events import started
 
     document = read(tree, "t.yaml")
@@ -187,7 +187,7 @@ def test_each_candidate_is_one_change_and_the_list_is_sorted() -> None:
 
 def test_no_failure_gives_no_candidate_of_a_node() -> None:
     analysis = analyse(read(TREE, "t.yaml"), Registry({}))
-    assert {c.change.kind for c in candidates(Knobs(analysis, {}), Evidence())} <= {"parameter"}
+    assert {c.change.kind for c in candidates(Knobs(analysis, {}), RunEvidence())} <= {"parameter"}
 
 
 # ------------------------------------------------------------------------------------------------ the search
@@ -217,12 +217,12 @@ class Scripted:
 def search(result: Any, count: int = 4, **more: Any) -> tuple[Any, Scripted]:
     order = RunOrder(Path("t.yaml"), Path("c.yaml"), seed=7)
     every = [
-        Candidate(Change("parameter", "n", "t.yaml", 4, "0", str(n), 1.0, {"n": str(n)}), 1.0 / n, "")
+        CureCandidate(SingleChange("parameter", "n", "t.yaml", 4, "0", str(n), 1.0, {"n": str(n)}), 1.0 / n, "")
         for n in range(1, count + 1)
     ]
     about = {"usable": lambda _order: True, "seeds": 2, "most": 1, "budget": 60.0, "clock": lambda: 0.0} | more
     trials = Scripted(result)
-    return Search(order, every, **about).run(trials), trials
+    return CureSearch(order, every, **about).run(trials), trials
 
 
 def test_a_success_is_repeated_with_other_seeds_before_the_next_candidate_is_tried() -> None:

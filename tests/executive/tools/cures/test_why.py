@@ -77,7 +77,7 @@ class Here:
 @pytest.fixture(autouse=True)
 def inside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(command_why, "Pool", Here)
+    monkeypatch.setattr(command_why, "TrialPool", Here)
 
 
 def why(capsys: pytest.CaptureFixture[str], *arguments: str, status: int = 0) -> str:
@@ -185,7 +185,7 @@ def test_a_run_of_a_real_cell_is_simulated_and_never_connected(
                 good = "5 s" in order.texts["tree.yaml"]
                 yield key, Trial("success" if good else "failure", "" if good else "TIMEOUT", time=1.0)
 
-    monkeypatch.setattr(command_why, "Pool", Watched)
+    monkeypatch.setattr(command_why, "TrialPool", Watched)
     fail(LIMIT)
     (path,) = (one for one in Path("runs").iterdir() if one.is_dir())
     _relabel(path, cell="lab", cell_kind="real", cell_path="/nowhere/lab.yaml", cell_text="name: lab\nkind: real\n")
