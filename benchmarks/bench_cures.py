@@ -21,9 +21,9 @@ from pathlib import Path
 from statistics import median
 
 from pomona.executive.errors import UsageError
-from pomona.executive.execute import RunOrder, execute
+from pomona.executive.execute import RunOrder
 from pomona.executive.files import find_cell, find_tree
-from pomona.executive.running.compute import keep_workers_warm
+from pomona.executive.recording.folder import find_record
 from pomona.executive.terminal.filtered import write_json
 from pomona.executive.values.kinds import Measure
 from pomona.executive.values.units import TIME
@@ -116,21 +116,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--each", type=int, default=5, help="failures of each kind (default: 5)")
     parser.add_argument("--budget", type=Measure(TIME, "1 s").option, default=60.0, help="real time of a search")
+    parser.add_argument("--seeds", type=int, default=5, help="other seeds that a cure must pass (default: 5)")
+    parser.add_argument("--further", type=int, default=5, help="further seeds that show a false cure (default: 5)")
     parser.add_argument("--only", default="", help="kinds whose name holds this text")
     options = parser.parse_args(arguments)
-    keep_workers_warm()
     results = []
     with tempfile.TemporaryDirectory() as folder, contextlib.closing(TrialPool(2, run_trial, ("lifted",))) as pool:
         for seeded in KINDS:
             for number in range(options.each) if options.only in seeded.kind else ():
-                result = measure(seeded, FIRST + 17 * number, Path(folder), options.budget, pool)
+                result = measure(seeded, FIRST + 17 * number, Path(folder), options, pool)
                 if result is not None:
                     results.append(result)
     _print(results)
     return 0
 
 
-def measure(seeded: SeededFailure, seed: int, folder: Path, budget: float, pool: TrialPool) -> CureResult | None:
+def measure(
+    seeded: SeededFailure, seed: int, folder: Path, options: argparse.Namespace, pool: TrialPool
+) -> CureResult | None:
     """Make a failure, search its cure, try that with further seeds; None if the run does not fail."""
     text = find_tree("pick_apple").read_text("utf-8")
     for old, new in (*QUICK, *seeded.edits):
@@ -138,34 +141,43 @@ def measure(seeded: SeededFailure, seed: int, folder: Path, budget: float, pool:
         text = text.replace(old, new)
     tree = folder / f"{seeded.kind.replace(' ', '_').replace(',', '')}.yaml"
     tree.write_text(text, "utf-8")
-    executed = execute(RunOrder(tree, find_cell("sim"), seed, dict(seeded.settings), record=folder / "runs"))
-    if executed.record is None:
-        return None
+    records = folder / f"{tree.stem}_{seed}"
+    pool.start(None, RunOrder(tree, find_cell("sim"), seed, dict(seeded.settings), record=records), 600.0)
+    for _, trial in pool.ended():
+        _say(f"{seeded.kind}, seed {seed}: {trial}")
+    record = find_record("last", records)
     try:
-        case = read_case(executed.record)
+        case = read_case(record)
     except UsageError as error:  # it did not fail: no failure was seeded
         _say(f"{seeded.kind}, seed {seed}: {error}")
         return None
     processor, wall = _processor(), time.monotonic()
     assert case.conditions == ("lifted",)
-    answer = CureSearch(case.order, case.candidates, usable, 5, 1, budget, _progress).run(pool)
+    answer = CureSearch(case.order, case.candidates, usable, options.seeds, 1, options.budget, _progress).run(pool)
     processor, wall = _processor() - processor, time.monotonic() - wall
-    write_json(as_json(executed.record, answer, case))
+    write_json(as_json(record, answer, case))
     cure = next(iter(answer.cures()), None)
     code = case.evidence.failed()[0].code if case.evidence.failed() else "not scored"
     name = "none" if cure is None else cure.candidate.change.sentence
     right = cure is not None and cure.candidate.change.name in seeded.causes
     result = CureResult(
-        seeded.kind, seed, code, name, right, 0 if cure is None else _false(case, cure, seed, pool), processor, wall
+        seeded.kind,
+        seed,
+        code,
+        name,
+        right,
+        0 if cure is None else _false(case, cure, seed, options.further, pool),
+        processor,
+        wall,
     )
     _say(str(result))
     return result
 
 
-def _false(case: FailedRun, cure: TriedChange, seed: int, pool: TrialPool) -> int:
-    """Return with how many of five further seeds the cure fails."""
+def _false(case: FailedRun, cure: TriedChange, seed: int, count: int, pool: TrialPool) -> int:
+    """Return with how many further seeds the cure fails."""
     order = cure.candidate.change.applied(case.order)
-    waiting, failed = [seed + FURTHER + k for k in range(5)], 0
+    waiting, failed = [seed + FURTHER + k for k in range(count)], 0
     while True:
         while waiting and pool.free:
             pool.start(waiting[0], replace(order, seed=waiting[0]), 600.0)

@@ -155,9 +155,9 @@ class _Search:
             written.setdefault((node.key.source.path, node.key.line), []).append(node)
         found: dict[str, tuple[TreeNode, str]] = {}
         for facts in self.evidence.started.nodes if self.evidence.started is not None else ():
-            path, kind = str(facts["path"]), str(facts.get("kind", ""))
+            path, kind = str(facts.get("path")), str(facts.get("kind"))
             names = path.rsplit("/", 1)[-1].partition(":")[0].partition("#")[0], str(facts.get("name"))
-            here = written.get((str(facts.get("file", "")), int(facts.get("line", 0))), [])
+            here = written.get((str(facts.get("file")), _whole(facts.get("line"))), [])
             fitting = [n for n in here if n.label in names] or [n for n in here if kind in (n.kind, *n.decorators)]
             if fitting:
                 found[path] = (fitting[0], kind)
@@ -277,3 +277,8 @@ class _Search:
         definition = self.knobs.owner[id(node)]
         every = definition.root.walk() if definition.root is not None else ()
         return [one for one in every if one is not node and node in one.walk()][::-1]
+
+
+def _whole(value: object) -> int:
+    """Return a line's number; 0 for anything else, which only a forged record holds."""
+    return value if isinstance(value, int) else 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from multiprocessing.connection import wait
 from typing import Any, Protocol
 
@@ -57,11 +57,11 @@ def disagrees(outcome: str | None, truth: Any, conditions: tuple[str, ...]) -> s
 
 
 def run_trial(order: RunOrder, conditions: tuple[str, ...]) -> Trial:
-    """Repeat a run in this process, without a record. `conditions` of the world's score must hold for a success."""
+    """Repeat a run in this process. `conditions` of the world's score must hold for a success."""
     keep_workers_warm()
     begun = time.monotonic()
     try:
-        executed = execute(replace(order, record=None, past=None))
+        executed = execute(order)
     except PomonaError as error:
         return Trial("unusable", type(error).__name__, str(error).partition("\n")[0])
     told = executed.summary.as_json(None)

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from recorded_events import FAILED, started, write
+from hypothesis import HealthCheck, given, settings, strategies as st
+from recorded_events import FAILED, foreign, started, write
 
 from pomona.executive.cli import main
+from pomona.executive.encode import encoded
+from pomona.executive.errors import UsageError
 from pomona.executive.execute import RunOrder
+from pomona.executive.recording.message import message_of
+from pomona.executive.recording.read import read_events
 from pomona.tools.cures import command_why
+from pomona.tools.cures.command_why import read_case
 from pomona.tools.cures.trials import Trial, run_trial
 
 LIMIT = """\
@@ -219,3 +227,44 @@ def test_a_wrong_option_is_refused(wrong: tuple[str, str], capsys: pytest.Captur
         main(["why", "last", *wrong])
     assert ended.value.code == 2
     assert wrong[0] in capsys.readouterr().err
+
+
+# ------------------------------------------------------------------------------------------------ forged records
+
+ODD = (None, "x", -1, 2**70, float("nan"), [], {}, ["a"], {"path": 3}, True)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_a_forged_record_gives_a_case_or_one_error(data: st.DataObject) -> None:
+    """Any value of a whole record may be replaced by another one: nothing but a `UsageError` is raised."""
+    messages = _failed_messages()
+    number = data.draw(st.sampled_from(range(len(messages))))
+    keys = data.draw(st.sampled_from(list(_places(messages[number]))))
+    messages[number] = _put(messages[number], keys, data.draw(st.sampled_from(ODD)))
+    shutil.rmtree("runs/odd", ignore_errors=True)
+    foreign(Path("runs/odd"), *(json.dumps(message).encode() for message in messages))
+    with contextlib.suppress(UsageError):
+        read_case(Path("runs/odd"))
+
+
+def _failed_messages() -> list[Any]:
+    if not Path("runs").is_dir():
+        fail(LIMIT)
+        shutil.move(next(one for one in Path("runs").iterdir() if one.is_dir()), "whole")
+    return [json.loads(encoded(message_of(event))) for event in read_events(Path("whole"))]
+
+
+def _places(value: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    yield at
+    inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, item in inner:
+        yield from _places(item, (*at, key))
+
+
+def _put(value: Any, at: tuple[Any, ...], new: Any) -> Any:
+    if not at:
+        return new
+    changed = value.copy()
+    changed[at[0]] = _put(value[at[0]], at[1:], new)
+    return changed
