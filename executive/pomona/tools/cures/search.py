@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 
 from pomona.executive.execute import RunOrder
 from pomona.tools.cures.candidates import CureCandidate
+from pomona.tools.cures.change import SingleChange
 from pomona.tools.cures.trials import Trial, TrialRunner
 
 
@@ -110,7 +111,7 @@ class CureSearch:
                 self._take(task, trial)
             if not ended or self._over:
                 break
-        self.answer.untried = max(0, remaining - self.answer.refused)
+        self.answer.untried = remaining - self.answer.refused
         self.answer.spent = self.clock() - begun
         return self.answer
 
@@ -127,10 +128,18 @@ class CureSearch:
         if len(self.answer.cures()) >= self.most:
             return None
         for candidate in left:
+            if self._is_farther(candidate.change):
+                continue
             if self.usable(candidate.change.applied(self.order)):
                 return _Task("change", self.order.seed, candidate)
             self.answer.refused += 1
         return None
+
+    def _is_farther(self, change: SingleChange) -> bool:
+        """Return whether a smaller change of the same place has succeeded with every seed so far."""
+        good = (tried for tried in self.answer.tried if tried.successes() == 1 + len(tried.others))
+        places = ((one.candidate.change, change) for one in good)
+        return any((a.path, a.line, a.name) == (b.path, b.line, b.name) and a.size <= b.size for a, b in places)
 
     def _take(self, task: _Task, trial: Trial) -> None:
         self.progress(task.what, task.candidate, task.seed, trial)

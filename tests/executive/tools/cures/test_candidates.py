@@ -240,6 +240,17 @@ def test_a_change_that_fails_with_another_seed_is_no_cure() -> None:
     assert [tried.candidate.change.after for tried in answer.lucky()] == ["1"]
 
 
+def test_no_larger_change_of_a_place_is_tried_while_a_smaller_one_succeeds() -> None:
+    order = RunOrder(Path("t.yaml"), Path("c.yaml"), seed=7)
+    steps = [SingleChange("parameter", "n", "t.yaml", 4, "0", str(n), float(n), {"n": str(n)}) for n in (2, 4, 8)]
+    other = SingleChange("parameter", "m", "t.yaml", 5, "0", "1", 1.0, {"n": "m"})
+    every = [CureCandidate(change, 1.0, "") for change in (*steps, other)]
+    trials = Scripted(lambda n, seed: n == "2")
+    answer = CureSearch(order, every, lambda _order: True, 1, 1, 60.0, clock=lambda: 0.0).run(trials)
+    assert {n for n, _ in trials.started} <= {"", "2", "4", "m"}  # the 4 was started beside the 2
+    assert len(answer.cures()) == 1
+
+
 def test_the_original_is_repeated_with_the_seeds_of_the_cure() -> None:
     answer, _ = search(lambda n, seed: n == "1" or seed == 9)
     assert {seed: trial.succeeded for seed, trial in answer.others.items()} == {8: False, 9: True}
