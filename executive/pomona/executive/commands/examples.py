@@ -53,11 +53,7 @@ _EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         ("pomona runs show last", "settings, result and contents of the record"),
     ),
     "replay": (("pomona replay last --speed 1", "show the last run in real time"),),
-    "rerun": (
-        ("pomona rerun last", "check that a simulated run repeats exactly"),
-        ("pomona rerun last --set {setting}", "repeat it with a change"),
-    ),
-    "why": (("pomona why last --budget 60s", "the smallest change that cures the last run"),),
+    "rerun": (("pomona rerun last", "check that a simulated run repeats exactly"),),
     "campaign": (
         ("pomona campaign {campaign} --workers 4", "many runs and a report"),
         ("pomona campaign {campaign} --report", "the report of the present results"),

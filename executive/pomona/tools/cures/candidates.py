@@ -30,7 +30,7 @@ ORDER = 0.3  # another order of children around the failed node
 RAN = 0.04  # any other node that ran
 OPTION = 0.05  # an option of the cell
 REMEDY = 5.0  # factor of a port that the code's remedy names
-EARLIER = 5.0  # factor of an order whose remedy says what belongs before the node
+EARLIER = 5.0  # factor of an order whose remedy names a step before the node
 GIVEN = 5.0  # factor of a value with which the run was started, in place of the tree's or the cell's own
 UNWRITTEN = 0.4  # factor of a default: a value that somebody wrote is more often wrong
 LEAST = 0.01  # weights below are not followed further
@@ -80,7 +80,7 @@ def candidates(knobs: Knobs, evidence: RunEvidence) -> list[CureCandidate]:
 
 @dataclass(frozen=True, slots=True)
 class RemedyHint:
-    """What is known of a port: +1 to raise it, -1 to lower it, 0 unknown; and the factor of its weight."""
+    """Knowledge about a port: +1 to raise it, -1 to lower it, 0 unknown; and the factor of its weight."""
 
     direction: int
     factor: float = REMEDY
@@ -118,6 +118,16 @@ def _others(blame: _Blame, evidence: RunEvidence) -> Iterator[tuple[OtherValue, 
 BY_MESSAGE = 2.0  # share of a word that the failure's message offers for a text [-]: an assumption
 
 
+@dataclass(frozen=True, slots=True)
+class _Trail:
+    """The way from a failure to a place: the weight that is left, the reason, hints, and whether writers follow."""
+
+    weight: float
+    why: str
+    hinted: Hints = field(default_factory=dict)
+    follow: bool = True
+
+
 @dataclass(slots=True, eq=False)
 class _Search:
     knobs: Knobs
@@ -141,12 +151,12 @@ class _Search:
             self._modifier(path, TRIES / tries**0.5, 1, f"all tries were used: {tries}")
         for path in self.evidence.ran:
             if path in self.paths:
-                self._node(self.paths[path][0], RAN, {}, "it ran", follow=False)
+                self._node(self.paths[path][0], _Trail(RAN, "it ran", follow=False))
         settings = self.knobs.settings
         for name in self.knobs.analysis.document.main.parameters:
-            self._blame(self.knobs.parameter(name), GIVEN * RAN if name in settings else RAN, {}, "a parameter")
+            self._blame(self.knobs.parameter(name), _Trail(GIVEN * RAN if name in settings else RAN, "a parameter"))
         for option in self.knobs.options:
-            self._blame(self.knobs.option(option.name), OPTION, {}, "an option of the cell")
+            self._blame(self.knobs.option(option.name), _Trail(OPTION, "an option of the cell"))
 
     def _paths(self) -> dict[str, tuple[TreeNode, str]]:
         """Return node and word by the paths of the record, which names the file and line of each."""
@@ -169,11 +179,12 @@ class _Search:
         if failed.path not in self.paths:
             return
         node, kind = self.paths[failed.path]
-        hinted, label = hints(failed.code), f"{node.label} failed with {failed.code}"
+        trail = _Trail(OWN * failed.weight, f"{node.label} failed with {failed.code}", hints(failed.code))
         if kind in node.decorators:
-            self._modifier(failed.path, MODIFIER * failed.weight, 1 if failed.code == "TIMEOUT" else 0, label)
-            hinted = {}  # the remedy is about the modifier: a planner's `budget` is not meant
-        self._node(node, OWN * failed.weight, hinted, label)
+            direction = 1 if failed.code == "TIMEOUT" else 0
+            self._modifier(failed.path, MODIFIER * failed.weight, direction, trail.why)
+            trail = replace(trail, hinted={})  # the remedy is about the modifier: a planner's `budget` is not meant
+        self._node(node, trail)
         self._orders(failed, node)
 
     def _modifier(self, path: str, weight: float, direction: int, why: str) -> None:
@@ -184,58 +195,52 @@ class _Search:
         for layer, found in self.knobs.layers(node):
             if layer.key == kind:
                 for slot in self.knobs.slots(layer, found):
-                    self._slot(node, layer, found, slot, weight, {slot: RemedyHint(direction, 1.0)}, why, False)
+                    hinted = {slot: RemedyHint(direction, 1.0)}
+                    self._slot(node, layer, slot, _Trail(weight, why, hinted, follow=False))
 
-    def _node(self, node: TreeNode, weight: float, hinted: Hints, why: str, follow: bool = True) -> None:
-        """Blame everything that a node takes, and what wrote it."""
-        if weight < LEAST or (follow and self.followed.get(id(node), 0.0) >= weight):
+    def _node(self, node: TreeNode, trail: _Trail) -> None:
+        """Blame all inputs of a node, and the nodes that wrote them."""
+        if trail.weight < LEAST or (trail.follow and self.followed.get(id(node), 0.0) >= trail.weight):
             return
-        if follow:
-            self.followed[id(node)] = weight
+        if trail.follow:
+            self.followed[id(node)] = trail.weight
         for layer, found in self.knobs.layers(node):
-            inner = layer is node.type
+            here = trail if layer is node.type else replace(trail, weight=RAN)
             for slot in self.knobs.slots(layer, found):
-                self._slot(node, layer, found, slot, weight if inner else RAN, hinted, why, follow)
-            if follow:
-                self._reads(node, found, weight if inner else RAN, hinted, why)
+                self._slot(node, layer, slot, here)
+            if trail.follow and found.skill is None and found.subtree is None:
+                for read in found.reads:  # those of conditions too, which belong to no port
+                    self._name(self.knobs.owner[id(node)], read.name, here)
 
-    def _slot(
-        self, node: TreeNode, layer: NodeType, found: Resolved, slot: str, weight: float, hinted: Hints,
-        why: str, follow: bool,
-    ) -> None:  # fmt: skip
+    def _slot(self, node: TreeNode, layer: NodeType, slot: str, trail: _Trail) -> None:
+        """Blame the value of a port or a word; a wired one: the places behind the wire."""
+        found = self.knobs.analysis.resolved[id(node), layer.key]
         knob = self.knobs.slot(node, layer, found, slot)
         if knob is not None:
-            self._blame(knob, weight, hinted, why)
+            self._blame(knob, trail)
             return
         for read in found.reads:
             if read.slot == slot:
-                wired = {read.name: hinted[slot]} if slot in hinted else hinted
-                self._name(self.knobs.owner[id(node)], read.name, weight, wired, why, follow)
+                wired = {read.name: trail.hinted[slot]} if slot in trail.hinted else trail.hinted
+                self._name(self.knobs.owner[id(node)], read.name, replace(trail, hinted=wired))
 
-    def _reads(self, node: TreeNode, found: Resolved, weight: float, hinted: Hints, why: str) -> None:
-        """Follow the names that conditions read: they belong to no port."""
-        for read in found.reads:
-            if found.skill is None and found.subtree is None:
-                self._name(self.knobs.owner[id(node)], read.name, weight, hinted, why, True)
-
-    def _name(self, definition: Definition, name: str, weight: float, hinted: Hints, why: str, follow: bool) -> None:
-        """Blame what gave a name its value."""
+    def _name(self, definition: Definition, name: str, trail: _Trail) -> None:
+        """Blame the places and nodes that give a name its value."""
         named: Named | None = self.knobs.analysis.scopes[id(definition)].names.get(name)
-        if named is None or weight < LEAST:
+        if named is None or trail.weight < LEAST:
             return
         if named.origin == "parameter":
-            self._blame(self.knobs.parameter(name), weight, hinted, why)
+            self._blame(self.knobs.parameter(name), trail)
         elif named.origin == "constant":
-            declared = definition.file.constants[name]
-            self._blame(self.knobs.declared(declared, Port(object)), weight, hinted, why)
+            self._blame(self.knobs.declared(definition.file.constants[name], Port(object)), trail)
         elif named.origin == "input":
             for node, found in self.calls.get(id(definition), ()):
-                layer = node.type
-                if name in self.knobs.slots(layer, found):
-                    self._slot(node, layer, found, name, weight, hinted, why, follow)
-        elif follow:
+                if name in self.knobs.slots(node.type, found):
+                    self._slot(node, node.type, name, trail)
+        elif trail.follow:
             for writer in self._writers(definition, name):
-                self._node(writer, weight * WRITER, hinted, f"{writer.label} wrote '{name}' for it: {why}")
+                why = f"{writer.label} wrote '{name}' for it: {trail.why}"
+                self._node(writer, replace(trail, weight=trail.weight * WRITER, why=why))
 
     def _writers(self, definition: Definition, name: str, depth: int = 0) -> Iterator[TreeNode]:
         """Yield the nodes that write a name, those of called subtrees included."""
@@ -250,15 +255,15 @@ class _Search:
 
     # ------------------------------------------------------------------------------------------- places
 
-    def _blame(self, knob: Knob | None, weight: float, hinted: Hints, why: str) -> None:
+    def _blame(self, knob: Knob | None, trail: _Trail) -> None:
         if knob is None:
             return
-        hint = hinted.get(knob.slot, RemedyHint(0, UNWRITTEN if knob.unwritten else 1.0))
-        weight *= hint.factor
+        hint = trail.hinted.get(knob.slot, RemedyHint(0, UNWRITTEN if knob.unwritten else 1.0))
+        weight = trail.weight * hint.factor
         key = knob.path, knob.setting or knob.name, knob.line, knob.start
         if key not in self.blamed or self.blamed[key].weight < weight:
-            named = f"{why}; the remedy names `{knob.slot}`" if hint.factor == REMEDY else why
-            self.blamed[key] = _Blame(knob, weight, hint.direction, named)
+            why = f"{trail.why}; the remedy names `{knob.slot}`" if hint.factor == REMEDY else trail.why
+            self.blamed[key] = _Blame(knob, weight, hint.direction, why)
 
     def _orders(self, failed: FailedNode, node: TreeNode) -> None:
         """Take other orders of the children around a failed node, the nearest composite first."""

@@ -25,7 +25,7 @@ class SingleChange:
 
     Attributes:
         kind: port, parameter, word, order or option.
-        name: of what is changed: `Detect.score`, `attempts`.
+        name: of the changed place: `Detect.score`, `attempts`.
         path, line: where it is written.
         before, after: the texts.
         size: how much it changes a value, in factors of two; 1 for an order or a word.

@@ -31,7 +31,7 @@ class FailedNode:
 
 @dataclass(slots=True)
 class RunEvidence:
-    """What a record says about a failure."""
+    """Content of a record that bears on a failure."""
 
     started: RunStarted | None = None
     ended: RunEnded | None = None
@@ -43,7 +43,7 @@ class RunEvidence:
     messages: dict[tuple[str, str], str] = field(default_factory=dict)  # the last message of each
 
     def failed(self) -> list[FailedNode]:
-        """Return what failed: the last one first, then the others by how often they did."""
+        """Return the failed nodes: the last one first, then the others by the number of their failures."""
         reason = self.ended.reason if self.ended is not None else None
         last = latest_leaf(reason) if reason is not None else None
         found = [] if last is None else [FailedNode(last.node_path, last.code, last.message, 1.0)]

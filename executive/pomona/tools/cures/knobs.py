@@ -33,7 +33,7 @@ class Knob:
         port: its type.
         default: the value without which nothing was written; None without one.
         setting: the parameter or option that holds it; empty for a place in a file.
-        start, end, lead, trail: the characters of the file that the value replaces, and what stands around it.
+        start, end, lead, trail: the characters of the file that the value replaces, and the texts around it.
         given: the run was started with this value (`--set`).
         unwritten: it is a default.
     """
@@ -100,7 +100,7 @@ class Knobs:
                 yield layer, found
 
     def slots(self, layer: NodeType, found: Resolved) -> Mapping[str, Port]:
-        """Return what a layer takes: the ports of a skill or a subtree, or the words of another type."""
+        """Return the inputs of a layer: the ports of a skill or a subtree, or the words of another type."""
         if found.skill is not None:
             return found.skill.inputs
         if found.subtree is not None:

@@ -36,7 +36,7 @@ def other_values(text: str, port: Port, default: str | None = None, direction: i
         text: the present value, as written.
         port: its type, bounds and choices.
         default: the value that it would have if nobody had written one, as text; None without one.
-        direction: +1 if a remedy says to raise it, -1 to lower it, 0 if none does.
+        direction: +1 if a remedy proposes to raise it, -1 to lower it, 0 if none does.
     """
     found: dict[str, OtherValue] = {}
     number = _number(text, port)

@@ -94,6 +94,7 @@ class CureSearch:
     answer: CureAnswer = field(init=False)
     _urgent: deque[_Task] = field(default_factory=deque)
     _over: bool = False
+    _compared: bool = False
 
     def run(self, trials: TrialRunner) -> CureAnswer:
         """Search until there are enough cures, no candidate is left, or the budget is used."""
@@ -152,7 +153,8 @@ class CureSearch:
         elif task.what == "seed":
             assert task.tried is not None
             task.tried.others[task.seed] = trial
-            if len(answer.cures()) == self.most and not answer.others:
+            if len(answer.cures()) == self.most and not self._compared:
+                self._compared = True
                 self._urgent.clear()
                 self._urgent.extend(_Task("original seed", seed) for seed in answer.seeds)
         else:

@@ -281,3 +281,8 @@ def test_a_tree_s_success_counts_only_if_the_world_agrees() -> None:
     assert disagrees("success", {"lifted": True}, ("lifted",)) == ""
     assert disagrees("success", None, ("lifted",)) == ""
     assert disagrees("failure", {"lifted": None}, ("lifted",)) == ""
+
+
+def test_the_original_is_repeated_once_with_each_seed_though_another_change_ends_later() -> None:
+    _, trials = search(lambda n, seed: n == "1" or (n == "2" and seed != 9))
+    assert sorted(seed for n, seed in trials.started if n == "") == [7, 8, 9]
