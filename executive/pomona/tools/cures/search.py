@@ -49,8 +49,9 @@ class CureAnswer:
     spent: float = 0.0
 
     def cures(self) -> list[TriedChange]:
-        """Return the changes that succeeded with every seed, in the order in which they were found."""
-        return [tried for tried in self.tried if tried.successes() == 1 + len(self.seeds)]
+        """Return the changes that succeeded with every seed, the most likely and smallest first."""
+        found = [tried for tried in self.tried if tried.successes() == 1 + len(self.seeds)]
+        return sorted(found, key=lambda tried: (-tried.candidate.likely, tried.candidate.change.size))
 
     def lucky(self) -> list[TriedChange]:
         """Return the changes that succeeded with the run's seed and are no cure."""
@@ -136,11 +137,17 @@ class CureSearch:
             self.answer.refused += 1
         return None
 
+    def _may_be_smaller(self, task: _Task) -> bool:
+        """Return whether a repetition is of a change that is smaller than the cure at the same place."""
+        best = self.answer.cures()[0].candidate.change
+        change = None if task.candidate is None else task.candidate.change
+        return change is not None and _place(change) == _place(best) and change.size < best.size
+
     def _is_farther(self, change: SingleChange) -> bool:
         """Return whether a smaller change of the same place has succeeded with every seed so far."""
         good = (tried for tried in self.answer.tried if tried.successes() == 1 + len(tried.others))
-        places = ((one.candidate.change, change) for one in good)
-        return any((a.path, a.line, a.name) == (b.path, b.line, b.name) and a.size <= b.size for a, b in places)
+        smaller = (one.candidate.change for one in good if one.candidate.change.size <= change.size)
+        return any(_place(one) == _place(change) for one in smaller)
 
     def _take(self, task: _Task, trial: Trial) -> None:
         self.progress(task.what, task.candidate, task.seed, trial)
@@ -155,7 +162,7 @@ class CureSearch:
             task.tried.others[task.seed] = trial
             if len(answer.cures()) == self.most and not self._compared:
                 self._compared = True
-                self._urgent.clear()
+                self._urgent = deque(filter(self._may_be_smaller, self._urgent))
                 self._urgent.extend(_Task("original seed", seed) for seed in answer.seeds)
         else:
             assert task.candidate is not None
@@ -163,3 +170,7 @@ class CureSearch:
             answer.tried.append(tried)
             if trial.succeeded:
                 self._urgent.extend(_Task("seed", seed, task.candidate, tried) for seed in answer.seeds)
+
+
+def _place(change: SingleChange) -> tuple[str, int, str]:
+    return change.path, change.line, change.name

@@ -286,3 +286,12 @@ def test_a_tree_s_success_counts_only_if_the_world_agrees() -> None:
 def test_the_original_is_repeated_once_with_each_seed_though_another_change_ends_later() -> None:
     _, trials = search(lambda n, seed: n == "1" or (n == "2" and seed != 9))
     assert sorted(seed for n, seed in trials.started if n == "") == [7, 8, 9]
+
+
+def test_of_two_changes_of_a_place_that_cure_the_smaller_one_is_the_answer() -> None:
+    order = RunOrder(Path("t.yaml"), Path("c.yaml"), seed=7)
+    steps = [SingleChange("parameter", "n", "t.yaml", 4, "0", str(n), float(n), {"n": str(n)}) for n in (8, 4)]
+    every = [CureCandidate(change, 1.0, "") for change in steps]
+    trials = Scripted(lambda n, seed: n != "")
+    answer = CureSearch(order, every, lambda _order: True, 2, 1, 60.0, clock=lambda: 0.0).run(trials)
+    assert answer.cures()[0].candidate.change.after == "4"
