@@ -80,7 +80,11 @@ KINDS = (
     SeededFailure(
         "a parameter, too strict", ("smallest",), (("{type: ratio,  default: 0.55,", "{type: ratio,  default: 0.98,"),)
     ),
-    SeededFailure("a parameter out of reach", ("radius",), (("90 mm,  help: pre-grasp", "700 mm, help: pre-grasp"),)),
+    SeededFailure(
+        "a timeout of tries",
+        ("Attempt.timeout",),
+        (("      name: Attempt\n", "      name: Attempt\n      timeout: 2 s\n"),),
+    ),
     SeededFailure("a port, too strict", ("Detect.score",), (("fallback_score: 0.4,", "score: 0.9999,"),)),
     SeededFailure(
         "a port of measuring",

@@ -156,7 +156,8 @@ class _Search:
         for name in self.knobs.analysis.document.main.parameters:
             self._blame(self.knobs.parameter(name), _Trail(GIVEN * RAN if name in settings else RAN, "a parameter"))
         for option in self.knobs.options:
-            self._blame(self.knobs.option(option.name), _Trail(OPTION, "an option of the cell"))
+            weight = GIVEN * OPTION if option.name in settings else OPTION
+            self._blame(self.knobs.option(option.name), _Trail(weight, "an option of the cell"))
 
     def _paths(self) -> dict[str, tuple[TreeNode, str]]:
         """Return node and word by the paths of the record, which names the file and line of each."""

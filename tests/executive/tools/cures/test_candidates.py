@@ -15,6 +15,7 @@ from pomona.executive.ports import LENGTH, RATIO, TIME, Port
 from pomona.executive.reasons import Reason
 from pomona.executive.registry import Registry
 from pomona.executive.running.events import AttemptEnded, NodeChanged, RunEnded
+from pomona.executive.values.documents import Option
 from pomona.executive.values.shipped import installed_trees
 from pomona.tools.cures.candidates import CureCandidate, candidates, hints
 from pomona.tools.cures.change import SingleChange
@@ -295,3 +296,11 @@ def test_of_two_changes_of_a_place_that_cure_the_smaller_one_is_the_answer() -> 
     trials = Scripted(lambda n, seed: n != "")
     answer = CureSearch(order, every, lambda _order: True, 2, 1, 60.0, clock=lambda: 0.0).run(trials)
     assert answer.cures()[0].candidate.change.after == "4"
+
+
+def test_an_option_with_which_the_run_was_started_comes_before_the_ports_of_the_failed_node() -> None:
+    analysis = analyse(read(TREE, "t.yaml"), Registry({}))
+    options = (Option("mass", "auto", ""), Option("tilt", "6 deg", ""))
+    knobs = Knobs(analysis, {"mass": "1.2 kg"}, options, "c.yaml", "options:\n  mass: auto\n  tilt: 6 deg\n")
+    first = candidates(knobs, RunEvidence())[0].change
+    assert (first.kind, first.name, first.line, first.after) == ("option", "mass", 2, "auto")
