@@ -209,6 +209,9 @@ orchard: $(STAMP) ## simulated fruit walls picked by trees/experimental/pick_tre
 bench-crate: $(STAMP) ## heaps and crates of fruit that touches, cleared of n with intervals; SEEDS=1..20 KINDS=heap5,crate6 (hours)
 	$(BIN)/python -m benchmarks.bench_crate --seeds $(or $(SEEDS),1..20) $(if $(KINDS),--kinds $(KINDS))
 
+bench-cures: $(STAMP) ## seeded failures of ten kinds and their smallest cures; EACH=5 failures of each kind (an hour)
+	$(BIN)/python -m benchmarks.bench_cures --each $(or $(EACH),5)
+
 oracle: $(STAMP) ## the collision model beside MuJoCo over 10 000 random states
 	$(BIN)/python -m benchmarks.collision_oracle --states 10000
 

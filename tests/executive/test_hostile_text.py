@@ -61,6 +61,7 @@ def test_json_has_the_same_content_and_acts_no_more() -> None:
     [
         ["runs", "list"], ["runs", "list", "--json"], ["runs", "show", "odd"], ["runs", "show", "odd", "--json"],
         ["runs", "compare", "odd", "other"], ["explain", "odd"], ["replay", "odd"], ["rerun", "odd"],
+        ["why", "odd"],
         ["runs", "repair", "odd"], ["runs", "show", f"no{EVIL[:-1]}"],
     ],
 )  # fmt: skip
@@ -123,6 +124,7 @@ def test_whatever_events_say_no_command_ends_in_a_traceback(
     for record in ("odd", "more"):
         for command in (
             ["runs", "list"], ["runs", "show", record], ["explain", record], ["replay", record], ["rerun", record],
+            ["why", record],
             ["runs", "compare", record, record], ["runs", "export", record, f"{record}.jsonl"],
             ["runs", "export", record, "--to", "frames"], ["runs", "repair", record],
         ):  # fmt: skip

@@ -117,7 +117,7 @@ def test_a_byte_that_turned_a_failure_into_a_success_is_believed_by_no_command(
     path.write_bytes(path.read_bytes().replace(b'"outcome":"failure"', b'"outcome":"success"'))
     for command in (
         ["runs", "show", "odd"], ["runs", "show", "odd", "--json"], ["explain", "odd"], ["replay", "odd"],
-        ["rerun", "odd"], ["runs", "compare", "good", "odd"], ["runs", "export", "odd", "odd.mcap"],
+        ["rerun", "odd"], ["why", "odd"], ["runs", "compare", "good", "odd"], ["runs", "export", "odd", "odd.mcap"],
         ["runs", "export", "odd", "odd.jsonl"], ["runs", "export", "odd", "odd.zip"],
         ["runs", "export", "odd", "--to", "frames"],
     ):  # fmt: skip

@@ -1,32 +1,28 @@
-"""`pomona rerun`: repeat a simulated run from its own record and confirm that the same happens."""
+"""`pomona rerun`: repeat a simulated run from its own record, unchanged or with changes."""
 
 from __future__ import annotations
 
 import argparse
 import contextlib
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from pomona.executive.commands.command_line import RUN, add_records_folder
 from pomona.executive.errors import UsageError
 from pomona.executive.execute import RunOrder, execute, versions
-from pomona.executive.judging import judge
-from pomona.executive.language.check import read_document
 from pomona.executive.recording.difference import first_difference
 from pomona.executive.recording.digest import trusted
 from pomona.executive.recording.folder import find_record
 from pomona.executive.recording.read import read_events
-from pomona.executive.registry import Registry
 from pomona.executive.running.events import OperatorActed, RunEnded, RunStarted
-from pomona.executive.speed import SpeedRefusedError, checked_speed, speed_of
 from pomona.executive.terminal.explain import describe
 from pomona.executive.terminal.live import LiveTree
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import seconds
-from pomona.executive.values.installation import installed_trees
-
-REPEATABLE = ("simulated", "frames", "mock")
+from pomona.tools.cures.asked import asked_change
+from pomona.tools.cures.repetition import REPEATABLE, judged_order, order_of
 
 
 def add(subparsers: Any) -> None:
@@ -35,9 +31,17 @@ def add(subparsers: Any) -> None:
         "rerun",
         help="repeat a simulated run from its own record and confirm the same events",
         description="Repeats a simulated run with the tree and the cell of its record, not with the present files, "
-        "and compares every event. Exit status: 0 the same, 1 different.",
+        "and compares every event. Exit status: 0 the same, 1 different. With --set the run is repeated with changes: "
+        "0 it succeeded, 1 it did not. The tree file stays as it is.",
     )
     parser.add_argument("run", help=RUN)
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a change: of a parameter, an option of the cell, or NODE.port",
+    )
     add_records_folder(parser)
     parser.set_defaults(main=main)
 
@@ -48,9 +52,12 @@ def main(options: argparse.Namespace) -> int:
     trusted(record)
     console = Screen()
     started, speeds, remarks = _beginning(record)
+    if options.set:
+        return _changed(order_of(started, speeds, None), options.set, console)
     with tempfile.TemporaryDirectory(prefix="pomona-rerun-") as folder:
-        order = _order(started, speeds, Path(folder))
-        _refuse_devices(order)
+        order = order_of(started, speeds, Path(folder))
+        if not order.dry:
+            judged_order(order).refuse_errors()
         with contextlib.closing(LiveTree(console)) as live:
             executed = execute(order, [live.on_event])
         if executed.problem or executed.record is None:
@@ -67,6 +74,23 @@ def main(options: argparse.Namespace) -> int:
     for line in [*describe(difference, "recorded", "now"), *remarks, *_versions_differ(started)]:
         console.print(f"  {line}", soft_wrap=True)
     return 1
+
+
+def _changed(order: RunOrder, texts: Sequence[str], console: Screen) -> int:
+    """Repeat the run with changes, and print how it ends now; it leaves no record."""
+    changes = []
+    for text in texts:
+        judged = judged_order(order)
+        judged.refuse_errors()
+        changes.append(asked_change(text, order, judged))
+        order = changes[-1].applied(order)
+    judged_order(order).refuse_errors()
+    for change in changes:
+        console.print(change.sentence, soft_wrap=True)
+    with contextlib.closing(LiveTree(console)) as live:
+        executed = execute(order, [live.on_event])
+    executed.summary.print(console, None)
+    return 0 if executed.result.outcome == "success" else 1
 
 
 def _beginning(record: Path) -> tuple[RunStarted, tuple[OperatorActed, ...], list[str]]:
@@ -95,55 +119,6 @@ def _beginning(record: Path) -> tuple[RunStarted, tuple[OperatorActed, ...], lis
     if not ended:
         remarks.append("the record was cut off: the repetition goes on where it ends")
     return started, speeds, remarks
-
-
-def _refuse_devices(order: RunOrder) -> None:
-    """Refuse a record whose cell is a real one, independent of its header.
-
-    Raises UsageError: the cell that it holds is none that can be repeated, or cannot be read.
-    """
-    if order.dry:
-        return
-    document = read_document(order.tree, order.texts)
-    judged = judge(document, Registry.installed(), order.settings, order.cell, order.texts)
-    judged.refuse_errors()
-    if judged.cell is not None and judged.cell.kind not in REPEATABLE:
-        raise UsageError(
-            f"the cell in the record is of kind {judged.cell.kind}, the record's header names another kind"
-        )
-
-
-def _order(started: RunStarted, speeds: tuple[OperatorActed, ...], folder: Path) -> RunOrder:
-    """Return the order of the recorded run, with the file contents of that time.
-
-    Raises UsageError: the record names an impossible speed, or a folder that does not exist here.
-    """
-    try:
-        speed = checked_speed(started.speed)
-        for act in speeds:
-            speed_of(act.detail)
-    except SpeedRefusedError as error:
-        raise UsageError(f"the record is none of a run: {error}") from None
-    dry = started.cell == "dry" and started.cell_kind == "mock"
-    cell = Path(started.cell_path)
-    if not dry and not cell.parent.is_dir():  # recorded on another machine: its files are found beside the cell
-        cell = installed_trees() / "cells" / cell.name
-        if not cell.parent.is_dir():
-            raise UsageError(f"{started.cell_path}: its folder holds files that it names, and does not exist here")
-    texts = {started.tree_path: started.tree_text, str(cell): started.cell_text, **started.tree_files}
-    texts |= {str(cell.parent / name): text for name, text in started.cell_files.items()}
-    return RunOrder(
-        tree=Path(started.tree_path),
-        cell=cell,
-        seed=started.seed,
-        speed=speed,
-        speeds=speeds,
-        settings=dict(started.settings),
-        record=folder,
-        dry=dry,
-        mocks=cell if dry and started.cell_path else None,
-        texts=texts,
-    )
 
 
 def _versions_differ(started: RunStarted) -> list[str]:
