@@ -1,0 +1,73 @@
+// What the page shows: the text, its nodes, and what is known about them.
+
+export const page = {
+  text: "", stamp: "", problem: "", disk: "", mayAct: false, small: false,
+  state: { nodes: [], findings: [], definitions: [], parameters: [], tree: false, problem: "" },
+  old: false, // the drawing is of an earlier text, since the present one cannot be read
+  catalogue: { skills: {}, words: {}, subtree: { symbol: "▣", colour: "#6c4ab6" }, types: [] },
+  selected: "", nodes: new Map(), below: new Map(), trial: null,
+};
+
+export function take(state) {
+  page.old = !state.nodes.length && Boolean(state.problem || state.findings.length) && Boolean(page.text.trim());
+  page.state = page.old ? { ...state, nodes: page.state.nodes, definitions: page.state.definitions, parameters: page.state.parameters } : state;
+  page.nodes = new Map(page.state.nodes.map((node) => [node.id, node]));
+  page.below = new Map();
+  for (const node of page.state.nodes) {
+    if (!page.below.has(node.parent)) page.below.set(node.parent, []);
+    page.below.get(node.parent).push(node);
+  }
+  if (!page.nodes.has(page.selected)) page.selected = nearest(page.selected);
+}
+
+export const node = (id = page.selected) => page.nodes.get(id);
+export const children = (id) => page.below.get(id) ?? [];
+export const siblings = (one) => (one.parent ? children(one.parent) : []);
+export const entryOf = (list, name) => list?.find((entry) => entry.name === name)?.text ?? "";
+export const canAct = () => page.mayAct && !page.problem.startsWith("cannot");
+
+// After a removal: the next sibling, the one before, or the parent.
+function nearest(id) {
+  for (let at = id; at.includes("/");) {
+    const [, parent, index] = at.match(/^(.*)\/(\d+)$/) ?? [, "", "0"];
+    for (let i = Number(index); i >= 0; i -= 1) if (page.nodes.has(`${parent}/${i}`)) return `${parent}/${i}`;
+    if (!parent) break;
+    if (page.nodes.has(parent)) return parent;
+    at = parent;
+  }
+  return page.state.nodes[0]?.id ?? "";
+}
+
+// What the catalogue knows of a node's type: a skill, a word or a subtree of this file.
+export function about(type) {
+  const { skills, words, subtree } = page.catalogue;
+  if (Object.hasOwn(skills, type)) return skills[type];
+  if (Object.hasOwn(words, type)) return words[type];
+  const called = page.state.definitions.find(({ name }) => name && name === type);
+  const ports = called?.ports ?? [];
+  return {
+    name: type, role: "subtree", summary: called?.description || "a subtree of this file", ...subtree, failures: [],
+    inputs: ports.filter(({ direction }) => direction === "input"), outputs: ports.filter(({ direction }) => direction === "output"), unknown: !called,
+  };
+}
+
+export const holdsNodes = (type) => about(type).value?.type === "nodes";
+export const findingsOf = (id) => page.state.findings.filter((one) => nodeAt(one.line)?.id === id);
+// The innermost node of a line.
+export function nodeAt(line) {
+  let found = null;
+  for (const one of page.state.nodes) if (one.line <= line && line <= one.end_line) found = one; // those below come later
+  return found;
+}
+
+// A value without its quotes, as a field shows it; and a field's words as YAML.
+export function bare(text = "") {
+  if (/^"[^]*"$/.test(text)) try { return JSON.parse(text); } catch { return text; }
+  return /^'[^]*'$/.test(text) ? text.slice(1, -1).replaceAll("''", "'") : text;
+}
+
+export function yaml(words) {
+  if (words === "") return null;
+  if (/^(["'[]|\{[^{}"']*:)/.test(words)) return words; // YAML already: a quoted text, a list, a mapping
+  return /[{}[\]#,&*!|>%@`"']|:(\s|$)|^[-?](\s|$)|^\s|\s$/.test(words) ? JSON.stringify(words) : words;
+}

@@ -1,0 +1,31 @@
+// Requests to the editor's own server.
+
+const fields = new URLSearchParams(location.hash.slice(1));
+for (const name of ["token", "read"]) if (fields.has(name)) sessionStorage.setItem(`pomona-editor-${name}`, fields.get(name));
+if (fields.has("token") || fields.has("read")) history.replaceState(null, "", location.pathname); // it stands behind the '#', which no server sees
+const token = sessionStorage.getItem("pomona-editor-token") ?? "", reading = sessionStorage.getItem("pomona-editor-read") ?? "";
+export const mayAct = Boolean(token);
+
+// This page; after a reload it is the same one, so that it finds its draft again.
+export const me = sessionStorage.getItem("pomona-editor-page") ?? crypto.getRandomValues(new Uint32Array(3)).join("-");
+sessionStorage.setItem("pomona-editor-page", me);
+
+const here = (path, asked = {}) => {
+  const url = new URL(path, location.href.split("#")[0]);
+  for (const [name, value] of Object.entries(reading ? { token: reading, ...asked } : asked)) url.searchParams.set(name, value);
+  return url;
+};
+
+async function answer(request) {
+  try {
+    const response = await request;
+    const content = await response.json();
+    return { ...content, status: response.status };
+  } catch { return { error: "the editor's program does not answer: is it still running?", status: 0 }; }
+}
+
+export const get = (path, asked) => answer(fetch(here(`api/${path}`, asked), { headers: { "x-pomona-token": token }, signal: AbortSignal.timeout(20000) }));
+
+export const post = (path, body, keepalive = false) => answer(fetch(here(`api/${path}`), {
+  method: "POST", keepalive, headers: { "content-type": "application/json", "x-pomona-token": token }, body: JSON.stringify({ page: me, ...body }),
+}));
