@@ -1,0 +1,498 @@
+"""Nodes put in, taken out, wrapped, unwrapped and doubled, as changes of the text."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from pomona.executive.nodes import takes
+from pomona.executive.nodes.node_type import Modifier, NodeType
+from pomona.executive.ports import RATE, RATIO, TIME
+from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
+from pomona.tools.editor.format import STEP
+from pomona.tools.editor.patching import LiftedNode, Snippet, TextPatch, in_braces, lift, read_snippet, shifted
+from pomona.tools.editor.written_tree import EditError, WrittenNode, WrittenTree
+
+TRUE = '"true"'
+_FIRST_VALUES: dict[object, str] = {bool: "true", int: "3", TIME.name: "5 s", RATIO.name: "50 %", RATE.name: "1 Hz"}
+"""Values of a modifier that has just been added, by the type of its port."""
+
+
+@dataclass(frozen=True, slots=True)
+class CarriedNode:
+    """A node on its way into a place."""
+
+    lifted: LiftedNode
+    flow: Callable[[], str]  # on one line in braces; raises EditError
+
+    @property
+    def is_short(self) -> bool:
+        """Return True if it stands on one line without comments."""
+        return len(self.lifted.lines) == 1 and not self.lifted.comments and "#" not in self.lifted.lines[0]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NodePlaceToFill:
+    """A place for a node: an index of a list, or a word beside other words."""
+
+    parent: str  # address of the node around it; of a root the prefix of its tree
+    at: YamlMapping  # the mapping that holds the list or gets the word
+    word: str  # before the list, or before the node
+    index: int | None  # in the list; None without one
+    cases: str = ""  # the word whose mapping of cases gets the word
+
+    @property
+    def items(self) -> YamlList | None:
+        """The list, when it is written as one."""
+        found = self.at.get(self.word)
+        return found if isinstance(found, YamlList) else None
+
+
+def place_to_fill(tree: WrittenTree, into: str, index: int, slot: str) -> NodePlaceToFill:
+    """Return the place that an edit names. Raises EditError: no node can stand there."""
+    if into == "" or into.endswith(":"):
+        at = tree.subtrees().get(into[:-1]) if into else tree.top
+        if at is None or f"{into}root" in tree.nodes:
+            raise EditError("there is a root already" if at is not None else f"there is no subtree '{into[:-1]}'", into)
+        return NodePlaceToFill(into, at, "root", None)
+    node = tree.node(into)
+    at, kind = node.mapping, node.kind
+    assert kind is not None
+    word = node.type_key.text if kind.value.nodes else ""
+    if isinstance(kind.value, takes.Children) and slot in ("", word):
+        items = at.get(word)
+        count = len(items.items) if isinstance(items, YamlList) else 0
+        if not 0 <= index <= count:
+            raise EditError(f"it has {count} children; {index} is no place among them", into)
+        return NodePlaceToFill(into, at, word, index)
+    beside = {**kind.fields, **{w: f for m in tree.types.modifiers if m.key in at.entries for w, f in m.fields.items()}}
+    single = [w for w, taken in beside.items() if taken.nodes and not isinstance(taken, (takes.Cases, takes.Children))]
+    cases = next((w for w, taken in beside.items() if isinstance(taken, takes.Cases)), "")
+    free = [w for w in single if w not in at.entries]
+    if slot in single or (not slot and free and kind.role == "composite"):
+        slot = slot or free[0]
+        if slot not in free:
+            raise EditError(f"'{slot}' holds a node already", into)
+        return NodePlaceToFill(into, at, slot, None)
+    if slot and cases:
+        found = at.get(cases)
+        if isinstance(found, YamlMapping) and slot in found.entries:
+            raise EditError(f"the case '{slot}' holds a node already", into)
+        return NodePlaceToFill(into, at, slot, None, cases)
+    raise EditError(_no_place(node, cases, slot), into)
+
+
+def _no_place(node: WrittenNode, cases: str, slot: str) -> str:
+    label = node.type_key.text
+    if slot:
+        return f"{label} has no '{slot}' for a node"
+    return f"name the case, since '{cases}' holds nodes by word" if cases else f"{label} has no place for another node"
+
+
+def carried(patch: TextPatch, node: WrittenNode) -> CarriedNode:
+    """Return a node of the tree, to be put elsewhere."""
+
+    def flow() -> str:
+        if lifted.comments or any(row in patch.tree.source.comments for row in rows):
+            raise EditError("it has comments, for which braces on one line have no place", node.id)
+        return braced(in_braces(patch.tree, node.at))
+
+    lifted = lift(patch, node)
+    rows = range(node.at.line, patch.tree.row(patch.tree.end(node.at)) + 2)
+    rows = rows if not _stands_in_flow(patch.tree, node) else range(0)
+    return CarriedNode(lifted, flow)
+
+
+def brought(snippet: Snippet) -> CarriedNode:
+    """Return a node that comes from outside."""
+    return CarriedNode(snippet.lifted(), lambda: braced(snippet.flow()))
+
+
+def braced(text: str) -> str:
+    """Return a node in braces."""
+    return text if text.startswith("{") else f"{{{text}}}"
+
+
+def _stands_in_flow(tree: WrittenTree, node: WrittenNode) -> bool:
+    return tree.is_flow(node.holder) or tree.text[tree.start(node.holder) - 1 : tree.start(node.holder)] in ("[", ",")
+
+
+# ----------------------------------------------------------------------------------------------------- put in
+
+
+def put(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode, leaving: WrittenNode | None = None) -> None:
+    """Put a node into a place; `leaving` is the one that is taken out of the same text."""
+    if place.index is None:
+        _put_below_word(patch, place, node)
+        return
+    tree, items = patch.tree, place.items
+    if items is None or not items.items:
+        _put_first(patch, place, node)
+        return
+    gone = next((n for n, item in enumerate(items.items) if leaving is not None and item is leaving.at), None)
+    index = place.index + (gone is not None and place.index >= gone)
+    if tree.is_flow(items):
+        if not node.is_short and not tree.is_flow(place.at):
+            _open_list(patch, place, items, index, node)
+        elif index < len(items.items):
+            at = tree.start(items.items[index])
+            patch.replace(at, at, f"{node.flow()}, ")
+        else:
+            patch.add_in_flow(items, items.items, node.flow())
+        return
+    lines = node.lifted.indented(items.column + 1, "- ")
+    if index < len(items.items):
+        patch.insert_lines(patch.item_rows(items, index)[0], lines)
+    else:
+        patch.insert_lines(patch.item_rows(items, index - 1)[2] + 1, lines)
+
+
+def _put_first(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode) -> None:
+    """Put the first node into a list that is empty or not written."""
+    tree, entry = patch.tree, place.at.entries.get(place.word)
+    assert entry is not None
+    key, value = entry
+    if not (isinstance(value, YamlList) or (isinstance(value, YamlScalar) and value.is_null)):
+        raise EditError(f"'{place.word}' holds no list; edit it as text", place.parent)
+    if tree.is_flow(place.at) or _pair_in_flow(tree, place.at):
+        patch.set_value(place.at, key, value, read_snippet(f"[{node.flow()}]", "the node", tree))
+        return
+    colon = patch.after_colon(key)
+    if colon is None or tree.row(tree.end(value)) != key.line - 1:
+        raise EditError(f"'{place.word}' holds an empty list on several lines; edit it as text", place.parent)
+    patch.replace(colon, tree.end(value), "")
+    patch.insert_lines(key.line, node.lifted.indented(key.column - 1 + 2 * STEP, "- "))
+
+
+def _open_list(patch: TextPatch, place: NodePlaceToFill, items: YamlList, index: int, node: CarriedNode) -> None:
+    """Write a list that stands in brackets with dashes, since a new node has no place in them."""
+    tree = patch.tree
+    key = place.at.entries[place.word][0]
+    last = tree.row(tree.end(items))
+    if (
+        items.line != items.end_line
+        or items.line != key.line
+        or tree.line(last)[items.end_column - 1 :].strip()[:1] not in ("", "#")
+    ):
+        raise EditError("the list stands in brackets on several lines; edit it as text", place.parent)
+    column = key.column - 1 + STEP
+    lines = [[f"{' ' * column}- {tree.raw(item)}"] for item in items.items]
+    lines.insert(index, node.lifted.indented(column + STEP, "- "))
+    colon = patch.after_colon(key)
+    patch.replace(tree.end(key) if colon is None else colon, tree.end(items), "")
+    patch.insert_lines(last + 1, [line for group in lines for line in group])
+
+
+def _pair_in_flow(tree: WrittenTree, at: YamlMapping) -> bool:
+    """Return True if a mapping stands in brackets without braces of its own."""
+    before = tree.text[: tree.start(at)].rstrip()[-1:]
+    return before in ("[", ",") and not tree.is_flow(at) and at.line == at.end_line
+
+
+def _put_below_word(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode) -> None:
+    """Put a node below a word: `then`, `on_failure`, a case, `root`."""
+    tree, at, word = patch.tree, place.at, quoted(place.word)
+    if place.cases:
+        found = at.get(place.cases)
+        if not isinstance(found, YamlMapping) or not found.entries:
+            if tree.is_flow(at):
+                patch.set_entry(at, place.cases, read_snippet(f"{{{word}: {node.flow()}}}", "the node", tree))
+            elif found is None:
+                lines = [f"{place.cases}:", f"{' ' * STEP}{word}:", *node.lifted.indented(2 * STEP)]
+                patch.add_entry(at, [" " * (at.column - 1) + line for line in lines])
+            else:
+                key = at.entries[place.cases][0]
+                text = "\n".join([f"{word}:", *node.lifted.indented(STEP)])
+                patch.set_value(at, key, found, read_snippet(text, "the node", tree))
+            return
+        at = found
+    if tree.is_flow(at):
+        pairs = [entry for pair in at.entries.values() for entry in pair]
+        patch.add_in_flow(at, pairs, f"{word}: {node.flow()}")
+        return
+    if place.word in at.entries:  # `root:` without a node
+        key = at.entries[place.word][0]
+        patch.insert_lines(key.line, node.lifted.indented(key.column - 1 + STEP))
+        return
+    lines = [f"{word}:", *node.lifted.indented(STEP)]
+    lines = [" " * (at.column - 1) + line if line else line for line in lines]
+    below = at.entries.get("subtrees") if at is tree.top else None
+    if below is None:
+        patch.add_entry(at, lines)
+    else:
+        patch.insert_lines(patch.entry_rows(*below)[0], [*lines, ""])
+
+
+_PLAIN = re.compile(r"[A-Za-z_µ°/(][^:#,\[\]{}\"'\n\t]*")
+
+
+def quoted(text: str) -> str:
+    """Return a text as YAML, in quotes when it needs them."""
+    plain = _PLAIN.fullmatch(text) and text == text.strip() and text not in ("null", "~")
+    if plain:
+        return text
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n").replace("\t", "\\t")
+    return f'"{escaped}"'
+
+
+# ----------------------------------------------------------------------------------------------------- take out
+
+
+def take_out(patch: TextPatch, node: WrittenNode) -> None:
+    """Take a node out, with its comments; a list without other nodes becomes `[]`."""
+    tree, holder = patch.tree, node.holder
+    if isinstance(node.at, YamlScalar) and node.kind is None and node.index == 0 and node.parent:
+        raise EditError("a condition belongs to its node; give it another one", node.id)
+    if isinstance(holder, YamlMapping):
+        word = str(node.path[-1])
+        if node.parent and tree.node(node.parent).type_key.text == word:
+            raise EditError("the node that is asked belongs to its parent; put another one in its place", node.id)
+        if len(holder.entries) == 1:
+            _empty(patch, holder, *holder.entries[word])
+        else:
+            patch.remove_entry(holder, word)
+        return
+    index = holder.items.index(node.at)
+    if tree.is_flow(holder):
+        spans = [(tree.start(item), tree.end(item)) for item in holder.items]
+        patch.remove_in_flow(holder, spans, index)
+        return
+    first, _, last = patch.item_rows(holder, index)
+    patch.drop_comments(first, last)
+    if len(holder.items) == 1:
+        parent = tree.node(node.parent)
+        colon = patch.after_colon(parent.type_key)
+        if colon is None:
+            raise EditError("its list cannot be emptied; edit it as text", node.id)
+        patch.replace(colon, colon, " []")
+    patch.delete_lines(first, last)
+
+
+def _empty(patch: TextPatch, holder: YamlMapping, key: YamlScalar, value: YamlNode) -> None:
+    """Leave `{}` of a mapping with one entry."""
+    tree = patch.tree
+    if tree.is_flow(holder):
+        patch.replace(tree.start(holder) + 1, tree.end(holder) - 1, "")
+        return
+    first, row, last = patch.entry_rows(key, value)
+    if tree.indent(row) != key.column - 1:
+        raise EditError(f"'{key.text}' does not stand on a line of its own; edit it as text")
+    patch.drop_comments(first, last)
+    above = first - 1
+    while above >= 0 and (tree.is_comment(above) or not tree.line(above).strip()):
+        above -= 1
+    comment = tree.source.comments.get(above + 1)
+    end = tree.line_end(above)
+    if comment is not None:
+        line = tree.line(above)
+        end = tree.starts[above] + len(line[: line.rindex("#", 0, len(line) - len(comment))].rstrip())
+    patch.replace(end, end, " {}")
+    patch.delete_lines(first, last)
+
+
+# ----------------------------------------------------------------------------------------------------- around
+
+
+def rewrite(patch: TextPatch, node: WrittenNode, new: LiftedNode) -> None:
+    """Put other lines in the place of a node that stands on lines of its own; its comments are in the new ones."""
+    at = node.at
+    if isinstance(node.holder, YamlList):
+        first, _, last = patch.item_rows(node.holder, int(node.path[-1]))
+        lines = new.indented(node.holder.column + 1, "- ")
+    else:
+        key, value = node.holder.entries[str(node.path[-1])]
+        last = patch.entry_rows(key, value)[2]
+        first = patch.leading(at.line - 1, at.column - 1)
+        lines = new.indented(at.column - 1)
+    patch.insert_lines(first, lines)
+    patch.delete_lines(first, last)
+
+
+def on_its_lines(tree: WrittenTree, node: WrittenNode) -> bool:
+    """Return True if a node stands on lines of its own, in no braces and behind no key."""
+    if _stands_in_flow(tree, node):
+        return False
+    if isinstance(node.holder, YamlList):
+        return True
+    return node.at.line > node.holder.entries[str(node.path[-1])][0].line
+
+
+def wrap(patch: TextPatch, node: WrittenNode, word: str, value: str | None) -> None:
+    """Put a node into a new one, or give it a modifier."""
+    tree, at = patch.tree, node.mapping
+    kind = tree.types.get(word)
+    if kind is None or kind.role == "leaf":
+        raise EditError(f"'{word}' is no word that takes a node", node.id)
+    if isinstance(kind, Modifier) and word not in at.entries:
+        patch.set_entry(at, word, read_snippet(value or default_value(kind), f"the value of '{word}'", tree))
+        return
+    outer, beside = (
+        ("sequence", f"{word}: {value or default_value(kind)}") if isinstance(kind, Modifier) else (word, "")
+    )
+    before, lead = _opening(tree, outer, value, node.id)
+    if not on_its_lines(tree, node):
+        opened, closed = ("[", "]") if lead else ("", "")
+        inner = tree.raw(at) if lead else braced(tree.raw(at))
+        text = f"{', '.join([*before[:-1], f'{before[-1]} {opened}{inner}{closed}', *filter(None, [beside])])}"
+        patch.replace(tree.start(at), tree.end(at), f"{{{text}}}")
+        return
+    lifted = _with_comments(patch, node)
+    lines = [*before, *lifted.indented(STEP + len(lead), lead), *filter(None, [beside])]
+    rewrite(patch, node, LiftedNode((), tuple(lines), 0))
+
+
+def _opening(tree: WrittenTree, word: str, value: str | None, node: str) -> tuple[list[str], str]:
+    """Return the lines before a node that is wrapped in a word, and the characters directly before it."""
+    kind = tree.types[word]
+    if isinstance(kind.value, takes.Children):
+        return [f"{word}:"], "- "
+    inner = next((w for w, taken in kind.fields.items() if isinstance(taken, takes.Child) and taken.required), None)
+    if inner is None:
+        raise EditError(f"'{word}' takes its nodes by word; insert it and move the node into it", node)
+    return [f"{word}: {value or TRUE}", f"{inner}:"], ""
+
+
+def default_value(kind: NodeType) -> str:
+    """Return a first value for a modifier, as YAML."""
+    taken = kind.value
+    if isinstance(taken, takes.Condition):
+        return TRUE
+    port = taken.port if isinstance(taken, takes.Value) else None
+    first = None if port is None else _FIRST_VALUES.get(getattr(port.type, "name", port.type))
+    if first is not None:
+        return first
+    if port is not None and port.choices:
+        return quoted(next(iter(port.choices)))
+    raise EditError(f"'{kind.key}' needs a value")
+
+
+def _with_comments(patch: TextPatch, node: WrittenNode) -> LiftedNode:
+    """Return a node on lines of its own with the comments that stand directly above it."""
+    if isinstance(node.holder, YamlList):
+        return lift(patch, node)
+    tree, at = patch.tree, node.at
+    first, last = (
+        patch.leading(at.line - 1, at.column - 1),
+        patch.entry_rows(*node.holder.entries[str(node.path[-1])])[2],
+    )
+    comments = tuple(tree.line(row).strip() for row in range(first, at.line - 1))
+    lines = [tree.line(at.line - 1)[at.column - 1 :], *(tree.line(row) for row in range(at.line, last + 1))]
+    return LiftedNode(comments, tuple(lines), at.column - 1)
+
+
+def unwrap(patch: TextPatch, node: WrittenNode) -> None:
+    """Put the children of a node in its place."""
+    tree, at, kind = patch.tree, node.mapping, node.kind
+    items = node.value
+    if kind is None or not isinstance(kind.value, takes.Children) or not isinstance(items, YamlList) or not items.items:
+        raise EditError("only a node with a list of children can be unwrapped", node.id)
+    if len(at.entries) > 1:
+        others = ", ".join(word for word in at.entries if word != node.type_key.text)
+        raise EditError(f"its modifiers would be lost: {others}; remove them first", node.id)
+    if len(items.items) > 1 and not isinstance(node.holder, YamlList):
+        raise EditError("only one node has its place here, and this one has several children", node.id)
+    if tree.is_flow(items):
+        _unwrap_flow(patch, node, items)
+    elif on_its_lines(tree, node):
+        _unwrap_lines(patch, node, items)
+    else:
+        raise EditError("this node stands in brackets on several lines; edit it as text", node.id)
+
+
+def _unwrap_flow(patch: TextPatch, node: WrittenNode, items: YamlList) -> None:
+    tree, at = patch.tree, node.mapping
+    if not on_its_lines(tree, node) or not isinstance(node.holder, YamlList):
+        inner = tree.text[tree.start(items.items[0]) : tree.end(items.items[-1])]
+        text = inner if isinstance(node.holder, YamlList) else braced(inner)
+        patch.replace(tree.start(at), tree.end(at), text)
+        return
+    head = patch.item_rows(node.holder, int(node.path[-1]))[1]
+    behind = tree.text[tree.end(at) : tree.line_end(tree.row(tree.end(at)))].strip()
+    if head != at.line - 1 or items.line != at.line or tree.row(tree.end(at)) != head:
+        raise EditError("this node stands in brackets on several lines; edit it as text", node.id)
+    column = node.holder.column - 1
+    lines = [f"{' ' * column}- {tree.raw(item)}" for item in items.items]
+    patch.replace(
+        tree.starts[head], tree.line_end(head), tree.eol.join([*([" " * column + behind] if behind else []), *lines])
+    )
+
+
+def _unwrap_lines(patch: TextPatch, node: WrittenNode, items: YamlList) -> None:
+    tree, at = patch.tree, node.mapping
+    inner = items.column - 1
+    if isinstance(node.holder, YamlList):
+        head = patch.item_rows(node.holder, int(node.path[-1]))[1]
+        last, outer = patch.item_rows(node.holder, int(node.path[-1]))[2], node.holder.column - 1
+    else:
+        head, outer = at.line - 1, at.column - 1
+        last = patch.entry_rows(*node.holder.entries[str(node.path[-1])])[2]
+    dash = patch.item_rows(items, 0)[1]
+    dashed = items.items[0].line - 1 == dash or isinstance(node.holder, YamlList)
+    if at.line - 1 != head or dash <= head or not dashed:
+        raise EditError("its dash stands on a line of its own; edit it as text", node.id)
+    lines = []
+    comment = tree.source.comments.get(at.line)
+    if comment is not None:
+        lines.append(" " * outer + _behind(tree, at.line - 1, comment))
+    for row in range(head + 1, last + 1):
+        text, column = tree.line(row), inner
+        if not isinstance(node.holder, YamlList) and row >= dash:
+            column = items.items[0].column - 1
+            if row == dash:
+                text = " " * column + text[column:]
+        lines.append(shifted(text, outer - column))
+    patch.insert_lines(head, lines)
+    patch.delete_lines(head, last)
+
+
+def _behind(tree: WrittenTree, row: int, comment: str) -> str:
+    """Return the comment of a line with its #, where it stands behind something."""
+    line = tree.line(row).rstrip()
+    return line[line.rindex("#", 0, len(line) - len(comment)) :]
+
+
+def duplicate(patch: TextPatch, node: WrittenNode) -> None:
+    """Put a copy of a node behind it; names in the copy get a number, since a name stands once in a tree."""
+    tree, at = patch.tree, node.mapping
+    if not isinstance(node.holder, YamlList):
+        raise EditError("only one node has its place here", node.id)
+    names = new_names(tree, node)
+    if tree.is_flow(node.holder):
+        start, end = tree.start(at), tree.end(at)
+        patch.replace(end, end, ", " + _renamed(tree, names, start, end))
+        return
+    first, _, last = patch.item_rows(node.holder, int(node.path[-1]))
+    text = _renamed(tree, names, tree.starts[first], tree.line_end(last))
+    patch.insert_lines(last + 1, re.split(r"\r\n|[\n\r]", text))
+
+
+def new_names(tree: WrittenTree, node: WrittenNode) -> dict[str, tuple[YamlScalar, str]]:
+    """Return the names below a node, each with its scalar and the name of a copy, by address."""
+    prefix = node.id.partition("root")[0]
+    written = {
+        n.id: n.at.get("name")
+        for n in tree.nodes.values()
+        if n.id.startswith(f"{prefix}root") and isinstance(n.at, YamlMapping)
+    }
+    taken = {name.text for name in written.values() if isinstance(name, YamlScalar)}
+    found: dict[str, tuple[YamlScalar, str]] = {}
+    for below in tree.below(node.id):
+        name = written.get(below.id)
+        if not isinstance(name, YamlScalar) or name.is_null:
+            continue
+        number = 2
+        while f"{name.text} {number}" in taken:
+            number += 1
+        taken.add(f"{name.text} {number}")
+        found[below.id] = name, f"{name.text} {number}"
+    return found
+
+
+def _renamed(tree: WrittenTree, names: dict[str, tuple[YamlScalar, str]], start: int, end: int) -> str:
+    out, at = [], start
+    for scalar, name in sorted(names.values(), key=lambda pair: tree.start(pair[0])):
+        text = quoted(name) if scalar.plain else tree.raw(scalar)[:1] + name + tree.raw(scalar)[:1]
+        out += [tree.text[at : tree.start(scalar)], text]
+        at = tree.end(scalar)
+    return "".join([*out, tree.text[at:end]])

@@ -1,0 +1,316 @@
+"""Changes of a tree file's text: lines and values taken out and put in; everything else stays byte for byte."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from pomona.executive.values.findings import Findings, Source
+from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar, read_yaml
+from pomona.tools.editor.format import STEP
+from pomona.tools.editor.written_tree import EditError, WrittenNode, WrittenTree
+
+IN_FLOW = re.compile(r"[,\[\]{}]")  # characters that end a plain text in braces
+_COLON = re.compile(r"[ \t]*:(?=\s|$|[,\[\]{}\"'])")
+
+
+@dataclass(frozen=True, slots=True)
+class LiftedNode:
+    """A node taken out of its place: lines without the indentation of its first line, and the comments above it."""
+
+    comments: tuple[str, ...]
+    lines: tuple[str, ...]
+    column: int  # in which the first line began
+
+    def indented(self, column: int, lead: str = "") -> list[str]:
+        """Return its lines for a place: the first character stands in this column, behind `lead`."""
+        left = column - len(lead)
+        rest = [shifted(line, column - self.column) for line in self.lines[1:]]
+        return [*(" " * left + comment for comment in self.comments), " " * left + lead + self.lines[0], *rest]
+
+
+def shifted(line: str, by: int) -> str:
+    """Return a line with more or less indentation. Raises EditError: a tab indents it."""
+    bare = line.lstrip(" ")
+    if by and bare[:1] == "\t":
+        raise EditError("a tab indents a line of this node; replace it by spaces")
+    return " " * max(0, len(line) - len(bare) + by) + bare if line else line
+
+
+@dataclass(slots=True, eq=False)
+class TextPatch:
+    """Changes of one text, all given by places in the text before."""
+
+    tree: WrittenTree
+    changes: list[tuple[int, int, str]] = field(default_factory=list)
+    dropped: list[str] = field(default_factory=list)  # comments that are taken out on purpose
+
+    def result(self) -> str:
+        """Return the text with all changes. Raises EditError: two of them overlap."""
+        text, out, at = self.tree.text, [], 0
+        for start, end, new in sorted(self.changes, key=lambda change: (change[0], change[1] > change[0])):
+            if start < at:
+                raise EditError("two parts of this edit change the same place")
+            out += [text[at:start], new]
+            at = end
+        return "".join([*out, text[at:]])
+
+    def replace(self, start: int, end: int, new: str) -> None:
+        """Put a text in the place of another."""
+        self.changes.append((start, end, new))
+
+    # ------------------------------------------------------------------------------------------------- lines
+
+    def insert_lines(self, row: int, lines: Sequence[str]) -> None:
+        """Put lines before a line; behind the last one when the text has no such line."""
+        tree = self.tree
+        if row < len(tree.starts) and (row < len(tree.starts) - 1 or tree.line(row)):
+            self.replace(tree.starts[row], tree.starts[row], "".join(line + tree.eol for line in lines))
+        elif row == len(tree.starts) - 1:  # behind the last line break
+            self.replace(len(tree.text), len(tree.text), "".join(line + tree.eol for line in lines))
+        else:
+            self.replace(len(tree.text), len(tree.text), "".join(tree.eol + line for line in lines))
+
+    def delete_lines(self, first: int, last: int) -> None:
+        """Take lines out, with their line breaks."""
+        tree = self.tree
+        if last + 1 < len(tree.starts):
+            self.replace(tree.starts[first], tree.starts[last + 1], "")
+        else:
+            self.replace(tree.line_end(first - 1) if first else 0, len(tree.text), "")
+
+    def drop_comments(self, first: int, last: int) -> None:
+        """Note that the comments of these lines are taken out on purpose."""
+        found = self.tree.source.comments
+        self.dropped += [found[row + 1] for row in range(first, last + 1) if row + 1 in found]
+
+    # ------------------------------------------------------------------------------------------------- regions
+
+    def leading(self, row: int, column: int) -> int:
+        """Return the first of the comment lines directly above a line that belong to it, or the line itself."""
+        tree = self.tree
+        while row > 0 and tree.is_comment(row - 1) and tree.indent(row - 1) <= column:
+            row -= 1
+        return row
+
+    def trailing(self, row: int, column: int) -> int:
+        """Return the last of the comment lines directly below a line that stand deeper than a column, or the line."""
+        tree = self.tree
+        while row + 1 < len(tree.starts) and tree.is_comment(row + 1) and tree.indent(row + 1) > column:
+            row += 1
+        return row
+
+    def item_rows(self, holder: YamlList, index: int) -> tuple[int, int, int]:
+        """Return the lines of an item of a list with dashes: the first comment's, the dash's, the last.
+
+        Raises EditError: it does not stand on lines of its own.
+        """
+        tree, item, column = self.tree, holder.items[index], holder.column - 1
+        floor = tree.row(tree.end(holder.items[index - 1])) if index else holder.line - 2
+        row = item.line - 1
+        while row > floor and tree.line(row)[: column + 1].lstrip(" ") != "-":
+            row -= 1
+        if row <= floor:
+            raise EditError("this list item does not stand on lines of its own; edit it as text")
+        last = max(row, tree.row(tree.end(item)))
+        return self.leading(row, column), row, self.trailing(last, column)
+
+    def entry_rows(self, key: YamlScalar, value: YamlNode) -> tuple[int, int, int]:
+        """Return the lines of a key and its value: the first comment's, the key's, the last."""
+        tree, row = self.tree, key.line - 1
+        first = self.leading(row, key.column - 1) if tree.indent(row) == key.column - 1 else row
+        last = max(tree.row(tree.end(value)), tree.row(tree.end(key)))
+        return first, row, self.trailing(last, key.column - 1)
+
+    def after_colon(self, key: YamlScalar) -> int | None:
+        """Return the offset behind the colon of a key; None when it has none (`{Beep}`)."""
+        found = _COLON.match(self.tree.text, self.tree.end(key))
+        return found.end() if found else None
+
+    # ------------------------------------------------------------------------------------------------- entries
+
+    def set_entry(self, at: YamlMapping, word: str, value: Snippet) -> None:
+        """Give a key of a mapping a value; a new key comes last."""
+        entry = at.entries.get(word)
+        if entry is not None:
+            self.set_value(at, *entry, value)
+        elif self.tree.is_flow(at):
+            self.add_in_flow(at, [entry for pair in at.entries.values() for entry in pair], f"{word}: {value.flow()}")
+        elif self.tree.text[self.tree.start(at) - 1 : self.tree.start(at)] in ("[", ","):
+            raise EditError("this node has no braces of its own; edit it as text")
+        else:
+            self.add_entry(at, [" " * (at.column - 1) + line for line in value.below(word)])
+
+    def add_entry(self, at: YamlMapping, lines: Sequence[str]) -> None:
+        """Put lines behind the last entry of a mapping without braces."""
+        last = self.trailing(self.tree.row(self.tree.end(at)), at.column - 1)
+        self.insert_lines(last + 1, lines)
+
+    def add_in_flow(self, at: YamlNode, items: Sequence[YamlNode], new: str) -> None:
+        """Put an item last in braces or brackets."""
+        if items:
+            end = max(self.tree.end(item) for item in items[-2:])
+            self.replace(end, end, f", {new}")
+        else:
+            self.replace(self.tree.start(at) + 1, self.tree.end(at) - 1, new)
+
+    def set_value(self, at: YamlMapping, key: YamlScalar, old: YamlNode, value: Snippet) -> None:
+        """Put a value in the place of another."""
+        tree = self.tree
+        start, end, colon = tree.start(old), tree.end(old), self.after_colon(key)
+        flow = tree.is_flow(at) or tree.text[tree.start(at) - 1 : tree.start(at)] in ("[", ",") or value.on_one_line
+        lines = [] if flow else value.below("")[1:]
+        new = (
+            f" {value.flow() if tree.is_flow(at) else value.line}"
+            if flow
+            else "".join(tree.eol + " " * (key.column - 1) + line for line in lines)
+        )
+        if colon is None:
+            self.replace(tree.end(key), tree.end(key), f":{new}")
+        elif start == end:
+            self.replace(colon, colon, new)
+        elif old.line == key.line or tree.is_flow(at):
+            blanks = 0 if flow else start - colon
+            self.replace(start - blanks, end, new[1:] if flow else new)
+        else:
+            last = self.entry_rows(key, old)[2]
+            self.drop_comments(key.line, last)
+            self.delete_lines(key.line, last)
+            at_end = colon if flow else tree.line_end(key.line - 1)
+            self.replace(at_end, at_end, new)
+
+    def remove_entry(self, at: YamlMapping, word: str) -> None:
+        """Take a key and its value out of a mapping."""
+        tree = self.tree
+        names, (key, value) = list(at.entries), at.entries[word]
+        if tree.is_flow(at):
+            pairs = [(tree.start(k), max(tree.end(k), tree.end(v))) for k, v in at.entries.values()]
+            self.remove_in_flow(at, pairs, names.index(word))
+            return
+        first, row, last = self.entry_rows(key, value)
+        self.drop_comments(first, last)
+        if tree.indent(row) == key.column - 1:
+            self.delete_lines(first, last)
+        elif len(names) > 1 and tree.line(row)[: key.column - 1].strip(" ") == "-":
+            follower = at.entries[names[1]][0]
+            kept = [" " * tree.indent(row) + tree.line(n).lstrip(" ") for n in range(last + 1, follower.line - 1)]
+            self.insert_lines(row, [line for line in kept if line.strip()])
+            self.replace(tree.start(key), tree.start(follower), "")
+        else:
+            raise EditError(f"'{word}' does not stand on a line of its own; edit it as text")
+
+    def remove_in_flow(self, at: YamlNode, spans: Sequence[tuple[int, int]], index: int) -> None:
+        """Take an item out of braces or brackets, with its comma."""
+        (start, end), count = spans[index], len(spans)
+        if count == 1:
+            start, end = self.tree.start(at) + 1, self.tree.end(at) - 1
+        elif index + 1 < count:
+            end = spans[index + 1][0]
+        else:
+            start = spans[index - 1][1]
+        self.replace(start, end, "")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Snippet:
+    """A value or a node that comes from outside, as YAML."""
+
+    tree: WrittenTree
+    at: YamlNode
+    comments: tuple[str, ...] = ()  # lines of comment above it
+
+    @property
+    def on_one_line(self) -> bool:
+        """Return True if it can stand behind a colon as it is written."""
+        block = not isinstance(self.at, YamlScalar) and not self.tree.is_flow(self.at)
+        return not block and self.at.line == self.at.end_line and not self.comments
+
+    @property
+    def line(self) -> str:
+        """The value as written."""
+        return self.tree.raw(self.at)
+
+    def lifted(self) -> LiftedNode:
+        """Return it as a node without a place."""
+        raw = re.split(r"\r\n|[\n\r]", self.tree.raw(self.at))
+        return LiftedNode(self.comments, tuple(raw), self.at.column - 1)
+
+    def flow(self) -> str:
+        """Return it on one line, for braces. Raises EditError: it holds comments."""
+        if self.tree.source.comments:
+            raise EditError("it holds comments, for which braces on one line have no place")
+        return in_braces(self.tree, self.at)
+
+    def below(self, word: str) -> list[str]:
+        """Return the lines of an entry `word: value`."""
+        if self.on_one_line:
+            return [f"{word}: {self.line}"]
+        return [f"{word}:", *self.lifted().indented(STEP)]
+
+
+def in_braces(tree: WrittenTree, at: YamlNode) -> str:
+    """Return a value on one line, as it stands in braces; quotes stay, comments do not."""
+    if isinstance(at, YamlScalar):
+        raw = tree.raw(at)
+        one_line = at.line == at.end_line and not (not at.plain and raw[:1] in "|>")
+        if at.is_null:
+            return raw or "null"
+        return raw if one_line and not (at.plain and IN_FLOW.search(raw)) else json.dumps(at.text, ensure_ascii=False)
+    if tree.is_flow(at) and at.line == at.end_line:
+        return tree.raw(at)
+    if isinstance(at, YamlList):
+        return "[" + ", ".join(in_braces(tree, item) for item in at.items) + "]"
+    assert isinstance(at, YamlMapping)
+    pairs = (f"{tree.raw(key)}: {in_braces(tree, value)}" for key, value in at.entries.values())
+    return "{" + ", ".join(pairs) + "}"
+
+
+def read_snippet(text: str, what: str, tree: WrittenTree) -> Snippet:
+    """Return a value given as YAML. Raises EditError: it is none."""
+    text = text.replace("\r\n", "\n").rstrip()
+    source, findings = Source("", text), Findings()
+    at = read_yaml(source, findings, what) if text.strip() else None
+    found = findings.sorted()
+    if at is None or found:
+        raise EditError(f"{what} is no YAML: {found[0].message}" if found else f"{what} is empty")
+    written = WrittenTree("", tree.types)
+    written.text, written.source = text, source
+    written.starts = [0, *(match.end() for match in re.finditer("\n", text))]
+    above = [written.line(row).strip() for row in range(at.line - 1)]
+    if text[written.end(at) :].strip() or any(line and line[0] != "#" for line in above):
+        behind = text[written.end(at) :].strip()
+        if not behind.startswith("#") or "\n" in behind:
+            raise EditError(f"{what} is one value and nothing else")
+    return Snippet(written, at, tuple(filter(None, above)))
+
+
+def lift(patch: TextPatch, node: WrittenNode) -> LiftedNode:
+    """Return a node with its comments, as it stands; nothing is taken out."""
+    tree, at = patch.tree, node.at
+    start, column = tree.start(at), at.column - 1
+    if isinstance(node.holder, YamlList) and tree.is_flow(node.holder):
+        raw = tree.raw(at)
+        text = raw if raw[:1] in ("{", "[") or not isinstance(at, YamlMapping) else f"{{{raw}}}"
+        return LiftedNode((), tuple(re.split(r"\r\n|[\n\r]", text)), column)
+    if isinstance(node.holder, YamlList):
+        first, head, last = patch.item_rows(node.holder, int(node.path[-1]))
+    else:
+        key, value = node.holder.entries[str(node.path[-1])]
+        if tree.is_flow(node.holder):
+            return LiftedNode((), tuple(re.split(r"\r\n|[\n\r]", tree.raw(at))), column)
+        first, head, last = patch.entry_rows(key, value)
+    comments = [tree.line(row).strip() for row in range(first, head)]
+    if at.line - 1 > head:
+        rows = range(head, at.line - 1)
+        found = [(row, tree.source.comments.get(row + 1)) for row in rows]
+        comments += [_comment_text(tree, row) for row, comment in found if comment is not None]
+    lines = [tree.text[start : tree.line_end(at.line - 1)], *(tree.line(row) for row in range(at.line, last + 1))]
+    return LiftedNode(tuple(comments), tuple(lines), column)
+
+
+def _comment_text(tree: WrittenTree, row: int) -> str:
+    """Return the comment of a line with its #."""
+    line, comment = tree.line(row), tree.source.comments[row + 1]
+    return "#" + line[: len(line.rstrip())].rpartition(comment)[0].rpartition("#")[2] + comment
