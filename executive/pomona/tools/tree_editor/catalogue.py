@@ -48,7 +48,7 @@ def _word(word: str, types: NodeTypes) -> Facts:
     return {
         "name": word,
         "role": found.role,
-        "summary": found.summary,
+        "summary": found.summary.replace("**", ""),
         "symbol": found.symbol,
         "colour": found.colour,
         "value": _field(word, found.value),

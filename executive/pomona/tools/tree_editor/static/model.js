@@ -13,10 +13,11 @@ export function take(state) {
   page.state = page.old ? { ...state, nodes: page.state.nodes, definitions: page.state.definitions, parameters: page.state.parameters } : state;
   page.nodes = new Map(page.state.nodes.map((node) => [node.id, node]));
   page.below = new Map();
-  for (const node of page.state.nodes) {
-    if (!page.below.has(node.parent)) page.below.set(node.parent, []);
-    page.below.get(node.parent).push(node);
-  }
+  const below = (id) => (page.below.has(id) ? page.below : page.below.set(id, [])).get(id);
+  for (const node of page.state.nodes) if (node.index >= 0) below(node.parent).push(node);
+  for (const node of page.state.nodes) if (node.index < 0) below(node.parent).push(node); // what a modifier does comes after the children
+  const walk = (node) => [node, ...(page.below.get(node.id) ?? []).flatMap(walk)];
+  page.state.nodes = (page.below.get("") ?? []).flatMap(walk);
   if (!page.nodes.has(page.selected)) page.selected = nearest(page.selected);
 }
 
@@ -62,6 +63,7 @@ export function nodeAt(line) {
 
 // A value without its quotes, as a field shows it; and a field's words as YAML.
 export function bare(text = "") {
+  text = text.replace(/\s*\n\s*/g, " "); // YAML folds the lines of a text
   if (/^"[^]*"$/.test(text)) try { return JSON.parse(text); } catch { return text; }
   return /^'[^]*'$/.test(text) ? text.slice(1, -1).replaceAll("''", "'") : text;
 }
