@@ -302,15 +302,7 @@ def lift(patch: TextPatch, node: WrittenNode) -> LiftedNode:
             return LiftedNode((), tuple(re.split(r"\r\n|[\n\r]", tree.raw(at))), column)
         first, head, last = patch.entry_rows(key, value)
     comments = [tree.line(row).strip() for row in range(first, head)]
-    if at.line - 1 > head:
-        rows = range(head, at.line - 1)
-        found = [(row, tree.source.comments.get(row + 1)) for row in rows]
-        comments += [_comment_text(tree, row) for row, comment in found if comment is not None]
+    behind = [row for row in range(head, at.line - 1) if row + 1 in tree.source.comments]
+    comments += [tree.text[tree.comment_start(row) : tree.line_end(row)].rstrip() for row in behind]
     lines = [tree.text[start : tree.line_end(at.line - 1)], *(tree.line(row) for row in range(at.line, last + 1))]
     return LiftedNode(tuple(comments), tuple(lines), column)
-
-
-def _comment_text(tree: WrittenTree, row: int) -> str:
-    """Return the comment of a line with its #."""
-    line, comment = tree.line(row), tree.source.comments[row + 1]
-    return "#" + line[: len(line.rstrip())].rpartition(comment)[0].rpartition("#")[2] + comment

@@ -219,6 +219,12 @@ class WrittenTree:
         """Return True if a line holds a comment only."""
         return row + 1 in self.source.comment_lines
 
+    def comment_start(self, row: int) -> int:
+        """Return the offset of the # of a line's comment; the line has one."""
+        line, comment = self.line(row), self.source.comments[row + 1]
+        marks = (found.start() for found in re.finditer("#", line))
+        return self.starts[row] + next(at for at in marks if line[at + 1 :].strip() == comment)
+
     def indent(self, row: int) -> int:
         """Return the number of blanks before the first character of a line."""
         line = self.line(row)
