@@ -48,7 +48,7 @@ def _word(word: str, types: NodeTypes) -> Facts:
     return {
         "name": word,
         "role": found.role,
-        "summary": found.summary.replace("**", ""),
+        "summary": _plain(found.summary),
         "symbol": found.symbol,
         "colour": found.colour,
         "value": _field(word, found.value),
@@ -61,7 +61,7 @@ def _field(name: str, taken: Field) -> Facts:
     facts: Facts = {"name": name, "type": _KINDS.get(type(taken).__name__, "text")} if port is None else {}
     if port is not None:
         facts = port_of(name, port, taken.words if isinstance(taken, Value) else ())
-    facts |= {"help": taken.help or facts.get("help", ""), "required": taken.required, "nodes": taken.nodes}
+    facts |= {"help": _plain(taken.help or facts.get("help", "")), "required": taken.required, "nodes": taken.nodes}
     if isinstance(inputs := getattr(taken, "inputs", None), Mapping):
         facts["inputs"] = [port_of(port_name, it) for port_name, it in Ports(**inputs).items()]
     return facts
@@ -94,6 +94,11 @@ def port_of(name: str, port: Port, offered: Iterable[str] = ()) -> Facts:
 def _code(code: str) -> Facts:
     about = failure_codes().get(code)
     return {"code": code, "meaning": about.meaning if about else "", "remedy": about.remedy if about else ""}
+
+
+def _plain(words: str) -> str:
+    """Return words without the marks of the documentation."""
+    return words.replace("**", "").replace("`", "")
 
 
 def _first_line(text: str | None) -> str:

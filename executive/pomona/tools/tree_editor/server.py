@@ -78,6 +78,11 @@ class TreeEditor:
         """Serve in a thread of its own. Raises UsageError: it cannot listen there."""
         self._service.start()
 
+    @property
+    def serves(self) -> bool:
+        """Whether it was started."""
+        return self._service.serves
+
     def close(self) -> None:
         """End a run and stop serving."""
         self.trial.close()

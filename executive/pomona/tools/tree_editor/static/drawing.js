@@ -1,6 +1,6 @@
 // The tree as boxes, one a line, in the order of execution. Only the boxes in sight are in the document.
 import { $, h } from "./shared/dom.js";
-import { about, bare, children, findingsOf, holdsNodes, node, page, siblings } from "./model.js";
+import { bare, children, findingsOf, holdsNodes, isCondition, kindOf, labelOf, node, page, siblings } from "./model.js";
 
 const STEP = 22, LINE = 32, MORE = 15, HEADING = 30, AROUND = 500, FAR = 6; // px
 
@@ -88,14 +88,14 @@ export class Drawing {
   }
 
   draw(row) {
-    const { one, level } = row, kind = about(one.type), x = 8 + level * STEP, status = page.trial?.states.get(one.id), mark = this.marks.get(one.id);
-    const family = siblings(one), middle = row.height / 2, box = h("div", { class: `box${one.parent && !children(one.id).length && !holdsNodes(one.type) ? " leaf" : ""}` });
+    const { one, level } = row, kind = kindOf(one), x = 8 + level * STEP, status = page.trial?.text === page.text ? page.trial.states.get(one.id) : null, mark = this.marks.get(one.id);
+    const family = siblings(one), middle = row.height / 2, box = h("div", { class: `box${one.parent && !children(one.id).length && (isCondition(one) || !holdsNodes(one.type)) ? " leaf" : ""}` });
     box.style.cssText = `--x:${x}px;--colour:${kind.colour ?? "#444444"}`;
     const named = one.name && one.name !== one.type;
     box.append(
       h("div", { class: "first" },
         one.slot && one.slot !== "root" ? h("span", { class: "lead" }, `${one.slot.replaceAll("_", " ")}:`) : null, h("span", { class: "sign", "aria-hidden": "true" }, kind.symbol),
-        h("span", { class: "name" }, named ? one.name : one.type), named ? h("span", { class: "type" }, one.type) : null,
+        h("span", { class: "name" }, labelOf(one)), named ? h("span", { class: "type" }, one.type) : null,
         one.modifiers.map((entry) => h("span", { class: "pill" }, `${entry.name} ${bare(entry.text)}`)),
         status ? h("span", { class: `mark ${status.status}` }, SIGNS[status.status] ?? status.status) : null,
         mark ? h("span", { class: `mark ${mark}` }, mark === "error" ? "✖" : "▲") : null),
@@ -105,7 +105,7 @@ export class Drawing {
     const item = h("div", {
       class: `item ${status?.status ?? ""} ${mark === "error" ? "wrong" : mark ? "doubtful" : ""} ${this.found.has(one.id) ? "found" : ""}`, role: "treeitem", id: `node ${one.id}`.replaceAll(/\W/g, "-"), "data-id": one.id,
       "aria-level": level + 1, "aria-setsize": family.length || 1, "aria-posinset": (family.indexOf(one) + 1) || 1, "aria-selected": String(one.id === page.selected),
-      "aria-label": [named ? `${one.name}, ${one.type}` : one.type, row.ports, ...one.modifiers.map((entry) => `${entry.name} ${bare(entry.text)}`), status?.status, mark && `has ${mark === "error" ? "an error" : "a warning"}`].filter(Boolean).join(", "),
+      "aria-label": [named ? `${one.name}, ${one.type}` : labelOf(one), row.ports, ...one.modifiers.map((entry) => `${entry.name} ${bare(entry.text)}`), status?.status, mark && `has ${mark === "error" ? "an error" : "a warning"}`].filter(Boolean).join(", "),
     });
     item.style.cssText = `top:${row.top}px;height:${row.height}px`;
     for (let above = one, i = level; above?.parent; above = node(above.parent), i -= 1) { // lines from the ancestors to their later children
@@ -188,7 +188,7 @@ export class Drawing {
 
 const SIGNS = { success: "✔", failure: "✘", running: "▶", invalid: "·", reached: "✔ reached", unreached: "not reached" };
 
-function words(one) { return one.ports.map(({ name, text }) => (name === one.type ? bare(text) : `${name}: ${bare(text)}`)).join(", "); }
+function words(one) { return one.ports.filter(({ text }) => text !== "{}").map(({ name, text }) => (name === one.type ? bare(text) : `${name}: ${bare(text)}`)).join(", "); }
 
 function headingOf(name) {
   const found = page.state.definitions.find((one) => one.name === name), list = (ports) => ports.map((port) => port.name).join(", ");

@@ -4,12 +4,12 @@ import { Drawing } from "./drawing.js";
 import { History, stretch } from "./history.js";
 import { showKeys } from "./keys.js";
 import { openMenu } from "./menu.js";
-import { about, children, holdsNodes, node, page, siblings, take, yaml } from "./model.js";
+import { about, children, holdsNodes, labelOf, node, page, siblings, take } from "./model.js";
 import { NodePane } from "./node.js";
 import { choose } from "./palette.js";
 import { get, mayAct, me, post } from "./talk.js";
 import { TextPane } from "./text.js";
-import { follow, sentence } from "./trial.js";
+import { follow, NAMES, sentence } from "./trial.js";
 
 const SETTLED = 150; // ms without a key after which the text is judged
 const KEPT = 400; // ms after a change until its draft is kept
@@ -171,22 +171,39 @@ async function insert(inside) {
   inside = inside || (one && !one.parent && holdsNodes(one.type));
   if (!root && inside && !holdsNodes(one.type)) { say(`${one.type} has no list of children: insert after it, or wrap it first.`); return; }
   if (!root && !inside && !listed(one)) { say("Only one node has its place here: wrap it in a sequence first (w)."); return; }
-  const name = await choose(root ? "Insert the first node" : inside ? `Insert into ${one.name || one.type}` : `Insert after ${one.name || one.type}`, ["skill", "subtree", "composite", "leaf"]);
+  const name = await choose(root ? "Insert the first node" : inside ? `Insert into ${labelOf(one)}` : `Insert after ${labelOf(one)}`, ["skill", "subtree", "composite", "leaf"]);
   drawing.root.focus();
   if (!name) return;
   const into = root ? "" : inside ? one.id : one.parent, index = root ? 0 : inside ? children(one.id).filter((child) => child.index >= 0).length : one.index + 1;
   await edit({ do: "insert", into, index, node: await snippet(name) }, `insert ${name}`, root ? "root" : `${into}/${index}`);
 }
 
+// Words beside a node that hold a node and have none: else, default, on_failure.
+function places(one) {
+  const owners = [about(one.type), ...one.modifiers.map(({ name }) => page.catalogue.words[name])];
+  return owners.flatMap((owner) => owner?.fields ?? []).filter((field) => field.type === "node" && !children(one.id).some(({ slot }) => slot === field.name)).map(({ name }) => name);
+}
+
+async function fill() {
+  const one = node(), slot = one && places(one)[0];
+  if (!editable() || !slot) return;
+  const name = await choose(`Insert as ${slot.replaceAll("_", " ")} of ${labelOf(one)}`, ["skill", "subtree", "composite", "leaf"]);
+  drawing.root.focus();
+  if (!name) return;
+  await edit({ do: "insert", into: one.id, index: 0, slot, node: await snippet(name) }, `insert ${name}`);
+  const made = children(one.id).find((child) => child.slot === slot);
+  if (made) select(made.id);
+}
+
 async function wrap(roles, title) {
   const one = node();
   if (!editable() || !one) return;
-  const name = await choose(`${title} ${one.name || one.type}`, roles);
+  const name = await choose(`${title} ${labelOf(one)}`, roles);
   drawing.root.focus();
   if (!name) return;
   const modifier = about(name).role === "modifier";
   const made = modifier && !one.modifiers.some((entry) => entry.name === name) ? { do: "set_modifier", node: one.id, modifier: name, value: starting(name) } : { do: "wrap", node: one.id, in: name };
-  if (await edit(made, `${name} around ${one.name || one.type}`)) { const field = pane.root.querySelector(`[data-key="modifier ${CSS.escape(name)}"]`); if (modifier && field) { field.focus(); field.select(); } }
+  if (await edit(made, `${name} around ${labelOf(one)}`)) { const field = pane.root.querySelector(`[data-key="modifier ${CSS.escape(name)}"]`); if (modifier && field) { field.focus(); field.select(); } }
 }
 
 const starting = (name) => { const { value } = about(name); return value.type === "condition" ? '"true"' : value.units ? `5 ${value.units.includes("s") ? "s" : value.units[0]}` : value.type === "int" ? "3" : first(value); };
@@ -203,14 +220,14 @@ function without(address, gone) {
 function drop(id, into, index) {
   const one = node(id), same = one.parent === into, at = same && index > one.index ? index - 1 : index;
   if (same && at === one.index) return;
-  edit({ do: "move", node: id, into, index: at }, `move ${one.name || one.type}`, `${without(into, id)}/${at}`);
+  edit({ do: "move", node: id, into, index: at }, `move ${labelOf(one)}`, `${without(into, id)}/${at}`);
 }
 
 function move(by) {
   const one = node();
   if (!editable() || !listed(one)) return;
   const at = one.index + by;
-  if (at >= 0 && at < siblings(one).filter(({ index }) => index >= 0).length) edit({ do: "move", node: one.id, into: one.parent, index: at }, `move ${one.name || one.type}`, `${one.parent}/${at}`);
+  if (at >= 0 && at < siblings(one).filter(({ index }) => index >= 0).length) edit({ do: "move", node: one.id, into: one.parent, index: at }, `move ${labelOf(one)}`, `${one.parent}/${at}`);
 }
 
 function moveOut() {
@@ -244,12 +261,13 @@ async function comment() {
   if (words !== null) edit({ do: "comment", node: one.id, text: words }, "comment");
 }
 
-const simple = (kind, words, then) => () => { const one = node(); if (editable() && one) edit({ do: kind, node: one.id }, `${words} ${one.name || one.type}`, then?.(one)); };
+const simple = (kind, words, then) => () => { const one = node(); if (editable() && one) edit({ do: kind, node: one.id }, `${words} ${labelOf(one)}`, then?.(one)); };
 
 // Every edit once: for the menu, the keys and the help.
 const ACTIONS = {
   insert: { words: "Insert after …", key: "i", run: () => insert(false) },
   inside: { words: "Insert inside …", key: "a", run: () => insert(true), fits: (one) => holdsNodes(one.type) },
+  place: { words: "Insert as else, default, on failure …", key: "o", run: fill, fits: (one) => places(one).length > 0, line: true },
   wrap: { words: "Wrap in …", key: "w", run: () => wrap(["composite"], "Wrap") },
   modifier: { words: "Add a modifier …", key: "m", run: () => wrap(["modifier"], "Modifier of") },
   unwrap: { words: "Unwrap", key: "u", run: simple("unwrap", "unwrap"), fits: (one) => holdsNodes(one.type) && children(one.id).length > 0, line: true },
@@ -288,7 +306,7 @@ $("ask-cancel").addEventListener("click", () => $("ask").close());
 
 // ------------------------------------------------------------------------------------------------ keys
 
-const KEYS = { i: "insert", Insert: "insert", a: "inside", w: "wrap", m: "modifier", u: "unwrap", F2: "rename", c: "comment", d: "duplicate", x: "extract", Delete: "remove", Backspace: "remove" };
+const KEYS = { i: "insert", Insert: "insert", a: "inside", o: "place", w: "wrap", m: "modifier", u: "unwrap", F2: "rename", c: "comment", d: "duplicate", x: "extract", Delete: "remove", Backspace: "remove" };
 
 drawing.root.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey) return;
@@ -421,6 +439,7 @@ async function watch() {
 
 async function start(kind) {
   await busy;
+  bar("trial", "busy", NAMES[kind], "starting …");
   const answer = await post("start", { text: page.text, kind });
   if (answer.error) { bar("trial", "bad", "Not started", answer.error); return; }
   page.asked = page.text;
@@ -431,11 +450,11 @@ function heard({ trial, count, messages }) {
   const first_ = page.trial?.number !== trial;
   page.trial = follow(page.trial, trial, messages, first_ ? page.asked ?? page.text : page.trial.text);
   page.heard = count;
-  const [words, more, rank] = sentence(page.trial), { cases, page: link, done, kind } = page.trial;
-  const list = cases.map((one) => h("li", {}, `${one.passed ? "✔" : "✘"} ${one.name}`, one.problems.length ? h("span", { class: "muted" }, ` ${one.problems.join("; ")}`) : null));
+  const [words, more, rank] = sentence(page.trial), { cases, page: link, done } = page.trial;
+  const list = cases.filter(({ passed }) => !passed).map((one) => h("li", {}, `${one.passed ? "✔" : "✘"} ${one.case}`, one.problems.length ? h("span", { class: "muted" }, ` ${one.problems.join("; ")}`) : null));
   bar("trial", rank, words, more, [], true, [
     link && !page.trial.over ? h("a", { href: link, target: "_blank", rel: "noreferrer" }, "Page of the run") : null,
-    !done && kind !== "scenarios" ? h("button", { onclick: () => post("stop", {}) }, "◼ Stop") : null, list.length ? h("ul", {}, list) : null,
+    !done ? h("button", { onclick: () => post("stop", {}) }, "◼ Stop") : null, list.length ? h("ul", {}, list) : null,
   ]);
   drawing.update();
 }

@@ -52,6 +52,11 @@ export function about(type) {
   };
 }
 
+// Of a node; a condition that stands where a node may stand is no node of its own.
+export const isCondition = (one) => !one.kind && Boolean(one.slot) && one.ports.length === 1;
+export const kindOf = (one) => (isCondition(one) ? { ...page.catalogue.words.check, summary: "a condition; a node may stand here instead" } : about(one.type));
+export const labelOf = (one) => one.name || (isCondition(one) ? "condition" : one.type || "?");
+
 export const holdsNodes = (type) => about(type).value?.type === "nodes";
 export const findingsOf = (id) => page.state.findings.filter((one) => nodeAt(one.line)?.id === id);
 // The innermost node of a line.
@@ -66,6 +71,12 @@ export function bare(text = "") {
   text = text.replace(/\s*\n\s*/g, " "); // YAML folds the lines of a text
   if (/^"[^]*"$/.test(text)) try { return JSON.parse(text); } catch { return text; }
   return /^'[^]*'$/.test(text) ? text.slice(1, -1).replaceAll("''", "'") : text;
+}
+
+// An edit that writes a condition anew; offsets count code points.
+export function rewrite(one, words) {
+  const lines = page.text.split("\n"), at = [...lines.slice(0, one.line - 1).map((line) => `${line}\n`).join("")].length + one.column - 1;
+  return { do: "replace", from: at, to: at + [...one.ports[0].text].length, text: yaml(words) ?? '""' };
 }
 
 export function yaml(words) {

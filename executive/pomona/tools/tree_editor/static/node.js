@@ -1,7 +1,7 @@
 // The selected node: its findings, its name and comment, and typed fields for its ports and modifiers.
 import { $, h } from "./shared/dom.js";
-import { about, bare, entryOf, findingsOf, holdsNodes, node, page, yaml } from "./model.js";
-import { facts } from "./palette.js";
+import { bare, entryOf, findingsOf, holdsNodes, isCondition, kindOf, labelOf, node, page, rewrite, yaml } from "./model.js";
+import { capital, facts } from "./palette.js";
 import { post } from "./talk.js";
 
 export class NodePane {
@@ -44,13 +44,21 @@ export class NodePane {
 
   sheet(one) {
     this.one = one.id;
-    const kind = about(one.type), modifiers = one.modifiers, small = page.small;
-    const inputs = kind.inputs ?? [], outputs = kind.outputs ?? [], known = new Set([...inputs, ...outputs].map(({ name }) => name)), ports = one.ports;
-    const extra = ports.map(({ name }) => name).filter((name) => name !== one.type && !known.has(name) && kind.value?.type !== "nodes");
-    const own = kind.value && kind.value.type !== "nodes" && kind.value.type !== "nothing" && !kind.value.inputs && kind.value.type !== "assignments" ? kind.value : null;
+    const kind = kindOf(one);
+    const only = isCondition(one) ? [h("h3", {}, "Value"), this.entry(`port ${one.type}`, { ...kind.value, name: "condition" }, bare(one.ports[0].text), (value) => rewrite(one, value))] : null;
     return [
-      h("p", { class: "about" }, h("strong", {}, `${kind.symbol} ${one.name || one.type}`), h("span", { class: "muted" }, kind.unknown ? "no skill, word or subtree of this name" : `${one.type}: ${kind.summary}`)),
+      h("p", { class: "about" }, h("strong", {}, `${kind.symbol} ${labelOf(one)}`), h("span", { class: "muted" }, kind.unknown ? "no skill, word or subtree of this name" : one.kind && one.name ? `${one.type}: ${kind.summary}` : capital(kind.summary))),
       findingsOf(one.id).map((finding) => this.fault(finding)),
+      ...(only ?? this.rest(one, kind)),
+    ];
+  }
+
+  rest(one, kind) {
+    const modifiers = one.modifiers, small = page.small;
+    const inputs = kind.inputs ?? [], outputs = kind.outputs ?? [], known = new Set([...inputs, ...outputs].map(({ name }) => name)), ports = one.ports;
+    const extra = ports.map(({ name }) => name).filter((name) => name !== one.type && !known.has(name) && kind.value?.type !== "nodes" && !kind.value?.inputs?.some((port) => port.name === name));
+    const own = kind.value && !["nodes", "nothing", "assignments"].includes(kind.value.type) && !kind.value.inputs && kind.role !== "composite" || kind.value?.name === "switch" ? kind.value : null;
+    return [
       h("div", { class: "actions" }, [["insert", "Insert after"], ["inside", "Insert inside"], ["wrap", "Wrap"], ["modifier", "Modifier"], ["duplicate", "Duplicate"], ["remove", "Delete"]]
         .filter(([name]) => name !== "inside" || holdsNodes(one.type)).map(([name, words]) => h("button", { onclick: () => this.on.act(name), disabled: !page.mayAct }, words))),
       own ? [h("h3", {}, "Value"), this.entry(`port ${one.type}`, own, bare(entryOf(ports, one.type)), (value) => ({ do: "set_port", node: one.id, port: one.type, value: yaml(value) }))] : null,
@@ -60,19 +68,24 @@ export class NodePane {
       (kind.fields ?? []).filter((field) => !field.nodes).length ? [h("h3", {}, "Beside it"), kind.fields.filter((field) => !field.nodes).map((field) => this.entry(`modifier ${field.name}`, field, bare(entryOf(one.modifiers, field.name)), (value) => ({ do: "set_modifier", node: one.id, modifier: field.name, value: yaml(value) })))] : null,
       h("h3", {}, "Modifiers", small ? null : h("button", { class: "quiet", onclick: () => this.on.act("modifier"), disabled: !page.mayAct, title: "m" }, "Add …")),
       modifiers.filter((entry) => !(kind.fields ?? []).some(({ name }) => name === entry.name)).map((entry) => this.modifier(one, entry.name, entry.text)),
+      modifiers.flatMap((entry) => page.catalogue.words[entry.name]?.fields ?? []).filter((field) => !field.nodes && !modifiers.some(({ name }) => name === field.name)).map((field) => this.modifier(one, field.name, "")),
       small ? null : [h("h3", {}, "For readers"), this.plainEntry("name", "Name", one.name, "shown instead of the type; unique in its tree", (name) => ({ do: "rename", node: one.id, name })),
         this.plainEntry("comment", "Comment", one.comment, "a line above the node, for the operator as well", (comment) => ({ do: "comment", node: one.id, text: comment }))],
       kind.failures?.length ? [h("h3", {}, "Fails with"), h("ul", { class: "codes" }, kind.failures.map(({ code, meaning, remedy }) => h("li", {}, h("code", {}, code), meaning ? ` ${meaning}` : "", remedy ? h("div", { class: "muted" }, remedy) : null)))] : null,
+      one.id === "root" ? this.parameters() : null,
     ];
   }
 
   // Without a node: the tree's parameters.
   tree() {
     this.one = "";
+    return [h("p", { class: "about" }, h("strong", {}, "Tree"), h("span", { class: "muted" }, "Select a node to change its values.")), this.parameters()];
+  }
+
+  parameters() {
     const { parameters } = page.state;
     return [
-      h("p", { class: "about" }, h("strong", {}, "Tree"), h("span", { class: "muted" }, "Select a node to change its values.")),
-      parameters.length ? h("h3", {}, "Parameters") : null,
+      parameters.length ? h("h3", {}, "Parameters of the tree") : null,
       parameters.map((parameter) => this.entry(`parameter ${parameter.name}`, { ...parameter, required: false }, bare(parameter.default), (value) => ({ do: "set_parameter", name: parameter.name, value: yaml(value) }))),
     ];
   }
@@ -90,7 +103,7 @@ export class NodePane {
     const owner = page.catalogue.words[word] ?? Object.values(page.catalogue.words).find(({ fields }) => fields.some(({ name }) => name === word));
     const field = owner?.name === word ? owner.value : owner?.fields.find(({ name }) => name === word);
     const entry = this.entry(`modifier ${word}`, { ...(field ?? { type: "" }), name: word, help: owner?.name === word ? owner.summary : field?.help }, bare(value), (text) => ({ do: "set_modifier", node: one.id, modifier: word, value: yaml(text) }));
-    entry.querySelector(".combo").append(h("button", { "aria-label": `Remove ${word}`, title: "Remove", disabled: !page.mayAct, onclick: () => this.on.edit({ do: "set_modifier", node: one.id, modifier: word, value: null }, `remove ${word}`) }, "×"));
+    if (value) entry.querySelector(".combo").append(h("button", { "aria-label": `Remove ${word}`, title: "Remove", disabled: !page.mayAct, onclick: () => this.on.edit({ do: "set_modifier", node: one.id, modifier: word, value: null }, `remove ${word}`) }, "×"));
     return entry;
   }
 

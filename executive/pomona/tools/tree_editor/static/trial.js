@@ -15,7 +15,7 @@ export function follow(trial, number, messages, text) {
     if (message.case) now.cases.push(message);
     if (message.record) now.record = message.record;
     if (message.problem) now.problem = message.problem;
-    if (message.ended || message.over) now.done = true;
+    if (message.outcome || message.ended || message.over) now.done = true;
     if (message.over) now.over = true;
   }
   return now;
@@ -43,7 +43,7 @@ export function sentence(trial) {
     if (!trial.done) return ["Scenarios", "running …", "busy"];
     return [failed ? `${failed} of ${trial.cases.length} cases failed` : `All ${trial.cases.length} cases passed`, "", failed ? "bad" : "good"];
   }
-  if (!trial.outcome) return [NAMES[trial.kind], trial.page ? "going on" : "preparing …", "busy"];
+  if (!trial.outcome) return [NAMES[trial.kind], trial.last.size ? "going on" : "preparing …", "busy"];
   return [`${NAMES[trial.kind]}: ${trial.outcome}`, [`${(trial.time ?? 0).toFixed(1)} s`, trial.words].filter(Boolean).join(". "), trial.outcome === "success" ? "good" : "bad"];
 }
 
