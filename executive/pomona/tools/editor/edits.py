@@ -93,6 +93,8 @@ def apply(text: str, edit: TreeEdit, registry: Registry | None = None, path: str
         return text[: edit.start] + edit.text + text[edit.end :]
     mark = BOM if text.startswith(BOM) else ""
     tree = WrittenTree(text[len(mark) :])
+    cut = tree.starts[-1] < len(tree.text)  # the last line has no line break: it has one during the edit
+    tree = WrittenTree(tree.text + tree.eol) if cut else tree
     if tree.problems or tree.top is None:
         found = tree.problems[0] if tree.problems else None
         where = f"line {found.line}: {found.message}; correct it in the text first" if found else "the text is no tree"
@@ -103,7 +105,7 @@ def apply(text: str, edit: TreeEdit, registry: Registry | None = None, path: str
     _check(tree, patch, meant, result, edit)
     if edit.do == "extract":
         refuse_errors_of(result, Path(path), registry, "the tree with this subtree would have an error", edit.node)
-    return mark + result
+    return mark + (result.removesuffix(tree.eol) if cut else result)
 
 
 def _check(before: WrittenTree, patch: TextPatch, meant: TreeContent, result: str, edit: TreeEdit) -> None:

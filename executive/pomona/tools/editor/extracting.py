@@ -137,7 +137,8 @@ class _Wiring:
                 raise EditError(f"{message}; give one of them another name", self.at.id)
             if (named.origin == "input" or name in elsewhere) and name not in written:
                 kind = self._type(name)
-                inputs[name] = kind if required and not named.may_be_none else f"{{type: {kind}, default: none}}"
+                may_lack = named.may_be_none or (named.origin == "written" and not required)
+                inputs[name] = f"{{type: {kind}, default: none}}" if may_lack else kind
         return inputs
 
     def _outputs(self, written: dict[str, None], read: set[str]) -> dict[str, str]:

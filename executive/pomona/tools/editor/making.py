@@ -7,9 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from pomona.executive.language.literals import type_word
+from pomona.executive.language.model import TreeFile
+from pomona.executive.language.read_node import NodeReader
 from pomona.executive.nodes import takes
 from pomona.executive.nodes.node_type import Modifier
 from pomona.executive.registry import Registry
+from pomona.executive.values.findings import Findings
 from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlScalar
 from pomona.tools.editor.extracting import extract
 from pomona.tools.editor.format import STEP
@@ -153,8 +156,12 @@ class EditedTree:
         self.meant.get(node.path[:-1]).insert(int(node.path[-1]) + 1, copy)
 
     def rename(self, edit: TreeEdit) -> None:
-        node = self.tree.node(edit.node)
-        self.set_entry(node, "name", quoted(edit.name.strip()) if edit.name.strip() else None)
+        node, name, findings = self.tree.node(edit.node), quoted(edit.name.strip()), Findings()
+        if edit.name.strip():
+            reader = NodeReader(findings, TreeFile(self.tree.source), self.tree.types)
+            if reader.name(read_snippet(name, "the name", self.tree).at) is None:
+                raise EditError(f"{findings.sorted()[0].message}: {findings.sorted()[0].hint}", node.id)
+        self.set_entry(node, "name", name if edit.name.strip() else None)
 
     def set_modifier(self, edit: TreeEdit) -> None:
         node, word = self.tree.node(edit.node), edit.word

@@ -127,8 +127,10 @@ def put(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode, leaving: Wr
     gone = next((n for n, item in enumerate(items.items) if leaving is not None and item is leaving.at), None)
     index = place.index + (gone is not None and place.index >= gone)
     if tree.is_flow(items):
-        if not node.is_short and not tree.is_flow(place.at):
+        if not node.is_short and not tree.is_flow(place.at) and not _pair_in_flow(tree, place.at):
             _open_list(patch, place, items, index, node)
+        elif not node.is_short and _can_open(tree, place):
+            _open_braces(patch, place, items, index, node)
         elif index < len(items.items):
             at = tree.start(items.items[index])
             patch.replace(at, at, f"{node.flow()}, ")
@@ -170,12 +172,43 @@ def _open_list(patch: TextPatch, place: NodePlaceToFill, items: YamlList, index:
         or tree.line(last)[items.end_column - 1 :].strip()[:1] not in ("", "#")
     ):
         raise EditError("the list stands in brackets on several lines; edit it as text", place.parent)
-    column = key.column - 1 + STEP
-    lines = [[f"{' ' * column}- {tree.raw(item)}"] for item in items.items]
-    lines.insert(index, node.lifted.indented(column + STEP, "- "))
+    lines = _dashed(tree, items, index, node, key.column - 1 + STEP)
     colon = patch.after_colon(key)
     patch.replace(tree.end(key) if colon is None else colon, tree.end(items), "")
-    patch.insert_lines(last + 1, [line for group in lines for line in group])
+    patch.insert_lines(last + 1, lines)
+
+
+def _dashed(tree: WrittenTree, items: YamlList, index: int, node: CarriedNode, column: int) -> list[str]:
+    """Return the lines of a list that stood in brackets, with a new node in it."""
+    lines = [[f"{' ' * column}- {tree.raw(item)}"] for item in items.items]
+    lines.insert(index, node.lifted.indented(column + STEP, "- "))
+    return [line for group in lines for line in group]
+
+
+def _can_open(tree: WrittenTree, place: NodePlaceToFill) -> bool:
+    """Return True if a node in braces stands on one line, alone or behind a key."""
+    behind = tree.text[tree.end(place.at) : tree.line_end(place.at.line - 1)].strip()
+    alone = not stands_in_flow(tree, tree.node(place.parent)) and place.at.line == place.at.end_line
+    return alone and behind[:1] in ("", "#")
+
+
+def _open_braces(patch: TextPatch, place: NodePlaceToFill, items: YamlList, index: int, node: CarriedNode) -> None:
+    """Write a node that stands in braces on lines, since a new child has no place in them."""
+    tree, at, parent = patch.tree, place.at, patch.tree.node(place.parent)
+    start, column = tree.start(at), at.column - 1
+    if isinstance(parent.holder, YamlMapping):
+        key = parent.holder.entries[str(parent.path[-1])][0]
+        start, column = patch.after_colon(key) or start, key.column - 1 + STEP
+    lines: list[str] = []
+    for key, value in at.entries.values():
+        if value is items:
+            lines += [f"{' ' * column}{tree.raw(key)}:", *_dashed(tree, items, index, node, column + STEP)]
+        else:
+            lines.append(f"{' ' * column}{tree.raw(key)}: {tree.raw(value)}".rstrip())
+    end = tree.line_end(at.line - 1)
+    lines[0] += tree.text[tree.end(at) : end]
+    text = tree.eol.join(lines)
+    patch.replace(start, end, tree.eol + text if isinstance(parent.holder, YamlMapping) else text[column:])
 
 
 def _pair_in_flow(tree: WrittenTree, at: YamlMapping) -> bool:

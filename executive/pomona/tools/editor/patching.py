@@ -41,7 +41,7 @@ def shifted(line: str, by: int) -> str:
 
 @dataclass(slots=True, eq=False)
 class TextPatch:
-    """Changes of one text, all given by places in the text before."""
+    """Changes of one text that ends with a line break, all given by places in the text before."""
 
     tree: WrittenTree
     changes: list[tuple[int, int, str]] = field(default_factory=list)
@@ -64,22 +64,13 @@ class TextPatch:
     # ------------------------------------------------------------------------------------------------- lines
 
     def insert_lines(self, row: int, lines: Sequence[str]) -> None:
-        """Put lines before a line; behind the last one when the text has no such line."""
-        tree = self.tree
-        if row < len(tree.starts) and (row < len(tree.starts) - 1 or tree.line(row)):
-            self.replace(tree.starts[row], tree.starts[row], "".join(line + tree.eol for line in lines))
-        elif row == len(tree.starts) - 1:  # behind the last line break
-            self.replace(len(tree.text), len(tree.text), "".join(line + tree.eol for line in lines))
-        else:
-            self.replace(len(tree.text), len(tree.text), "".join(tree.eol + line for line in lines))
+        """Put lines before a line."""
+        at = self.tree.starts[row]
+        self.replace(at, at, "".join(line + self.tree.eol for line in lines))
 
     def delete_lines(self, first: int, last: int) -> None:
         """Take lines out, with their line breaks."""
-        tree = self.tree
-        if last + 1 < len(tree.starts):
-            self.replace(tree.starts[first], tree.starts[last + 1], "")
-        else:
-            self.replace(tree.line_end(first - 1) if first else 0, len(tree.text), "")
+        self.replace(self.tree.starts[first], self.tree.starts[last + 1], "")
 
     def drop_comments(self, first: int, last: int) -> None:
         """Note that the comments of these lines are taken out on purpose."""
