@@ -97,15 +97,13 @@ export class Drawing {
         one.slot && one.slot !== "root" ? h("span", { class: "lead" }, `${one.slot.replaceAll("_", " ")}:`) : null, h("span", { class: "sign", "aria-hidden": "true" }, kind.symbol),
         h("span", { class: "name" }, labelOf(one)), named ? h("span", { class: "type" }, one.type) : null,
         one.modifiers.map((entry) => h("span", { class: "pill" }, `${entry.name} ${bare(entry.text)}`)),
-        status ? h("span", { class: `mark ${status.status}` }, SIGNS[status.status] ?? status.status) : null,
-        mark ? h("span", { class: `mark ${mark}` }, mark === "error" ? "✖" : "▲") : null),
+        status ? sign(status.status, SIGNS[status.status], status.status) : null, mark ? sign(mark, mark === "error" ? "✖" : "▲", mark) : null),
       row.ports ? h("div", { class: "ports" }, row.ports) : "",
       row.note ? h("div", { class: "note" }, row.note) : "");
     if (status?.words || mark) box.title = [status?.words, ...findingsOf(one.id).map(({ message }) => message)].filter(Boolean).join("\n");
     const item = h("div", {
-      class: `item ${status?.status ?? ""} ${mark === "error" ? "wrong" : mark ? "doubtful" : ""} ${this.found.has(one.id) ? "found" : ""}`, role: "treeitem", id: `node ${one.id}`.replaceAll(/\W/g, "-"), "data-id": one.id,
+      class: ["item", status?.status, mark && (mark === "error" ? "wrong" : "doubtful"), this.found.has(one.id) && "found"].filter(Boolean).join(" "), role: "treeitem", id: `node ${one.id}`.replaceAll(/\W/g, "-"), "data-id": one.id,
       "aria-level": level + 1, "aria-setsize": family.length || 1, "aria-posinset": (family.indexOf(one) + 1) || 1, "aria-selected": String(one.id === page.selected),
-      "aria-label": [named ? `${one.name}, ${one.type}` : labelOf(one), row.ports, ...one.modifiers.map((entry) => `${entry.name} ${bare(entry.text)}`), status?.status, mark && `has ${mark === "error" ? "an error" : "a warning"}`].filter(Boolean).join(", "),
     });
     item.style.cssText = `top:${row.top}px;height:${row.height}px`;
     for (let above = one, i = level; above?.parent; above = node(above.parent), i -= 1) { // lines from the ancestors to their later children
@@ -185,6 +183,8 @@ export class Drawing {
     if (done && drag.to) this.on.drop(drag.id, drag.to.into, drag.to.index);
   }
 }
+
+const sign = (rank, shown, words) => h("span", { class: `mark ${rank}` }, h("span", { "aria-hidden": "true" }, shown ?? words), h("span", { class: "visually-hidden" }, words));
 
 const SIGNS = { success: "✔", failure: "✘", running: "▶", invalid: "·", reached: "✔ reached", unreached: "not reached" };
 

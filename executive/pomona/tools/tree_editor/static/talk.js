@@ -1,9 +1,11 @@
 // Requests to the editor's own server.
 
 const fields = new URLSearchParams(location.hash.slice(1));
-for (const name of ["token", "read"]) if (fields.has(name)) sessionStorage.setItem(`pomona-editor-${name}`, fields.get(name));
-if (fields.has("token") || fields.has("read")) history.replaceState(null, "", location.pathname); // it stands behind the '#', which no server sees
-const token = sessionStorage.getItem("pomona-editor-token") ?? "", reading = sessionStorage.getItem("pomona-editor-read") ?? "";
+if (fields.has("token")) {
+  sessionStorage.setItem("pomona-editor-token", fields.get("token"));
+  history.replaceState(null, "", location.pathname); // the token stands behind the '#', which no server sees, and is not shared with the address
+}
+const token = sessionStorage.getItem("pomona-editor-token") ?? "";
 export const mayAct = Boolean(token);
 
 // This page; after a reload it is the same one, so that it finds its draft again.
@@ -12,7 +14,7 @@ sessionStorage.setItem("pomona-editor-page", me);
 
 const here = (path, asked = {}) => {
   const url = new URL(path, location.href.split("#")[0]);
-  for (const [name, value] of Object.entries(reading ? { token: reading, ...asked } : asked)) url.searchParams.set(name, value);
+  for (const [name, value] of Object.entries(asked)) url.searchParams.set(name, value);
   return url;
 };
 
