@@ -96,7 +96,7 @@ export class Drawing {
       h("div", { class: "first" },
         one.slot && one.slot !== "root" ? h("span", { class: "lead" }, `${one.slot.replaceAll("_", " ")}:`) : null, h("span", { class: "sign", "aria-hidden": "true" }, kind.symbol),
         h("span", { class: "name" }, labelOf(one)), named ? h("span", { class: "type" }, one.type) : null,
-        one.modifiers.map((entry) => h("span", { class: "pill" }, `${entry.name} ${bare(entry.text)}`)),
+        one.modifiers.map((entry) => pill(`${entry.name} ${bare(entry.text)}`)),
         status ? sign(status.status, SIGNS[status.status], status.status) : null, mark ? sign(mark, mark === "error" ? "✖" : "▲", mark) : null),
       row.ports ? h("div", { class: "ports" }, row.ports) : "",
       row.note ? h("div", { class: "note" }, row.note) : "");
@@ -184,6 +184,7 @@ export class Drawing {
   }
 }
 
+const pill = (words) => h("span", { class: words.length < 16 ? "pill short" : "pill" }, words);
 const sign = (rank, shown, words) => h("span", { class: `mark ${rank}` }, h("span", { "aria-hidden": "true" }, shown ?? words), h("span", { class: "visually-hidden" }, words));
 
 const SIGNS = { success: "✔", failure: "✘", running: "▶", invalid: "·", reached: "✔ reached", unreached: "not reached" };

@@ -401,7 +401,7 @@ function saved(disk) {
 function conflict(disk) {
   if (disk.text === page.text) { Object.assign(page, { disk: disk.text, stamp: disk.stamp, problem: disk.problem }); clear("conflict"); head(); return; }
   const lines = (words) => words.split("\n").length, [at, mine, theirs] = stretch(page.text, disk.text), from = lines(page.text.slice(0, at));
-  bar("conflict", "bad", "Changed on disk", `Another program has changed the file, and this page has unsaved changes. Lines ${from} to ${from + lines(mine) - 1} here differ from lines ${from} to ${from + lines(theirs) - 1} there.`, [
+  bar("conflict", "bad", "Changed on disk", `The file has another content now, and this page has unsaved changes: lines ${from} to ${from + Math.max(lines(mine), lines(theirs)) - 1}.`, [
     ["Keep mine", () => { Object.assign(page, { disk: disk.text, stamp: disk.stamp }); clear("conflict"); keep(); head(); say("Kept: Save writes this text over the one on the disk."); }],
     ["Take the disk's", () => { clear("conflict"); over(disk, "taken from the disk"); say("Taken from the disk. Undo brings your text back."); }],
   ], false);

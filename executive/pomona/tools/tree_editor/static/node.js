@@ -92,7 +92,7 @@ export class NodePane {
 
   fault(finding) {
     return h("div", { class: `fault ${finding.severity}` }, finding.message, finding.hint ? h("div", { class: "muted" }, finding.hint) : null,
-      finding.mends && page.mayAct ? h("button", { onclick: () => this.on.mend(finding.number) }, `Apply: ${finding.hint || "the correction"}`) : null);
+      finding.mends && page.mayAct ? h("button", { onclick: () => this.on.mend(finding.number) }, "Apply the hint") : null);
   }
 
   port(one, port) {
