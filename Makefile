@@ -126,6 +126,9 @@ bench-tree: $(STAMP) ## the executive beside bare py_trees: ticks, recording, ji
 train-detect: $(STAMP) ## train the detector from nothing and replace the shipped weights (four hours on two cores)
 	$(BIN)/pomona train detect --out skills/pomona/skills/perception/detection/weights/apple.weights
 
+bench-editor: $(STAMP) ## 10 000 random edits of tree files with their judge, and the time from an edit to its findings; EDITS=…
+	$(BIN)/python -m benchmarks.bench_editor --edits $(or $(EDITS),10000)
+
 bench-start: $(STAMP) ## what the small commands cost: --help, check, skills, show, export, runs list
 	$(BIN)/python -m benchmarks.bench_start
 

@@ -1,4 +1,4 @@
-"""Random edits of tree files, and a judge of each: written apart from the editor, on lines and on the tree as it is read.
+"""Random edits of tree files, and a judge of each, written apart from the editor, on lines and on the tree as read.
 
 The judge wants of each edit that untouched lines are there byte for byte in their order, that no comment is lost which
 does not belong to something that is taken out, that the new text reads as the tree with the edit made, and that taking
@@ -13,12 +13,13 @@ import random
 import re
 from collections import Counter
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from pomona.executive.language.documents import with_declarations
 from pomona.executive.language.model import Document, TreeNode
 from pomona.executive.language.read import read
-from pomona.executive.registry import Registry
 from pomona.executive.values.findings import TreeFileError
 from pomona.executive.values.yaml_nodes import written
 from pomona.tools.editor.edits import EditError, TreeEdit, apply, edit_of, nodes
@@ -159,11 +160,10 @@ def tree_texts(seed: int = 0) -> dict[str, str]:
     found = {
         str(path.relative_to(ROOT)): path.read_text("utf-8") for path in _files() if _is_tree(path.read_text("utf-8"))
     }
-    skills = Registry.installed()
     for name, text in list(found.items()):
         document = read(text, ROOT / name)
         if not document.findings:
-            found[f"{name} imported"] = import_groot(export_groot(document, skills), "tree.xml")[0]
+            found[f"{name} imported"] = import_groot(with_declarations(partial(export_groot, document)), "tree.xml")[0]
     for path in [*(ROOT / "docs").rglob("*.md"), ROOT / "README.md"]:
         for number, block in enumerate(re.findall(r"```yaml\n(.*?)```", path.read_text("utf-8"), re.DOTALL)):
             found[f"{path.name} {number}"] = block
@@ -194,15 +194,20 @@ def disturbed(rng: random.Random, text: str) -> str:
         elif lines[row].strip() and "#" not in lines[row] and not lines[row].endswith("\r"):
             lines[row] += rng.choice((f"  {note}", "  "))
     found = "\n".join(lines)
-    same = [{**node, "line": 0, "end_line": 0, "comment": ""} for node in nodes(found)]
-    for node in same:
-        for entry in (*node.get("ports", ()), *node.get("modifiers", ())):
-            entry["line"] = 0
-    before = [{**node, "line": 0, "end_line": 0, "comment": ""} for node in nodes(text)]
-    for node in before:
-        for entry in (*node.get("ports", ()), *node.get("modifiers", ())):
-            entry["line"] = 0
-    return found if same == before else text
+    return found if _content(found) == _content(text) else text
+
+
+def _content(text: str) -> list[object]:
+    """Return the nodes of a text without their lines and comments."""
+    apart = {"line", "end_line", "comment", "ports", "modifiers"}
+    return [
+        ({k: v for k, v in node.items() if k not in apart}, [(e["name"], e["text"]) for e in _entries(node)])
+        for node in nodes(text)
+    ]
+
+
+def _entries(node: dict[str, Any]) -> list[dict[str, Any]]:
+    return [*node.get("ports", ()), *node.get("modifiers", ())]
 
 
 def _files() -> Iterator[Path]:
@@ -211,7 +216,8 @@ def _files() -> Iterator[Path]:
 
 
 def _literals(path: Path) -> Iterator[str]:
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+    text = path.read_text("utf-8")
+    for node in ast.walk(ast.parse(text)) if "root:" in text else ():
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and "\nroot:" in node.value:
             yield node.value
 
@@ -227,8 +233,8 @@ def random_edit(rng: random.Random, text: str) -> dict[str, Any]:
     """Return the message of a random edit that names nodes of a text."""
     table = nodes(text)
     kind = rng.choice(
-        ("insert", "insert", "move", "move", "move", "wrap", "wrap", "unwrap", "delete", "duplicate", "rename", "set_port",
-         "set_port", "set_modifier", "set_modifier", "comment", "set_parameter")
+        ("insert", "insert", "move", "move", "move", "wrap", "wrap", "unwrap", "delete", "duplicate", "rename",
+         "set_port", "set_port", "set_modifier", "set_modifier", "comment", "set_parameter")
     )  # fmt: skip
     node = rng.choice(table)
     if not node["parent"] and rng.random() < 0.7:
@@ -253,7 +259,7 @@ def random_edit(rng: random.Random, text: str) -> dict[str, Any]:
         port = rng.choice([p["name"] for p in leaf["ports"]] + ["new_port"])
         return {"do": kind, "node": leaf["id"], "port": port, "value": rng.choice((None, *VALUES))}
     if kind == "set_modifier":
-        word = rng.choice([m["name"] for m in node["modifiers"]] + [rng.choice(BESIDE)])
+        word = rng.choice([m["name"] for m in node["modifiers"] if m["name"] != "on_failure"] + [rng.choice(BESIDE)])
         return {"do": kind, "node": address, "modifier": word, "value": rng.choice((None, *VALUES))}
     if kind == "comment":
         said = rng.choice(("", "one line", "one: line # with more", "two\nlines"))
@@ -324,6 +330,9 @@ def _lines(before: str, edit: TreeEdit, after: str) -> str:
             key = next(n["line"] for n in nodes(before) if n["id"] == edit.into) - 1
             flow = any(mark in lines[row] for row in touched for mark in ("[", "{"))
             touched = touched if flow else {key}
+        parent = edit.node.rpartition("/")[0]
+        if edit.do == "delete" and sum(n["parent"] == parent for n in nodes(before)) == 1:
+            touched.add(next((n["line"] - 1 for n in nodes(before) if n["id"] == parent), 0))  # it has `[]` now
         if edit.do == "move":
             touched |= {row for row in _rows_of(before, edit.into) if re.search(r"[\[\]{}]", lines[row])}
             touched |= {row for row in _rows_of(before, edit.into) if re.search(r":\s*(#.*)?\r?$", lines[row])}
@@ -417,8 +426,8 @@ def _meaning(before: str, edit: TreeEdit, after: str) -> str:
     _change(shapes, edit)
     if edit.do == "duplicate":
         return _same_but_names(shapes, _shapes(new))
-    found = _shapes(new)
-    return "" if found == shapes else f"it reads as {found}, expected {shapes}"
+    reads = _shapes(new)
+    return "" if reads == shapes else f"it reads as {reads}, expected {shapes}"
 
 
 def _same_but_names(wanted: dict[str, Shape], found: dict[str, Shape]) -> str:

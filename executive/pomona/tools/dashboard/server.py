@@ -156,7 +156,7 @@ class Dashboard:
         """Stop serving once the viewers have received everything. Harmless when it was not started."""
         self.hub.close()
         patience = time.monotonic() + LAST_WORDS
-        while self._service.serves and not self.hub.drained and time.monotonic() < patience:
+        while self._service.server and not self.hub.drained and time.monotonic() < patience:
             time.sleep(0.02)
         self._service.close()
 
@@ -325,7 +325,7 @@ class Dashboard:
     # ---------------------------------------------------------------------------------------------- acting
 
     async def _act(self, request: Request) -> Response:
-        body = await self._authorised_body(request)
+        body = await authorised_body(request, self.access, MOST_BODY)
         if isinstance(body, Response):
             return body
         try:
@@ -334,7 +334,7 @@ class Dashboard:
             return JSONResponse({"error": str(refused)}, 409)
 
     async def _start(self, request: Request) -> Response:
-        body = await self._authorised_body(request)
+        body = await authorised_body(request, self.access, MOST_BODY)
         if isinstance(body, Response):
             return body
         if self._start_run is None:
@@ -345,7 +345,7 @@ class Dashboard:
             return JSONResponse({"error": str(error)}, 409)
 
     async def _judge(self, request: Request) -> Response:
-        body = await self._authorised_body(request)
+        body = await authorised_body(request, self.access, MOST_BODY)
         if isinstance(body, Response):
             return body
         try:
@@ -363,9 +363,6 @@ class Dashboard:
             return start_run(body)
 
         return {"tree": await asyncio.to_thread(begin)}
-
-    async def _authorised_body(self, request: Request) -> dict[str, Any] | Response:
-        return await authorised_body(request, self.access, MOST_BODY)
 
 
 async def _feed(stream: WebSocket, viewer: Viewer, gone: asyncio.Future[None]) -> None:

@@ -38,20 +38,10 @@ class HttpService:
     """Serves an application, from `start` to `close`."""
 
     def __init__(self, app: Starlette, access: Access, most: int) -> None:
-        """
-        Args:
-            app: the application.
-            access: where it listens, and with which certificate.
-            most: bytes of a message of a stream.
-        """
+        """Listen where `access` has it, from `start` on; a message of a stream has `most` bytes."""
         self.server: _Server | None = None
         self._app, self._access, self._most = app, access, most
         self._thread: threading.Thread | None = None
-
-    @property
-    def serves(self) -> bool:
-        """Whether it was started."""
-        return self.server is not None
 
     def start(self) -> None:
         """Serve in a thread of its own. Raises UsageError: it cannot listen there."""

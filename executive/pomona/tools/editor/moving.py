@@ -94,7 +94,7 @@ def carried(patch: TextPatch, node: WrittenNode) -> CarriedNode:
 
     lifted = lift(patch, node)
     rows = range(node.at.line, patch.tree.row(patch.tree.end(node.at)) + 2)
-    rows = rows if not stands_in_flow(patch.tree, node) else range(0)
+    rows = rows if not patch.tree.stands_in_flow(node) else range(0)
     return CarriedNode(lifted, flow)
 
 
@@ -106,10 +106,6 @@ def brought(snippet: Snippet) -> CarriedNode:
 def braced(text: str) -> str:
     """Return a node in braces."""
     return text if text.startswith("{") else f"{{{text}}}"
-
-
-def stands_in_flow(tree: WrittenTree, node: WrittenNode) -> bool:
-    return tree.is_flow(node.holder) or tree.text[tree.start(node.holder) - 1 : tree.start(node.holder)] in ("[", ",")
 
 
 # ----------------------------------------------------------------------------------------------------- put in
@@ -127,7 +123,7 @@ def put(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode, leaving: Wr
     gone = next((n for n, item in enumerate(items.items) if leaving is not None and item is leaving.at), None)
     index = place.index + (gone is not None and place.index >= gone)
     if tree.is_flow(items):
-        if not node.is_short and not tree.is_flow(place.at) and not _pair_in_flow(tree, place.at):
+        if not node.is_short and not tree.is_flow(place.at) and id(place.at) not in tree.pairs:
             _open_list(patch, place, items, index, node)
         elif not node.is_short and _can_open(tree, place):
             _open_braces(patch, place, items, index, node)
@@ -151,7 +147,7 @@ def _put_first(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode) -> N
     key, value = entry
     if not (isinstance(value, YamlList) or (isinstance(value, YamlScalar) and value.is_null)):
         raise EditError(f"'{place.word}' holds no list; edit it as text", place.parent)
-    if tree.is_flow(place.at) or _pair_in_flow(tree, place.at):
+    if tree.is_flow(place.at) or id(place.at) in tree.pairs:
         patch.set_value(place.at, key, value, read_snippet(f"[{node.flow()}]", "the node", tree))
         return
     colon = patch.after_colon(key)
@@ -188,7 +184,7 @@ def _dashed(tree: WrittenTree, items: YamlList, index: int, node: CarriedNode, c
 def _can_open(tree: WrittenTree, place: NodePlaceToFill) -> bool:
     """Return True if a node in braces stands on one line, alone or behind a key."""
     behind = tree.text[tree.end(place.at) : tree.line_end(place.at.line - 1)].strip()
-    alone = not stands_in_flow(tree, tree.node(place.parent)) and place.at.line == place.at.end_line
+    alone = not tree.stands_in_flow(tree.node(place.parent)) and place.at.line == place.at.end_line
     return alone and behind[:1] in ("", "#")
 
 
@@ -211,12 +207,6 @@ def _open_braces(patch: TextPatch, place: NodePlaceToFill, items: YamlList, inde
     patch.replace(start, end, tree.eol + text if isinstance(parent.holder, YamlMapping) else text[column:])
 
 
-def _pair_in_flow(tree: WrittenTree, at: YamlMapping) -> bool:
-    """Return True if a mapping stands in brackets without braces of its own."""
-    before = tree.text[: tree.start(at)].rstrip()[-1:]
-    return before in ("[", ",") and not tree.is_flow(at) and at.line == at.end_line
-
-
 def _put_below_word(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode) -> None:
     """Put a node below a word: `then`, `on_failure`, a case, `root`."""
     tree, at, word = patch.tree, place.at, quoted(place.word)
@@ -234,6 +224,12 @@ def _put_below_word(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode)
                 patch.set_value(at, key, found, read_snippet(text, "the node", tree))
             return
         at = found
+    if tree.is_flow(at) and not at.entries and place.parent.endswith(":"):  # a subtree without anything
+        key = _subtree_key(tree, place.parent[:-1])
+        patch.replace(patch.after_colon(key) or tree.end(key), tree.end(at), "")
+        lines = [" " * STEP + f"{word}:", *node.lifted.indented(2 * STEP)]
+        patch.insert_lines(key.line, [" " * (key.column - 1) + line if line else line for line in lines])
+        return
     if tree.is_flow(at):
         pairs = [entry for pair in at.entries.values() for entry in pair]
         patch.add_in_flow(at, pairs, f"{word}: {node.flow()}")
@@ -249,6 +245,12 @@ def _put_below_word(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode)
         patch.add_entry(at, lines)
     else:
         patch.insert_lines(patch.entry_rows(*below)[0], [*lines, ""])
+
+
+def _subtree_key(tree: WrittenTree, name: str) -> YamlScalar:
+    found = tree.top.get("subtrees") if tree.top is not None else None
+    assert isinstance(found, YamlMapping)
+    return found.entries[name][0]
 
 
 _PLAIN = re.compile(r"[A-Za-z_µ°/(][^:#,\[\]{}\"'\n\t]*")
@@ -269,12 +271,10 @@ def quoted(text: str) -> str:
 def take_out(patch: TextPatch, node: WrittenNode) -> None:
     """Take a node out, with its comments; a list without other nodes becomes `[]`."""
     tree, holder = patch.tree, node.holder
-    if isinstance(node.at, YamlScalar) and node.kind is None and node.index == 0 and node.parent:
-        raise EditError("a condition belongs to its node; give it another one", node.id)
     if isinstance(holder, YamlMapping):
         word = str(node.path[-1])
         if node.parent and tree.node(node.parent).type_key.text == word:
-            raise EditError("the node that is asked belongs to its parent; put another one in its place", node.id)
+            raise EditError("the condition belongs to its node; give it another one", node.id)
         if len(holder.entries) == 1:
             _empty(patch, holder, *holder.entries[word])
         else:

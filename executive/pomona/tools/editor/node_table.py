@@ -34,11 +34,11 @@ def _read_nodes(tree: WrittenTree) -> tuple[dict[int, TreeNode], dict[int, str]]
     findings = Findings()
     reader = NodeReader(findings, TreeFile(tree.source), tree.types)
     found: dict[int, TreeNode] = {}
+    mappings = {id(node.at) for node in tree.nodes.values() if node.key is not None}
     for node in [n for n in tree.nodes.values() if not n.parent]:
         root = reader.node(node.at)
         for one in root.walk() if root is not None else ():
-            found[id(one.at)] = one
-            found.setdefault(id(one.value), one)
+            found[id(one.at) if id(one.at) in mappings else id(one.value)] = one  # a condition has no mapping
     return found, {finding.line: finding.message for finding in reversed(findings.sorted())}
 
 
@@ -48,22 +48,8 @@ def _drawn(tree: WrittenTree, node: WrittenNode, read: tuple[dict[int, TreeNode]
     entries: Mapping[str, tuple[YamlScalar, YamlNode]] = at.entries if isinstance(at, YamlMapping) else {}
     name, description = (_text(entries.get(key)) for key in ("name", "description"))
     word = found.key.text if found is not None else node.key.text if node.key is not None else ""
-    ports: list[dict[str, Any]] = []
-    if kind is not None and kind.value.wires and isinstance(node.value, YamlMapping):
-        ports = [_shown(tree, *entry) for entry in node.value.entries.values()]
-    elif (
-        kind is not None
-        and not kind.value.nodes
-        and not kind.value.wires
-        and node.key is not None
-        and node.value is not None
-    ):
-        ports = [_shown(tree, node.key, node.value)]
-    elif kind is None and found is not None:
-        ports = [{"name": word, "text": tree.raw(at), "line": at.line}]
-    taken = {"name", "description", node.key.text if node.key is not None else ""}
-    slots = {n.slot for n in tree.nodes.values() if n.parent == node.id} if len(entries) > 1 else set()
-    beside = [(k, v) for w, (k, v) in entries.items() if w not in taken and w not in slots and w != "cases"]
+    apart = {"name", "description", node.key.text if node.key is not None else ""}
+    beside = [entry for w, entry in entries.items() if w not in apart and not _holds_nodes(tree, w)]
     return {
         "id": node.id, "parent": node.parent, "index": node.index, "slot": node.slot,
         "tree": node.id.partition("root")[0].removesuffix(":") if ":" in node.id else "",
@@ -71,11 +57,27 @@ def _drawn(tree: WrittenTree, node: WrittenNode, read: tuple[dict[int, TreeNode]
         "kind": "" if kind is None else kind.key if kind.calls else kind.role,
         "name": name,
         "line": at.line, "column": at.column, "end_line": tree.row(tree.end(at)) + 1,
-        "ports": ports, "modifiers": [_shown(tree, k, v) for k, v in beside],
+        "ports": _ports(tree, node, word) if found is not None else [],
+        "modifiers": [_shown(tree, *entry) for entry in beside],
         "comment": found.comment if found is not None else "",
         "description": description,
         "error": "" if found is not None else read[1].get(at.line, "this node cannot be read"),
     }  # fmt: skip
+
+
+def _holds_nodes(tree: WrittenTree, word: str) -> bool:
+    return any(owner.fields[word].nodes for owner in tree.types.owners(word))
+
+
+def _ports(tree: WrittenTree, node: WrittenNode, word: str) -> list[dict[str, Any]]:
+    """Return the ports of a node; the value of a word without ports is a port of its name."""
+    kind, value = node.kind, node.value
+    if kind is None or node.key is None or value is None:  # a condition
+        return [{"name": word, "text": tree.raw(node.at), "line": node.at.line}]
+    if kind.value.wires:
+        entries = value.entries.values() if isinstance(value, YamlMapping) else ()
+        return [_shown(tree, *entry) for entry in entries]
+    return [] if kind.value.nodes else [_shown(tree, node.key, value)]
 
 
 def _text(entry: tuple[YamlScalar, YamlNode] | None) -> str:

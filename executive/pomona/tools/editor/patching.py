@@ -129,8 +129,9 @@ class TextPatch:
             self.set_value(at, *entry, value)
         elif self.tree.is_flow(at):
             self.add_in_flow(at, [entry for pair in at.entries.values() for entry in pair], f"{word}: {value.flow()}")
-        elif self.tree.text[self.tree.start(at) - 1 : self.tree.start(at)] in ("[", ","):
-            raise EditError("this node has no braces of its own; edit it as text")
+        elif id(at) in self.tree.pairs:
+            self.replace(self.tree.start(at), self.tree.start(at), "{")
+            self.replace(self.tree.end(at), self.tree.end(at), f", {word}: {value.flow()}}}")
         else:
             self.add_entry(at, [" " * (at.column - 1) + line for line in value.below(word)])
 
@@ -151,10 +152,11 @@ class TextPatch:
         """Put a value in the place of another."""
         tree = self.tree
         start, end, colon = tree.start(old), tree.end(old), self.after_colon(key)
-        flow = tree.is_flow(at) or tree.text[tree.start(at) - 1 : tree.start(at)] in ("[", ",") or value.on_one_line
+        inside = tree.is_flow(at) or id(at) in tree.pairs
+        flow = inside or value.on_one_line
         lines = [] if flow else value.below("")[1:]
         new = (
-            f" {value.flow() if tree.is_flow(at) else value.line}"
+            f" {value.flow() if inside else value.line}"
             if flow
             else "".join(tree.eol + " " * (key.column - 1) + line for line in lines)
         )
@@ -162,7 +164,7 @@ class TextPatch:
             self.replace(tree.end(key), tree.end(key), f":{new}")
         elif start == end:
             self.replace(colon, colon, new)
-        elif old.line == key.line or tree.is_flow(at):
+        elif old.line == key.line or inside:
             blanks = 0 if flow else start - colon
             self.replace(start - blanks, end, new[1:] if flow else new)
         else:
@@ -225,7 +227,7 @@ class Snippet:
 
     def lifted(self) -> LiftedNode:
         """Return it as a node without a place."""
-        raw = re.split(r"\r\n|[\n\r]", self.tree.raw(self.at))
+        raw = self.tree.text[self.tree.start(self.at) :].split("\n")  # a comment may stand behind it
         return LiftedNode(self.comments, tuple(raw), self.at.column - 1)
 
     def flow(self) -> str:
@@ -247,12 +249,12 @@ def in_braces(tree: WrittenTree, at: YamlNode) -> str:
         raw = tree.raw(at)
         one_line = at.line == at.end_line and not (not at.plain and raw[:1] in "|>")
         if at.is_null:
-            return raw or "null"
+            return raw
         return raw if one_line and not (at.plain and IN_FLOW.search(raw)) else json.dumps(at.text, ensure_ascii=False)
     if tree.is_flow(at) and at.line == at.end_line:
         return tree.raw(at)
     if isinstance(at, YamlList):
-        return "[" + ", ".join(in_braces(tree, item) for item in at.items) + "]"
+        return "[" + ", ".join(in_braces(tree, item) or "null" for item in at.items) + "]"
     assert isinstance(at, YamlMapping)
     pairs = (f"{tree.raw(key)}: {in_braces(tree, value)}" for key, value in at.entries.values())
     return "{" + ", ".join(pairs) + "}"

@@ -9,7 +9,7 @@ from pomona.executive.nodes.node_type import Modifier, NodeType
 from pomona.executive.ports import RATE, RATIO, TIME
 from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlScalar
 from pomona.tools.editor.format import STEP
-from pomona.tools.editor.moving import braced, quoted, stands_in_flow
+from pomona.tools.editor.moving import braced, quoted
 from pomona.tools.editor.patching import LiftedNode, TextPatch, lift, read_snippet, shifted
 from pomona.tools.editor.written_tree import EditError, WrittenNode, WrittenTree
 
@@ -35,7 +35,7 @@ def rewrite(patch: TextPatch, node: WrittenNode, new: LiftedNode) -> None:
 
 def on_its_lines(tree: WrittenTree, node: WrittenNode) -> bool:
     """Return True if a node stands on lines of its own, in no braces and behind no key."""
-    if stands_in_flow(tree, node):
+    if tree.stands_in_flow(node):
         return False
     if isinstance(node.holder, YamlList):
         return True

@@ -80,6 +80,7 @@ class WrittenTree:
     problems: list[Finding] = field(init=False)  # why it cannot be read as YAML
     top: YamlMapping | None = field(init=False)
     nodes: dict[str, WrittenNode] = field(init=False, default_factory=dict)
+    pairs: set[int] = field(init=False, default_factory=set)  # ids of mappings in brackets without braces: [Beep: {}]
     starts: list[int] = field(init=False)  # offsets of lines
     eol: str = field(init=False)
     _words: frozenset[str] = field(init=False)
@@ -127,21 +128,30 @@ class WrittenTree:
             self._node(f"{prefix}root", "", 0, "root", root, at, (*path, "root"))
 
     def _node(
-        self, id: str, parent: str, index: int, slot: str, at: YamlNode, holder: YamlMapping | YamlList, path: YamlPath
+        self,
+        address: str,
+        parent: str,
+        index: int,
+        slot: str,
+        at: YamlNode,
+        holder: YamlMapping | YamlList,
+        path: YamlPath,
     ) -> None:
         entry = self.type_of(at)
         key, value = entry if entry is not None else (None, None)
         kind = self.kind_of(key.text) if key is not None else None
-        self.nodes[id] = WrittenNode(id, parent, index, slot, at, holder, path, kind, key, value)
+        self.nodes[address] = WrittenNode(address, parent, index, slot, at, holder, path, kind, key, value)
         if not isinstance(at, YamlMapping) or kind is None:
             return
+        if isinstance(holder, YamlList) and self.is_flow(holder) and not self.is_flow(at):
+            self.pairs.add(id(at))
         for modifier in self.types.modifiers if len(at.entries) > 1 else ():
             for word in modifier.fields if modifier.key in at.entries else ():
                 part = at.get(word) if modifier.fields[word].nodes else None
                 if part is not None:
-                    self._node(f"{id}/{word}", id, -1, word, part, at, (*path, word))
+                    self._node(f"{address}/{word}", address, -1, word, part, at, (*path, word))
         for index, (word, child, around, rest) in enumerate(self._children(at, kind, key)):
-            self._node(f"{id}/{index}", id, index, word, child, around, (*path, *rest))
+            self._node(f"{address}/{index}", address, index, word, child, around, (*path, *rest))
 
     def _children(
         self, at: YamlMapping, kind: NodeType, key: YamlScalar | None
@@ -195,6 +205,10 @@ class WrittenTree:
     def is_flow(self, at: YamlNode) -> bool:
         """Return True if a list or a mapping stands in brackets or braces."""
         return not isinstance(at, YamlScalar) and self.text[self.start(at) : self.start(at) + 1] in ("[", "{")
+
+    def stands_in_flow(self, node: WrittenNode) -> bool:
+        """Return True if brackets or braces stand around a node, its own apart."""
+        return self.is_flow(node.holder) or id(node.holder) in self.pairs
 
     def row(self, offset: int) -> int:
         """Return the line of an offset, from 0."""

@@ -31,9 +31,9 @@ def main(options: argparse.Namespace) -> int:
     from pomona.executive.terminal.screen import Screen, in_browser
     from pomona.tools.editor.service import is_tree
     from pomona.tools.tree_editor.server import TreeEditor, default_cell, refuse_real
-    from pomona.tools.tree_editor.tree_file import TreeFile
+    from pomona.tools.tree_editor.tree_file import EditedFile
 
-    file = TreeFile(_path_of(options.tree))
+    file = EditedFile(_path_of(options.tree))
     text = file.read().text
     if text.strip() and not is_tree(text):
         raise UsageError(f"{options.tree}:1:1: not a tree file: there is no 'root'")

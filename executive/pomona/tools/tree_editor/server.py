@@ -29,7 +29,7 @@ from pomona.tools.dashboard.serving import HttpService, authorised_body
 from pomona.tools.editor.edits import EditError
 from pomona.tools.scenarios.scenario import is_scenario
 from pomona.tools.tree_editor.drafts import Draft, Drafts
-from pomona.tools.tree_editor.tree_file import ChangedOnDiskError, DiskText, SaveRefusedError, TreeFile
+from pomona.tools.tree_editor.tree_file import ChangedOnDiskError, DiskText, EditedFile, SaveRefusedError
 from pomona.tools.tree_editor.trial import Trial, free_port
 from pomona.tools.tree_editor.workbench import Workbench, settings_of
 
@@ -47,7 +47,7 @@ Facts = dict[str, Any]
 class TreeEditor:
     """Serves the page and its requests. Nothing is written to the file but by a request to save."""
 
-    def __init__(self, file: TreeFile, access: Access, skills: Registry, cell: Path, records: Path) -> None:
+    def __init__(self, file: EditedFile, access: Access, skills: Registry, cell: Path, records: Path) -> None:
         """
         Args:
             file: the tree file.
@@ -81,7 +81,7 @@ class TreeEditor:
     @property
     def serves(self) -> bool:
         """Whether it was started."""
-        return self._service.serves
+        return self._service.server is not None
 
     def close(self) -> None:
         """End a run and stop serving."""

@@ -49,7 +49,7 @@ class ChangedOnDiskError(SaveRefusedError):
         super().__init__("the file was changed by another program meanwhile: nothing was written")
 
 
-class TreeFile:
+class EditedFile:
     """One tree file, or the place of a new one."""
 
     def __init__(self, path: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 from pomona.executive.registry import Registry
 from pomona.tools.dashboard.security import Access
 from pomona.tools.tree_editor.server import TreeEditor, default_cell
-from pomona.tools.tree_editor.tree_file import TreeFile
+from pomona.tools.tree_editor.tree_file import EditedFile
 from tests.executive.tools.dashboard.conftest import chromium, failures
 
 __all__ = ["chromium"]
@@ -49,7 +49,7 @@ def make_editor(tree: Path) -> Iterator[Callable[[Path], TreeEditor]]:
             port = free.getsockname()[1]
         made.append(
             TreeEditor(
-                TreeFile(path), Access("127.0.0.1", port), Registry.installed(), default_cell(), path.parent / "runs"
+                EditedFile(path), Access("127.0.0.1", port), Registry.installed(), default_cell(), path.parent / "runs"
             )
         )
         return made[-1]
