@@ -363,7 +363,8 @@ def _notes(text: str, rows: set[int] | None = None) -> Counter[str]:
 
 def _comments(before: str, edit: TreeEdit, after: str) -> str:
     lost = _notes(before) - _notes(after)
-    if edit.do in ("delete", "comment") or (edit.do == "set_modifier" and edit.value is None):
+    takes_a_word = (edit.do == "set_modifier" and edit.value is None) or (edit.do == "rename" and not edit.name)
+    if edit.do in ("delete", "comment") or takes_a_word:
         lost -= _notes(before, _rows_of(before, edit.node))
     if edit.do in ("set_modifier", "set_port", "set_parameter") and lost:
         gone = [line for line in before.split("\n") if line not in after.split("\n")]

@@ -17,7 +17,7 @@ from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlScalar
 from pomona.tools.editor.extracting import extract
 from pomona.tools.editor.format import STEP
 from pomona.tools.editor.meaning import TreeContent, content_of
-from pomona.tools.editor.moving import NodePlaceToFill, brought, carried, place_to_fill, put, quoted, take_out
+from pomona.tools.editor.moving import brought, carried, place_to_fill, put, quoted, take_out
 from pomona.tools.editor.patching import TextPatch, read_snippet
 from pomona.tools.editor.wrapping import TRUE, default_value, duplicate, new_names, unwrap, wrap
 from pomona.tools.editor.written_tree import EditError, WrittenNode, WrittenTree
@@ -64,31 +64,20 @@ class EditedTree:
         node = self.tree.node(edit.node)
         if edit.into == node.id or edit.into.startswith(f"{node.id}/"):
             raise EditError("a node cannot move into itself", node.id)
-        place = self.place(edit, node)
-        if place is None:
-            return
-        if isinstance(node.holder, YamlList) and node.holder is place.items and place.index == node.path[-1]:
-            return
+        if edit.into == node.parent and node.slot and node.index >= 0 and not edit.slot:
+            return  # `then` has no other place in its parent
+        place = place_to_fill(self.tree, edit.into, edit.index, edit.slot)
+        items = place.items
+        if items is not None and node.holder is items:
+            if place.index == node.path[-1]:
+                return
+            if edit.index >= len(items.items):
+                message = f"it has {len(items.items)} children; {edit.index} is no place among them"
+                raise EditError(message, edit.into)
         put(self.patch, place, carried(self.patch, node), node)
         take_out(self.patch, node)
         self.patch.dropped.clear()  # the comments go with the node
         self.enter(edit, self.meant.get(node.path), node)
-
-    def place(self, edit: TreeEdit, leaving: WrittenNode | None = None) -> NodePlaceToFill | None:
-        """Return the place that an edit names; its index counts without the node that leaves."""
-        if (
-            leaving is not None
-            and edit.into == leaving.parent
-            and not edit.slot
-            and leaving.slot
-            and leaving.index >= 0
-        ):
-            return None
-        place = place_to_fill(self.tree, edit.into, edit.index, edit.slot)
-        items = place.items
-        if leaving is not None and items is not None and leaving.holder is items and edit.index >= len(items.items):
-            raise EditError(f"it has {len(items.items)} children; {edit.index} is no place among them", edit.into)
-        return place
 
     def enter(self, edit: TreeEdit, content: Any, leaving: WrittenNode | None = None) -> None:
         """Make an insertion in the content; the leaving node is taken out."""

@@ -133,7 +133,7 @@ class TextPatch:
             self.replace(self.tree.start(at), self.tree.start(at), "{")
             self.replace(self.tree.end(at), self.tree.end(at), f", {word}: {value.flow()}}}")
         else:
-            self.add_entry(at, [" " * (at.column - 1) + line for line in value.below(word)])
+            self.add_entry(at, [" " * (at.column - 1) + line if line else line for line in value.below(word)])
 
     def add_entry(self, at: YamlMapping, lines: Sequence[str]) -> None:
         """Put lines behind the last entry of a mapping without braces."""
@@ -154,25 +154,22 @@ class TextPatch:
         start, end, colon = tree.start(old), tree.end(old), self.after_colon(key)
         inside = tree.is_flow(at) or id(at) in tree.pairs
         flow = inside or value.on_one_line
-        lines = [] if flow else value.below("")[1:]
-        new = (
-            f" {value.flow() if inside else value.line}"
-            if flow
-            else "".join(tree.eol + " " * (key.column - 1) + line for line in lines)
-        )
+        head, *rest = [f": {value.flow() if inside else value.line}"] if flow else value.below("")
+        new, rest = head[1:], [" " * (key.column - 1) + line if line else line for line in rest]
         if colon is None:
-            self.replace(tree.end(key), tree.end(key), f":{new}")
+            self.replace(tree.end(key), tree.end(key), head)
         elif start == end:
             self.replace(colon, colon, new)
         elif old.line == key.line or inside:
-            blanks = 0 if flow else start - colon
-            self.replace(start - blanks, end, new[1:] if flow else new)
+            self.replace(start if flow else colon, end, new[1:] if flow else new)
         else:
             last = self.entry_rows(key, old)[2]
             self.drop_comments(key.line, last)
             self.delete_lines(key.line, last)
-            at_end = colon if flow else tree.line_end(key.line - 1)
-            self.replace(at_end, at_end, new)
+            self.replace(colon, colon, new)
+            end = tree.line_end(key.line - 1)
+        if rest:
+            self.insert_lines(tree.row(max(end, tree.end(key))) + 1, rest)
 
     def remove_entry(self, at: YamlMapping, word: str) -> None:
         """Take a key and its value out of a mapping."""
@@ -227,7 +224,7 @@ class Snippet:
 
     def lifted(self) -> LiftedNode:
         """Return it as a node without a place."""
-        raw = self.tree.text[self.tree.start(self.at) :].split("\n")  # a comment may stand behind it
+        raw = self.tree.text[self.tree.start(self.at) :].rstrip().split("\n")  # a comment may stand behind it
         return LiftedNode(self.comments, tuple(raw), self.at.column - 1)
 
     def flow(self) -> str:
@@ -240,6 +237,9 @@ class Snippet:
         """Return the lines of an entry `word: value`."""
         if self.on_one_line:
             return [f"{word}: {self.line}"]
+        if isinstance(self.at, YamlScalar) and self.line[:1] in ("|", ">"):
+            first, *rest = self.lifted().lines
+            return [f"{word}: {first}", *rest]
         return [f"{word}:", *self.lifted().indented(STEP)]
 
 
@@ -262,7 +262,7 @@ def in_braces(tree: WrittenTree, at: YamlNode) -> str:
 
 def read_snippet(text: str, what: str, tree: WrittenTree) -> Snippet:
     """Return a value given as YAML. Raises EditError: it is none."""
-    text = text.replace("\r\n", "\n").rstrip()
+    text = text.replace("\r\n", "\n").rstrip() + "\n"
     source, findings = Source("", text), Findings()
     at = read_yaml(source, findings, what) if text.strip() else None
     found = findings.sorted()

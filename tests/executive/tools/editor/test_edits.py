@@ -150,6 +150,15 @@ root:
         after = edited(TREE, do="set_modifier", node="root/0", modifier="timeout", value=None)
         assert changed(TREE, after) == ("      timeout: 5 s\n", "")
 
+    def test_a_value_of_several_lines_stands_below_its_word(self):
+        text = HEAD + "  Beep: {}\n  description: short\n"
+        after = edited(text, do="set_modifier", node="root", modifier="description", value="|\n  two\n\n   lines")
+        assert after == HEAD + "  Beep: {}\n  description: |\n    two\n\n     lines\n"
+        assert edited(after, do="set_modifier", node="root", modifier="description", value="short") == text
+        text = HEAD + "  Beep: {}\n  retry: 2\n"
+        after = edited(text, do="set_modifier", node="root", modifier="on_failure", value="wait: 1 s\nretry: 2")
+        assert after == text + "  on_failure:\n    wait: 1 s\n    retry: 2\n"
+
     def test_a_first_modifier_leaves_the_dash_and_the_comments_behind_it(self):
         text = "pomona: 1\ntree: t\nroot:\n  sequence:\n    - retry: 3\n      # loud\n      Beep: {}\n"
         after = edited(text, do="set_modifier", node="root/0", modifier="retry", value=None)
