@@ -18,7 +18,6 @@ from pomona.executive.execute import RunOrder, execute
 from pomona.executive.files import read_text
 from pomona.executive.registry import Registry
 from pomona.executive.running.events import Event, NodeChanged, RunEnded, RunStarted
-from pomona.executive.running.runner import Runner
 from pomona.executive.terminal.words import say as sentence
 from pomona.executive.values.shipped import installed_trees
 from pomona.tools.dashboard.apart import PageProcess
@@ -65,7 +64,6 @@ def _run(asked: dict[str, Any], say: Say) -> None:
             order,
             [page.on_event, lambda event: _say_node(say, event)],
             on_ready=page.control.serve,
-            on_latched=Runner.hold_latched,
             starting=page.control.prepare(tree.stem),
         )
         problem = ""
@@ -117,6 +115,9 @@ def main() -> int:
             (_test if asked["kind"] == "scenarios" else _run)(asked, say)
         except PomonaError as error:
             say({"problem": str(error)})
+            return 2
+        except KeyboardInterrupt:  # before the run began
+            say({"problem": "stopped before it began"})
             return 2
     return 0
 

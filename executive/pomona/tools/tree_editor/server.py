@@ -118,7 +118,10 @@ class TreeEditor:
         facts: Facts = {"stamp": disk.stamp, "problem": disk.problem, "others": self._others(page)}
         if disk.stamp != asked.get("stamp", ""):
             facts["disk"] = _disk(disk)
-        return JSONResponse(facts | self.trial.since(_whole(asked.get("trial")), _whole(asked.get("count"))))
+        trial = self.trial.since(_whole(asked.get("trial")), _whole(asked.get("count")))
+        if not self.access.authorised(request.headers):  # the link of a run's page lets its reader act there
+            trial["messages"] = [message for message in trial["messages"] if "page" not in message]
+        return JSONResponse(facts | trial)
 
     async def _catalogue(self, _request: Request) -> Response:
         return JSONResponse(await asyncio.to_thread(self.workbench.catalogue))

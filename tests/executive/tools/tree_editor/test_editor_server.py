@@ -285,6 +285,23 @@ def test_scenarios_beside_the_tree_are_run_on_the_unsaved_text(ask: Ask, editor:
     assert {m["status"] for m in messages if "path" in m} == {"reached"}
 
 
+@pytest.mark.slow
+def test_a_trial_is_stopped_in_the_safe_state(ask: Ask, client: TestClient, editor: TreeEditor) -> None:
+    assert ask("start", kind="dry", text=SMALL.replace("1 s", "1000 s"), real_time=True)[0] == 200
+    while "RUNNING" not in client.get("/api/watch", params={"page": "me"}).text:
+        assert editor.trial._process is not None
+        assert editor.trial._process.poll() is None
+    assert ask("stop", page="me")[0] == 200
+    assert [m["outcome"] for m in follow(editor) if "outcome" in m] == ["stopped"]
+
+
+def test_a_reader_without_the_token_gets_no_link_that_acts(client: TestClient, editor: TreeEditor) -> None:
+    editor.trial._messages = [{"page": "http://127.0.0.1:1/#token=secret"}, {"outcome": "success"}]
+    assert "secret" not in client.get("/api/watch", params={"page": "me"}).text
+    acting = client.get("/api/watch", params={"page": "me"}, headers={"x-pomona-token": editor.access.token})
+    assert "secret" in acting.text
+
+
 def test_a_child_that_dies_is_reported(editor: TreeEditor, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(trial_module.sys, "executable", "/bin/false")
     editor.trial.start({"kind": "dry"})
