@@ -14,7 +14,7 @@ from pomona.executive.language.overrides import parse_settings
 from pomona.executive.language.value_types import ValueType, can_flow, describe, fields_of
 from pomona.executive.nodes.surroundings import COUNTERS
 from pomona.executive.nodes.takes import Value
-from pomona.executive.ports import Port
+from pomona.executive.ports import Port, Quantity
 from pomona.executive.registry import Registry
 from pomona.executive.values.findings import Finding, mended
 from pomona.executive.values.yaml_nodes import YamlScalar, written
@@ -106,17 +106,37 @@ class Workbench:
             "problem": problem,
             "findings": [_finding(number, finding) for number, finding in enumerate(findings)],
             "definitions": [] if main is None else [self._definition(d) for d in self._service.outline()],
-            "parameters": [] if main is None else _declared(main.document.main.parameters),
+            "parameters": [] if main is None else self._declared(main.document.main.parameters),
         }
 
     def _definition(self, definition: Definition) -> Facts:
         return {
             "name": "" if definition.main else definition.name,
             "description": definition.description,
-            "inputs": _declared(definition.inputs),
-            "outputs": _declared(definition.outputs),
+            "inputs": self._declared(definition.inputs),
+            "outputs": self._declared(definition.outputs),
             "ports": [] if definition.main else self._called_ports(definition),
         }
+
+    def _declared(self, table: Mapping[str, Declared]) -> list[Facts]:
+        return [
+            {
+                "name": name,
+                "type": declared.type.text if declared.type is not None else "",
+                "default": written(declared.default) if declared.default is not None else "",
+                "min": declared.min.text if isinstance(declared.min, YamlScalar) else "",
+                "max": declared.max.text if isinstance(declared.max, YamlScalar) else "",
+                "choices": [choice.text for choice in declared.choices],
+                "help": declared.help,
+                "units": self._units(declared),
+                "line": declared.key.line,
+            }
+            for name, declared in table.items()
+        ]
+
+    def _units(self, declared: Declared) -> list[str]:
+        kind = self._skills.types.get(declared.type.text) if declared.type is not None else None
+        return list(kind.units) if isinstance(kind, Quantity) else []
 
     def _called_ports(self, definition: Definition) -> list[Facts]:
         analysis = self._service.analysis
@@ -164,22 +184,6 @@ def settings_of(said: object) -> dict[str, str]:
     if not isinstance(said, dict) or not all(isinstance(value, str) for value in said.values()):
         raise PomonaError("settings are texts by name")
     return parse_settings([f"{name}={value}" for name, value in said.items()])
-
-
-def _declared(table: Mapping[str, Declared]) -> list[Facts]:
-    return [
-        {
-            "name": name,
-            "type": declared.type.text if declared.type is not None else "",
-            "default": written(declared.default) if declared.default is not None else "",
-            "min": declared.min.text if isinstance(declared.min, YamlScalar) else "",
-            "max": declared.max.text if isinstance(declared.max, YamlScalar) else "",
-            "choices": [choice.text for choice in declared.choices],
-            "help": declared.help,
-            "line": declared.key.line,
-        }
-        for name, declared in table.items()
-    ]
 
 
 def _finding(number: int, finding: Finding) -> Facts:

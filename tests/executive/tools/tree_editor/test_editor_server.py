@@ -108,6 +108,13 @@ def test_the_state_of_a_text_has_nodes_and_findings_with_their_lines(ask: Ask) -
     assert [(found["line"], found["severity"]) for found in state["findings"]] == [(7, "error")]
 
 
+def test_parameters_have_their_units_and_range(ask: Ask) -> None:
+    text = "pomona: 1\ntree: a\nparameters:\n  far: {type: length, default: 1 cm, max: 1 m}\nroot: {wait: 1 s}\n"
+    (far,) = ask("state", text=text)[1]["parameters"]
+    assert (far["default"], far["min"], far["max"], far["line"]) == ("1 cm", "", "1 m", 4)
+    assert "mm" in far["units"]
+
+
 def test_a_text_that_is_no_yaml_has_a_problem_and_no_nodes(ask: Ask) -> None:
     _, state = ask("state", text="root: [")
     assert state["nodes"] == []

@@ -184,7 +184,7 @@ export class Drawing {
   }
 }
 
-const pill = (words) => h("span", { class: words.length < 16 ? "pill short" : "pill" }, words);
+const pill = (words) => h("span", { class: words.length < 20 ? "pill short" : "pill" }, words);
 const sign = (rank, shown, words) => h("span", { class: `mark ${rank}` }, h("span", { "aria-hidden": "true" }, shown ?? words), h("span", { class: "visually-hidden" }, words));
 
 const SIGNS = { success: "✔", failure: "✘", running: "▶", invalid: "·", reached: "✔ reached", unreached: "not reached" };

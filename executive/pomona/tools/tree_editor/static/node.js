@@ -86,7 +86,7 @@ export class NodePane {
     const { parameters } = page.state;
     return [
       parameters.length ? h("h3", {}, "Parameters of the tree") : null,
-      parameters.map((parameter) => this.entry(`parameter ${parameter.name}`, { ...parameter, required: false }, bare(parameter.default), (value) => ({ do: "set_parameter", name: parameter.name, value: yaml(value) }))),
+      parameters.map((parameter) => this.entry(`parameter ${parameter.name}`, { ...parameter, default: "", required: false }, bare(parameter.default), (value) => ({ do: "set_parameter", name: parameter.name, value: yaml(value) }))),
     ];
   }
 
@@ -150,7 +150,7 @@ function fill(select, port, wires = []) {
   const group = (label, rank, words) => (words?.length ? h("optgroup", { label }, words.map(({ word, about: words_ }) => h("option", { value: rank + word }, words_ ? `${word}   ${words_}` : word))) : null);
   const asWords = (words) => words?.map((word) => ({ word }));
   const own = port.output ? [{ word: `{${port.name}}`, about: "a name of its own" }] : [];
-  const parts = [group("Units", "u", asWords(port.units?.slice(0, 24))), group("Choices", "c", asWords(port.choices)), group("Wires", "w", [...own, ...wires.filter(({ word }) => !own.some((one) => one.word === word) && !(port.output && word.includes(".")))])].filter(Boolean);
-  select.replaceChildren(h("option", { value: "" }, port.units ? "unit" : parts.length ? "choose" : "–"), ...parts);
+  const parts = [group("Units", "u", asWords(port.units)), group("Choices", "c", asWords(port.choices)), group("Wires", "w", [...own, ...wires.filter(({ word }) => !own.some((one) => one.word === word) && !(port.output && word.includes(".")))])].filter(Boolean);
+  select.replaceChildren(h("option", { value: "" }, port.units?.length ? "unit" : parts.length ? "choose" : "–"), ...parts);
   select.hidden = !parts.length;
 }

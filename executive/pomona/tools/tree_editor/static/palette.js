@@ -96,7 +96,7 @@ function ports(title, given) {
 
 // "length, needed, 2 cm to 1 m"
 export function facts(port) {
-  const range = port.min !== undefined && port.max !== undefined ? `${port.min} to ${port.max}` : port.min !== undefined ? `at least ${port.min}` : port.max !== undefined ? `at most ${port.max}` : "";
+  const { min = "", max = "" } = port, range = min !== "" && max !== "" ? `${min} to ${max}` : min !== "" ? `at least ${min}` : max !== "" ? `at most ${max}` : "";
   return [port.type, port.required ? "needed" : port.default !== undefined && port.default !== "" ? `default ${port.default}` : "", range, port.choices?.length ? `one of ${port.choices.slice(0, 8).join(", ")}${port.choices.length > 8 ? " …" : ""}` : ""].filter(Boolean).join(", ");
 }
 
