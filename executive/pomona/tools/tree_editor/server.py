@@ -26,10 +26,9 @@ from pomona.executive.values.yaml_nodes import MAX_CHARACTERS
 from pomona.tools.dashboard import server as dashboard
 from pomona.tools.dashboard.security import Access, RequestGuard
 from pomona.tools.dashboard.serving import HttpService, authorised_body
-from pomona.tools.editor.edits import EditError
 from pomona.tools.scenarios.scenario import is_scenario
 from pomona.tools.tree_editor.drafts import Draft, Drafts
-from pomona.tools.tree_editor.tree_file import ChangedOnDiskError, DiskText, EditedFile, SaveRefusedError
+from pomona.tools.tree_editor.tree_file import ChangedOnDiskError, DiskText, EditedFile
 from pomona.tools.tree_editor.trial import Trial, free_port
 from pomona.tools.tree_editor.workbench import Workbench, settings_of
 
@@ -234,8 +233,6 @@ async def _in_thread(answer: Callable[[Body], Facts], body: Body) -> Response:
         return JSONResponse(await thread)
     except ChangedOnDiskError as error:
         return JSONResponse({"error": str(error), "disk": _disk(error.disk)}, 409)
-    except (SaveRefusedError, EditError, UsageError) as error:
-        return JSONResponse({"error": str(error)}, 409)
     except PomonaError as error:
         return JSONResponse({"error": str(error)}, 409)
     except (ValueError, KeyError, TypeError) as error:  # a request that no page makes

@@ -474,7 +474,7 @@ function clear(...names) {
 }
 
 let quiet = null;
-export function say(words) {
+function say(words) {
   $("said").textContent = words;
   clearTimeout(quiet);
   quiet = setTimeout(() => { $("said").textContent = ""; }, 4000);

@@ -25,7 +25,6 @@ export const node = (id = page.selected) => page.nodes.get(id);
 export const children = (id) => page.below.get(id) ?? [];
 export const siblings = (one) => (one.parent ? children(one.parent) : []);
 export const entryOf = (list, name) => list?.find((entry) => entry.name === name)?.text ?? "";
-export const canAct = () => page.mayAct && !page.problem.startsWith("cannot");
 
 // After a removal: the next sibling, the one before, or the parent.
 function nearest(id) {
