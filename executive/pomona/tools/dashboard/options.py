@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 PORT = 8420  # default port of the page
 
 
-def add_address(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the page's address."""
-    parser.add_argument("--port", type=int, default=PORT, help=f"port of the page (default: {PORT})")
+def add_address(parser: argparse.ArgumentParser, port: int = PORT) -> None:
+    """Add the options of the page's address, with this default of the port."""
+    parser.add_argument("--port", type=int, default=port, help=f"port of the page (default: {port})")
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: this machine only)")
     parser.add_argument(
         "--served-as", action="append", default=[], metavar="NAME", help="a name by which browsers reach this machine"

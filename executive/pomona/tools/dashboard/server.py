@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import errno
 import json
-import socket
-import sys
-import threading
 import time
 from collections.abc import AsyncIterator, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-import uvicorn
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.requests import Request
@@ -24,7 +19,7 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from pomona.executive.errors import PomonaError, UsageError
+from pomona.executive.errors import PomonaError
 from pomona.executive.reasons import failure_codes
 from pomona.executive.recording.drawn_tree import drawing
 from pomona.executive.recording.folder import EVENTS_FILE
@@ -32,7 +27,7 @@ from pomona.executive.recording.plain_file import is_plain
 from pomona.executive.running.events import Event
 from pomona.tools.assistants.approvals import request_facts
 from pomona.tools.dashboard.choices import Choices, JudgeForm, StartRun
-from pomona.tools.dashboard.connections import LiveWire, PatientHttp, hang_up, wire_of
+from pomona.tools.dashboard.connections import wire_of
 from pomona.tools.dashboard.control_lock import ControlLock, RefusedError, RunControl
 from pomona.tools.dashboard.hub import Hub, Viewer
 from pomona.tools.dashboard.presses import Presses, now, object_of, refuse_late, text
@@ -47,9 +42,9 @@ from pomona.tools.dashboard.record_messages import (
     thumbnail,
 )
 from pomona.tools.dashboard.security import Access, RequestGuard
+from pomona.tools.dashboard.serving import WATCH_ONLY, HttpService, authorised_body
 from pomona.tools.library.index import RunIndex, records_in
 
-WATCH_ONLY = "this page may watch but not act: open the link that was printed"
 STATIC = Path(__file__).parent / "static"
 MOST_VIEWERS = 200
 MOST_RUNS = 2000
@@ -67,27 +62,14 @@ MOST_PRESSES = 16
 UNSUPPORTED = 1003
 """Close code of a stream that sends bytes (RFC 6455, section 7.4.1)."""
 
-BODY_DEADLINE = 5.0
-"""Seconds within which the body of an acting request must arrive."""
-
 PAGE_SILENT = 4.0
 """Time without a ping from the page that holds control after which every page is informed [s]."""
-
-MAX_CLOSING_TURNS = 8
-"""Turns of the event loop in which remaining connections can notice that they are closed."""
-
-CLOSING = 0.05
-"""Time in which connections can end by themselves when the server ends [s]."""
 
 BEAT = 0.5
 """Period of a run's heartbeat [s]."""
 
 SILENT = 1.0
 """Time without a message from the run's process after which every page is informed [s]; it sends four a second."""
-
-
-SWITCH = 0.0005
-"""Python's thread switch interval while the dashboard serves [s]."""
 
 
 class Dashboard:
@@ -109,8 +91,6 @@ class Dashboard:
         self._start_run: StartRun | None = None
         self._judge_form: JudgeForm = lambda _form: {}
         self._choices = Choices({}, {})
-        self._server: _Server | None = None
-        self._thread: threading.Thread | None = None
         self._reading = RecordReading()
         reading = self._reading.route
         self.app = Starlette(
@@ -136,6 +116,7 @@ class Dashboard:
             middleware=[Middleware(RequestGuard, access=access)],
             lifespan=self._lifespan,
         )
+        self._service = HttpService(self.app, access, MOST_BODY)
         self._told_silent = False
         self.announce()
 
@@ -171,44 +152,15 @@ class Dashboard:
 
     def start(self) -> None:
         """Serve in a thread of its own. Raises UsageError: it cannot listen there."""
-        config = uvicorn.Config(
-            self.app, http=PatientHttp, log_level="critical", ws=LiveWire,
-            ws_max_size=MOST_BODY, ws_per_message_deflate=False, lifespan="on",
-            ssl_certfile=self.access.certificate, ssl_keyfile=self.access.key,
-        )  # fmt: skip
-        try:
-            config.load()
-        except OSError as error:  # ssl.SSLError, too
-            raise UsageError(f"the certificate or its key cannot be used: {error}") from error
-        listening = _listen_on(self.access.host, self.access.port)
-        # A tick that is due while a batch goes out to many viewers waits this long for the interpreter, not 5 ms.
-        sys.setswitchinterval(min(sys.getswitchinterval(), SWITCH))
-        self._server = _Server(config)
-        self._server.install_signal_handlers = lambda: None  # type: ignore[attr-defined]
-        started = threading.Event()
-
-        def serve() -> None:
-            assert self._server is not None
-            with contextlib.suppress(SystemExit):
-                self._server.run([listening])
-            started.set()
-
-        self._thread = threading.Thread(target=serve, name="pomona-dashboard", daemon=True)
-        self._thread.start()
-        while not self._server.started:
-            if started.wait(0.02):
-                raise UsageError(f"the dashboard cannot be served on {self.access.host}:{self.access.port}")
+        self._service.start()
 
     def close(self) -> None:
         """Stop serving once the viewers have received everything. Harmless when it was not started."""
         self.hub.close()
-        if self._server is not None and self._thread is not None:
-            patience = time.monotonic() + LAST_WORDS
-            while not self.hub.drained and time.monotonic() < patience:
-                time.sleep(0.02)
-            self._server.should_exit = True
-            self._server.force_exit = True
-            self._thread.join(5.0)
+        patience = time.monotonic() + LAST_WORDS
+        while self._service.server and not self.hub.drained and time.monotonic() < patience:
+            time.sleep(0.02)
+        self._service.close()
 
     @contextlib.asynccontextmanager
     async def _lifespan(self, _app: Starlette) -> AsyncIterator[None]:
@@ -378,7 +330,7 @@ class Dashboard:
     # ---------------------------------------------------------------------------------------------- acting
 
     async def _act(self, request: Request) -> Response:
-        body = await self._authorised_body(request)
+        body = await authorised_body(request, self.access, MOST_BODY)
         if isinstance(body, Response):
             return body
         try:
@@ -387,7 +339,7 @@ class Dashboard:
             return JSONResponse({"error": str(refused)}, 409)
 
     async def _start(self, request: Request) -> Response:
-        body = await self._authorised_body(request)
+        body = await authorised_body(request, self.access, MOST_BODY)
         if isinstance(body, Response):
             return body
         if self._start_run is None:
@@ -398,7 +350,7 @@ class Dashboard:
             return JSONResponse({"error": str(error)}, 409)
 
     async def _judge(self, request: Request) -> Response:
-        body = await self._authorised_body(request)
+        body = await authorised_body(request, self.access, MOST_BODY)
         if isinstance(body, Response):
             return body
         try:
@@ -417,38 +369,6 @@ class Dashboard:
 
         return {"tree": await asyncio.to_thread(begin)}
 
-    async def _authorised_body(self, request: Request) -> dict[str, Any] | Response:
-        if not self.access.authorised(request.headers):
-            return JSONResponse({"error": WATCH_ONLY}, 403)
-        if request.headers.get("content-type", "").partition(";")[0].strip() != "application/json":
-            return JSONResponse({"error": "send application/json"}, 415)
-        body = b""
-        try:
-            async with asyncio.timeout(BODY_DEADLINE):
-                async for chunk in request.stream():
-                    body += chunk
-                    if len(body) > MOST_BODY:
-                        return JSONResponse({"error": "too long"}, 413)
-        except TimeoutError:
-            return JSONResponse({"error": "sent too slowly"}, 408)
-        return object_of(body) or JSONResponse({"error": "send a JSON object"}, 400)
-
-
-class _Server(uvicorn.Server):
-    """uvicorn's server, leaving no connection open: over TLS each waits for its peer's close, longer than the loop."""
-
-    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Shut down as uvicorn does, then abort the connections that are still open."""
-        connections = self.server_state.connections
-        ending = asyncio.ensure_future(super().shutdown(sockets))
-        while not ending.done():  # since Python 3.12 it waits until all connections have ended
-            await asyncio.wait({ending}, timeout=CLOSING)
-            hang_up(connections)
-        await ending
-        for _turn in range(MAX_CLOSING_TURNS):
-            hang_up(connections)
-            await asyncio.sleep(0)
-
 
 async def _feed(stream: WebSocket, viewer: Viewer, gone: asyncio.Future[None]) -> None:
     """Send the waiting messages of a viewer, until it leaves or lags."""
@@ -464,36 +384,6 @@ async def _feed(stream: WebSocket, viewer: Viewer, gone: asyncio.Future[None]) -
         if viewer.lagged and not viewer.waiting:
             await stream.close(4408)  # the page connects again and gets the whole state
             return
-
-
-def _listen_on(host: str, port: int) -> socket.socket:
-    """Return a socket that listens. Raises UsageError: there is no such port or address, or another program has it."""
-    where = f"{host}:{port}"
-    if not 0 <= port <= 65535:
-        raise UsageError(f"--port {port}: a port is a number from 0 to 65535")
-    try:
-        family, *_rest, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
-        # The protocol must be named: asyncio switches Nagle's delay (40 ms) off only for sockets with the protocol TCP.
-        listening = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
-    except OSError as error:
-        raise UsageError(f"the dashboard cannot listen on {where}: {error.strerror or error}") from error
-    try:
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listening.bind(address)
-        listening.listen(2048)
-        listening.set_inheritable(False)
-    except OSError as error:
-        listening.close()
-        why = _WHY_NOT.get(error.errno or 0, error.strerror or str(error))
-        raise UsageError(f"the dashboard cannot listen on {where}: {why}") from error
-    return listening
-
-
-_WHY_NOT = {
-    errno.EADDRINUSE: "the port is taken. Choose another with --port.",
-    errno.EADDRNOTAVAIL: "this machine has no such address. --host 0.0.0.0 listens on all that it has.",
-    errno.EACCES: "ports below 1024 are the system's. Choose another with --port.",
-}
 
 
 def _interval(query: Mapping[str, str]) -> tuple[float, float] | None:

@@ -54,6 +54,7 @@ class EditedTree:
     path: Path  # of the file; others that it calls lie beside it
 
     def insert(self, edit: TreeEdit) -> None:
+        """Insert a node that is given as YAML. Raises EditError: it is no node, or may not be there."""
         snippet = read_snippet(edit.node, "the node", self.tree)
         if not isinstance(snippet.at, YamlMapping):
             raise EditError("a node is a mapping, such as 'Detect: {fruit: apple}'", edit.into)
@@ -61,6 +62,7 @@ class EditedTree:
         self.enter(edit, content_of(snippet.at))
 
     def move(self, edit: TreeEdit) -> None:
+        """Move a node. Raises EditError: it may not be there."""
         node = self.tree.node(edit.node)
         if edit.into == node.id or edit.into.startswith(f"{node.id}/"):
             raise EditError("a node cannot move into itself", node.id)
@@ -99,9 +101,11 @@ class EditedTree:
             holder[place.word] = content
 
     def prefix(self, into: str) -> tuple[str, ...]:
+        """Return the keys of a node's content."""
         return ("subtrees", into[:-1]) if into else ()
 
     def wrap(self, edit: TreeEdit) -> None:
+        """Put a node into a word. Raises EditError: the word takes no children."""
         node, kind, word = self.tree.node(edit.node), self.tree.types.get(edit.word), edit.word
         wrap(self.patch, node, word, edit.value)
         assert kind is not None
@@ -119,6 +123,7 @@ class EditedTree:
             self.meant.set(node.path, {word: self.content(edit.value or TRUE), inner: content})
 
     def unwrap(self, edit: TreeEdit) -> None:
+        """Put a node's only child in its place. Raises EditError: it has none, or more."""
         node = self.tree.node(edit.node)
         unwrap(self.patch, node)
         children = self.meant.get(node.path)[node.type_key.text]
@@ -129,11 +134,13 @@ class EditedTree:
             self.meant.set(node.path, children[0])
 
     def delete(self, edit: TreeEdit) -> None:
+        """Take a node out. Raises EditError: its place may not be empty."""
         node = self.tree.node(edit.node)
         take_out(self.patch, node)
         self.meant.take(node.path)
 
     def duplicate(self, edit: TreeEdit) -> None:
+        """Put a copy behind a node. Raises EditError: it may not be there."""
         node = self.tree.node(edit.node)
         duplicate(self.patch, node)
         copy = content_of(node.at)
@@ -145,6 +152,7 @@ class EditedTree:
         self.meant.get(node.path[:-1]).insert(int(node.path[-1]) + 1, copy)
 
     def rename(self, edit: TreeEdit) -> None:
+        """Give a node, a subtree or the tree a name. Raises EditError: this is no name."""
         node, name, findings = self.tree.node(edit.node), quoted(edit.name.strip()), Findings()
         if edit.name.strip():
             reader = NodeReader(findings, TreeFile(self.tree.source), self.tree.types)
@@ -153,6 +161,7 @@ class EditedTree:
         self.set_entry(node, "name", name if edit.name.strip() else None)
 
     def set_modifier(self, edit: TreeEdit) -> None:
+        """Set or remove a modifier. Raises EditError: it is none, or has no such value."""
         node, word = self.tree.node(edit.node), edit.word
         own = node.kind.fields if node.mapping and node.kind is not None else {}
         if word not in ("name", "description", *self.tree.types.beside, *own):
@@ -172,6 +181,7 @@ class EditedTree:
         self.meant.set((*node.path, word), content_of(snippet.at))
 
     def set_port(self, edit: TreeEdit) -> None:
+        """Set or remove a port. Raises EditError: it has no such value."""
         node, port = self.tree.node(edit.node), edit.word
         at, key, value, kind = node.mapping, node.type_key, node.value, node.kind
         assert kind is not None
@@ -236,6 +246,7 @@ class EditedTree:
         return key.line - 1 if (node.index < 0 or is_case) and key.line in comments else row
 
     def set_parameter(self, edit: TreeEdit) -> None:
+        """Set or declare a parameter. Raises EditError: its type is missing."""
         top, name = self.tree.top, edit.name
         assert top is not None
         written = top.get("parameters")
@@ -266,7 +277,7 @@ class EditedTree:
         self.meant.mapping(("parameters",))[name] = content_of(new.at)
 
     def first_parameter(self, top: YamlMapping, line: str) -> None:
-        """Declare a parameter in a file without any."""
+        """Declare a parameter in a file without any. Raises EditError: the file stands in braces."""
         if "parameters" in top.entries:
             self.patch.set_value(top, *top.entries["parameters"], read_snippet(line, "the parameter", self.tree))
             return
@@ -280,6 +291,7 @@ class EditedTree:
             self.patch.insert_lines(self.patch.entry_rows(*follower)[0], lines)
 
     def extract(self, edit: TreeEdit) -> None:
+        """Make a subtree of a node, and call it. Raises EditError: one of its inputs cannot be passed."""
         node = self.tree.node(edit.node)
         call, face = extract(self.patch, node, edit.name, self.registry, self.path)
         key, meant = node.type_key.text, self.meant
@@ -289,4 +301,5 @@ class EditedTree:
         meant.mapping(("subtrees",))[edit.name] = subtree
 
     def content(self, value: str) -> Any:
+        """Return the content of a value that is given as YAML. Raises EditError: it is none."""
         return content_of(read_snippet(value, "the value", self.tree).at)

@@ -1,4 +1,4 @@
-"""The content of a tree file as plain values, and what an edit makes of it: the measure of an edit of the text."""
+"""The content of a tree file as plain values, and the result of an edit: the measure of an edit of the text."""
 
 from __future__ import annotations
 

@@ -269,7 +269,9 @@ def quoted(text: str) -> str:
 
 
 def take_out(patch: TextPatch, node: WrittenNode) -> None:
-    """Take a node out, with its comments; a list without other nodes becomes `[]`."""
+    """Take a node out, with its comments; a list without other nodes becomes `[]`.
+
+    Raises EditError: its place may not be empty."""
     tree, holder = patch.tree, node.holder
     if isinstance(holder, YamlMapping):
         word = str(node.path[-1])

@@ -172,7 +172,7 @@ class TextPatch:
             self.insert_lines(tree.row(max(end, tree.end(key))) + 1, rest)
 
     def remove_entry(self, at: YamlMapping, word: str) -> None:
-        """Take a key and its value out of a mapping."""
+        """Take a key and its value out of a mapping. Raises EditError: a comment would be lost."""
         tree = self.tree
         names, (key, value) = list(at.entries), at.entries[word]
         if tree.is_flow(at):

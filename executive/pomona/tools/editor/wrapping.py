@@ -43,7 +43,7 @@ def on_its_lines(tree: WrittenTree, node: WrittenNode) -> bool:
 
 
 def wrap(patch: TextPatch, node: WrittenNode, word: str, value: str | None) -> None:
-    """Put a node into a new one, or give it a modifier."""
+    """Put a node into a new one, or give it a modifier. Raises EditError: the word takes no node."""
     tree, at = patch.tree, node.mapping
     kind = tree.types.get(word)
     if kind is None or kind.role == "leaf":
@@ -78,7 +78,7 @@ def _opening(tree: WrittenTree, word: str, value: str | None, node: str) -> tupl
 
 
 def default_value(kind: NodeType) -> str:
-    """Return a first value for a modifier, as YAML."""
+    """Return a first value for a modifier, as YAML. Raises EditError: it has none."""
     taken = kind.value
     if isinstance(taken, takes.Condition):
         return TRUE
@@ -106,7 +106,7 @@ def _with_comments(patch: TextPatch, node: WrittenNode) -> LiftedNode:
 
 
 def unwrap(patch: TextPatch, node: WrittenNode) -> None:
-    """Put the children of a node in its place."""
+    """Put the children of a node in its place. Raises EditError: they do not fit there."""
     tree, at, kind = patch.tree, node.mapping, node.kind
     items = node.value
     if kind is None or not isinstance(kind.value, takes.Children) or not isinstance(items, YamlList) or not items.items:
@@ -170,7 +170,7 @@ def _unwrap_lines(patch: TextPatch, node: WrittenNode, items: YamlList) -> None:
 
 
 def duplicate(patch: TextPatch, node: WrittenNode) -> None:
-    """Put a copy of a node behind it; names in the copy get a number, since a name stands once in a tree."""
+    """Put a copy of a node behind it (EditError: it may not be there); names in the copy get a number, since a name stands once in a tree."""
     tree, at = patch.tree, node.mapping
     if not isinstance(node.holder, YamlList):
         raise EditError("only one node has its place here", node.id)

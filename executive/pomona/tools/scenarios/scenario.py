@@ -24,7 +24,7 @@ from pomona.executive.files import read_text
 from pomona.executive.language.check import with_declarations
 from pomona.executive.language.mocks import MockedSkills, MockPlan, MocksReader, OneOrSeveral, Results, Tested, root_of
 from pomona.executive.language.model import Document
-from pomona.executive.language.read import read_file
+from pomona.executive.language.read import read, read_file
 from pomona.executive.ports import TIME
 from pomona.executive.registry import Registry
 from pomona.executive.values.findings import Finding, Findings, few_hints
@@ -119,13 +119,24 @@ def is_scenario(text: str) -> bool:
 
 
 @few_hints()
-def read_scenario(text: str, path: str | Path, skills: Registry, *, tree_folders: Sequence[Path] = ()) -> Scenario:
-    """Read a scenario and the tree that it tests. Raises nothing: the findings hold the errors."""
+def read_scenario(
+    text: str,
+    path: str | Path,
+    skills: Registry,
+    *,
+    tree_folders: Sequence[Path] = (),
+    texts: Mapping[Path, str] | None = None,
+) -> Scenario:
+    """Read a scenario and the tree that it tests. Raises nothing: the findings hold the errors.
+
+    Args:
+        texts: a tree's text by its resolved path, instead of that on the disk.
+    """
     findings = Findings()
     document, cases = None, tuple[ScenarioCase, ...]()
     root = root_of(text, path, findings, "a scenario file")
     if root is not None:
-        document = _tree(root, Path(path), tree_folders, findings)
+        document = _tree(root, Path(path), tree_folders, findings, texts or {})
         tested = Tested.of(document, skills) if document is not None else None
         try:
             said = SCENARIO.read(root, MocksReader(findings, tree=tested))
@@ -135,13 +146,19 @@ def read_scenario(text: str, path: str | Path, skills: Registry, *, tree_folders
     return Scenario(str(path), document, cases, tuple(findings.sorted()))
 
 
-def _tree(root: YamlMapping, path: Path, tree_folders: Sequence[Path], findings: Findings) -> Document | None:
+def _tree(
+    root: YamlMapping, path: Path, tree_folders: Sequence[Path], findings: Findings, texts: Mapping[Path, str]
+) -> Document | None:
     written = root.get("tree")
     if not isinstance(written, YamlScalar) or written.is_null:
         return None
     for base in (path.parent, *tree_folders):
         if is_file(base / written.text):
-            return read_file(base / written.text, tree_folders=tree_folders)
+            tree = base / written.text
+            unsaved = texts.get(tree.resolve()) if texts else None
+            if unsaved is not None:
+                return read(unsaved, tree, tree_folders=tree_folders)
+            return read_file(tree, tree_folders=tree_folders)
     findings.error(written, "file", f"there is no tree '{written.text}' beside the scenario")
     return None
 

@@ -52,7 +52,7 @@ POSTURES = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Beside:
-    """A fruit with what is beside it.
+    """A fruit with its neighbours and walls.
 
     Attributes:
         fruit: that is to be drawn.
@@ -101,7 +101,7 @@ class Beside:
 def hooks(
     beside: Beside, fingers: GripperShape, width: float, distance: float
 ) -> Iterator[tuple[float, Float64, Float64, str]]:
-    """Yield hooks: the pull's angle [rad], T_base_tcp at the lowest place, (4, 4), the pull, (3,), what is in the way.
+    """Yield hooks: the pull's angle [rad], T_base_tcp at the lowest place, (4, 4), the pull, (3,), and obstacles in the way.
 
     Args:
         width: opening of the fingers [m].
@@ -171,7 +171,7 @@ def rolled_height(x: float, radius: float, behind: float) -> float:
 def _lowest(
     beside: Beside, fingers: GripperShape, width: float, R_base_tcp: Float64, pull: Float64
 ) -> tuple[Float64, str]:
-    """Return the place where the finger is farthest behind the fruit, and what is in the way of the nearest one."""
+    """Return the place where the finger is farthest behind the fruit, and the obstacle of the nearest one."""
     corners = (fingers.points + (width - fingers.closed) * fingers.slides) @ R_base_tcp.T
     middle = (beside.points.max(axis=0) + beside.points.min(axis=0)) / 2.0
     T_base_tcp = np.eye(4)
@@ -189,7 +189,7 @@ def _lowest(
 
 
 def _ahead(beside: Beside, fingers: GripperShape, width: float, T_base_tcp: Float64, pull: Float64) -> str:
-    """Return what the fingers would touch on the pull: walls in front; neighbours may be pushed along by the fruit."""
+    """Return the obstacle that the fingers would touch on the pull: walls in front; neighbours may be pushed along by the fruit."""
     corners = (fingers.points + (width - fingers.closed) * fingers.slides) @ T_base_tcp[:3, :3].T + T_base_tcp[:3, 3]
     return _touched(np.vstack((corners, corners + pull)), fingers.bodies * 2, (*beside.walls, *beside.neighbours))
 

@@ -14,7 +14,7 @@ from websockets.frames import Frame, Opcode
 from websockets.sync.client import connect
 
 from pomona.executive.errors import UsageError
-from pomona.tools.dashboard import connections, server
+from pomona.tools.dashboard import connections, server, serving
 
 LONG = 60.0
 """Time that a busy machine may take [s]; a client that is kept out waits longer."""
@@ -56,8 +56,8 @@ def test_no_message_waits_for_the_next_one(show: Show) -> None:
     """With Nagle's algorithm every press was answered 40 ms later."""
     with connect(f"ws://127.0.0.1:{show.dashboard.access.port}/live") as live:
         live.recv(LONG)
-        assert show.dashboard._server is not None
-        lines: list[Any] = list(show.dashboard._server.server_state.connections)
+        assert show.dashboard._service.server is not None
+        lines: list[Any] = list(show.dashboard._service.server.server_state.connections)
         delays = [line.transport.get_extra_info("socket") for line in lines]
         assert delays
         assert all(line.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) for line in delays)
@@ -77,7 +77,7 @@ def test_a_request_that_does_not_come_is_not_waited_for(
     show: Show, monkeypatch: pytest.MonkeyPatch, said: bytes
 ) -> None:
     monkeypatch.setattr(connections, "REQUEST_DEADLINE", 0.05)
-    monkeypatch.setattr(server, "BODY_DEADLINE", 30.0)
+    monkeypatch.setattr(serving, "BODY_DEADLINE", 30.0)
     token = b"X-Pomona-Token: %b\r\nHost" % show.dashboard.access.token.encode()
     address = ("127.0.0.1", show.dashboard.access.port)
     with socket.create_connection(address, LONG) as slow, contextlib.suppress(ConnectionError):
@@ -96,7 +96,7 @@ def test_a_request_that_does_not_come_is_not_waited_for(
 )
 def test_an_address_that_cannot_be_listened_on_is_refused_with_the_reason(host: str, port: int, words: str) -> None:
     with pytest.raises(UsageError, match=words):
-        server._listen_on(host, port)
+        serving.listen_on(host, port)
 
 
 def test_a_taken_port_is_reported() -> None:
@@ -104,12 +104,12 @@ def test_a_taken_port_is_reported() -> None:
         other.bind(("127.0.0.1", 0))
         other.listen()
         with pytest.raises(UsageError, match="the port is taken"):
-            server._listen_on("127.0.0.1", other.getsockname()[1])
+            serving.listen_on("127.0.0.1", other.getsockname()[1])
 
 
 def test_the_server_ends_while_a_peer_closes_its_stream(show: Show) -> None:
     """The close frame is read in the turn of the loop in which the server ends."""
-    server_ = show.dashboard._server
+    server_ = show.dashboard._service.server
     assert server_ is not None
     with connect(f"ws://127.0.0.1:{show.dashboard.access.port}/live") as live:
         live.recv(LONG)
@@ -120,7 +120,7 @@ def test_the_server_ends_while_a_peer_closes_its_stream(show: Show) -> None:
 
 
 def test_the_server_ends_after_a_malformed_request(show: Show) -> None:
-    server_ = show.dashboard._server
+    server_ = show.dashboard._service.server
     assert server_ is not None
     with socket.create_connection(("127.0.0.1", show.dashboard.access.port), LONG) as line:
         line.send(b"no request\r\n\r\n")

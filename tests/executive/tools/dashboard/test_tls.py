@@ -145,10 +145,10 @@ def test_the_end_waits_for_no_farewell_and_leaves_no_connection_open(
     with socket.create_connection(address, 60.0) as plain, trusting.wrap_socket(plain, server_hostname=ADDRESS) as line:
         line.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.2:%d\r\n\r\n" % address[1])
         assert line.recv(12) == b"HTTP/1.1 200"
-        assert dashboard._server is not None
-        assert len(dashboard._server.server_state.connections) == 1
+        assert dashboard._service.server is not None
+        assert len(dashboard._service.server.server_state.connections) == 1
         dashboard.close()
-        assert dashboard._server.server_state.connections == set()
+        assert dashboard._service.server.server_state.connections == set()
 
 
 def test_the_end_tolerates_a_page_that_is_closing_without_a_close_message(
@@ -164,10 +164,10 @@ def test_the_end_tolerates_a_page_that_is_closing_without_a_close_message(
         )
         assert line.recv(12) == b"HTTP/1.1 101"
         line.sendall(bytes([0x88, 0x82, 0, 0, 0, 0]) + (1000).to_bytes(2, "big"))  # a close frame, and no TLS farewell
-        assert dashboard._server is not None
-        open_connections = dashboard._server.server_state.connections
+        assert dashboard._service.server is not None
+        open_connections = dashboard._service.server.server_state.connections
         while not all(connection.transport.is_closing() for connection in list(open_connections)):
-            assert dashboard._server.started
+            assert dashboard._service.server.started
         assert len(open_connections) == 1
         dashboard.close()  # an error in the server's thread is an error of this test
         assert open_connections == set()

@@ -1,0 +1,1 @@
+"""Graphical editor of tree files: the drawn tree beside its text, in the browser."""

@@ -1,0 +1,277 @@
+"""The editor's server: one file, any number of pages."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+from collections.abc import Awaitable, Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, JSONResponse, Response
+from starlette.routing import Mount, Route
+from starlette.staticfiles import StaticFiles
+
+from pomona.executive.cell.cell_file import outline_cell
+from pomona.executive.errors import PomonaError, UsageError
+from pomona.executive.files import default_name, read_text
+from pomona.executive.registry import Registry
+from pomona.executive.values.findings import Findings
+from pomona.executive.values.installation import installed_trees
+from pomona.executive.values.yaml_nodes import MAX_CHARACTERS
+from pomona.tools.dashboard import server as dashboard
+from pomona.tools.dashboard.security import Access, RequestGuard
+from pomona.tools.dashboard.serving import HttpService, authorised_body
+from pomona.tools.scenarios.scenario import is_scenario
+from pomona.tools.tree_editor.drafts import Draft, Drafts
+from pomona.tools.tree_editor.tree_file import ChangedOnDiskError, DiskText, EditedFile
+from pomona.tools.tree_editor.trial import EditorTrial, free_port
+from pomona.tools.tree_editor.workbench import Workbench, settings_of
+
+STATIC = Path(__file__).parent / "static"
+MOST_BODY = 8 * MAX_CHARACTERS  # of a request [byte]: a text has MAX_CHARACTERS, each up to six bytes in JSON
+MOST_FILES = 200  # files below the tree's folder that are looked through for scenarios
+PAGE_GONE = 5.0  # time without a request after which a page counts as closed [s]
+REHEARSALS = ("dry", "run", "scenarios")
+SIMULATED = ("simulated", "mock")  # kinds of cells on which the editor runs a tree; others move real devices
+
+Body = dict[str, Any]
+Facts = dict[str, Any]
+
+
+class TreeEditor:
+    """Serves the page and its requests. Nothing is written to the file but by a request to save."""
+
+    def __init__(self, file: EditedFile, access: Access, skills: Registry, cell: Path, records: Path) -> None:
+        """
+        Args:
+            file: the tree file.
+            access: who may read and act.
+            skills: those that are installed.
+            cell: the simulated cell whose names are offered, and on which a run starts.
+            records: folder of the records of runs.
+        """
+        self.file, self.access, self.cell, self.records = file, access, cell, records
+        self.drafts, self.trial = Drafts(file.path), EditorTrial()
+        self.workbench = Workbench(file.path, skills, cell)
+        self._pages: dict[str, float] = {}
+        self.app = Starlette(
+            routes=[
+                Route("/", self._page),
+                Route("/api/file", self._open),
+                Route("/api/watch", self._watch),
+                Route("/api/catalogue", self._catalogue),
+                *(self._acting(name, answer) for name, answer in self._answers()),
+                Mount("/static/shared", StaticFiles(directory=dashboard.STATIC)),
+                Mount("/static", StaticFiles(directory=STATIC)),
+            ],
+            middleware=[Middleware(RequestGuard, access=access)],
+        )
+        self._service = HttpService(self.app, access, MOST_BODY)
+
+    def start(self) -> None:
+        """Serve in a thread of its own. Raises UsageError: it cannot listen there."""
+        self._service.start()
+
+    @property
+    def serves(self) -> bool:
+        """Whether it was started."""
+        return self._service.server is not None
+
+    def close(self) -> None:
+        """End a run and stop serving."""
+        self.trial.close()
+        self._service.close()
+
+    # ------------------------------------------------------------------------------------------------ reading
+
+    async def _page(self, _request: Request) -> Response:
+        return HTMLResponse((STATIC / "index.html").read_text(encoding="utf-8"))
+
+    async def _open(self, request: Request) -> Response:
+        page = request.query_params.get("page", "")
+        return JSONResponse(await asyncio.to_thread(self._opened, page))
+
+    def _opened(self, page: str) -> Facts:
+        gone = [draft for draft in self.drafts.all() if draft.page == page or not self._is_open(draft.page)]
+        return {
+            "name": self.file.path.name,
+            "path": str(self.file.path),
+            "link": str(self.file.given) if self.file.link else "",
+            "may_act": self.access.may_act,
+            "cell": self.cell.stem,
+            "scenarios": [str(path.relative_to(self.file.path.parent)) for path in self._scenarios()],
+            "drafts": [{"page": d.page, "text": d.text, "stamp": d.stamp, "time": d.time} for d in gone],
+            "disk": _disk(self.file.read()),
+        }
+
+    async def _watch(self, request: Request) -> Response:
+        asked = request.query_params
+        page = asked.get("page", "")
+        self._pages[page[:40]] = time.monotonic()
+        disk = await asyncio.to_thread(self.file.read)
+        facts: Facts = {"stamp": disk.stamp, "problem": disk.problem, "others": self._others(page)}
+        if disk.stamp != asked.get("stamp", ""):
+            facts["disk"] = _disk(disk)
+        trial = self.trial.since(_whole(asked.get("trial")), _whole(asked.get("count")))
+        if not self.access.authorised(request.headers):  # the link of a run's page lets its reader act there
+            trial["messages"] = [message for message in trial["messages"] if "page" not in message]
+        return JSONResponse(facts | trial)
+
+    async def _catalogue(self, _request: Request) -> Response:
+        return JSONResponse(await asyncio.to_thread(self.workbench.catalogue))
+
+    def _is_open(self, page: str) -> bool:
+        return time.monotonic() - self._pages.get(page, -PAGE_GONE) < PAGE_GONE
+
+    def _others(self, page: str) -> int:
+        return sum(self._is_open(other) for other in self._pages if other != page)
+
+    def _scenarios(self) -> Iterator[Path]:
+        """Yield the scenario files below the tree's folder that test it."""
+        if not self.file.path.exists():
+            return
+        for path in sorted(self.file.path.parent.rglob("*.yaml"))[:MOST_FILES]:
+            with contextlib.suppress(UsageError):
+                text = read_text(path)
+                if self.file.path.name in text and is_scenario(text):
+                    yield path
+
+    # ------------------------------------------------------------------------------------------------- acting
+
+    def _answers(self) -> list[tuple[str, Callable[[Body], Facts]]]:
+        """The requests that act, by name. Each is answered in a thread of its own."""
+        bench = self.workbench
+        return [
+            ("state", lambda body: bench.state(_text(body))),
+            ("edit", lambda body: bench.edit(_text(body), _mapping(body, "edit"))),
+            ("mend", lambda body: bench.mend(_text(body), _number(body, "number"))),
+            (
+                "offers",
+                lambda body: {"ports": bench.offers(_text(body), _word(body, "definition"), _word(body, "kind"))},
+            ),
+            ("draft", self._keep_draft),
+            ("drop", self._drop_draft),
+            ("save", self._save),
+            ("start", self._start),
+            ("stop", self._stop),
+        ]
+
+    def _acting(self, name: str, answer: Callable[[Body], Facts]) -> Route:
+        async def respond(request: Request) -> Response:
+            body = await authorised_body(request, self.access, MOST_BODY)
+            if isinstance(body, Response):
+                return body
+            return await _in_thread(answer, body)
+
+        return Route(f"/api/{name}", respond, methods=["POST"])
+
+    def _keep_draft(self, body: Body) -> Facts:
+        try:
+            self.drafts.keep(Draft(_word(body, "page"), _text(body), _word(body, "stamp"), time.time()))
+        except OSError as error:
+            raise UsageError(f"the draft is not kept: {error.strerror or error}") from error
+        return {"kept": True}
+
+    def _drop_draft(self, body: Body) -> Facts:
+        self.drafts.drop(_word(body, "page"))
+        return {"kept": False}
+
+    def _save(self, body: Body) -> Facts:
+        disk = self.file.save(_text(body), _word(body, "stamp"))
+        self.drafts.drop(_word(body, "page"))
+        return {"disk": _disk(disk)}
+
+    def _start(self, body: Body) -> Facts:
+        """Begin a dry run, the scenarios, or a run on the simulated cell, of a text that has no errors."""
+        kind, text = _word(body, "kind"), _text(body)
+        if kind not in REHEARSALS:
+            raise UsageError(f"'{kind}' is none of {', '.join(REHEARSALS)}")
+        errors = [found for found in self.workbench.state(text)["findings"] if found["severity"] == "error"]
+        if errors:
+            first = errors[0]
+            raise UsageError(f"not started: line {first['line']}: {first['message']}; correct the errors first")
+        refuse_real(self.cell)
+        scenarios = [str(path) for path in self._scenarios()] if kind == "scenarios" else []
+        if kind == "scenarios" and not scenarios:
+            raise UsageError(f"no scenario file below {self.file.path.parent} tests {self.file.path.name}")
+        order = {
+            "kind": kind, "dry": kind == "dry", "tree": str(self.file.path), "text": text, "cell": str(self.cell),
+            "seed": _number(body, "seed") if "seed" in body else 0, "settings": settings_of(body.get("settings", {})),
+            "real_time": body.get("real_time") is True, "record": str(self.records), "port": free_port(),
+            "scenarios": scenarios,
+        }  # fmt: skip
+        return {"trial": self.trial.start(order)}
+
+    def _stop(self, _body: Body) -> Facts:
+        self.trial.interrupt()
+        return {"stopped": True}
+
+
+def refuse_real(cell: Path) -> None:
+    """Raise if a cell is not a simulated one. Raises UsageError: the editor moves no real device."""
+    outline = outline_cell(cell, Findings())
+    if outline is None or outline.kind not in SIMULATED:
+        kind = "cannot be read" if outline is None else f"is {outline.kind}"
+        raise UsageError(
+            f"the cell '{cell.stem}' {kind}: the editor runs trees on simulated cells only; use pomona run"
+        )
+
+
+def default_cell() -> Path:
+    """Return the file of the default cell."""
+    return installed_trees() / "cells" / f"{default_name('cell')}.yaml"
+
+
+async def _in_thread(answer: Callable[[Body], Facts], body: Body) -> Response:
+    thread: Awaitable[Facts] = asyncio.to_thread(answer, body)
+    try:
+        return JSONResponse(await thread)
+    except ChangedOnDiskError as error:
+        return JSONResponse({"error": str(error), "disk": _disk(error.disk)}, 409)
+    except PomonaError as error:
+        return JSONResponse({"error": str(error)}, 409)
+    except (ValueError, KeyError, TypeError) as error:  # a request that no page makes
+        return JSONResponse({"error": f"not understood: {error}"}, 400)
+
+
+def _disk(disk: DiskText) -> Facts:
+    return {"text": disk.text, "stamp": disk.stamp, "problem": disk.problem, "readable": disk.readable}
+
+
+def _text(body: Body) -> str:
+    text = body.get("text")
+    if not isinstance(text, str):
+        raise ValueError("'text' is a text")
+    if len(text) > MAX_CHARACTERS:
+        raise UsageError("the text is longer than 512 KiB, the most of a tree file")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _word(body: Body, key: str) -> str:
+    value = body.get(key, "")
+    if not isinstance(value, str):
+        raise ValueError(f"'{key}' is a text")
+    return value
+
+
+def _number(body: Body, key: str) -> int:
+    value = body.get(key)
+    if not isinstance(value, int) or isinstance(value, bool):
+        raise ValueError(f"'{key}' is a whole number")
+    return value
+
+
+def _mapping(body: Body, key: str) -> Body:
+    value = body.get(key)
+    if not isinstance(value, dict):
+        raise ValueError(f"'{key}' is an object")
+    return value
+
+
+def _whole(said: str | None) -> int:
+    return int(said) if said is not None and said.isdecimal() and len(said) < 10 else 0

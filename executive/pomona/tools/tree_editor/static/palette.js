@@ -1,0 +1,103 @@
+// The palette: everything that a node can be, searched by name, purpose, port and failure code, with its help.
+import { $, h } from "./shared/dom.js";
+import { about, page } from "./model.js";
+
+const ROLES = { skill: "Skills", subtree: "Subtrees of this file", composite: "Words with children", leaf: "Words without children", modifier: "Modifiers" };
+const FIRST = ["sequence", "fallback", "retry"]; // what a tree is made of most
+
+let entries = [], shown = [], chosen = 0, done = null;
+
+const search = $("palette-search"), list = $("palette-list"), dialog = $("palette");
+
+// Ask for an entry of these roles; resolves with its name, or null.
+export function choose(title, roles) {
+  const { skills, words } = page.catalogue;
+  const called = page.state.definitions.filter(({ name }) => name).map(({ name }) => about(name));
+  entries = [...Object.values(skills), ...called, ...Object.values(words)].filter(({ role }) => roles.includes(role)).map((entry) => ({ entry, text: textOf(entry) }));
+  $("palette-title").textContent = title;
+  search.value = "";
+  find();
+  dialog.showModal();
+  search.focus();
+  return new Promise((resolve) => { done = resolve; });
+}
+
+function textOf({ name, summary, inputs = [], outputs = [], failures = [], fields = [] }) {
+  return [name, summary, ...[...inputs, ...outputs, ...fields].map((port) => `${port.name} ${port.type ?? ""}`), ...failures.map(({ code, meaning }) => `${code} ${meaning}`)].join(" ").toLowerCase();
+}
+
+function rank({ entry, text }, asked) {
+  const name = entry.name.toLowerCase();
+  if (!asked) return FIRST.includes(entry.name) ? 0 : 1;
+  if (name === asked) return 0;
+  if (name.startsWith(asked)) return 1;
+  if (name.includes(asked)) return 2;
+  return asked.split(/\s+/).every((word) => text.includes(word)) ? 3 : 9;
+}
+
+function find() {
+  const asked = search.value.trim().toLowerCase(), order = Object.keys(ROLES);
+  shown = entries.map((one) => ({ ...one, rank: rank(one, asked) })).filter((one) => one.rank < 9);
+  shown.sort((a, b) => (asked ? a.rank - b.rank : 0) || order.indexOf(a.entry.role) - order.indexOf(b.entry.role) || a.rank - b.rank || a.entry.name.localeCompare(b.entry.name));
+  chosen = 0;
+  let group = "";
+  list.replaceChildren(...shown.flatMap(({ entry }, i) => {
+    const heading = !asked && entry.role !== group ? h("div", { class: "group-name", role: "presentation" }, ROLES[group = entry.role]) : null;
+    const option = h("div", { role: "option", id: `option-${i}`, "aria-selected": "false", onclick: () => end(entry.name), onpointermove: () => mark(i, false) },
+      h("span", { "aria-hidden": "true" }, entry.symbol), h("b", {}, entry.name), h("small", {}, entry.summary));
+    return heading ? [heading, option] : [option];
+  }), ...(shown.length ? [] : [h("p", { class: "muted" }, "Nothing has all of these words.")]));
+  mark(0);
+}
+
+function mark(i, into = true) {
+  list.querySelector('[aria-selected="true"]')?.setAttribute("aria-selected", "false");
+  chosen = Math.max(0, Math.min(shown.length - 1, i));
+  const option = $(`option-${chosen}`);
+  $("palette-about").replaceChildren(...(shown[chosen] ? help(shown[chosen].entry) : []));
+  if (!option) { search.removeAttribute("aria-activedescendant"); return; }
+  option.setAttribute("aria-selected", "true");
+  search.setAttribute("aria-activedescendant", option.id);
+  if (into) option.scrollIntoView({ block: "nearest" });
+}
+
+function end(name) {
+  const answer = done;
+  done = null;
+  if (dialog.open) dialog.close();
+  answer?.(name);
+}
+
+search.addEventListener("input", find);
+search.addEventListener("keydown", (event) => {
+  const by = { ArrowDown: 1, ArrowUp: -1, PageDown: 8, PageUp: -8 }[event.key];
+  if (by) mark(chosen + by);
+  else if (event.key === "Enter" && shown[chosen]) end(shown[chosen].entry.name);
+  else return;
+  event.preventDefault();
+});
+dialog.addEventListener("close", () => end(null));
+
+// Help on an entry: purpose, ports, failure codes.
+export function help(entry) {
+  return [
+    h("h3", {}, `${entry.symbol ?? ""} ${entry.name}`), h("p", {}, capital(entry.summary)),
+    ports("Inputs", entry.inputs), ports("Outputs", entry.outputs),
+    entry.value && entry.role !== "composite" && entry.value.type !== "nothing" ? ports("Value", [entry.value]) : null,
+    ports("Beside it", entry.fields), entry.devices?.length ? h("p", { class: "muted" }, `Devices: ${entry.devices.join(", ")}`) : null,
+    entry.failures?.length ? [h("h3", {}, "Fails with"), h("ul", { class: "codes" }, entry.failures.map((one) => h("li", {}, h("code", {}, one.code), one.meaning ? ` ${one.meaning}` : "")))] : null,
+  ].flat().filter(Boolean);
+}
+
+function ports(title, given) {
+  if (!given?.length) return null;
+  return [h("h3", {}, title), h("dl", { class: "facts" }, given.map((port) => [h("dt", {}, port.name), h("dd", {}, facts(port), port.help ? h("div", { class: "muted" }, port.help) : null)]))];
+}
+
+// "length, needed, 2 cm to 1 m"
+export function facts(port) {
+  const { min = "", max = "" } = port, range = min !== "" && max !== "" ? `${min} to ${max}` : min !== "" ? `at least ${min}` : max !== "" ? `at most ${max}` : "";
+  return [port.type, port.required ? "needed" : port.default !== undefined && port.default !== "" ? `default ${port.default}` : "", range, port.choices?.length ? `one of ${port.choices.slice(0, 8).join(", ")}${port.choices.length > 8 ? " …" : ""}` : ""].filter(Boolean).join(", ");
+}
+
+export const capital = (text = "") => (text ? text[0].toUpperCase() + text.slice(1) : "");

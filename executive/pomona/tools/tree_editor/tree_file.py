@@ -1,0 +1,181 @@
+"""The file that is edited: read whole, watched, and replaced whole when it is saved."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import hashlib
+import os
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from pomona.executive.errors import PomonaError, UsageError
+from pomona.executive.values.plain_text import not_utf8
+from pomona.executive.values.yaml_nodes import MAX_CHARACTERS
+
+MOST_BYTES = 4 * MAX_CHARACTERS  # of a file: a character of UTF-8 has four bytes at most
+BOM = "\ufeff"
+
+
+@dataclass(frozen=True, slots=True)
+class DiskText:
+    """The content of the file.
+
+    Attributes:
+        text: lines end with "\\n", without a byte order mark; empty if there is no file.
+        stamp: fingerprint of the bytes; empty if there is no file.
+        problem: why it cannot be saved, or why it could not be read; empty when all is well.
+        readable: whether `text` is the file's.
+    """
+
+    text: str = ""
+    stamp: str = ""
+    problem: str = ""
+    readable: bool = True
+
+
+class SaveRefusedError(PomonaError):
+    """A file that is not saved, with the reason."""
+
+
+class ChangedOnDiskError(SaveRefusedError):
+    """A file that another program has changed meanwhile; `disk` is its content."""
+
+    def __init__(self, disk: DiskText) -> None:
+        self.disk = disk
+        super().__init__("the file was changed by another program meanwhile: nothing was written")
+
+
+class EditedFile:
+    """One tree file, or the place of a new one."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises UsageError: no tree file can stand there."""
+        self.given = path
+        try:
+            self.path = path.resolve()
+            link = path.is_symlink()
+        except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a name that cannot be
+            raise UsageError(f"{path}: no file can be opened here ({error})") from error
+        self.link = str(self.path) if link else ""
+        if not self.path.parent.is_dir():
+            raise UsageError(f"{path}: there is no folder {self.path.parent}; make it first")
+        if self.path.exists() and not self.path.is_file():
+            raise UsageError(f"{path}: a folder or a device, not a tree file")
+        self._seen: tuple[int, ...] = ()
+        self._disk = DiskText()
+        disk = self.read()
+        if not disk.readable:
+            raise UsageError(f"{path}: {disk.problem}")
+
+    def read(self) -> DiskText:
+        """Return the present content. A file whose size, time and number are the same is not read again."""
+        try:
+            about = self.path.stat()
+        except FileNotFoundError:
+            self._seen, self._disk = (), DiskText(problem=self._folder_problem())
+            return self._disk
+        except OSError as error:
+            return DiskText(problem=f"cannot be read: {error.strerror}", readable=False)
+        seen = (about.st_mtime_ns, about.st_size, about.st_ino, about.st_mode)
+        if seen != self._seen:
+            self._disk, self._seen = self._read(about), seen
+        return self._disk
+
+    def _read(self, about: os.stat_result) -> DiskText:
+        if about.st_size > MOST_BYTES:
+            megabytes = about.st_size / 1e6
+            return DiskText(problem=f"has {megabytes:.1f} MB; a tree file has 512 KiB at most", readable=False)
+        try:
+            data = self.path.read_bytes()
+            written = data.decode("utf-8")
+        except UnicodeDecodeError as error:
+            return DiskText(problem=f"not a text file ({not_utf8(error)})", readable=False)
+        except OSError as error:
+            return DiskText(problem=f"cannot be read: {error.strerror}", readable=False)
+        stamp = hashlib.sha256(data).hexdigest()
+        text = written.removeprefix(BOM).replace("\r\n", "\n").replace("\r", "\n")
+        if len(text) > MAX_CHARACTERS:
+            return DiskText(problem="is longer than 512 KiB, the most of a tree file", readable=False)
+        problem = "" if about.st_mode & 0o222 else "the file is read-only"
+        if _encoded(text, written) != data:
+            problem = "its lines end in different ways: save it with one line ending first"
+        return DiskText(text, stamp, problem or self._folder_problem())
+
+    def _folder_problem(self) -> str:
+        return "" if os.access(self.path.parent, os.W_OK) else f"the folder {self.path.parent} is read-only"
+
+    def save(self, text: str, stamp: str) -> DiskText:
+        """Replace the file at once by a text; return the new content.
+
+        Args:
+            text: lines end with "\\n"; they are written with the line ending that the file has.
+            stamp: fingerprint of the content that the text was made from.
+
+        Raises:
+            ChangedOnDiskError: the file has another content now.
+            SaveRefusedError: it cannot be written.
+        """
+        with self._alone():
+            self._seen = ()
+            disk = self.read()
+            if disk.stamp != stamp:
+                raise ChangedOnDiskError(disk)
+            if disk.problem:
+                raise SaveRefusedError(f"not saved: {disk.problem}")
+            try:
+                self._replace(_encoded(text, self.path.read_bytes().decode("utf-8") if stamp else ""))
+            except OSError as error:
+                raise SaveRefusedError(f"not saved: {error.strerror or error}") from error
+            return self.read()
+
+    def _replace(self, data: bytes) -> None:
+        number, name = tempfile.mkstemp(dir=self.path.parent, prefix=f".{self.path.name}.", suffix=".saving")
+        try:
+            with os.fdopen(number, "wb") as stream:
+                stream.write(data)
+                stream.flush()
+                os.fsync(stream.fileno())
+            about = self.path.stat() if self.path.exists() else None
+            os.chmod(name, 0o644 & ~_umask() if about is None else about.st_mode & 0o7777)
+            if about is not None:
+                with contextlib.suppress(PermissionError):  # of another owner: the content counts more
+                    os.chown(name, about.st_uid, about.st_gid)
+            os.replace(name, self.path)
+        except OSError:
+            with contextlib.suppress(OSError):
+                os.unlink(name)
+            raise
+
+    @contextlib.contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Keep other editors of this file waiting: between the look at the content and its replacement."""
+        try:
+            folder = os.open(self.path.parent, os.O_RDONLY)
+        except OSError as error:
+            raise SaveRefusedError(f"not saved: {error.strerror}") from error
+        try:
+            fcntl.flock(folder, fcntl.LOCK_EX)
+            yield
+        except OSError as error:
+            if error.errno in (errno.ENOLCK, errno.EOPNOTSUPP):  # a file system without locks
+                raise SaveRefusedError("not saved: this file system has no locks") from error
+            raise
+        finally:
+            os.close(folder)
+
+
+def _encoded(text: str, like: str) -> bytes:
+    """Return a text as bytes, with the byte order mark and the line ending of another one."""
+    body = like.removeprefix(BOM)
+    ending = "\r\n" if "\r\n" in body else "\r" if "\r" in body else "\n"
+    return ((BOM if body != like else "") + text.replace("\n", ending)).encode("utf-8")
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
