@@ -170,7 +170,10 @@ def _unwrap_lines(patch: TextPatch, node: WrittenNode, items: YamlList) -> None:
 
 
 def duplicate(patch: TextPatch, node: WrittenNode) -> None:
-    """Put a copy of a node behind it (EditError: it may not be there); names in the copy get a number, since a name stands once in a tree."""
+    """Put a copy of a node behind it, with names of its own.
+
+    Raises EditError: it may not be there.
+    """
     tree, at = patch.tree, node.mapping
     if not isinstance(node.holder, YamlList):
         raise EditError("only one node has its place here", node.id)

@@ -101,7 +101,7 @@ class Beside:
 def hooks(
     beside: Beside, fingers: GripperShape, width: float, distance: float
 ) -> Iterator[tuple[float, Float64, Float64, str]]:
-    """Yield hooks: the pull's angle [rad], T_base_tcp at the lowest place, (4, 4), the pull, (3,), and obstacles in the way.
+    """Yield hooks: the pull's angle [rad], T_base_tcp at the lowest place, (4, 4), the pull, (3,), and an obstacle.
 
     Args:
         width: opening of the fingers [m].
@@ -189,7 +189,7 @@ def _lowest(
 
 
 def _ahead(beside: Beside, fingers: GripperShape, width: float, T_base_tcp: Float64, pull: Float64) -> str:
-    """Return the obstacle that the fingers would touch on the pull: walls in front; neighbours may be pushed along by the fruit."""
+    """Return the obstacle that the fingers would touch on the pull; the fruit may push neighbours."""
     corners = (fingers.points + (width - fingers.closed) * fingers.slides) @ T_base_tcp[:3, :3].T + T_base_tcp[:3, 3]
     return _touched(np.vstack((corners, corners + pull)), fingers.bodies * 2, (*beside.walls, *beside.neighbours))
 
