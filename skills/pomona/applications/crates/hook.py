@@ -126,14 +126,13 @@ class Hook(MovingSkill):
         return came
 
     def _give_way(self, felt: Touch, most: float, off: float) -> Work[float]:
-        """Rise from a fruit that presses more than a limit [N], or sink to one that is not felt.
+        """Rise until the fruit presses less than a limit [N]; it never sinks, since only the pads feel.
 
         Returns the height over the way of a rolling ball [m], now `off`.
         """
-        way = RELIEF if felt.present > most else -RELIEF / 3.0
-        while abs(off + way) <= FARTHEST_OFF and (felt.present > most if way > 0.0 else felt.present < LEAST / 2.0):
-            yield from follow_way(self, self._line(tool_pose(self)[:3, 3] + [0.0, 0.0, way]), TOUCHING)
-            off += way
+        while felt.present > most and off + RELIEF <= FARTHEST_OFF:
+            yield from follow_way(self, self._line(tool_pose(self)[:3, 3] + [0.0, 0.0, RELIEF]), TOUCHING)
+            off += RELIEF
         return off
 
     def _line(self, p_goal: np.ndarray) -> np.ndarray:

@@ -26,7 +26,7 @@ def is_up_again(scene: PickingScene) -> bool:
     return abs(scene.tcp[2, 3] - a_hook().T_base_pre_grasp[2, 3]) < 1e-3
 
 
-@pytest.mark.parametrize("radius", [0.0405, 0.0385, 0.0425])  # the measured one, and 2 mm less and more
+@pytest.mark.parametrize("radius", [0.0405, 0.0385])  # the measured one, and 2 mm less
 def test_a_finger_draws_the_fruit_from_the_wall_and_rises(radius):
     scene = over_the_fruit()
     ball = RollingBall(scene, radius)
@@ -37,6 +37,15 @@ def test_a_finger_draws_the_fruit_from_the_wall_and_rises(radius):
     assert ball.most < 4.0
     assert is_up_again(scene)
     assert outcome.duration < 20.0
+
+
+def test_a_finger_that_loses_a_larger_fruit_does_not_press_after_it():
+    scene = over_the_fruit()
+    ball = RollingBall(scene, 0.0425)
+    outcome = draw(scene)
+    assert outcome.reason is None or outcome.reason.code == "NOTHING_MOVED"
+    assert ball.most < 4.0
+    assert is_up_again(scene)
 
 
 @pytest.mark.parametrize(("free", "code"), [(0.004, "PULL_BLOCKED"), (0.016, None)])
