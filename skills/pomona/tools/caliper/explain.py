@@ -7,7 +7,7 @@ from pathlib import Path
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.folder import EVENTS_FILE, in_order
 from pomona.tools.caliper.estimate import estimate
-from pomona.tools.caliper.findings import find_error
+from pomona.tools.caliper.findings import find_error, next_picks
 from pomona.tools.caliper.records import OtherCalibration, Picks
 
 MOST_RUNS = 30  # runs that are looked at, this one included
@@ -32,4 +32,5 @@ def explain(record: Path) -> str:
             break
         except UsageError:
             continue  # its own `explain` gives the reason
-    return find_error(estimate(read.picks)).sentence
+    found = estimate(read.picks)
+    return " ".join(filter(None, (find_error(found).sentence, next_picks(found))))

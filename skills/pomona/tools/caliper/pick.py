@@ -36,6 +36,7 @@ class Pick:
     plain: bool  # True: a plain gripper, whose width was read while it pressed
     T_mount_camera: Float64  # the camera in its mount, shape (4, 4)
     on_arm: bool  # the mount is the arm's flange
+    up: Float64  # the base frame's z axis, shape (3,)
 
 
 def pick_from(value: Mapping[str, Any], name: str) -> Pick:
@@ -69,6 +70,7 @@ def pick_from(value: Mapping[str, Any], name: str) -> Pick:
         closed is not None,
         T_mount_camera,
         on_arm,
+        R.T[:, 2],
     )
 
 

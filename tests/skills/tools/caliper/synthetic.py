@@ -38,7 +38,7 @@ def made_pick(
     first = side * moved + 0.5 * (size + zero) + noise * TOUCH * rng.normal()
     if plain:
         side, first = 0, np.nan
-    return Pick(name, axis, place, across, side, first, wider, plain, np.eye(4), True)
+    return Pick(name, axis, place, across, side, first, wider, plain, np.eye(4), True, np.array([0.0, 0.0, -1.0]))
 
 
 def made_picks(rng: np.random.Generator, error: np.ndarray, count: int, **how: float) -> list[Pick]:

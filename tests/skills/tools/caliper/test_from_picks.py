@@ -60,7 +60,9 @@ def test_the_proposal_puts_the_camera_where_the_fingers_felt_the_fruit(tmp_path,
     told = capsys.readouterr().out
     assert "mm to the right of where the cell file has it" in told
     assert "4 picks kept apart: first touch off by" in told
-    assert "not observed: place along the view" in told
+    assert "not known: place along the view" in told
+    assert "; grasps tilted by 30° and more" in told
+    assert "known: place across the picture ± 0." in told or "known: place along the picture's height ± 0." in told
     content = json.loads(out.read_text())
     assert content["kept_apart"]["after_mm"] < 0.3 * content["kept_apart"]["before_mm"]
     T = read_hand_eye(out)
