@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from pomona.executive.errors import UsageError
@@ -18,13 +19,26 @@ def explain(record: Path) -> str:
 
     Runs before it are read back to the first of another cell or calibration.
     """
-    read = Picks()
-    read.add(record)
+    beside = {path.parent for path in record.parent.glob(f"*/{EVENTS_FILE}")}
+    read = read_back(record, in_order(beside, lambda run: run.name))
     if not read.picks:
         return ""
-    beside = {path.parent for path in record.parent.glob(f"*/{EVENTS_FILE}")}
-    ordered = in_order(beside, lambda run: run.name)
-    before = ordered[: ordered.index(record)] if record in beside else []
+    found = estimate(read.picks)
+    return " ".join(filter(None, (find_error(found).sentence, next_picks(found))))
+
+
+def read_back(record: Path, ordered: Sequence[Path]) -> Picks:
+    """Return the picks of a record and of those before it, back to the first of another calibration.
+
+    Args:
+        record: the newest one.
+        ordered: records in the order of time.
+
+    Raises UsageError: the newest record cannot be trusted.
+    """
+    read = Picks()
+    read.add(record)
+    before = ordered[: ordered.index(record)] if record in ordered else []
     for run in before[:-MOST_RUNS:-1]:
         try:
             read.add(run)
@@ -32,5 +46,4 @@ def explain(record: Path) -> str:
             break
         except UsageError:
             continue  # its own `explain` gives the reason
-    found = estimate(read.picks)
-    return " ".join(filter(None, (find_error(found).sentence, next_picks(found))))
+    return read

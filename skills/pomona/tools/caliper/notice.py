@@ -48,7 +48,7 @@ def log_odds(picks: Sequence[Pick], scatter: float = 1.0) -> tuple[float, float]
 def is_off(picks: Sequence[Pick], scatter: float = 1.0) -> bool:
     """Return True when the camera is off with odds that a good cell reaches with a probability of `FALSE_ALARM`."""
     odds, without_one = log_odds(picks, scatter)
-    return odds > -np.log(FALSE_ALARM) and without_one > -np.log(BORNE_OUT)
+    return bool(odds > -np.log(FALSE_ALARM) and without_one > -np.log(BORNE_OUT))
 
 
 def _log_evidence(information: Float64, pull: Float64, std: Float64) -> Float64:
