@@ -1,4 +1,4 @@
-"""A camera's error, noticed from picks: false alarms in good cells, and picks until a fault is noticed.
+"""A camera's error, noticed from picks: false alarms, picks until a fault is noticed, and widths of picked fruit.
 
     python -m benchmarks.bench_caliper [--cells 40] [--picks 25] [--seed 0]
 
@@ -18,9 +18,11 @@ from pomona.executive.values.arrays import Float64
 from pomona.tools.caliper.estimate import PRIOR, estimate
 from pomona.tools.caliper.findings import find_error
 from pomona.tools.caliper.pick import Pick
-from tests.skills.tools.caliper.synthetic import made_pick
+from pomona.tools.caliper.sizes import fused_width
+from tests.skills.tools.caliper.synthetic import made_fruit, made_pick
 
 PUSHED = 1.0 / 30.0  # share of pushed fruit
+Z_90 = 1.645  # half of a 90 % interval, in standard deviations
 WITHIN = 5  # picks within which a fault is to be noticed
 
 Draw = Callable[[np.random.Generator], Float64]
@@ -50,6 +52,23 @@ def main() -> None:
         at = np.sort(first)[[len(first) // 2, int(0.9 * len(first))]]
         share = 100.0 * np.mean(first <= WITHIN)
         print(f"{name:<30} {share:12.0f} % {at[0]:11.0f} {at[1]:6.0f} {np.isinf(first).sum():7}")
+    print("width of picked fruit, median error [mm]: camera alone, fused; 90 % intervals that hold")
+    for count in (1, 5, options.picks):
+        rows = np.vstack([_widths(options.seed, k, count) for k in range(options.cells)])
+        alone, fused = 1e3 * np.median(np.abs(rows[:, :2]), axis=0)
+        held = 100.0 * np.mean(np.abs(rows[:, 1]) < Z_90 * rows[:, 2])
+        print(f"after {count:2} picks {alone:28.2f} {fused:8.2f} {held:8.0f} %")
+
+
+def _widths(seed: int, number: int, count: int) -> Float64:
+    """Return errors of each fruit's width by the camera and fused, and the deviation, shape (count, 3) [m]."""
+    rng = np.random.default_rng([seed, number, count])
+    error = PRIOR * rng.normal(size=8)
+    made = [made_fruit(rng, error, name=f"pick {k}") for k in range(count)]
+    found = estimate([pick for pick, _ in made])
+    fused = [fused_width(pick, found) for pick, _ in made]
+    rows = zip(made, fused, strict=True)
+    return np.array([(pick.across - true, width - true, std) for (pick, true), (width, std) in rows])
 
 
 def _alarms(

@@ -30,6 +30,10 @@ def check(records: Sequence[Path], cell: str = "") -> Iterator[ReportLine]:
         groups = [] if newest is None else [read_back(newest, ordered)]
     else:
         groups = read_groups(ordered)
+    for group in groups:
+        if group.refused and not group.picks:
+            words = f"not known: none of {len(group.refused)} picks can be used: {group.refused[-1]}"
+            yield ReportLine(f"camera of {group.cell}", True, words, absent=True)
     groups = [group for group in groups if group.picks]
     lines = [_line(group) for group in groups]
     off = [line for line in lines if not line.ok]

@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.folder import EVENTS_FILE, in_order
-from pomona.tools.caliper.estimate import estimate
+from pomona.tools.caliper.estimate import CameraErrors, estimate
 from pomona.tools.caliper.findings import find_error, next_picks
+from pomona.tools.caliper.pick import Pick
 from pomona.tools.caliper.records import OtherCalibration, Picks
+from pomona.tools.caliper.sizes import fused_width
 
 MOST_RUNS = 30  # runs that are looked at, this one included
 
@@ -24,7 +28,17 @@ def explain(record: Path) -> str:
     if not read.picks:
         return ""
     found = estimate(read.picks)
-    return " ".join(filter(None, (find_error(found).sentence, next_picks(found))))
+    own = [pick for pick in read.picks if pick.name.startswith(f"{record.name} ")]
+    return " ".join(filter(None, (find_error(found).sentence, next_picks(found), _widths(own, found))))
+
+
+def _widths(picks: Sequence[Pick], found: CameraErrors) -> str:
+    felt = [pick for pick in picks if np.isfinite(pick.wider) and not pick.plain]
+    words = []
+    for pick in felt:
+        width, std = fused_width(pick, found)
+        words.append(f"{1e3 * width:.1f} ± {1e3 * std:.1f} mm (camera alone: {1e3 * pick.across:.1f})")
+    return f"Width of the fruit between the fingers: {', '.join(words)}." if words else ""
 
 
 def read_back(record: Path, ordered: Sequence[Path]) -> Picks:

@@ -13,6 +13,7 @@ from pomona.tools.library.record_checks import check_records
 from tests.skills.tools.caliper.recorded_runs import picks_of, runs_of, write_run
 from tests.skills.tools.caliper.synthetic import recorded
 
+NO_WIDTH = {"type": "PadTouch", "stamp": 1.0, "width": None, "force": 0.5}
 CHANGED = "name: sim\nworkspace: {}\n"
 
 
@@ -66,6 +67,13 @@ def test_a_record_that_cannot_be_trusted_is_left_out(tmp_path: Path):
     next(broken.glob("*.mcap")).write_bytes(b"nothing")
     assert [line.ok for line in check(records(tmp_path))] == [True]
     assert [line.ok for line in check(records(tmp_path), "sim")] == [True]
+
+
+def test_a_gripper_without_a_width_leaves_the_camera_unknown_with_the_reason(tmp_path: Path):
+    write_run(tmp_path / "2026-01-02_10-00-00_pick", recorded() | {"left": None, "right": None, "closed": NO_WIDTH})
+    (line,) = check(records(tmp_path))
+    assert line.absent
+    assert "the gripper reports no width" in line.found
 
 
 def test_evidence_prints_the_line_and_fails(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

@@ -82,6 +82,8 @@ def test_explain_reports_the_camera_from_this_run_and_those_before_it(tmp_path, 
     newest = max(runs.iterdir())
     assert "mm to the left of where" in explain(newest)
     assert "(6 picks)" in explain(newest)
+    assert "Width of the fruit between the fingers: 80." in explain(newest)
+    assert explain(newest).count("camera alone: 80.0") == 1
     write_run(runs / "2026-01-01_09-00-00_pick", recorded(), cell="name: other\n")
     assert "(6 picks)" in explain(newest)
     assert main(["explain", newest.name, "--record", str(runs)]) == 0
