@@ -141,6 +141,9 @@ bench-photos: $(STAMP) ## photographs searched at one width and at several; DATA
 bench-refine: $(STAMP) ## refinement, both methods side by side
 	$(BIN)/python -m benchmarks.bench_refine
 
+bench-caliper: $(STAMP) ## a camera's error, noticed from drawn picks: false alarms, and picks until it is noticed
+	$(BIN)/python -m benchmarks.bench_caliper
+
 bench-plan: $(STAMP) ## planning over random scenes, beside the paper's way
 	$(BIN)/python -m benchmarks.bench_plan
 

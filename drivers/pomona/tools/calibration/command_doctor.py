@@ -54,7 +54,7 @@ def _examined(options: argparse.Namespace, overrides: dict[str, str]) -> Iterato
     except ImportError as error:
         yield ReportLine("cell", False, f"not examined, since a requirement is missing: {error}")
     else:
-        yield from examine(find_cell(options.cell), overrides)
+        yield from examine(find_cell(options.cell), overrides, options.record)
 
 
 def find_cell(name: str) -> Path:

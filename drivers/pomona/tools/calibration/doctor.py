@@ -15,17 +15,22 @@ from pomona.executive.cell.connect import load_cell
 from pomona.executive.cell.device import Device
 from pomona.executive.values.findings import place_of
 from pomona.executive.values.sentences import ReportLine
+from pomona.tools.library.index import records_in
+from pomona.tools.library.record_checks import check_records
 
 WATCHED = 1.0  # duration for which streams are watched [s]
 ENOUGH = 0.95  # ratio of the measured rate to the nominal one below which it is reported
 SLOWEST_CAMERA, SLOWEST_ARM = 2.0, 20.0  # rates that a camera and an arm should have at least [Hz]
 
 
-def examine(path: Path, overrides: Mapping[str, str] | None = None) -> Iterator[ReportLine]:
+def examine(
+    path: Path, overrides: Mapping[str, str] | None = None, records: Path | None = None
+) -> Iterator[ReportLine]:
     """Look over a cell: its file, every device, rates, intrinsics. Nothing moves; servos and streams are switched on.
 
     Args:
         overrides: values of the file's options.
+        records: folder of records; those of this cell show how well it is calibrated.
     """
     missing: dict[str, DriverError] = {}
     try:
@@ -40,6 +45,8 @@ def examine(path: Path, overrides: Mapping[str, str] | None = None) -> Iterator[
         rates = _watch(cell)
         for name, device in cell.devices.items():
             yield from _device(name, device, rates.get(name, _Watched()), cell)
+        if records is not None and (found := sorted(path.parent for path in records_in(records))):
+            yield from check_records(found, cell.name)
     finally:
         cell.close()
 

@@ -14,6 +14,7 @@ from pomona.executive.recording.folder import find_record
 from pomona.executive.terminal.output import json_text
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.values.installation import installed_trees
+from pomona.executive.values.sentences import ReportLine
 from pomona.tools.campaign.document import Bullets, Heading, Paragraph, ReportPage, Table
 from pomona.tools.library.evidence import Evidence, Hazard, Measured, gather, read_hazards
 from pomona.tools.library.index import records_in
@@ -29,7 +30,7 @@ NO_CLAIM = (
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser("evidence", help="hazards, limits and measured maxima of a campaign or of runs")
-    parser.epilog = "Exit status: 0 no limit was passed, 1 a limit was passed, 2 there is no evidence."
+    parser.epilog = "Exit status: 0 no limit was passed, 1 a limit was passed or a check failed, 2 no no evidence."
     add_argument = parser.add_argument
     what = "a folder of a campaign, a folder of records, a record, or its name below --record"
     add_argument("runs", nargs="+", metavar="CAMPAIGN_OR_RUN", help=what)
@@ -43,7 +44,7 @@ def main(options: argparse.Namespace) -> int:
     """Print hazards with limits and largest values; write evidence.md, evidence.html and evidence.json with `--out`.
 
     Returns:
-        0; 1 when a limit was passed.
+        0; 1 when a limit was passed, or a check of all runs together failed.
     """
     hazards = read_hazards(options.hazards or installed_trees() / "hazards" / f"{default_name('hazards')}.yaml")
     records = [record for name in options.runs for record in _records(name, options.record)]
@@ -57,7 +58,10 @@ def main(options: argparse.Namespace) -> int:
         limit, largest = _limit(measured, hazard.unit), _largest(measured, hazard.unit)
         count = f", beyond in {_number(measured.beyond, 'run')} of {measured.runs}" if measured.beyond else ""
         console.print(f"{mark} {hazard.name}: limit {limit}, largest {largest}{count}", style=style, soft_wrap=True)
+    for check in evidence.checks:
+        console.print(_check(check), style="" if check.ok else "red", soft_wrap=True)
     beyond = sum(measured.beyond > 0 for measured in evidence.measured)
+    beyond += sum(not check.ok for check in evidence.checks)
     left_out = f", {_number(len(evidence.left_out), 'record')} left out" if evidence.left_out else ""
     verdict = f"{_number(beyond, 'limit')} passed (exit status 1)" if beyond else "no limit was passed"
     console.print(f"{_number(len(evidence.runs), 'run')}{left_out}: {verdict}")
@@ -66,6 +70,10 @@ def main(options: argparse.Namespace) -> int:
         (options.out / "evidence.json").write_text(json_text(evidence.as_json(), indent=1) + "\n", encoding="utf-8")
         console.print(f"{markdown} {page}", soft_wrap=True)
     return 1 if beyond else 0
+
+
+def _check(check: ReportLine) -> str:
+    return f"{'✓' if check.ok else '✗'} {check.name}: {check.found}"
 
 
 def _beyond_first(evidence: Evidence) -> list[tuple[Hazard, Measured]]:
@@ -113,6 +121,8 @@ def document(evidence: Evidence) -> ReportPage:
     ]
     header = ("hazard", "node", "limit", "measured maximum", "where", "runs beyond", "measured quantity")
     report.add(Heading("Hazards"), Table(header, tuple(rows), words=True))
+    if evidence.checks:
+        report.add(Heading("Checks of all runs together"), Bullets(tuple(map(_check, evidence.checks))))
     report.add(Heading("Limits of this evidence"), Bullets(NO_CLAIM))
     acted = [run for run in runs if run["interventions"]]
     report.add(Heading("Interventions of operators"))

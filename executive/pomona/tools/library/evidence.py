@@ -24,6 +24,8 @@ from pomona.executive.recording.folder import DEVICES, EVENTS, events_file
 from pomona.executive.recording.plain_file import open_plain, parse_object
 from pomona.executive.recording.scan import scan
 from pomona.executive.values.plain_text import read_plain_text
+from pomona.executive.values.sentences import ReportLine
+from pomona.tools.library.record_checks import check_records
 
 _OF_THE_RUN = ("outcome", "code", "tree", "tree_hash", "cell", "cell_kind", "git")
 TAKES = ("largest", "sum", "rate")
@@ -74,11 +76,13 @@ class Evidence:
     # of every record that was read: the SHA-256 of its file, outcome, cell, number of interventions
     runs: list[dict[str, Any]] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)  # reason for every record that was not read
+    checks: list[ReportLine] = field(default_factory=list)  # of all records together, by other packages
 
     def as_json(self) -> dict[str, Any]:
         """Return the measurements as JSON."""
         rows = [{**asdict(h), **asdict(m)} for h, m in zip(self.hazards, self.measured, strict=True)]
-        return {"hazards": rows, "runs": self.runs, "left_out": self.left_out}
+        checks = [{"check": check.name, "ok": check.ok, "found": check.found} for check in self.checks]
+        return {"hazards": rows, "runs": self.runs, "left_out": self.left_out, "checks": checks}
 
 
 def read_hazards(path: Path) -> tuple[Hazard, ...]:
@@ -129,6 +133,7 @@ def gather(records: Sequence[Path], hazards: tuple[Hazard, ...]) -> Evidence:
             _measure(record, found, evidence)
         except (UsageError, OSError, ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
             evidence.left_out[record.name] = f"it cannot be measured: {error}"
+    evidence.checks += check_records([record for record in records if record.name not in evidence.left_out])
     return evidence
 
 

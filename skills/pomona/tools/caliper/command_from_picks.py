@@ -14,7 +14,7 @@ import numpy as np
 from pomona.executive.commands.command_line import add_records_folder
 from pomona.executive.errors import UsageError
 from pomona.tools.caliper.estimate import CameraErrors, estimate, residuals
-from pomona.tools.caliper.findings import corrected, find_error, hidden
+from pomona.tools.caliper.findings import corrected, find_error, hidden, known
 from pomona.tools.caliper.pick import Pick
 from pomona.tools.caliper.records import Picks, find_runs
 
@@ -80,6 +80,7 @@ def propose(read: Picks) -> tuple[dict[str, Any], list[str]]:
         finding.sentence,
         f"{compared} (median)",
         *_values(found),
+        f"known: {', '.join(known(found)) or 'nothing'}",
         *hidden(found),
         *(f"left out: {name}: a fruit that was pushed, slipped or leant" for name in found.left_out),
         *refused,
@@ -115,7 +116,8 @@ def _content(read: Picks, found: CameraErrors, apart: int, before: float, after:
         "width_zero_mm": round(1e3 * float(found.error[7]), 4),
         "error": found.error.tolist(),
         "covariance": found.covariance.tolist(),
-        "not_observed": list(hidden(found)),
+        "known": list(known(found)),
+        "not_known": list(hidden(found)),
         "cell": read.cell,
         "runs": list(read.runs),
         "picks": len(found.used),

@@ -34,8 +34,6 @@ HUBER = 2.5  # distance from which a pick pulls no harder
 SURE = 4.0  # picks that the deviations above are worth when the picks' own scatter is estimated
 ROUNDS = 20  # of the iteration of weights
 
-SEEN = 0.5  # part of the prior's deviation below which a quantity counts as observed
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraErrors:
@@ -61,14 +59,6 @@ class CameraErrors:
         """
         J = np.hstack([_displacement(self.centre), np.zeros((3, 1))])
         return J @ self.error, J @ self.covariance @ J.T
-
-    @property
-    def seen(self) -> Float64:
-        """Deviation of the shift at the centre, ω, κ and z over its prior, shape (8,); 1: no pick shows it."""
-        J = np.eye(8)
-        J[:3, :7] = _displacement(self.centre)
-        now, before = J @ self.covariance @ J.T, J @ np.diag(PRIOR**2) @ J.T
-        return np.sqrt(np.diag(now) / np.diag(before))
 
 
 def estimate(picks: Sequence[Pick]) -> CameraErrors:
@@ -98,7 +88,7 @@ def residuals(pick: Pick, error: Float64) -> tuple[float, float]:
 
 def _fit(picks: Sequence[Pick]) -> tuple[Float64, Float64, float, Float64]:
     """Return error, covariance, scatter, and the distance of each pick in standard deviations."""
-    systems = [_whitened(pick) for pick in picks]
+    systems = [whitened(pick) for pick in picks]
     H, y = np.vstack([H for H, _ in systems]), np.concatenate([y for _, y in systems])
     counts = np.array([len(y) for _, y in systems])
     starts, before = np.cumsum(counts) - counts, np.diag(PRIOR**-2.0)
@@ -145,7 +135,8 @@ def _rows(pick: Pick) -> tuple[Float64, Float64, Float64]:
     return np.array(H).reshape(-1, 8), np.array(y), np.diag(np.square(noise)) + np.outer(size, size)
 
 
-def _whitened(pick: Pick) -> tuple[Float64, Float64]:
+def whitened(pick: Pick) -> tuple[Float64, Float64]:
+    """Return a pick's derivative by the error, shape (n, 8), and its measurement, shape (n,), with unit covariance."""
     H, y, C = _rows(pick)
     L = np.linalg.cholesky(C)
     return np.linalg.solve(L, H), np.linalg.solve(L, y)

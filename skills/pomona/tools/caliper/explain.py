@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+
+import numpy as np
 
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.folder import EVENTS_FILE, in_order
-from pomona.tools.caliper.estimate import estimate
-from pomona.tools.caliper.findings import find_error
+from pomona.tools.caliper.estimate import CameraErrors, estimate
+from pomona.tools.caliper.findings import find_error, next_picks
+from pomona.tools.caliper.pick import Pick
 from pomona.tools.caliper.records import OtherCalibration, Picks
+from pomona.tools.caliper.sizes import fused_width
 
 MOST_RUNS = 30  # runs that are looked at, this one included
 
@@ -18,13 +23,36 @@ def explain(record: Path) -> str:
 
     Runs before it are read back to the first of another cell or calibration.
     """
-    read = Picks()
-    read.add(record)
+    beside = {path.parent for path in record.parent.glob(f"*/{EVENTS_FILE}")}
+    read = read_back(record, in_order(beside, lambda run: run.name))
     if not read.picks:
         return ""
-    beside = {path.parent for path in record.parent.glob(f"*/{EVENTS_FILE}")}
-    ordered = in_order(beside, lambda run: run.name)
-    before = ordered[: ordered.index(record)] if record in beside else []
+    found = estimate(read.picks)
+    own = [pick for pick in read.picks if pick.name.startswith(f"{record.name} ")]
+    return " ".join(filter(None, (find_error(found).sentence, next_picks(found), _widths(own, found))))
+
+
+def _widths(picks: Sequence[Pick], found: CameraErrors) -> str:
+    felt = [pick for pick in picks if np.isfinite(pick.wider) and not pick.plain]
+    words = []
+    for pick in felt:
+        width, std = fused_width(pick, found)
+        words.append(f"{1e3 * width:.1f} ± {1e3 * std:.1f} mm (camera alone: {1e3 * pick.across:.1f})")
+    return f"Width of the fruit between the fingers: {', '.join(words)}." if words else ""
+
+
+def read_back(record: Path, ordered: Sequence[Path]) -> Picks:
+    """Return the picks of a record and of those before it, back to the first of another calibration.
+
+    Args:
+        record: the newest one.
+        ordered: records in the order of time.
+
+    Raises UsageError: the newest record cannot be trusted.
+    """
+    read = Picks()
+    read.add(record)
+    before = ordered[: ordered.index(record)] if record in ordered else []
     for run in before[:-MOST_RUNS:-1]:
         try:
             read.add(run)
@@ -32,4 +60,4 @@ def explain(record: Path) -> str:
             break
         except UsageError:
             continue  # its own `explain` gives the reason
-    return find_error(estimate(read.picks)).sentence
+    return read

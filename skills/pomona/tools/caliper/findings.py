@@ -2,73 +2,132 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from pomona.executive.values.arrays import Float64
-from pomona.tools.caliper.estimate import SEEN, CameraErrors
+from pomona.tools.caliper.directions import (
+    KNOWN_SCALE,
+    KNOWN_ZERO,
+    Direction,
+    angle_directions,
+    further_picks,
+    place_directions,
+)
+from pomona.tools.caliper.estimate import CameraErrors
+from pomona.tools.caliper.notice import is_off
 
-FALSE_ALARM = 1e-3  # probability of a report about a camera that is where the cell file has it
-LEAST_SHIFT = 1.5e-3  # smallest shift that is reported as an error [m]: the fingers' clearance absorbs less
+LIMIT_PLACE, LIMIT_ANGLE = 2e-3, float(np.radians(0.3))
+"""Error along one direction up to which a camera sits where the cell file has it [m], [rad]: the fingers give way."""
+SURE = 2.5  # standard deviations from which an error is reported along one direction; the odds exclude chance
+STRAIGHT, PART = 0.94, 0.34  # part of a direction along one axis: it is that axis, it has a share of it
 
 WAYS = (("right", "left"), ("bottom", "top"), ("far side", "near side"))
 """Directions in the picture: along the camera's axes, and against them."""
-
-HIDDEN = (
-    ("place across the picture", "picks whose fingers close across the picture"),
-    ("place along the picture's height", "picks whose fingers close along the picture's height"),
-    ("place along the view", "picks with tilted grasps, whose fingers do not close square to the view"),
-    ("rotation about the picture's horizontal", "looks at fruit from distances that differ by 0.2 m and more"),
-    ("rotation about the picture's vertical", "looks at fruit from distances that differ by 0.2 m and more"),
-    ("rotation about the view", "fruit at the borders of the picture, with fingers that close along these borders"),
-    ("scale of the depth", "fruit of sizes that differ by 20 mm and more"),
-    ("zero of the gripper's width", "fruit of sizes that differ by 20 mm and more"),
-)
-"""Quantities of `CameraErrors.seen`, and the picks that would show each."""
+LINES = ("across the picture", "along the picture's height", "along the view")
+TURNS = ("the picture's horizontal", "the picture's vertical", "the view")
 
 
 @dataclass(frozen=True, slots=True)
 class CameraFinding:
     """How far the camera is off."""
 
-    is_off: bool  # True: farther than chance explains, and far enough to matter
+    is_off: bool  # True: farther than chance and the tolerance of a good cell explain
     sentence: str
 
 
 def find_error(found: CameraErrors) -> CameraFinding:
-    """Compare the shift of the fruit with chance, along the directions that picks have shown."""
-    shift, covariance = found.shift
-    number = f"{len(found.used)} pick{'s' if len(found.used) > 1 else ''}"
-    shown = [i for i in range(3) if found.seen[i] < SEEN]
-    if not shown:
-        return CameraFinding(False, f"The camera's place is not known from {number}: {HIDDEN[0][1]} would show it.")
-    part = shift[shown]
-    distance = float(part @ np.linalg.solve(covariance[np.ix_(shown, shown)], part))
-    std = np.sqrt(np.diag(covariance))
-    is_sure = distance > float(chi2.isf(FALSE_ALARM, len(shown)))
-    if not (is_sure and np.linalg.norm(part) > LEAST_SHIFT):
-        most = 1e3 * float(np.max(np.abs(part) + 2.0 * std[shown]))
-        return CameraFinding(False, f"The camera sits where the cell file has it, within {most:.1f} mm ({number}).")
-    largest = max(shown, key=lambda i: abs(shift[i]) / std[i])
-    terms = [
-        f"{1e3 * abs(shift[i]):.1f} ± {1e3 * std[i]:.1f} mm to the {WAYS[i][int(shift[i] < 0.0)]}"
-        for i in shown
-        if i == largest or abs(shift[i]) > max(2.0 * std[i], 0.5e-3)
-    ]
-    words = (
-        f"The camera sits {' and '.join(terms)} of where the cell file has it, or looks as far beside it ({number})."
-    )
-    return CameraFinding(True, f"{words} Directions are those of its picture.")
+    """Compare the errors with chance, and describe them along the directions that picks have shown."""
+    number = _number(len(found.used))
+    places = place_directions(found)
+    shifts = [d for d in places if d.value > max(LIMIT_PLACE, SURE * d.std)]
+    turns = [d for d in angle_directions(found) if d.value > max(LIMIT_ANGLE, SURE * d.std)]
+    if (shifts or turns) and is_off(found.used, found.scatter):
+        return CameraFinding(True, f"{_off(shifts, turns, number)}. Directions are those of its picture.")
+    known = [direction for direction in places if direction.is_known]
+    if not known:
+        return CameraFinding(False, f"The camera's place is not known from {number}.")
+    most = 1e3 * max(direction.value + 2.0 * direction.std for direction in known)
+    along = "" if len(known) == 3 else f" {' and '.join(_line(direction.axis) for direction in known)}"
+    return CameraFinding(False, f"The camera sits where the cell file has it, within {most:.1f} mm{along} ({number}).")
+
+
+def known(found: CameraErrors) -> Iterator[str]:
+    """Yield a phrase for each direction that the picks have shown, with its deviation."""
+    for place in place_directions(found):
+        if place.is_known:
+            yield f"place {_line(place.axis)} ± {1e3 * place.std:.1f} mm"
+    for angle in angle_directions(found):
+        if angle.is_known:
+            yield f"turn about {_turn(angle.axis)} ± {np.degrees(angle.std):.2f}°"
+    if found.std[6] <= KNOWN_SCALE:
+        yield f"scale of the depth ± {1e2 * found.std[6]:.2f} %"
+    if found.std[7] <= KNOWN_ZERO:
+        yield f"zero of the gripper's width ± {1e3 * found.std[7]:.2f} mm"
 
 
 def hidden(found: CameraErrors) -> Iterator[str]:
-    """Yield a sentence for each quantity that the picks have not shown, with the picks that would."""
-    for (quantity, picks), share in zip(HIDDEN, found.seen, strict=True):
-        if share >= SEEN:
-            yield f"not observed: {quantity}; {picks} would show it"
+    """Yield a sentence for each direction that the picks have not shown, with the picks that would."""
+    for place in place_directions(found):
+        if not place.is_known:
+            picks = further_picks(place.axis, found.used)
+            yield f"not known: place {_line(place.axis)} (± {1e3 * place.std:.1f} mm); {picks} would show it"
+    for angle in angle_directions(found):
+        if not angle.is_known:
+            about_view = abs(angle.axis[2]) > max(abs(angle.axis[:2]))
+            picks = (
+                "fruit at the borders of the picture, with fingers that close along these borders,"
+                if about_view
+                else "looks at fruit from distances that differ by 0.2 m and more"
+            )
+            yield f"not known: turn about {_turn(angle.axis)} (± {np.degrees(angle.std):.1f}°); {picks} would show it"
+    sizes = "fruit of sizes that differ by 20 mm and more would show it"
+    if found.std[6] > KNOWN_SCALE:
+        yield f"not known: scale of the depth (± {1e2 * found.std[6]:.1f} %); {sizes}"
+    if found.std[7] > KNOWN_ZERO:
+        yield f"not known: zero of the gripper's width (± {1e3 * found.std[7]:.1f} mm); {sizes}"
+
+
+def next_picks(found: CameraErrors) -> str:
+    """Return a sentence with the picks that would show the unknown directions of the place; empty without one."""
+    unknown = [place for place in place_directions(found) if not place.is_known]
+    if not unknown:
+        return ""
+    lines = " and ".join(_line(place.axis) for place in unknown)
+    picks = " and ".join(dict.fromkeys(further_picks(place.axis, found.used) for place in unknown))
+    return f"Its place {lines} is not known: {picks} would show it."
+
+
+def _off(shifts: Sequence[Direction], turns: Sequence[Direction], number: str) -> str:
+    words = []
+    if shifts:
+        terms = (f"{1e3 * d.value:.1f} ± {1e3 * d.std:.1f} mm to the {_towards(d.axis)}" for d in shifts)
+        words.append(f"sits {' and '.join(terms)} of where the cell file has it, or looks as far beside it")
+    if turns:
+        angles = (f"{np.degrees(d.value):.1f} ± {np.degrees(d.std):.1f}° about {_turn(d.axis)}" for d in turns)
+        words.append(f"is turned by {' and '.join(angles)}")
+    return f"The camera {', and '.join(words)} ({number})"
+
+
+def _number(picks: int) -> str:
+    return f"{picks} pick{'' if picks == 1 else 's'}"
+
+
+def _towards(axis: Float64) -> str:
+    ways = [WAYS[i][int(axis[i] < 0.0)] for i in np.argsort(-np.abs(axis)) if abs(axis[i]) > PART]
+    return ways[0] if np.abs(axis).max() > STRAIGHT else " and ".join(ways)
+
+
+def _line(axis: Float64) -> str:
+    best = int(np.argmax(np.abs(axis)))
+    return LINES[best] if abs(axis[best]) > STRAIGHT else f"towards the {_towards(axis)}"
+
+
+def _turn(axis: Float64) -> str:
+    best = int(np.argmax(np.abs(axis)))
+    return TURNS[best] if abs(axis[best]) > STRAIGHT else f"a line towards the {_towards(axis)}"
 
 
 def corrected(found: CameraErrors, T_mount_camera: Float64) -> Float64:

@@ -36,6 +36,7 @@ class Pick:
     plain: bool  # True: a plain gripper, whose width was read while it pressed
     T_mount_camera: Float64  # the camera in its mount, shape (4, 4)
     on_arm: bool  # the mount is the arm's flange
+    up: Float64  # the base frame's z axis, shape (3,)
 
 
 def pick_from(value: Mapping[str, Any], name: str) -> Pick:
@@ -55,6 +56,9 @@ def pick_from(value: Mapping[str, Any], name: str) -> Pick:
     across = float(skin.sum()) if skin.shape == (2,) else np.nan
     if not 0.0 < across < LONGEST:
         raise UnusableTouches("its touches are malformed: the measured skin has no width")
+    apart = float(np.linalg.norm(T_base_fruit[:3, 3] - T_base_tcp[:3, 3]))
+    if apart > across + MOST_APART:
+        raise UnusableTouches(f"the measured fruit lies {1e3 * apart:.0f} mm from the fingers: they closed on another")
     R = T_base_camera[:3, :3]
     side, first, wider = _felt(left, right, closed, skin)
     _refuse_other_things(first, wider, across)
@@ -69,6 +73,7 @@ def pick_from(value: Mapping[str, Any], name: str) -> Pick:
         closed is not None,
         T_mount_camera,
         on_arm,
+        R.T[:, 2],
     )
 
 
@@ -106,6 +111,8 @@ def _pose(value: Any) -> Float64:
 def _width(value: Any) -> float | None:
     if value is None:
         return None
+    if value["width"] is None:
+        raise ValueError("the gripper reports no width")
     width = float(value["width"])
     if not 0.0 <= width < LONGEST:
         raise ValueError(f"a width is {width} m")

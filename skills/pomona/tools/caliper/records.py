@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -45,20 +46,45 @@ class Picks:
             OtherCalibration: the run is of another cell, or of another calibration; nothing was added.
             UsageError: the record cannot be trusted.
         """
-        run = trusted(record)
-        if self.runs and (run.cell, run.cell_hash) != (self.cell, self._cell_hash):
-            words = f"cell '{run.cell}' differs from cell '{self.cell}' of {self.runs[0]}, in its name or its files"
-            raise OtherCalibration(f"{run.run}: {words}; name runs of one cell as it is now")
-        picks, refused = _read(record)
-        first = next(iter((*self.picks, *picks)), None)
-        for pick in picks:
+        self.merge(_read(record))
+
+    def merge(self, other: Picks) -> None:
+        """Take the picks of others.
+
+        Raises OtherCalibration: they are of another cell, or of another calibration; nothing was added.
+        """
+        run = next(iter(other.runs), "")
+        if self.runs and (other.cell, other._cell_hash) != (self.cell, self._cell_hash):
+            words = f"cell '{other.cell}' differs from cell '{self.cell}' of {self.runs[0]}, in its name or its files"
+            raise OtherCalibration(f"{run}: {words}; name runs of one cell as it is now")
+        first = next(iter((*self.picks, *other.picks)), None)
+        for pick in other.picks:
             if first is not None and not _same_camera(pick, first):
                 words = f"the camera's pose in its mount is another one than in {first.name}"
                 raise OtherCalibration(f"{pick.name}: {words}; name runs of one calibration")
-        self.cell, self._cell_hash = run.cell, run.cell_hash
-        self.runs.append(run.run)
-        self.picks += picks
-        self.refused += refused
+        self.cell, self._cell_hash = other.cell, other._cell_hash
+        self.runs += other.runs
+        self.picks += other.picks
+        self.refused += other.refused
+
+
+def read_groups(records: Iterable[Path]) -> list[Picks]:
+    """Return the picks of many records, those of one cell and calibration together, in the order of their first.
+
+    A record that cannot be trusted, or that has two calibrations, is left out.
+    """
+    groups: list[Picks] = []
+    for record in records:
+        with contextlib.suppress(UsageError):
+            read = Picks()
+            read.add(record)
+            for group in groups:
+                with contextlib.suppress(OtherCalibration):
+                    group.merge(read)
+                    break
+            else:
+                groups.append(read)
+    return groups
 
 
 def find_runs(names: Sequence[str], root: Path) -> list[Path]:
@@ -79,14 +105,15 @@ def find_runs(names: Sequence[str], root: Path) -> list[Path]:
     return list(dict.fromkeys(found))
 
 
-def _read(record: Path) -> tuple[list[Pick], list[str]]:
-    picks, refused = [], []
+def _read(record: Path) -> Picks:
+    run, found = trusted(record), Picks()
+    found.cell, found._cell_hash, found.runs = run.cell, run.cell_hash, [run.run]
     for name, touches in _touches(record):
         try:
-            picks.append(pick_from(touches, name))
+            found.picks.append(pick_from(touches, name))
         except UnusableTouches as unusable:
-            refused.append(f"{name}: {unusable}")
-    return picks, refused
+            found.refused.append(f"{name}: {unusable}")
+    return found
 
 
 def _touches(record: Path) -> Iterable[tuple[str, Any]]:

@@ -9,6 +9,7 @@ import pytest
 
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.connect import load_cell
+from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.values.sentences import ReportLine
 from pomona.tools.calibration.command_doctor import add, find_cell
 from pomona.tools.calibration.doctor import examine
@@ -45,6 +46,23 @@ def test_one_unreachable_device_is_reported_with_its_place_and_the_others_are_st
     assert f"{frames_cell}:6:31" in gripper.found
     assert "switched on" in gripper.advice
     assert "→" in str(gripper)
+
+
+def test_records_of_the_cell_are_looked_over_under_its_name(
+    frames_cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def check(records: list[Path], cell: str) -> list[ReportLine]:
+        asked.append((records, cell))
+        return [ReportLine("camera of bench", False, "sits beside its place")]
+
+    monkeypatch.setattr("pomona.tools.calibration.doctor.check_records", check)
+    run = tmp_path / "runs" / "one"
+    run.mkdir(parents=True)
+    (run / EVENTS_FILE).touch()
+    assert not by_name(examine(frames_cell, None, run.parent))["camera of bench"].ok
+    assert asked == [([run], "bench")]
 
 
 def test_an_unusable_cell_file_is_one_line_with_its_place(tmp_path: Path) -> None:

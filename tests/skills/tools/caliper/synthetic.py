@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from pomona.tools.caliper.estimate import PLAIN, SHOWN, SIZE, TOUCH, WIDTH
 from pomona.tools.caliper.pick import Pick
 
 
-def made_pick(
+def made_pick(rng: np.random.Generator, error: np.ndarray, **how: Any) -> Pick:
+    """Return the pick of `made_fruit`."""
+    return made_fruit(rng, error, **how)[0]
+
+
+def made_fruit(
     rng: np.random.Generator,
     error: np.ndarray,
     *,
@@ -17,8 +24,10 @@ def made_pick(
     plain: bool = False,
     name: str = "",
     azimuth: float | None = None,
-) -> Pick:
+) -> tuple[Pick, float]:
     """A pick on a table 0.4 to 0.6 m before a camera that looks down on it, under an error (t, ω, κ, z).
+
+    Returns the pick and the fruit's true width along the fingers [m].
 
     Args:
         noise: of touches and sizes, over the assumed ones.
@@ -38,12 +47,13 @@ def made_pick(
     first = side * moved + 0.5 * (size + zero) + noise * TOUCH * rng.normal()
     if plain:
         side, first = 0, np.nan
-    return Pick(name, axis, place, across, side, first, wider, plain, np.eye(4), True)
+    pick = Pick(name, axis, place, across, side, first, wider, plain, np.eye(4), True, np.array([0.0, 0.0, -1.0]))
+    return pick, across + size
 
 
-def made_picks(rng: np.random.Generator, error: np.ndarray, count: int, **how: float) -> list[Pick]:
+def made_picks(rng: np.random.Generator, error: np.ndarray, count: int, **how: Any) -> list[Pick]:
     """Several such picks."""
-    return [made_pick(rng, error, name=f"pick {i}", **how) for i in range(count)]  # type: ignore[arg-type]
+    return [made_pick(rng, error, name=f"pick {i}", **how) for i in range(count)]
 
 
 def recorded(shift: float = 0.0, *, wider: float = 0.0, x: float = 0.0, yaw: float = 0.0, y: float = -0.5) -> dict:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pomona.tools.caliper.estimate import estimate
-from pomona.tools.caliper.findings import corrected, find_error, hidden
+from pomona.tools.caliper.findings import corrected, find_error, hidden, known, next_picks
 from tests.skills.tools.caliper.synthetic import made_picks
 
 
@@ -27,8 +27,8 @@ def test_a_camera_that_sits_to_the_left_is_reported_with_numbers():
 
 def test_both_directions_are_named():
     sentence = find_error(shifted(6e-3, y=-5e-3)).sentence
-    assert "to the right and " in sentence
-    assert "to the top of where" in sentence
+    assert "mm to the right" in sentence
+    assert "mm to the top" in sentence
 
 
 def test_five_picks_show_a_camera_that_is_five_millimetres_off():
@@ -44,8 +44,31 @@ def test_a_camera_in_its_place_gives_no_false_alarm():
 
 def test_quantities_that_no_pick_shows_are_named_with_the_picks_that_would():
     sentences = list(hidden(shifted(0.0)))
-    assert any("place along the view; picks with tilted grasps" in sentence for sentence in sentences)
-    assert not any("across the picture;" in sentence for sentence in sentences)
+    assert any("place along the view (± 2" in sentence and "grasps tilted by 30°" in sentence for sentence in sentences)
+    assert not any("across the picture" in sentence for sentence in sentences)
+
+
+def test_a_turn_is_reported_about_its_axis():
+    error = np.array([0.0, 0.0, 0.0, 0.0, 0.0, np.radians(2.0), 0.0, 0.0])
+    finding = find_error(estimate(made_picks(np.random.default_rng(0), error, 20)))
+    assert finding.is_off
+    assert "° about the view" in finding.sentence
+    assert 1.5 < float(finding.sentence.partition("turned by ")[2].split()[0]) < 2.5
+
+
+def test_known_and_hidden_directions_together_are_all_of_them():
+    for seed in range(5):
+        found = estimate(made_picks(np.random.default_rng(seed), np.zeros(8), 4 + 10 * seed, tilt=0.5))
+        assert len(list(known(found))) + len(list(hidden(found))) == 8
+
+
+def test_the_picks_that_would_show_more_are_named_in_one_sentence():
+    one_way = estimate(made_picks(np.random.default_rng(0), np.zeros(8), 12, azimuth=0.0))
+    sentence = next_picks(one_way)
+    assert "along the picture's height" in sentence
+    assert "grasps turned by 90° about the vertical" in sentence
+    every_way = made_picks(np.random.default_rng(0), np.zeros(8), 80, tilt=np.radians(60.0))
+    assert next_picks(estimate(every_way)) == ""
 
 
 def test_a_plain_gripper_alone_gives_no_verdict_on_the_place():

@@ -4,50 +4,15 @@ from __future__ import annotations
 
 import json
 from importlib.metadata import EntryPoint
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from recorded_events import started
 
 from pomona.devices.realsense.mounted_camera import read_hand_eye
 from pomona.executive.cli import main
-from pomona.executive.recording.recorder import Recorder
-from pomona.executive.running.events import Published, RunEnded
 from pomona.tools.caliper.explain import explain
+from tests.skills.tools.caliper.recorded_runs import CELL, picks_of, runs_of, write_run
 from tests.skills.tools.caliper.synthetic import recorded
-
-CELL = "name: sim\n"
-
-
-def write_run(folder: Path, *touches: dict[str, Any], cell: str = CELL) -> Path:
-    """Record a run with the touches of its picks."""
-    folder.mkdir(parents=True)
-    recorder = Recorder(folder)
-    recorder.on_event(started(cell_text=cell, nodes=()))
-    for i, value in enumerate(touches):
-        recorder.on_event(Published(float(i), i, "pick/SlipAvoidGrasp", "touches", value))
-    recorder.on_event(RunEnded(9.0, 450, "success", None, 450, 9.0, 9.0, None))
-    recorder.close()
-    return folder
-
-
-def picks_of(shift: float, count: int, seed: int = 0) -> list[dict[str, Any]]:
-    """Picks of a camera that sits `shift` [m] to the right: fruit lie that far along its x axis."""
-    rng = np.random.default_rng(seed)
-    found = []
-    for yaw in rng.uniform(0.0, 2.0 * np.pi, count):
-        along = shift * np.cos(yaw) + 0.3e-3 * rng.normal()
-        x, y = rng.uniform(-0.15, 0.15, 2)
-        found.append(recorded(along, yaw=yaw, x=x, y=y - 0.5))
-    return found
-
-
-def runs_of(root: Path, shift: float, count: int = 12) -> Path:
-    for i, touches in enumerate(picks_of(shift, count)):
-        write_run(root / f"2026-01-01_10-00-{i:02d}_pick", touches)
-    return root
 
 
 def call(*words: object) -> int:
@@ -60,7 +25,9 @@ def test_the_proposal_puts_the_camera_where_the_fingers_felt_the_fruit(tmp_path,
     told = capsys.readouterr().out
     assert "mm to the right of where the cell file has it" in told
     assert "4 picks kept apart: first touch off by" in told
-    assert "not observed: place along the view" in told
+    assert "not known: place along the view" in told
+    assert "; grasps tilted by 30° and more" in told
+    assert "known: place across the picture ± 0." in told or "known: place along the picture's height ± 0." in told
     content = json.loads(out.read_text())
     assert content["kept_apart"]["after_mm"] < 0.3 * content["kept_apart"]["before_mm"]
     T = read_hand_eye(out)
@@ -115,6 +82,8 @@ def test_explain_reports_the_camera_from_this_run_and_those_before_it(tmp_path, 
     newest = max(runs.iterdir())
     assert "mm to the left of where" in explain(newest)
     assert "(6 picks)" in explain(newest)
+    assert "Width of the fruit between the fingers: 80." in explain(newest)
+    assert explain(newest).count("camera alone: 80.0") == 1
     write_run(runs / "2026-01-01_09-00-00_pick", recorded(), cell="name: other\n")
     assert "(6 picks)" in explain(newest)
     assert main(["explain", newest.name, "--record", str(runs)]) == 0

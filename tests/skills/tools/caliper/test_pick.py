@@ -37,6 +37,12 @@ def test_a_plain_gripper_shows_the_width_but_not_the_place():
     assert pick.wider == pytest.approx(1e-3)
 
 
+def moved(z: float) -> list[list[float]]:
+    T = np.eye(4)
+    T[:3, 3] = 0.0, -0.5, z
+    return T.tolist()
+
+
 @pytest.mark.parametrize(
     ("value", "why"),
     [
@@ -49,7 +55,8 @@ def test_a_plain_gripper_shows_the_width_but_not_the_place():
         (recorded() | {"skin": None}, "no width"),
         (recorded() | {"T_base_tcp": np.zeros((4, 4)).tolist()}, "no rigid transform"),
         (recorded() | {"T_base_camera": [[1.0, None]]}, "malformed"),
-        (recorded() | {"left": {"width": None}}, "malformed"),
+        (recorded() | {"left": {"width": None}}, "the gripper reports no width"),
+        (recorded() | {"T_base_fruit": moved(0.2)}, "200 mm from the fingers: they closed on another"),
         (recorded() | {"left": {"width": 1e30}}, "malformed"),
         (recorded() | {"left": [1.0]}, "malformed"),
         ({}, "malformed"),
