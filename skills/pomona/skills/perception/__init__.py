@@ -12,6 +12,7 @@ if TYPE_CHECKING:
         misplaced_depth as misplaced_depth,
     )
     from pomona.skills.perception.detection.box_evaluation import (
+        PRECISION as PRECISION,
         JudgedPicture as JudgedPicture,
         box_figures as box_figures,
         intervals as intervals,
@@ -98,7 +99,7 @@ if TYPE_CHECKING:
 
 PUBLIC = {
     "depth_registration": "misplaced_depth",
-    "detection.box_evaluation": "JudgedPicture box_figures intervals judge judge_size recall_and_precision",
+    "detection.box_evaluation": "JudgedPicture PRECISION box_figures intervals judge judge_size recall_and_precision",
     "detection.box_model": "ScoredBox load_boxes",
     "detection.compact_detector": "CompactDetector",
     "detection.detection": "AllDetections Detection",

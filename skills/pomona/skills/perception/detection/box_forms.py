@@ -216,7 +216,7 @@ def _column(settings: BoxSettings, fruit: str, classes: int) -> int:
 
 def _number(settings: BoxSettings, fruit: str) -> int:
     if not settings.names:
-        raise BadForm("has several classes without names: write names: {0: apple} into the settings' file beside it")
+        raise BadForm(f"has several classes without names: write names: {{0: apple}} into {settings.file} beside it")
     try:
         return class_of(settings.names, fruit)
     except ClassUnknown as error:
@@ -241,5 +241,5 @@ def _are_shares(corners: Float64, form: BoxForm, settings: BoxSettings) -> bool:
     if 0.0 < largest <= IN_SHARES:
         if form is BoxForm.ROWS:  # its places fill the input, so that the largest of them tells the unit
             return True
-        raise BadForm("gives boxes in shares of the input, expected pixels: write units: share into the settings' file")
+        raise BadForm(f"gives boxes in shares of the input, expected pixels: write units: share into {settings.file}")
     return False

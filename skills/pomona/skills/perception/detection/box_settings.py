@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +50,7 @@ class BoxSettings:
     mean: Three | None = None  # of the colours in 0..1
     std: Three | None = None
     units: str = ""
+    file: str = field(default="", compare=False)  # name of the settings' file, which errors name
 
 
 def settings_file(model: Path) -> Path:
@@ -73,7 +74,7 @@ def read_settings(model: Path, metadata: Mapping[str, str]) -> BoxSettings:
         if unknown:
             raise BadWeights(file, f"has the key {unknown[0][:40]!r}, expected {', '.join(KEYS)}")
         values |= {key: _read(file, key, key, value) for key, value in content.items()}
-    return BoxSettings(**{"names": {}, **values})
+    return BoxSettings(**{"names": {}, "file": file.name, **values})
 
 
 def _literal(text: str) -> Any:
