@@ -136,7 +136,7 @@ def test_of_two_boxes_of_one_fruit_the_surer_one_is_kept(tmp_path: Path) -> None
 def test_shares_of_chosen_boxes_are_read_when_the_file_beside_says_so(tmp_path: Path) -> None:
     values = chosen() / np.array([640.0] * 4 + [1.0] * 2)
     path = write(tmp_path / "model.onnx", {"output0": values}, SQUARE, NAMES)
-    with pytest.raises(BadWeights, match="write units: share into model.onnx.yaml"):
+    with pytest.raises(BadWeights, match=r"write units: share into model\.onnx\.yaml"):
         BoxModel(path, "apple")
     (tmp_path / "model.onnx.yaml").write_text("units: share\n")
     (found,) = BoxModel(path, "apple").find(PICTURE)
