@@ -114,6 +114,12 @@ def test_each_form_is_refused_if_it_disagrees_with_the_names(tmp_path: Path, for
     assert "\n" not in str(caught.value)
 
 
+def test_points_without_their_number_disagree_with_the_names(tmp_path: Path) -> None:
+    path = write(tmp_path / "model.onnx", {"output0": rows(8400, 51)}, SQUARE, NAMES, metadata={"task": "pose"})
+    with pytest.raises(BadWeights, match="gives 54 rows of scores for 3 named classes"):
+        BoxModel(path, "apple")
+
+
 def test_numbers_of_coco_are_those_of_rf_detr_as_published(tmp_path: Path) -> None:
     path = write(tmp_path / "model.onnx", named("dets", "labels", values=logits(91, 53)), SQUARE)
     (tmp_path / "model.onnx.yaml").write_text("names: {53: apple}\n")
