@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from pomona.executive import Float64
 from pomona.skills.perception import (
+    PRECISION,
     JudgedPicture,
     Photograph,
     box_figures,
@@ -72,7 +73,7 @@ class LabelFigures:
         lines = [f"{len(self._judged)} pictures with labels, {labelled} boxes, IoU 0.5", ""]
         lines += ["| figure | value | 95 % |", "|---|---|---|"]
         both = recall_and_precision(self._judged, self._score)
-        bounds = intervals(self._judged, lambda drawn: recall_and_precision(drawn, self._score))
+        bounds = _intervals(self._judged, lambda drawn: recall_and_precision(drawn, self._score))
         for name, value, bound in zip(("recall", "precision"), both, bounds, strict=True):
             lines.append(f"| {name} at score ≥ {self._score:g} | {_cells(value, bound)} |")
         lines.append(f"| AP50 | {_average_precision(self._judged)} |")
@@ -80,15 +81,42 @@ class LabelFigures:
             count = sum(picture.labelled for picture in sized)
             extent = f"{low:g} to {high:g} px" if np.isfinite(high) else f"from {low:g} px"
             lines.append(f"| AP50, longer side {extent} ({count} boxes) | {_average_precision(sized)} |")
-        return "\n".join([*lines, "", "A fruit without a label counts as a wrong find."])
+        notes = [_advice(self._judged), "A fruit without a label counts as a wrong find."]
+        if not _is_drawn(self._judged):
+            notes.append("All pictures are of one group: an interval needs several.")
+        return "\n".join([*lines, "", *notes])
+
+
+def _advice(pictures: Sequence[JudgedPicture]) -> str:
+    """Return the score to use on pictures like these, as a sentence."""
+    score = np.ceil(100.0 * box_figures(pictures).threshold - 1e-6) / 100.0
+    recall, precision = recall_and_precision(pictures, score - 1e-9)
+    if not precision >= PRECISION - 0.005:  # none, or several finds of one score; figures are printed to 0.01
+        return f"No score gives precision {PRECISION:g} on these labels."
+    return f"On these labels, --score {score:.2f} gives precision {precision:.2f} and recall {recall:.2f}."
+
+
+def _is_drawn(pictures: Sequence[JudgedPicture]) -> bool:
+    """Return True if there are several groups to draw from: one group always gives the same figures."""
+    return len({picture.group for picture in pictures}) > 1
+
+
+def _intervals(
+    pictures: Sequence[JudgedPicture], figures: Callable[[Sequence[JudgedPicture]], Sequence[float]]
+) -> list[tuple[float, float]]:
+    if _is_drawn(pictures):
+        return intervals(pictures, figures)
+    return [(float("nan"), float("nan"))] * len(figures(pictures))
 
 
 def _average_precision(pictures: Sequence[JudgedPicture]) -> str:
     if not any(picture.labelled for picture in pictures):
         return "no boxes | "
-    (bound,) = intervals(pictures, lambda drawn: [box_figures(drawn).ap50])
+    (bound,) = _intervals(pictures, lambda drawn: [box_figures(drawn).ap50])
     return _cells(box_figures(pictures).ap50, bound)
 
 
 def _cells(value: float, bound: tuple[float, float]) -> str:
-    return f"{value:.3f} | {bound[0]:.3f}–{bound[1]:.3f}" if np.isfinite(value) else "none | "
+    if not np.isfinite(value):
+        return "none | "
+    return f"{value:.3f} | {bound[0]:.3f}–{bound[1]:.3f}" if np.isfinite(bound).all() else f"{value:.3f} | none"

@@ -36,7 +36,7 @@ class PictureResults:
     def __init__(self, options: argparse.Namespace, files: Sequence[Path]) -> None:
         self.score, self._out = options.score, options.out
         self._sheet = ContactSheet(len(files))
-        self._sizes = None if options.boxes is not None else SizesFound(options.width)
+        self._sizes = SizesFound(options.width, options.boxes is None)
         self._fruit = Path(options.fruit).name
         self._coco = CocoFile(self._fruit) if options.format == "coco" else None
         self._yolo = options.out / YOLO if options.format == "yolo" else None
@@ -57,10 +57,9 @@ class PictureResults:
             problem = self._figures.add(file, width, height, boxes, np.array([fruit.score for fruit in found]))
             if problem:
                 sys.stderr.write(f"pomona detect: {file} {problem}\n")
-        if self._sizes is not None:
-            if words := self._sizes.announce(width, height):
-                sys.stdout.write(f"{words}\n")
-            self._sizes.add(width, height, np.array([fruit.outline(width, height)[2:].max() for fruit in sure]))
+        if words := self._sizes.announce(width, height):
+            sys.stdout.write(f"{words}\n")
+        self._sizes.add(width, height, np.array([fruit.outline(width, height)[2:].max() for fruit in sure]))
         if self._coco is not None:
             self._coco.add(file, width, height, sure)
         if self._yolo is not None:
@@ -78,8 +77,7 @@ class PictureResults:
             (self._out / COCO).write_text(self._coco.text(), encoding="utf-8")
         if self._yolo is not None:
             (self._out / "data.yaml").write_text(f"names: [{self._fruit}]\n", encoding="utf-8")
-        if self._sizes is not None:
-            sys.stdout.writelines(f"{line}\n" for line in self._sizes.lines())
+        sys.stdout.writelines(f"{line}\n" for line in self._sizes.lines())
         if self._figures is not None:
             table = self._figures.table()
             (self._out / FIGURES).write_text(f"{table}\n", encoding="utf-8")

@@ -9,6 +9,8 @@ import numpy as np
 from pomona.executive import Float64
 from pomona.skills.perception import LARGEST_SIDE, at_edge, findable_sizes, search_sides
 
+MOST_ANNOUNCED = 5  # sizes of pictures whose search is announced: a folder may hold as many sizes as pictures
+
 CUT = 0.25  # from this ratio of sizes at an edge of the range on, fruit beyond it is probably missed
 
 
@@ -17,19 +19,22 @@ class SizesFound:
 
     Args:
         width: the one width at which pictures are searched [px]; None for several.
+        range_known: False for a detector of unknown origin, whose sizes have no known range.
     """
 
-    def __init__(self, width: int | None) -> None:
-        self._width = width
+    def __init__(self, width: int | None, range_known: bool = True) -> None:
+        self._width, self._range_known = width, range_known
         self._known: set[tuple[int, int]] = set()
         self._sizes: list[Float64] = []
         self._lower = self._upper = self._widest = 0
 
     def announce(self, width: int, height: int) -> str:
         """Return the widths of the search and the sizes that it finds, once for each size of picture; else nothing."""
-        if (width, height) in self._known:
+        if not self._range_known or (width, height) in self._known or len(self._known) > MOST_ANNOUNCED:
             return ""
         self._known.add((width, height))
+        if len(self._known) > MOST_ANNOUNCED:
+            return "pictures of further sizes: searched in the same way"
         sides = self._sides(width, height)
         low, high = findable_sizes(sides, width, height)
         side = "longer side" if self._width is None else "longer side, one width"
@@ -40,8 +45,10 @@ class SizesFound:
 
     def add(self, width: int, height: int, sizes: Float64) -> None:
         """Add the longer sides (n,) [px] of the fruit in a picture of this size."""
-        lower, upper = at_edge(sizes, self._sides(width, height), width, height)
         self._sizes.append(sizes)
+        if not self._range_known:
+            return
+        lower, upper = at_edge(sizes, self._sides(width, height), width, height)
         self._lower, self._upper, self._widest = self._lower + lower, self._upper + upper, max(self._widest, width)
 
     def lines(self) -> list[str]:

@@ -9,6 +9,7 @@ from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
     from pomona.skills.perception.detection.box_evaluation import (
+        PRECISION as PRECISION,
         JudgedPicture as JudgedPicture,
         box_figures as box_figures,
         intervals as intervals,
@@ -89,7 +90,7 @@ if TYPE_CHECKING:
     )
 
 PUBLIC = {
-    "detection.box_evaluation": "JudgedPicture box_figures intervals judge judge_size recall_and_precision",
+    "detection.box_evaluation": "JudgedPicture PRECISION box_figures intervals judge judge_size recall_and_precision",
     "detection.box_model": "ScoredBox load_boxes",
     "detection.compact_detector": "CompactDetector",
     "detection.detection": "AllDetections Detection DetectorOptions",

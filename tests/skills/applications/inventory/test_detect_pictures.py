@@ -309,6 +309,7 @@ def test_own_labels_give_recall_precision_and_average_precision_by_size(
     assert "| precision at score ≥ 0.5 | 0.333 |" in said  # 2 of 6
     assert "| AP50, longer side 32 to 96 px (5 boxes) |" in said
     assert "| AP50, longer side from 96 px (0 boxes) | no boxes" in said
+    assert "No score gives precision 0.9 on these labels." in said
     assert (tmp_path / "out" / "figures.md").read_text("utf-8").rstrip() in said
 
 
@@ -355,3 +356,53 @@ def test_boxes_are_written_as_yolos_labels_and_read_back(
     assert run(pictures, "--format", "yolo", "--out", tmp_path / "two") == 2
     assert "YOLO's labels need a name for each picture" in capsys.readouterr().err
     assert not (tmp_path / "two").exists()
+
+
+def test_own_labels_give_the_score_for_a_precision(
+    labelled: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    order = iter(sorted(TRUTH))
+
+    def find(*_: object) -> list[FoundFruit]:
+        boxes = [*boxes_of(TRUTH[next(order)]), (200.0, 10.0, 30.0, 30.0)]
+        plain = (np.zeros(3), np.array([0.0, -1.0, 0.0]), np.zeros(2), 30.0, np.ones(3))
+        return [FoundFruit(*plain, 0.4 if x == 200.0 else 0.8, 1.0, np.array((x, *box))) for x, *box in boxes]
+
+    monkeypatch.setattr(detect_pictures, "find_fruit", find)
+    assert run(labelled / "images", "--eval", labelled, "--out", tmp_path / "out") == 0
+    assert "On these labels, --score 0.80 gives precision 1.00 and recall 1.00." in capsys.readouterr().out
+
+
+def test_pictures_of_one_group_have_no_interval(
+    labelled: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Drawn again they always give the same figures: an interval of no width would pass as a certain one."""
+    pictures = [labelled / "images" / f"a_{number}.jpg" for number in range(2)]
+    assert run(*pictures, "--eval", labelled, "--out", tmp_path / "out") == 0
+    said = capsys.readouterr().out
+    assert "| recall at score ≥ 0.5 | 0.500 | none |" in said
+    assert "All pictures are of one group: an interval needs several." in said
+
+
+def test_many_sizes_of_pictures_are_announced_in_a_few_lines(
+    pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for number in range(12):
+        cv2.imwrite(str(pictures / f"c{number:02d}.png"), np.full((60 + number, 80, 3), 90, np.uint8))
+    assert run(pictures, "--out", tmp_path / "out") == 0
+    said = capsys.readouterr().out
+    assert said.count("searched at") == 5
+    assert said.count("pictures of further sizes: searched in the same way") == 1
+
+
+def test_sizes_are_reported_for_a_detector_of_boxes_without_a_range(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    picture = np.full((480, 640, 3), 40, np.uint8)
+    picture[120:200, 400:520] = (20, 20, 250)
+    cv2.imwrite(str(tmp_path / "red.png"), picture)
+    model = red_square_model(tmp_path / "model.onnx", [1, 3, 480, 640])
+    assert run(tmp_path / "red.png", "--boxes", model, "--out", tmp_path / "out") == 0
+    said = capsys.readouterr().out
+    assert "longer sides of the boxes: 120 to 120 px" in said
+    assert "searched at" not in said

@@ -18,24 +18,34 @@ def write(
     shape: list[int | str] | None = None,
     names: str | None = None,
     kind: int = FLOAT,
+    metadata: dict[str, str] | None = None,
+    sizes: str = "",
 ) -> Path:
-    """A model with constant outputs."""
+    """A model with constant outputs; lists of whole numbers are int64, `sizes` names a second input."""
     nodes, declared = [], []
     for name, value in outputs.items():
-        array = np.asarray(value, np.int64 if name == "labels" else np.float32)
+        array = np.asarray(value)
+        array = array.astype(np.int64 if array.ndim <= 2 and name == "labels" else np.float32)
         nodes.append(helper.make_node("Constant", [], [name], value=numpy_helper.from_array(array)))
         declared.append(helper.make_tensor_value_info(name, helper.np_dtype_to_tensor_dtype(array.dtype), array.shape))
     picture = helper.make_tensor_value_info("images", kind, shape or [1, 3, 240, 320])
-    return save(path, nodes, [picture], declared, names)
+    inputs = [picture, *([helper.make_tensor_value_info(sizes, TensorProto.INT64, [1, 2])] if sizes else [])]
+    return save(path, nodes, inputs, declared, names, metadata)
 
 
-def save(path: Path, nodes: list[Any], inputs: list[Any], outputs: list[Any], names: str | None = None) -> Path:
+def save(
+    path: Path,
+    nodes: list[Any],
+    inputs: list[Any],
+    outputs: list[Any],
+    names: str | None = None,
+    metadata: dict[str, str] | None = None,
+) -> Path:
     model = helper.make_model(
         helper.make_graph(nodes, "g", inputs, outputs), opset_imports=[helper.make_opsetid("", 18)]
     )
     model.ir_version = 10
-    if names is not None:
-        helper.set_model_props(model, {"names": names})
+    helper.set_model_props(model, (metadata or {}) | ({} if names is None else {"names": names}))
     onnx.save(model, path)
     return path
 
@@ -81,3 +91,22 @@ def red_square_model(path: Path, shape: list[int | str]) -> Path:
     nodes += [node("Concat", [f"{name}_cell" for name in parts], "output0", axis=1)]
     picture = helper.make_tensor_value_info("images", FLOAT, shape)
     return save(path, nodes, [picture], [helper.make_tensor_value_info("output0", FLOAT, [1, 5, 1])])
+
+
+def colour_model(path: Path, **metadata: str) -> Path:
+    """A YOLO-style model of one class whose only box has the mean of the input's red as its score."""
+    box = numpy_helper.from_array(np.array([[[160.0], [120.0], [40.0], [40.0]]], np.float32))
+    nodes = [helper.make_node("Constant", [], [name], value=value) for name, value in (
+        ("box", box),
+        ("zero", numpy_helper.from_array(np.array([0]))),
+        ("one", numpy_helper.from_array(np.array([1]))),
+        ("sides", numpy_helper.from_array(np.array([2, 3]))),
+    )]  # fmt: skip
+    nodes += [
+        helper.make_node("Slice", ["images", "zero", "one", "one"], ["red"]),
+        helper.make_node("ReduceMean", ["red", "sides"], ["mean"], keepdims=0),
+        helper.make_node("Unsqueeze", ["mean", "zero"], ["score"]),
+        helper.make_node("Concat", ["box", "score"], ["output0"], axis=1),
+    ]
+    picture = helper.make_tensor_value_info("images", FLOAT, [1, 3, 240, 320])
+    return save(path, nodes, [picture], [helper.make_tensor_value_info("output0", FLOAT, [1, 5, 1])], None, metadata)

@@ -1,4 +1,4 @@
-"""Detectors of boxes as ONNX files: both layouts, sizes of the input, classes, and files of another form."""
+"""Detectors of boxes as ONNX files: pictures as their inputs, and files of another form; `test_box_forms`: outputs."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from onnx import TensorProto, helper
 
-from pomona.skills.perception.detection.box_model import BoxModel, ClassUnknown, class_of
+from pomona.skills.perception.detection.box_model import BoxModel
 from pomona.skills.perception.detection.errors import BadWeights
-from tests.skills.perception.detection.onnx_boxes import FLOAT, red_square_model, save, write
+from tests.skills.perception.detection.onnx_boxes import FLOAT, colour_model, red_square_model, save, write
 
 
 @pytest.mark.parametrize("shape", [[1, 3, 320, 320], [1, 3, 240, 320], [1, 3, 192, 640], [1, 3, "h", "w"]])
@@ -31,29 +31,11 @@ def test_a_picture_without_the_object_has_no_boxes(tmp_path: Path) -> None:
     assert model.find(np.zeros((480, 640, 3), np.uint8)) == []
 
 
-def test_torchvisions_outputs_are_read_with_the_labels_of_the_fruit_alone(tmp_path: Path) -> None:
-    outputs = {
-        "boxes": [[10, 20, 40, 60], [100, 100, 150, 140], [11, 20, 40, 60], [5, 5, 9, 9]],
-        "labels": [53, 1, 53, 53],
-        "scores": [0.7, 0.9, 0.8, 0.01],
-    }
-    path = write(tmp_path / "rcnn.onnx", outputs, [3, "h", "w"], "{0: 'person', 53: 'apple'}")
-    (found,) = BoxModel(path, "apple").find(np.zeros((480, 640, 3), np.uint8))
-    assert found.score == pytest.approx(0.8)  # of two boxes of one fruit, the surer one
-    assert np.allclose(found.box, (22, 40, 58, 80))  # the input is half as wide as the picture
-
-
-def test_yolos_scores_are_those_of_the_fruits_class(tmp_path: Path) -> None:
-    places = np.zeros((1, 7, 8))
-    places[0, :4, 0], places[0, 5, 0] = (160, 120, 40, 40), 0.75
-    places[0, :4, 1], places[0, 4, 1] = (60, 60, 40, 40), 0.9
-    path = write(tmp_path / "yolo.onnx", {"output0": places}, names="['pear', 'apple', 'leaf']")
-    (found,) = BoxModel(path, "apple").find(np.zeros((480, 640, 3), np.uint8))
-    assert (found.score, *found.box) == pytest.approx((0.75, 280, 200, 80, 80))
-
-
-PARTS = np.zeros((1, 5, 9))
-PARTS[0, :, 0] = 0.5, 0.5, 0.1, 0.1, 0.9
+SHARES = np.zeros((1, 300, 6))
+SHARES[0, 0] = 0.4, 0.4, 0.6, 0.6, 0.9, 0
+STRAY = np.zeros((1, 300, 6))
+STRAY[0, 0] = 40, 40, 60, 60, 0.9, 2
+LOGITS = {"dets": np.full((1, 300, 4), 0.5), "labels": np.full((1, 300, 5), -3.0)}
 ONE = {"boxes": [[10, 20, 40, 60]], "scores": [0.5]}
 
 
@@ -62,7 +44,9 @@ ONE = {"boxes": [[10, 20, 40, 60]], "scores": [0.5]}
     [
         ({"logits": [[1.0, 2.0]]}, {}, r"has the outputs logits \(1, 2\), expected boxes \(n, 4\) and scores"),
         ({"a": [[[1.0]]], "b": [1.0]}, {}, r"has the outputs a \(1, 1, 1\), b \(1\)"),
-        ({"output0": np.zeros((1, 100, 6))}, {}, r"has the outputs output0 \(1, 100, 6\)"),
+        ({"output0": np.zeros((1, 100, 6))}, {}, "has several classes without names: write names: {0: apple}"),
+        ({"output0": np.zeros((2, 5, 100))}, {}, r"has the outputs output0 \(2, 5, 100\)"),
+        ({"dets": np.zeros((1, 9, 5)), "labels": np.zeros((1, 9))}, {}, r"dets \(1, 9, 5\), labels \(1, 9\), expected"),
         ({"boxes": [[1, 2, 3]], "scores": [0.5]}, {}, r"boxes \(1, 3\), scores \(1\)"),
         ({"output0": np.full((1, 5, 3), 7.0)}, {}, "gives scores from 7 to 7, expected 0 to 1"),
         ({"output0": np.zeros((1, 6, 9))}, {}, "has several classes without names"),
@@ -81,8 +65,25 @@ ONE = {"boxes": [[10, 20, 40, 60]], "scores": [0.5]}
         ({"output0": np.zeros((1, 6, 9))}, {"names": "['apple', 'pear', 'leaf']"}, "gives 2 rows of scores for 3"),
         ({"output0": np.zeros((1, 5, 9))}, {"names": "['pineapple']"}, "classes pineapple: none of them is apple"),
         ({"output0": np.zeros((1, 5, 9))}, {"names": "['apple', 'pear']"}, "gives 1 rows of scores for 2"),
-        ({"output0": np.zeros((1, 300, 6))}, {"names": "['apple', 'pear']"}, "already chosen, export it without nms"),
-        ({"output0": PARTS}, {"names": "['apple']"}, "boxes in parts of the picture"),
+        ({"output0": np.full((1, 300, 7), 0.5)}, {"names": "['apple', 'pear']"}, "3 columns of scores for 2 named"),
+        ({"output0": STRAY}, {"names": "['apple', 'pear']"}, "gives a box of class 2, and names the classes 0 to 1"),
+        (
+            {"output0": SHARES},
+            {"names": "['apple']"},
+            "boxes in shares of the input, expected pixels: write units: share",
+        ),
+        (
+            {"output0": np.full((1, 300, 5), 100.5)},
+            {"names": "['apple']"},
+            "gives scores from 100 to 100, expected 0 to 1",
+        ),
+        (LOGITS, {}, "has several classes without names"),
+        (LOGITS, {"names": "['apple', 'pear']"}, "gives 5 columns of scores for 2 named classes"),
+        (
+            {"output0": np.zeros((1, 5, 9))},
+            {"metadata": {"task": "obb"}},
+            "has metadata task 'obb', expected detect or",
+        ),
         ({"output0": np.zeros((1, 6, 9))}, {"names": "apple, pear"}, "has metadata names 'apple, pear'"),
         (ONE, {"shape": [1, 240, 320, 3]}, r"has the input \(1, 240, 320, 3\) of tensor\(float\), expected one input"),
         (ONE, {"shape": [4, 3, 240, 320]}, r"has the input \(4, 3, 240, 320\)"),
@@ -113,44 +114,31 @@ def test_files_that_are_no_models_are_refused(tmp_path: Path) -> None:
         BoxModel(two, "apple")
 
 
-@pytest.mark.parametrize(
-    ("names", "number"),
-    [
-        (["apple"], 0),
-        (["pineapple", "apple"], 1),
-        (["rotten apple", "apple"], 1),
-        (["leaf", "Apple"], 1),
-        (["leaf", "red_apple"], 1),
-        (["leaf", "GreenApple2"], 1),
-        (["leaf", "apples"], 1),
-        (["apples", "apple-detection-v3"], 0),
-        (["apples", "apple"], 1),
-        (["Apple", "apple"], 1),
-        (["Apfel", "apple (fruit)"], 1),
-    ],
-)
-def test_the_class_is_the_one_of_the_fruits_name_else_the_one_that_has_it_as_a_word(
-    names: list[str], number: int
-) -> None:
-    assert class_of(dict(enumerate(names)), "apple") == number
+def test_a_stretched_picture_fills_the_input(tmp_path: Path) -> None:
+    path = red_square_model(tmp_path / "red.onnx", [1, 3, 320, 320])
+    (tmp_path / "red.onnx.yaml").write_text("fit: stretch\n")
+    picture = np.full((480, 640, 3), 40, np.uint8)
+    picture[:, 600:] = (250, 20, 20)
+    (found,) = BoxModel(path, "apple").find(picture)
+    assert np.allclose(found.box, (600, 0, 40, 480), atol=3.0)
 
 
-@pytest.mark.parametrize(
-    "names", [["pineapple"], ["pineapple", "pear"], ["grapple"], ["appletree"], ["custardapple"], []]
-)
-def test_a_part_of_a_word_is_no_fruit(names: list[str]) -> None:
-    with pytest.raises(ClassUnknown, match="none of them is apple"):
-        class_of(dict(enumerate(names)), "apple")
+def test_an_input_of_free_size_has_the_size_that_the_file_names(tmp_path: Path) -> None:
+    boxes = {"boxes": [[0, 80, 640, 560]], "scores": [0.9]}
+    path = write(tmp_path / "free.onnx", boxes, [1, 3, "h", "w"], metadata={"imgsz": "[640, 640]", "stride": "32"})
+    (found,) = BoxModel(path, "apple", working_width=320).find(np.zeros((240, 320, 3), np.uint8))
+    assert np.allclose(found.box, (0, 0, 320, 240))
 
 
-def test_several_that_could_be_the_fruit_are_refused() -> None:
-    for names in (["red apple", "green apple"], ["Apple", "APPLE"], ["Apples", "APPLES"]):
-        with pytest.raises(ClassUnknown, match="2 of them could be apple"):
-            class_of(dict(enumerate(names)), "apple")
-
-
-@pytest.mark.parametrize(
-    ("fruit", "name"), [("cherry tomato", "Cherry-Tomatoes"), ("peach", "peaches"), ("berry", "berries")]
-)
-def test_fruit_of_two_words_and_plurals_are_words(fruit: str, name: str) -> None:
-    assert class_of({0: "other", 1: name, 2: "tomato sauce"}, fruit) == 1
+@pytest.mark.parametrize("beside", [True, False])
+def test_colours_are_normalised_by_the_metadata_or_by_the_file_beside_it(tmp_path: Path, beside: bool) -> None:
+    values = {"mean": "[0.2, 0.3, 0.4]", "std": "[0.5, 1.0, 2.0]"}
+    path = colour_model(tmp_path / "red.onnx", **({} if beside else values))
+    if beside:
+        (tmp_path / "red.onnx.yaml").write_text("".join(f"{key}: {value}\n" for key, value in values.items()))
+    # Of an empty picture the score is -0.4, which no network gives: the trial refuses it.
+    with pytest.raises(BadWeights, match=r"gives scores from -0\.4 to -0\.4"):
+        BoxModel(path, "apple")
+    (tmp_path / "red.onnx.yaml").write_text("mean: [-0.2, 0, 0]\nstd: [2, 1, 1]\n")
+    (found,) = BoxModel(path, "apple").find(np.full((240, 320, 3), 255, np.uint8))
+    assert found.score == pytest.approx(1.2 / 2.0, abs=1e-4)

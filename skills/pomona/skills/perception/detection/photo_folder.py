@@ -15,7 +15,7 @@ import yaml
 
 from pomona.executive.values.pictures import UnusablePicture, read_picture
 from pomona.executive.values.plain_text import NoTableError, read_plain_text, read_table
-from pomona.skills.perception.detection.box_model import ClassUnknown, class_of
+from pomona.skills.perception.detection.box_settings import ClassUnknown, class_of
 from pomona.skills.perception.detection.errors import BadPhotographs
 from pomona.skills.perception.detection.photographs import (
     PICTURES,
