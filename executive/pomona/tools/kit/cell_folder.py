@@ -21,7 +21,7 @@ _ROOT = re.compile(r"</?mujoco[^>]*>\n?")
 WORLD_CAMERA = "127.0.0.1:41001"  # of the emulated world, which always has a camera
 
 FILES = {
-    "cell.yaml": """# The real cell: $devices. Fill in `options` and `workspace`; README.md has the list of calibrations.
+    "cell.yaml": """# The real cell: $devices. Fill in `options` and `workspace`; README.md lists the calibrations.
 # `emulated.yaml` is the same cell without devices: it takes arm, gripper and workspace from this file.
 name: $name
 kind: real
@@ -30,7 +30,7 @@ record: required              # no run without its record: when the disk is full
 options:                      # addresses: fill in yours
 $addresses
 
-workspace:                    # in the base frame; keys beside `include` override it, such as table_z, obstacles and poses
+workspace:                    # in the base frame; keys beside `include` override it, such as table_z and poses
   include: $workspace
 
 devices:
@@ -110,7 +110,7 @@ COMMON = (
 )
 
 
-def begin_cell(folder: Path, arm: str | None, hand: str | None, camera: str | None) -> tuple[list[Path], list[str]]:
+def begin_cell(folder: Path, arm: str | None, hand: str | None, camera: str = NONE) -> tuple[list[Path], list[str]]:
     """Write the folder of a cell; its name is that of the cell.
 
     Returns its files, and the next commands.
@@ -120,15 +120,14 @@ def begin_cell(folder: Path, arm: str | None, hand: str | None, camera: str | No
         raise UsageError(f"a cell of devices needs --arm and --hand: {_possible(_pieces())}")
     pieces = _pieces()
     chosen = [_choose(pieces, "arm", arm, "--arm"), _choose(pieces, "gripper", hand, "--hand")]
-    if camera not in (None, NONE):
-        chosen.append(_choose(pieces, "camera", camera or "", "--camera"))
+    if camera != NONE:
+        chosen.append(_choose(pieces, "camera", camera, "--camera"))
     robot = _robot(arm, hand)
     if not robot.is_file():
         raise UsageError(f"no robot description of {arm} with {hand} is shipped: {_possible(pieces)}")
     if folder.exists():
         raise UsageError(f"{folder} is there already. Nothing was written.")
-    devices = ", ".join([arm, hand, *([camera] if len(chosen) == 3 and camera else [])])
-    words = {"name": folder.name, "devices": devices, **_words(chosen)}
+    words = {"name": folder.name, "devices": f"{arm}, {hand}, camera {camera}", **_words(chosen)}
     texts = {name: Template(text).substitute(words) for name, text in FILES.items()}
     texts["robot.xml"] = composed(robot)
     folder.mkdir(parents=True)

@@ -16,7 +16,7 @@ from pomona.executive.errors import UsageError
 from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.values.installation import elsewhere
-from pomona.tools.kit.cell_folder import begin_cell
+from pomona.tools.kit.cell_folder import NONE, begin_cell
 from pomona.tools.kit.package import EMPTY_TREE, OWN_TREE, PACKAGE, TREE
 from pomona.tools.kit.piece import Piece
 
@@ -56,12 +56,13 @@ def _kind(word: str) -> str:
 
 def main(options: argparse.Namespace) -> int:
     """Write the new files."""
-    words, devices = _words(options.name), (options.arm, options.hand, options.camera)
-    following = ""
-    if any(devices):
+    words, following = _words(options.name), ""
+    if (options.arm, options.hand, options.camera) != (None, None, None):
         if options.kind != "cell":
             raise UsageError(f"--arm, --hand and --camera belong to `pomona new cell`, not to {options.kind}")
-        written, commands = begin_cell(options.into / words["name"], *devices)
+        written, commands = begin_cell(
+            options.into / words["name"], options.arm, options.hand, NONE if options.camera is None else options.camera
+        )
         following = "\n      ".join(commands)
     elif options.kind == "package":
         written = begin(options.into / words["name"], words["name"])

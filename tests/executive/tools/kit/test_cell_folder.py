@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 import mujoco
@@ -11,6 +12,7 @@ import pytest
 
 from pomona.executive.cli import main
 from pomona.executive.values.installation import installed_trees
+from pomona.tools.kit import cell_folder
 from pomona.tools.kit.cell_folder import composed
 
 ROBOTS = installed_trees() / "robots"
@@ -40,6 +42,14 @@ def test_every_file_passes_the_check_but_for_the_calibration_that_is_due(arm, ha
     assert "1 error." in found
     (tmp_path / "bench" / "hand_eye.json").write_text(json.dumps({"T_mount_camera": np.eye(4).tolist()}))
     assert main(["check", "pick_apple_plain", "--cell", cell, *FORCE]) == 0
+
+
+def test_the_twin_has_what_is_written_into_the_real_cell(tmp_path, capsys):
+    assert new(tmp_path, "--arm", "ur5e", "--hand", "hand-e") == 0
+    real, twin = tmp_path / "bench" / "cell.yaml", str(tmp_path / "bench" / "emulated.yaml")
+    real.write_text(real.read_text("utf-8").replace("finger_offset: 53 mm", "finger_offset: 900 mm"), encoding="utf-8")
+    assert main(["check", twin]) == 2
+    assert "finger_offset" in capsys.readouterr().out
 
 
 def test_a_cell_without_a_camera_passes_the_check(tmp_path, capsys):
@@ -85,6 +95,7 @@ def test_the_composed_robot_is_the_shipped_one_in_one_file(arm, hand, tmp_path):
             "no robot description of xarm6 with wsg32 is shipped: possible are --arm",
         ),
         (("--arm", "ur5e"), "a cell of devices needs --arm and --hand: possible are --arm sia5f --hand wsg32;"),
+        (("--arm", ""), "a cell of devices needs --arm and --hand"),
         (("--camera", "d435i"), "a cell of devices needs --arm and --hand"),
     ],
 )
@@ -94,6 +105,16 @@ def test_what_cannot_be_written_is_refused_in_one_line(words, said, tmp_path, ca
     assert said in line
     assert "Nothing was written." in line
     assert not list(tmp_path.iterdir())
+
+
+def test_the_command_that_imports_robots_is_named_where_it_is_installed(tmp_path, capsys, monkeypatch):
+    def points(**selection):
+        command = EntryPoint("robot", "own:add", "pomona.commands")
+        return [command] if selection.get("name") == "robot" else entry_points(**selection)
+
+    monkeypatch.setattr(cell_folder, "entry_points", points)
+    assert new(tmp_path, "--arm", "xarm6", "--hand", "wsg32") == 2
+    assert "(others: pomona robot import)" in capsys.readouterr().err
 
 
 def test_a_folder_that_exists_and_a_wrong_name_are_refused(tmp_path, capsys):
@@ -114,4 +135,6 @@ def test_the_twin_picks_an_apple(tmp_path, capsys):
     assert new(tmp_path, "--arm", "ur5e", "--hand", "hand-e", "--camera", "d435i") == 0
     twin = str(tmp_path / "bench" / "emulated.yaml")
     done = main(["run", "pick_apple_plain", "--cell", twin, *FORCE, "--seed", "3", "--no-record"])
-    assert (done, "lifted: yes" in capsys.readouterr().out) == (0, True)
+    said = capsys.readouterr()
+    assert done == 0
+    assert "lifted: yes" in said.out + said.err
