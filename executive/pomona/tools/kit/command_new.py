@@ -16,6 +16,7 @@ from pomona.executive.errors import UsageError
 from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.values.installation import elsewhere
+from pomona.tools.kit.cell_folder import NONE, begin_cell
 from pomona.tools.kit.package import EMPTY_TREE, OWN_TREE, PACKAGE, TREE
 from pomona.tools.kit.piece import Piece
 
@@ -38,6 +39,8 @@ def add(subparsers: Any) -> None:
     parser.add_argument("name", help="such as Weigh")
     about = "folder; an existing package gets the new part, otherwise a package is created"
     parser.add_argument("--into", type=Path, default=Path(), metavar="DIR", help=about)
+    for option, about in (("arm", "ur5e"), ("hand", "hand-e"), ("camera", "d435i, or none")):
+        parser.add_argument(f"--{option}", metavar="MODEL", help=f"of a cell with these devices, such as {about}")
     parser.set_defaults(main=main)
 
 
@@ -53,8 +56,15 @@ def _kind(word: str) -> str:
 
 def main(options: argparse.Namespace) -> int:
     """Write the new files."""
-    words = _words(options.name)
-    if options.kind == "package":
+    words, following = _words(options.name), ""
+    if (options.arm, options.hand, options.camera) != (None, None, None):
+        if options.kind != "cell":
+            raise UsageError(f"--arm, --hand and --camera belong to `pomona new cell`, not to {options.kind}")
+        written, commands = begin_cell(
+            options.into / words["name"], options.arm, options.hand, NONE if options.camera is None else options.camera
+        )
+        following = "\n      ".join(commands)
+    elif options.kind == "package":
         written = begin(options.into / words["name"], words["name"])
     elif options.kind == "tree":
         written = _write(OWN_TREE if "MoveTo" in declared_skills() else EMPTY_TREE, words, options.into)
@@ -64,7 +74,7 @@ def main(options: argparse.Namespace) -> int:
         written = put(point.load(), words, options.into)
     for path in written:
         sys.stdout.write(f"{path}\n")
-    sys.stderr.write(f"next: {_next(written)}\n")
+    sys.stderr.write(f"next: {following or _next(written)}\n")
     return 0
 
 

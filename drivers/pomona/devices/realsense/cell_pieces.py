@@ -1,0 +1,26 @@
+"""RealSense cameras as `pomona new cell` writes them."""
+
+from __future__ import annotations
+
+from pomona.tools.kit.cell_piece import CellPiece
+
+D435I = CellPiece(
+    role="camera",
+    device="""driver: realsense         # with several cameras: serial
+size: [640, 480]
+rate: 30 Hz
+preset: High Accuracy
+filters: spatial temporal
+hand_eye: hand_eye.json   # README.md: due
+""",
+    twin="""driver: emulated-camera
+address: "{camera}"
+robot: robot.xml
+rate: 5 Hz
+""",
+    simulated="include: sim.yaml#devices/camera",
+    due=(
+        "hand_eye.json, the camera's pose: `pomona calibrate hand-eye IMAGES --square 24.5mm --out hand_eye.json`.",
+        "Depth errors of the camera: `pomona calibrate depth --help`.",
+    ),
+)

@@ -1,0 +1,140 @@
+"""`pomona new cell --arm … --hand …`: files that pass the check, and a twin that picks."""
+
+from __future__ import annotations
+
+import json
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from pomona.executive.cli import main
+from pomona.executive.values.installation import installed_trees
+from pomona.tools.kit import cell_folder
+from pomona.tools.kit.cell_folder import composed
+
+ROBOTS = installed_trees() / "robots"
+SHIPPED = [("sia5f", "wsg32"), ("ur5e", "hand-e"), ("ur5e", "wsg32"), ("xarm6", "hand-e")]
+FORCE = ("--set", "force=40 N")
+
+
+def new(folder: Path, *words: str, name: str = "bench") -> int:
+    return main(["new", "cell", name, "--into", str(folder), *words])
+
+
+def test_the_combinations_are_those_of_the_shipped_robots():
+    arms = {path.stem for path in ROBOTS.glob("*_*.xml")} - {"hand_e", "hand_e_body", "wsg32_body"}
+    assert arms == {f"{arm}_{hand}".replace("-", "_") for arm, hand in SHIPPED}
+
+
+@pytest.mark.parametrize(("arm", "hand"), SHIPPED)
+def test_every_file_passes_the_check_but_for_the_calibration_that_is_due(arm, hand, tmp_path, capsys):
+    assert new(tmp_path, "--arm", arm, "--hand", hand, "--camera", "d435i") == 0
+    cell, simulated, twin = (str(tmp_path / "bench" / f"{name}.yaml") for name in ("cell", "simulated", "emulated"))
+    assert main(["check", simulated, twin]) == 0
+    assert main(["check", "pick_apple_plain", "--cell", twin, *FORCE]) == 0
+    capsys.readouterr()
+    assert main(["check", cell]) == 2
+    found = capsys.readouterr().out
+    assert "devices.camera.hand_eye" in found
+    assert "1 error." in found
+    (tmp_path / "bench" / "hand_eye.json").write_text(json.dumps({"T_mount_camera": np.eye(4).tolist()}))
+    assert main(["check", "pick_apple_plain", "--cell", cell, *FORCE]) == 0
+
+
+def test_the_twin_has_what_is_written_into_the_real_cell(tmp_path, capsys):
+    assert new(tmp_path, "--arm", "ur5e", "--hand", "hand-e") == 0
+    real, twin = tmp_path / "bench" / "cell.yaml", str(tmp_path / "bench" / "emulated.yaml")
+    real.write_text(real.read_text("utf-8").replace("finger_offset: 53 mm", "finger_offset: 900 mm"), encoding="utf-8")
+    assert main(["check", twin]) == 2
+    assert "finger_offset" in capsys.readouterr().out
+
+
+def test_a_cell_without_a_camera_passes_the_check(tmp_path, capsys):
+    assert new(tmp_path, "--arm", "xarm6", "--hand", "hand-e", "--camera", "none") == 0
+    files = sorted(map(str, (tmp_path / "bench").glob("*.yaml")))
+    assert len(files) == 3
+    assert main(["check", *files]) == 0
+    assert f"next: pomona check {tmp_path}/bench/emulated.yaml" in capsys.readouterr().err
+
+
+def test_the_next_three_commands_and_the_calibrations_that_are_due_are_named(tmp_path, capsys):
+    assert new(tmp_path, "--arm", "ur5e", "--hand", "hand-e", "--camera", "d435i") == 0
+    twin = tmp_path / "bench" / "emulated.yaml"
+    assert [line.strip() for line in capsys.readouterr().err.splitlines()] == [
+        f'next: pomona check pick_apple_plain --cell {twin} --set force="40 N"',
+        f'pomona run pick_apple_plain --cell {twin} --set force="40 N"',
+        f"pomona doctor --cell {tmp_path}/bench/cell.yaml",
+    ]
+    page = (tmp_path / "bench" / "README.md").read_text("utf-8")
+    for due in ("pomona calibrate hand-eye", "finger_offset", "`workspace`", "pomona doctor --cell cell.yaml"):
+        assert due in page
+
+
+@pytest.mark.parametrize(("arm", "hand"), SHIPPED)
+def test_the_composed_robot_is_the_shipped_one_in_one_file(arm, hand, tmp_path):
+    shipped = ROBOTS / f"{arm}_{hand}.xml".replace("-", "_")
+    alone = tmp_path / "robot.xml"
+    alone.write_text(composed(shipped), encoding="utf-8")
+    ours, theirs = (mujoco.MjModel.from_xml_path(str(path)) for path in (alone, shipped))
+    assert (ours.nbody, ours.ngeom, ours.nu) == (theirs.nbody, theirs.ngeom, theirs.nu)
+    for name in ("body_pos", "body_mass", "geom_size", "geom_pos", "jnt_range", "site_pos", "actuator_gainprm"):
+        np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--arm", "ur5", "--hand", "hand-e"), "--arm: no 'ur5' is known here (did you mean 'ur5e'?)"),
+        (("--arm", "ur5e", "--hand", "ur5e"), "--hand: no 'ur5e' is known here (known: hand-e, wsg32)"),
+        (("--arm", "ur5e", "--hand", "hand-e", "--camera", "d455"), "--camera: no 'd455' is known here (did"),
+        (
+            ("--arm", "xarm6", "--hand", "wsg32"),
+            "no robot description of xarm6 with wsg32 is shipped: possible are --arm",
+        ),
+        (("--arm", "ur5e"), "a cell of devices needs --arm and --hand: possible are --arm sia5f --hand wsg32;"),
+        (("--arm", ""), "a cell of devices needs --arm and --hand"),
+        (("--camera", "d435i"), "a cell of devices needs --arm and --hand"),
+    ],
+)
+def test_what_cannot_be_written_is_refused_in_one_line(words, said, tmp_path, capsys):
+    assert new(tmp_path, *words) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line
+    assert "Nothing was written." in line
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_command_that_imports_robots_is_named_where_it_is_installed(tmp_path, capsys, monkeypatch):
+    def points(**selection):
+        command = EntryPoint("robot", "own:add", "pomona.commands")
+        return [command] if selection.get("name") == "robot" else entry_points(**selection)
+
+    monkeypatch.setattr(cell_folder, "entry_points", points)
+    assert new(tmp_path, "--arm", "xarm6", "--hand", "wsg32") == 2
+    assert "(others: pomona robot import)" in capsys.readouterr().err
+
+
+def test_a_folder_that_exists_and_a_wrong_name_are_refused(tmp_path, capsys):
+    (tmp_path / "bench").mkdir()
+    devices = ("--arm", "ur5e", "--hand", "hand-e")
+    assert new(tmp_path, *devices) == 2
+    assert new(tmp_path, *devices, name="../bench") == 2
+    assert main(["new", "fruit", "plum", "--into", str(tmp_path), *devices]) == 2
+    taken, name, kind = capsys.readouterr().err.splitlines()
+    assert "bench is there already. Nothing was written." in taken
+    assert "'../bench' is not a valid name" in name
+    assert "--arm, --hand and --camera belong to `pomona new cell`, not to fruit" in kind
+    assert [path.name for path in tmp_path.rglob("*")] == ["bench"]
+
+
+@pytest.mark.slow
+def test_the_twin_picks_an_apple(tmp_path, capsys):
+    assert new(tmp_path, "--arm", "ur5e", "--hand", "hand-e", "--camera", "d435i") == 0
+    twin = str(tmp_path / "bench" / "emulated.yaml")
+    done = main(["run", "pick_apple_plain", "--cell", twin, *FORCE, "--seed", "3", "--no-record"])
+    said = capsys.readouterr()
+    assert done == 0
+    assert "lifted: yes" in said.out + said.err
