@@ -37,6 +37,7 @@ EXTRAS = {
     "torch": ("torch", "onnx"),
     "ray": ("ray",),
     "lsp": ("pygls",),
+    "mcp": ("mcp",),
 }
 """Optional features with the packages that each installs."""
 EGL = "apt install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
