@@ -65,6 +65,6 @@ function found({ original, cures, lucky, failed, untried, spent_s: spent }) {
   const tried = `${cures.length + lucky.length + failed.length} changes tried in ${seconds(spent)}, ${untried} not tried`;
   if (!cures.length && !lucky.length) return [h("p", { role: "status" }, `No single change cures it: ${tried}.`)];
   const more = (value, before, unit) => (value === null || before === null ? "–" : `${value < before ? "−" : "+"}${Math.abs(value - before).toFixed(1)} ${unit}`);
-  const row = (one) => h("tr", {}, h("td", {}, one.sentence), h("td", { class: "number" }, `${one.successes} of ${one.seeds}`), h("td", { class: "number" }, more(one.time_s, original.time_s, "s")), h("td", { class: "number" }, more(one.force_n, original.force_n, "N")), h("td", {}, one.why));
+  const row = (one) => h("tr", {}, h("td", { title: one.file || null }, one.file ? one.sentence.replace(one.file, one.file.split(/[\\/]/).at(-1)) : one.sentence), h("td", { class: "number" }, `${one.successes} of ${one.seeds}`), h("td", { class: "number" }, more(one.time_s, original.time_s, "s")), h("td", { class: "number" }, more(one.force_n, original.force_n, "N")), h("td", {}, one.why));
   return [h("table", { "aria-label": "changes that cure the run" }, h("thead", {}, h("tr", {}, ["change", "succeeds", "time", "force", "why"].map((word) => h("th", {}, word)))), h("tbody", {}, [...cures, ...lucky].map(row))), h("p", { class: "muted", role: "status" }, `In simulation; ${tried}.`)];
 }
