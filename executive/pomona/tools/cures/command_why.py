@@ -252,6 +252,7 @@ def _tried_json(tried: TriedChange) -> dict[str, Any]:
     trial = tried.trial
     return {
         **tried.candidate.change.as_json(),
+        "sentence": tried.candidate.change.sentence,
         "why": tried.candidate.why,
         "successes": tried.successes(),
         "seeds": 1 + len(tried.others),

@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import json
 import time
-from collections.abc import AsyncIterator, Iterator, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -19,7 +19,7 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from pomona.executive.errors import PomonaError
+from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.reasons import failure_codes
 from pomona.executive.recording.drawn_tree import drawing
 from pomona.executive.recording.folder import EVENTS_FILE
@@ -44,6 +44,7 @@ from pomona.tools.dashboard.record_messages import (
 from pomona.tools.dashboard.security import Access, RequestGuard
 from pomona.tools.dashboard.serving import WATCH_ONLY, HttpService, authorised_body
 from pomona.tools.library.index import RunIndex, records_in
+from pomona.tools.tree_editor.asides import Asides
 
 STATIC = Path(__file__).parent / "static"
 MOST_VIEWERS = 200
@@ -88,6 +89,7 @@ class Dashboard:
         self._control: RunControl = remote or self.control
         self.presses = Presses(self._control)
         self._index = RunIndex(records)
+        self._asides = Asides(records)
         self._start_run: StartRun | None = None
         self._judge_form: JudgeForm = lambda _form: {}
         self._choices = Choices({}, {})
@@ -110,6 +112,9 @@ class Dashboard:
                 Route("/api/act", self._act, methods=["POST"]),
                 Route("/api/judge", self._judge, methods=["POST"]),
                 Route("/api/start", self._start, methods=["POST"]),
+                Route("/api/edit", self._aside(self._edit), methods=["POST"]),
+                Route("/api/why", self._aside(self._why), methods=["POST"]),
+                reading("/api/why", lambda _request: JSONResponse(self._asides.found())),
                 WebSocketRoute("/live", self._live),
                 Mount("/static", StaticFiles(directory=STATIC)),
             ],
@@ -161,6 +166,7 @@ class Dashboard:
         while self._service.server and not self.hub.drained and time.monotonic() < patience:
             time.sleep(0.02)
         self._service.close()
+        self._asides.close()
 
     @contextlib.asynccontextmanager
     async def _lifespan(self, _app: Starlette) -> AsyncIterator[None]:
@@ -175,6 +181,8 @@ class Dashboard:
             standing, silent = self._control.standing, self._control.silent
             if self._is_here(standing.holder.viewer) != self._holder_here or standing.is_preparing:
                 self.announce()
+            if standing.is_preparing or standing.signs is not None:  # a run has the computer for itself
+                await asyncio.to_thread(self._asides.stop_search)
             if silent > SILENT or self._told_silent:
                 self._told_silent = silent > SILENT
                 self.hub.tell("Silent", seconds=round(silent, 1) if self._told_silent else 0.0)
@@ -357,6 +365,41 @@ class Dashboard:
             return JSONResponse({"problems": await asyncio.to_thread(self._judge_form, body)})
         except PomonaError as error:
             return JSONResponse({"error": str(error)}, 409)
+
+    def _aside(self, answer: Callable[[dict[str, Any]], dict[str, Any]]) -> Callable[[Request], Awaitable[Response]]:
+        """Return the answer of a request that starts or ends a process beside this one."""
+
+        async def respond(request: Request) -> Response:
+            body = await authorised_body(request, self.access, MOST_BODY)
+            if isinstance(body, Response):
+                return body
+            try:
+                return JSONResponse(await asyncio.to_thread(answer, body))
+            except PomonaError as error:
+                return JSONResponse({"error": str(error)}, 409)
+
+        return respond
+
+    def _edit(self, body: dict[str, Any]) -> dict[str, Any]:
+        tree = self._choices.tree(body.get("tree"))
+        path = text(body, "path") or str(tree)
+        if not self.access.local or Path(path).resolve() != tree.resolve():
+            raise UsageError(f"type on the computer where the file is: pomona edit {path}")
+        return {"link": self._asides.edit(tree)}
+
+    def _why(self, body: dict[str, Any]) -> dict[str, Any]:
+        run, standing = text(body, "run"), self._control.standing
+        if body.get("stop") is True:
+            self._asides.stop_search()
+        elif standing.is_preparing or standing.signs is not None:
+            raise RefusedError("a run is going on: search when it has ended")
+        elif (found := next((r for r in self._index.read() if r.run == run), None)) is None:
+            raise UsageError("there is no such record")
+        elif found.cell_kind not in ("simulated", "mock"):
+            raise UsageError(f"the run was on a cell that is {found.cell_kind}: type pomona why {run}")
+        else:
+            self._asides.search(run)
+        return {"run": run}
 
     async def _begin(self, body: dict[str, Any]) -> dict[str, Any]:
         refuse_late(body)

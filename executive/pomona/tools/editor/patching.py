@@ -219,7 +219,12 @@ class Snippet:
 
     @property
     def line(self) -> str:
-        """The value as written."""
+        """The value as written, on one line. Raises EditError: a comment behind it has no place."""
+        if self.tree.source.comments:
+            comment = next(iter(self.tree.source.comments.values()))
+            raise EditError(
+                f"a value on one line is given without a comment: take '# {comment}' out; `comment` sets one"
+            )
         return self.tree.raw(self.at)
 
     def lifted(self) -> LiftedNode:
@@ -237,7 +242,7 @@ class Snippet:
         """Return the lines of an entry `word: value`."""
         if self.on_one_line:
             return [f"{word}: {self.line}"]
-        if isinstance(self.at, YamlScalar) and self.line[:1] in ("|", ">"):
+        if isinstance(self.at, YamlScalar) and self.tree.raw(self.at)[:1] in ("|", ">"):
             first, *rest = self.lifted().lines
             return [f"{word}: {first}", *rest]
         return [f"{word}:", *self.lifted().indented(STEP)]

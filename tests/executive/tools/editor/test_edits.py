@@ -299,6 +299,22 @@ class TestRefused:
             apply(text, TreeEdit("delete", node="root"))
         assert all(not node["id"] for node in nodes(text))
 
+    @pytest.mark.parametrize(
+        "said",
+        [
+            {"do": "set_modifier", "node": "root/0", "modifier": "timeout", "value": "3 s  # c"},
+            {"do": "set_modifier", "node": "root/0", "modifier": "retry", "value": "3 # c"},
+            {"do": "set_port", "node": "root/0", "port": "fruit", "value": "pear # c"},
+            {"do": "set_port", "node": "root/1/0", "port": "wait", "value": "3 s # c"},
+            {"do": "wrap", "node": "root/1/0", "in": "retry", "value": "3 # c"},
+            {"do": "set_parameter", "name": "tries", "value": "3 # c"},
+        ],
+        ids=lambda said: f"{said['do']} {said.get('modifier', said.get('port', ''))}",
+    )
+    def test_a_comment_behind_a_value_on_one_line_is_refused_not_dropped(self, said):
+        with pytest.raises(EditError, match="comment"):
+            apply(TREE, edit_of(said))
+
     def test_a_tab_in_a_block_that_moves_is_refused(self):
         text = (
             "pomona: 1\ntree: t\nroot:\n  sequence:\n    - Beep: {a: 1,\n\tb: 2}\n    - fallback:\n        - Beep: {}\n"

@@ -100,6 +100,40 @@ root:
     )
 
 
+def drawn_out(page: Any, word: str, x: float, y: float) -> None:
+    """Drag a word out of the palette to a place."""
+    page.keyboard.press("i")
+    expect(page.locator("#palette")).to_be_visible()
+    page.keyboard.type(word)
+    box = page.locator('#palette-list [aria-selected="true"]').bounding_box()
+    page.mouse.move(box["x"] + 40, box["y"] + 8)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 60, box["y"] + 20, steps=3)
+    expect(page.locator("#palette")).to_be_hidden()
+    page.mouse.move(x, y + 20, steps=5)
+    page.mouse.move(x, y, steps=3)
+
+
+def test_a_node_is_dragged_out_of_the_palette(editor: TreeEditor, open_page: Open, tree: Path) -> None:
+    page = open_page(editor)
+    target = item(page, "root/0").bounding_box()
+    drawn_out(page, "fallback", target["x"] + 60, target["y"] + 4)
+    expect(page.locator(".drop")).to_be_visible()
+    page.mouse.up()
+    expect(item(page, "root/0")).to_contain_text("fallback")
+    expect(item(page, "root/0")).to_have_attribute("aria-selected", "true")
+    expect(area(page)).to_have_value(SMALL.replace("    - wait", "    - fallback: []\n    - wait"))
+    drawn_out(page, "fallback", target["x"] + 60, target["y"] + 4)
+    page.keyboard.press("Escape")
+    page.mouse.up()
+    box = page.locator("#area").bounding_box()
+    drawn_out(page, "fallback", box["x"] + 60, box["y"] + 60)
+    page.mouse.up()
+    page.keyboard.press("Control+z")
+    expect(area(page)).to_have_value(SMALL)
+    expect(page.locator("#undo")).to_be_disabled()
+
+
 def test_a_node_is_dragged_and_undo_returns_the_bytes(editor: TreeEditor, open_page: Open, tree: Path) -> None:
     page = open_page(editor)
     source, target = item(page, "root/2").locator(".box").bounding_box(), item(page, "root/0").bounding_box()

@@ -11,6 +11,7 @@ import { CameraView, PlotsView, drawTables } from "./pictures.js";
 import { SceneView } from "./scene.js";
 import { Timeline } from "./timeline.js";
 import { drawControl, drawHeader, STATUS_WORD } from "./control.js";
+import { drawBeside } from "./beside.js";
 import { drawFaults } from "./faults.js";
 import { drawLog, drawNode, drawPorts, drawWhy, onMoment } from "./panels.js";
 import { openOver, openOverview, recordAddress, wantDetail } from "./record.js";
@@ -93,7 +94,7 @@ function parts() {
   const follows = page.at !== null; // later samples are known, too
   return [
     () => { drawHeader(s); drawTrust(live); drawControl(live); drawFaults(live); drawStart(); drawPlayback(); },
-    () => drawWhy(whole), // first, since the other panels take the remaining space
+    () => { drawWhy(whole); drawBeside(whole); }, // first, since the other panels take the remaining space
     () => { tree.update(s); tree.explain(whole); drawing.update(s, tree.paths, page.selected, tree.scale); },
     () => camera.update(s, page.at === null && !page.recorded && !s.ended ? page.pictures : null),
     () => { drawOver(over, other); scene.update(s, page.selected, other); },

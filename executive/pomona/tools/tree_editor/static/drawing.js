@@ -5,7 +5,7 @@ import { bare, children, findingsOf, holdsNodes, isCondition, kindOf, labelOf, n
 const STEP = 22, LINE = 32, MORE = 15, HEADING = 30, AROUND = 500, FAR = 6; // px
 
 export class Drawing {
-  // `on`: select(id), open(id), menu(id, x, y), drop(id, into, index)
+  // `on`: select(id), open(id), menu(id, x, y), drop(id, into, index), bring(name, into, index)
   constructor(on) {
     Object.assign(this, { on, root: $("tree"), sheet: h("div", { class: "sheet", role: "presentation" }), rows: [], shown: new Map(), found: new Set(), drag: null, dropped: 0 });
     this.line = h("div", { class: "drop", hidden: true });
@@ -145,6 +145,9 @@ export class Drawing {
     this.drag = { id, x: event.clientX, y: event.clientY, moving: false, to: null };
   }
 
+  // Carry a new node from here on: it is brought where the pointer is let go.
+  carry(name, { clientX: x, clientY: y }) { this.drag = { id: "", name, x, y, moving: false, to: null }; }
+
   move(event) {
     const { drag } = this;
     if (!drag) return;
@@ -152,7 +155,8 @@ export class Drawing {
     if (!drag.moving) { drag.moving = true; this.sheet.append(this.line); this.shown.get(drag.id)?.at(-1).classList.add("dragged"); }
     const area = this.root.getBoundingClientRect(), edge = 30;
     if (event.clientY < area.top + edge) this.root.scrollTop -= 12; else if (event.clientY > area.bottom - edge) this.root.scrollTop += 12;
-    drag.to = this.target(event.clientY - area.top + this.root.scrollTop, drag.id);
+    const over = event.clientX >= area.left && event.clientX <= area.right && event.clientY >= area.top && event.clientY <= area.bottom;
+    drag.to = over || !drag.name ? this.target(event.clientY - area.top + this.root.scrollTop, drag.id) : null;
     for (const item of this.sheet.querySelectorAll(".into")) item.classList.remove("into");
     this.line.hidden = drag.to?.y === undefined;
     if (drag.to?.y !== undefined) this.line.style.cssText = `top:${drag.to.y - 1.5}px;left:${drag.to.x}px`;
@@ -163,6 +167,7 @@ export class Drawing {
   // Where a node would go: { into, index } with the line's place, or into a box.
   target(y, dragged) {
     const row = this.rows[this.first(y)];
+    if (!row && !dragged) return { into: "", index: 0 };
     if (!row || row.id === dragged || row.id.startsWith(`${dragged}/`)) return null;
     const { one } = row, part = (y - row.top) / row.height, inside = holdsNodes(one.type), below = children(one.id), x = 8 + row.level * STEP;
     if (inside && (part > 0.3 || !one.parent)) {
@@ -180,7 +185,8 @@ export class Drawing {
     this.line.remove();
     for (const item of this.sheet.querySelectorAll(".into, .dragged")) item.classList.remove("into", "dragged");
     this.dropped = performance.now();
-    if (done && drag.to) this.on.drop(drag.id, drag.to.into, drag.to.index);
+    if (!done || !drag.to) return;
+    if (drag.name) this.on.bring(drag.name, drag.to.into, drag.to.index); else this.on.drop(drag.id, drag.to.into, drag.to.index);
   }
 }
 

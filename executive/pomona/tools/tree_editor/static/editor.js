@@ -19,7 +19,7 @@ const past = new History();
 const bars = new Map(); // what must not be overlooked, by name
 let judged = 0, judging = null, keeping = null, busy = Promise.resolve(), lost = false;
 
-const drawing = new Drawing({ select: (id) => select(id), open: () => pane.focusFirst(), menu: (id, x, y) => menu(x, y), drop, mayDrag: (id) => editable() && Boolean(node(id)?.parent) });
+const drawing = new Drawing({ select: (id) => select(id), open: () => pane.focusFirst(), menu: (id, x, y) => menu(x, y), drop, bring, mayDrag: (id) => editable() && Boolean(node(id)?.parent) });
 const text = new TextPane({ typed, place: (id) => select(id, false), mend });
 const pane = new NodePane({ edit: (said, words) => edit(said, words), mend, act: (name) => ACTIONS[name].run(), leave: () => drawing.root.focus() });
 drawing.blank = () => h("div", { class: "blank" }, h("b", {}, page.text.trim() ? "There is no tree that can be drawn." : "This file is empty."),
@@ -171,7 +171,7 @@ async function insert(inside) {
   inside = inside || (one && !one.parent && holdsNodes(one.type));
   if (!root && inside && !holdsNodes(one.type)) { say(`${one.type} has no list of children: insert after it, or wrap it first.`); return; }
   if (!root && !inside && !listed(one)) { say("Only one node has its place here: wrap it in a sequence first (w)."); return; }
-  const name = await choose(root ? "Insert the first node" : inside ? `Insert into ${labelOf(one)}` : `Insert after ${labelOf(one)}`, ["skill", "subtree", "composite", "leaf"]);
+  const name = await choose(root ? "Insert the first node" : inside ? `Insert into ${labelOf(one)}` : `Insert after ${labelOf(one)}`, ["skill", "subtree", "composite", "leaf"], carry);
   drawing.root.focus();
   if (!name) return;
   const into = root ? "" : inside ? one.id : one.parent, index = root ? 0 : inside ? children(one.id).filter((child) => child.index >= 0).length : one.index + 1;
@@ -215,6 +215,17 @@ function without(address, gone) {
   const rest = address.slice(parent.length + 1).split("/");
   if (Number(rest[0]) > Number(index)) rest[0] = String(Number(rest[0]) - 1);
   return `${parent}/${rest.join("/")}`;
+}
+
+function carry(name, event) {
+  say(`Let ${name} go at its place; Esc leaves.`);
+  drawing.carry(name, event);
+}
+
+// A node that was dragged out of the palette.
+async function bring(name, into, index) {
+  if (into) select(into);
+  await edit({ do: "insert", into, index, node: await snippet(name) }, `insert ${name}`, into ? `${into}/${index}` : "root");
 }
 
 function drop(id, into, index) {

@@ -5,12 +5,15 @@ import { about, page } from "./model.js";
 const ROLES = { skill: "Skills", subtree: "Subtrees of this file", composite: "Words with children", leaf: "Words without children", modifier: "Modifiers" };
 const FIRST = ["sequence", "fallback", "retry"]; // what a tree is made of most
 
-let entries = [], shown = [], chosen = 0, done = null;
+const FAR = 6; // px that an entry is drawn before it is carried
+
+let entries = [], shown = [], chosen = 0, done = null, take = null, pressed = null;
 
 const search = $("palette-search"), list = $("palette-list"), dialog = $("palette");
 
-// Ask for an entry of these roles; resolves with its name, or null.
-export function choose(title, roles) {
+// Ask for an entry of these roles; resolves with its name, or null. `carry(name, event)`: an entry is dragged out.
+export function choose(title, roles, carry = null) {
+  take = carry;
   const { skills, words } = page.catalogue;
   const called = page.state.definitions.filter(({ name }) => name).map(({ name }) => about(name));
   entries = [...Object.values(skills), ...called, ...Object.values(words)].filter(({ role }) => roles.includes(role)).map((entry) => ({ entry, text: textOf(entry) }));
@@ -43,7 +46,7 @@ function find() {
   let group = "";
   list.replaceChildren(...shown.flatMap(({ entry }, i) => {
     const heading = !asked && entry.role !== group ? h("div", { class: "group-name", role: "presentation" }, ROLES[group = entry.role]) : null;
-    const option = h("div", { role: "option", id: `option-${i}`, "aria-selected": "false", onclick: () => end(entry.name), onpointermove: () => mark(i, false) },
+    const option = h("div", { role: "option", id: `option-${i}`, "aria-selected": "false", onclick: () => end(entry.name), onpointerdown: ({ button, clientX: x, clientY: y }) => { pressed = button === 0 && take ? { name: entry.name, x, y } : null; }, onpointermove: () => mark(i, false) },
       h("span", { "aria-hidden": "true" }, entry.symbol), h("b", {}, entry.name), h("small", {}, entry.summary));
     return heading ? [heading, option] : [option];
   }), ...(shown.length ? [] : [h("p", { class: "muted" }, "Nothing has all of these words.")]));
@@ -77,6 +80,14 @@ search.addEventListener("keydown", (event) => {
   event.preventDefault();
 });
 dialog.addEventListener("close", () => end(null));
+list.addEventListener("pointermove", (event) => {
+  if (!pressed || Math.hypot(event.clientX - pressed.x, event.clientY - pressed.y) < FAR) return;
+  const { name } = pressed;
+  pressed = null;
+  end(null);
+  take(name, event);
+});
+addEventListener("pointerup", () => { pressed = null; });
 
 // Help on an entry: purpose, ports, failure codes.
 export function help(entry) {
