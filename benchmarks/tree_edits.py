@@ -581,13 +581,13 @@ def _wrap(shapes: dict[str, Shape], edit: TreeEdit, node: Shape) -> None:
 
 def _undone(before: str, edit: TreeEdit, after: str) -> str:
     """A node that was put in and is taken out again leaves the bytes before."""
-    old = {node["id"] for node in nodes(before)}
     new = [node for node in nodes(after) if node["parent"] == edit.into]
     parent = next(node for node in nodes(before) if node["id"] == edit.into)
     if edit.slot:
         address = next(node["id"] for node in new if node["slot"] == edit.slot)
     elif parent["type"] in ("if", "reactive_if", "switch"):
-        address = max((node["id"] for node in new if node["id"] not in old), default="")
+        filled = {node["slot"] for node in nodes(before) if node["parent"] == edit.into}
+        address = next((node["id"] for node in new if node["slot"] not in filled), "")
     else:
         address = f"{edit.into}/{edit.index}"
     try:
