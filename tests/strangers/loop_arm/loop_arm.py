@@ -17,6 +17,7 @@ from pomona.drivers import (
     PathArm,
     PathMotion,
     Settings,
+    StreamedMotion,
     Supervision,
     Trajectory,
     driver,
@@ -82,7 +83,7 @@ class LoopArm(PathArm):
         self._watch_motion()
         self._clock.advance(0.002)
 
-    def _send(self, motion: PathMotion, now: float) -> None:
+    def _send(self, motion: PathMotion | StreamedMotion, now: float) -> None:
         due = max(self._controller.due, now)
         while due < now + LEAD and not motion.set_point_rests:
             due += PERIOD
