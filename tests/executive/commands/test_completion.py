@@ -12,7 +12,7 @@ import pytest
 from pomona.executive.commands.command_line import children, examples, make_parser
 from pomona.executive.commands.completion import SHELLS, script
 
-SOME = ("run", "check", "completion", "runs")
+SOME = ("run", "check", "completion", "runs", "rerun", "why", "edit", "mcp")
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ import argparse
 import os
 import re
 import sys
+import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
@@ -73,7 +74,23 @@ _EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         ("pomona runs show last", "settings, result and contents of the record"),
     ),
     "replay": (("pomona replay last --speed 1", "show the last run in real time"),),
-    "rerun": (("pomona rerun last", "check that a simulated run repeats exactly"),),
+    "rerun": (
+        ("pomona rerun last", "check that a simulated run repeats exactly"),
+        ("pomona rerun last --set attempts=20", "repeat it with another parameter"),
+        ("pomona rerun last --set Plan.budget='2 s'", "or with another value of a port"),
+    ),
+    "why": (
+        ("pomona why last", "the smallest change with which the last run succeeds"),
+        ("pomona why last --budget '5 min' --cures 3", "search longer, for several changes"),
+    ),
+    "edit": (
+        ("pomona edit my_tree.yaml", "a new file is made at the first Save"),
+        ("pomona edit my_tree.yaml --cell sim_ur5e", "offer the names of this cell, and run on it"),
+    ),
+    "mcp": (
+        ("pomona mcp trees", "the command that an assistant starts"),
+        ("pomona mcp trees --requests", "runs on real cells that it asks for"),
+    ),
     "campaign": (
         ("pomona campaign {campaign} --workers 4", "many runs and a report"),
         ("pomona campaign {campaign} --report", "the report of the present results"),
@@ -231,8 +248,9 @@ def _add_examples(parser: argparse.ArgumentParser, name: str) -> None:
         return
     lines = [f"  {line}\n      {about}" for line, about in rows]
     parser.epilog = "\n".join([*([parser.epilog, ""] if parser.epilog else []), "examples:", *lines])
-    if parser.description:  # raw: the lines of the examples stay as they are, so must those of the description
-        parser.description = parser.description.strip()
+    if parser.description:  # raw: the lines of the examples stay as they are, the description must be wrapped here
+        blocks = parser.description.strip().split("\n")
+        parser.description = "\n".join(textwrap.fill(block, 78) for block in blocks)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
 
 

@@ -121,7 +121,7 @@ def digest(record: Path) -> Digest:
     except DamagedRecordError as error:
         about |= {"state": "damaged", "message": str(error).removeprefix(f"{path}: ")}
     except Exception as error:  # one malformed record must not prevent the list of all
-        about |= {"state": "unreadable", "message": _text(str(error) or type(error).__name__)}
+        about |= {"state": "unreadable", "message": _text(str(error).removeprefix(f"{path}: ") or type(error).__name__)}
     return Digest(**about)
 
 

@@ -425,7 +425,7 @@ class TreeService:
 
 def is_tree(text: str) -> bool:
     """Return True if a YAML file is a tree, and not a cell, a scenario or another program's file."""
-    keys = re.findall(r"^(\w+)\s*:", text, re.MULTILINE)
+    keys = re.findall(r"^(\w+)\s*:(?=\s|$)", text, re.MULTILINE)
     if "root" in keys:
         return True
     others = any(file_kind(name).recognises(keys) for name in kind_names())

@@ -20,7 +20,7 @@ from pomona.executive.cell.cell_file import outline_cell
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.files import default_name, read_text
 from pomona.executive.registry import Registry
-from pomona.executive.values.findings import Findings
+from pomona.executive.values.findings import Findings, format_findings
 from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.yaml_nodes import MAX_CHARACTERS
 from pomona.tools.dashboard import server as dashboard
@@ -214,11 +214,13 @@ class TreeEditor:
 
 def refuse_real(cell: Path) -> None:
     """Raise if a cell is not a simulated one. Raises UsageError: the editor moves no real device."""
-    outline = outline_cell(cell, Findings())
-    if outline is None or outline.kind not in SIMULATED:
-        kind = "cannot be read" if outline is None else f"is {outline.kind}"
+    findings = Findings()
+    outline = outline_cell(cell, findings)
+    if outline is None:
+        raise UsageError(format_findings(findings.sorted()) or f"{cell}: not a cell file")
+    if outline.kind not in SIMULATED:
         raise UsageError(
-            f"the cell '{cell.stem}' {kind}: the editor runs trees on simulated cells only; use pomona run"
+            f"the cell '{cell.stem}' is {outline.kind}: the editor runs trees on simulated cells only; use pomona run"
         )
 
 

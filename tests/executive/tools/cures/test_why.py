@@ -268,3 +268,9 @@ def _put(value: Any, at: tuple[Any, ...], new: Any) -> Any:
     changed = value.copy()
     changed[at[0]] = _put(value[at[0]], at[1:], new)
     return changed
+
+
+def test_a_foreign_file_is_named_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "tree.yaml"
+    path.write_text("pomona: 1\n")
+    assert why(capsys, str(path), status=2).count(str(path)) == 1

@@ -352,3 +352,13 @@ def test_the_text_of_a_node_is_never_markup(
     page = open_page(make_editor(tree))
     expect(page.locator("#tree")).to_contain_text(words)
     assert page.locator("main img").count() == 0
+
+
+@pytest.mark.parametrize("width", [721, 768, 1100])
+def test_the_head_of_a_tablet_fits_its_width_and_covers_nothing(
+    editor: TreeEditor, open_page: Open, width: int
+) -> None:
+    page = open_page(editor, viewport={"width": width, "height": 1024})
+    assert page.evaluate("document.documentElement.scrollWidth") == width
+    title, save = page.locator(".title").bounding_box(), page.locator("#save").bounding_box()
+    assert title["x"] + title["width"] <= save["x"] or title["y"] + title["height"] <= save["y"]

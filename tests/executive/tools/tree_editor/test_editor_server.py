@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient
 
+from pomona.executive.errors import UsageError
 from pomona.tools.tree_editor import trial as trial_module
-from pomona.tools.tree_editor.server import MOST_BODY, TreeEditor
+from pomona.tools.tree_editor.server import MOST_BODY, TreeEditor, refuse_real
 from tests.executive.tools.tree_editor.conftest import SMALL
 
 ACTING = ("state", "edit", "mend", "offers", "draft", "drop", "save", "start", "stop")
@@ -266,6 +267,14 @@ def test_a_real_cell_is_refused(ask: Ask, editor: TreeEditor) -> None:
     status, answer = ask("start", kind="run", text=SMALL)
     assert status == 409
     assert "simulated cells only" in answer["error"]
+
+
+def test_a_cell_file_that_cannot_be_read_is_named_with_the_reason(tree: Path) -> None:
+    cell = tree.with_name("broken_cell.yaml")
+    cell.write_text("cell: [1, 2\n")
+    with pytest.raises(UsageError, match=r"broken_cell\.yaml:1:\d+: ") as refused:
+        refuse_real(cell)
+    assert "simulated cells only" not in str(refused.value)
 
 
 @pytest.mark.slow
