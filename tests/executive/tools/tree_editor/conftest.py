@@ -13,9 +13,7 @@ from pomona.executive.registry import Registry
 from pomona.tools.dashboard.security import Access
 from pomona.tools.tree_editor.server import TreeEditor, default_cell
 from pomona.tools.tree_editor.tree_file import EditedFile
-from tests.executive.tools.dashboard.conftest import chromium, failures
-
-__all__ = ["chromium"]
+from tests.executive.tools.dashboard.conftest import failures
 
 SMALL = """# Look once.
 pomona: 1
