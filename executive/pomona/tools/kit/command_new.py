@@ -40,7 +40,8 @@ def add(subparsers: Any) -> None:
     about = "folder; an existing package gets the new part, otherwise a package is created"
     parser.add_argument("--into", type=Path, default=Path(), metavar="DIR", help=about)
     for option, about in (("arm", "ur5e"), ("hand", "hand-e"), ("camera", "d435i, or none")):
-        parser.add_argument(f"--{option}", metavar="MODEL", help=f"of a cell with these devices, such as {about}")
+        shown = f"of a cell with these devices, such as {about}" if "cell" in kinds else argparse.SUPPRESS
+        parser.add_argument(f"--{option}", metavar="MODEL", help=shown)
     parser.set_defaults(main=main)
 
 
