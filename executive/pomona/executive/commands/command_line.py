@@ -57,7 +57,6 @@ _EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         ("pomona new package my_kit", "a package with a skill, a tree and tests"),
         ("pomona new skill Weigh --into my_kit", "add a skill to it"),
         ("pomona new node forgive --into my_kit", "add a node type to it"),
-        ("pomona new cell bench --arm ur5e --hand hand-e --camera d435i", "a real cell and its emulated twin"),
     ),
     "dashboard": (
         ("pomona dashboard", "all recorded runs, and new ones"),
