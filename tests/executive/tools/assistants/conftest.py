@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import io
 from collections.abc import Callable, Sequence
@@ -20,6 +19,7 @@ from pomona.tools.assistants.call_log import CallLog
 from pomona.tools.assistants.door import Door
 from pomona.tools.assistants.server import DoorServer
 from pomona.tools.assistants.work_folder import WorkFolder
+from tests.executive.loops import in_loop
 
 LOOK = """\
 pomona: 1
@@ -134,7 +134,7 @@ class Assistant:
                 except Refused as refused:
                     return refused
 
-        result = asyncio.run(session())
+        result = in_loop(session())
         if isinstance(result, Refused):
             raise result
         return result

@@ -20,6 +20,7 @@ from pomona.tools.assistants import confined
 from pomona.tools.assistants.bounded import STOPPED, BoundedCommands
 from pomona.tools.assistants.call_log import CallLog
 from pomona.tools.assistants.work_folder import WorkFolder, version_of
+from tests.executive.loops import in_loop
 from tests.executive.tools.assistants.conftest import LOOK, Assistant, Refused
 
 
@@ -149,7 +150,7 @@ class TestCommands:
             async with Client(assistant.server) as client:
                 await asyncio.gather(*(client.call_tool("show", {"tree": "look.yaml"}) for _ in range(4)))
 
-        asyncio.run(both())
+        in_loop(both())
         assert most == [1]
 
     def test_a_command_that_takes_too_long_is_stopped_with_its_children(self, folder: Path) -> None:
@@ -219,7 +220,7 @@ def test_an_assistant_writes_runs_and_explains_a_tree_over_standard_input_and_ou
             run = await call("run", tree="observe.yaml", seed=3)
             return checked, run, await call("explain")
 
-    checked, run, explained = asyncio.run(session())
+    checked, run, explained = in_loop(session())
     assert '"errors": 0' in checked
     assert json.loads(run)["cell"] == "sim"
     assert json.loads(run)["outcome"] == "success"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from pomona.executive.views import ImageView
 from pomona.tools.dashboard import hub as hub_module, messages as messages_module
 from pomona.tools.dashboard.hub import BACKLOG, Hub, Viewer
 from pomona.tools.dashboard.messages import message
+from tests.executive.loops import in_loop
 
 
 def started() -> RunStarted:
@@ -112,8 +112,7 @@ def test_a_viewer_that_stops_reading_gets_a_notice_and_costs_no_memory() -> None
             await asyncio.sleep(0)
         return viewer, waiting(viewer)
 
-    with ThreadPoolExecutor(1) as thread:  # a browser test may have left a loop in this one
-        viewer, messages = thread.submit(lambda: asyncio.run(watch())).result()
+    viewer, messages = in_loop(watch())
     assert viewer.lagged
     assert messages == [{"v": 1, "event": "Lagged"}]
 

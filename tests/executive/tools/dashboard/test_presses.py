@@ -5,10 +5,8 @@ from __future__ import annotations
 import asyncio
 import json
 import threading
-from collections.abc import Coroutine
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import pytest
 from fake_cell import FakeCell
@@ -24,8 +22,8 @@ from pomona.tools.dashboard.control_lock import ControlLock, RefusedError
 from pomona.tools.dashboard.presses import PATIENCE, SAFE_STOP_PATIENCE, Presses, TooLateError, now
 from pomona.tools.dashboard.security import Access
 from pomona.tools.dashboard.server import Dashboard
+from tests.executive.loops import in_loop
 
-T = TypeVar("T")
 HOST = "127.0.0.1:8420"
 
 
@@ -41,12 +39,6 @@ class StoppedControlLock(ControlLock):
         self.stops.append(who)
         self.go.wait(120.0)
         return "safe state"
-
-
-def run(work: Coroutine[Any, Any, T]) -> T:
-    """In a thread of its own: a browser's test may have left a loop in this one."""
-    with ThreadPoolExecutor(1) as thread:
-        return thread.submit(lambda: asyncio.run(work)).result()
 
 
 def press(**fields: Any) -> dict[str, Any]:
@@ -70,7 +62,7 @@ def test_a_press_that_comes_again_is_carried_out_once_and_answered_each_time() -
         desk.go.set()
         return [*await answers, await served.answer(press())]
 
-    answers = run(twice())
+    answers = in_loop(twice())
     assert [answer["confirmed"] for answer in answers] == ["safe state"] * 3
     assert desk.stops == ["ada"]
 
@@ -80,7 +72,7 @@ def test_an_old_press_is_not_carried_out(action: str, patience: float) -> None:
     desk = StoppedControlLock()
     for pressed in (now() - patience - 0.1, float("nan"), float("-inf"), -(10**400)):
         with pytest.raises(TooLateError):
-            run(Presses(desk).answer(press(action=action, pressed=pressed)))
+            in_loop(Presses(desk).answer(press(action=action, pressed=pressed)))
     assert desk.stops == []
 
 
@@ -88,7 +80,7 @@ def test_a_stop_is_carried_out_whatever_stands_for_its_time() -> None:
     for odd in (10**400, True, "noon", None, [], now() + 60.0):
         desk = StoppedControlLock()
         desk.go.set()
-        assert run(Presses(desk).answer(press(action="safe_stop", pressed=odd)))["confirmed"] == "safe state"
+        assert in_loop(Presses(desk).answer(press(action="safe_stop", pressed=odd)))["confirmed"] == "safe state"
 
 
 def test_a_safe_stop_that_hangs_in_a_driver_holds_up_nothing_else() -> None:
@@ -103,7 +95,7 @@ def test_a_safe_stop_that_hangs_in_a_driver_holds_up_nothing_else() -> None:
         await hanging
         return str(taken["held_by"])
 
-    assert run(hang()) == "ada"
+    assert in_loop(hang()) == "ada"
 
 
 def test_old_answers_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -115,7 +107,7 @@ def test_old_answers_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
             await served.answer(press(press=str(number), action="take"))
         return len(served._answers)
 
-    assert run(many()) == 3
+    assert in_loop(many()) == 3
 
 
 def test_a_stop_while_a_run_is_prepared_keeps_it_from_beginning() -> None:
@@ -210,14 +202,14 @@ def test_a_double_click_and_a_second_page_answer_one_question_once() -> None:
     def act() -> None:
         open_ = runner.tree.questions["asked"].starts if runner.tree.questions["asked"].open else 0
         if open_ == 1:
-            run(send(1, "v", "first click"))
-            run(send(1, "v", "second click"))  # in the same tick
+            in_loop(send(1, "v", "first click"))
+            in_loop(send(1, "v", "second click"))  # in the same tick
         elif open_ == 2:
-            run(send(1, "v", "third click"))  # on a slow link
+            in_loop(send(1, "v", "third click"))  # on a slow link
             desk.take("w", "bob")
-            run(send(2, "v", "without control"))
-            run(send(True, "w", "no number"))
-            run(send(2, "w", "bob's"))
+            in_loop(send(2, "v", "without control"))
+            in_loop(send(True, "w", "no number"))
+            in_loop(send(2, "w", "bob's"))
 
     check = cell.check
     cell.check = lambda: (act(), check())[1]  # type: ignore[method-assign]

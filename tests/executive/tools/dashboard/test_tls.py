@@ -13,7 +13,6 @@ import ssl
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,7 @@ from websockets.exceptions import InvalidStatus
 
 from pomona.tools.dashboard.command_dashboard import add_address, make_access
 from pomona.tools.dashboard.server import Dashboard
+from tests.executive.loops import in_loop
 
 ADDRESS = "127.0.0.2"
 Serve = Callable[..., Dashboard]
@@ -94,7 +94,7 @@ def first_word(address: str, context: ssl.SSLContext) -> str:
     """The first event of a live stream.
 
     With asyncio: the library's client with threads reads and writes one TLS connection in two of them, and may wait
-    for ever under load. In a thread of its own: Playwright keeps a loop in this one.
+    for ever under load.
     """
 
     async def listen() -> str:
@@ -102,8 +102,7 @@ def first_word(address: str, context: ssl.SSLContext) -> str:
             event: str = json.loads(str(await stream.recv()).split("\n")[0])["event"]
             return event
 
-    with ThreadPoolExecutor(1) as thread:
-        return thread.submit(lambda: asyncio.run(asyncio.wait_for(listen(), 30.0))).result()
+    return in_loop(asyncio.wait_for(listen(), 30.0))
 
 
 TAKE = {"viewer": "v", "who": "ada", "action": "take"}

@@ -22,6 +22,7 @@ from pomona.executive.values.findings import Spot
 from pomona.tools.editor import service as service_module
 from pomona.tools.editor.renaming import RenameRefused
 from pomona.tools.editor.service import TreeService
+from tests.executive.loops import in_loop
 
 TREE = """\
 pomona: 1
@@ -332,7 +333,7 @@ def test_a_real_editor_speaks_with_the_command(tmp_path):
         editor.exit(None)
         await editor.stop()
 
-    asyncio.run(session())
+    in_loop(session())
 
 
 @pytest.mark.parametrize(
