@@ -71,7 +71,7 @@ class PickChoice:
         if isinstance(pick, InterceptPlan):
             return pick
         self._why = pick if pick.code else self._why
-        return self._why if self._too_late(track, now) else NoPick("", pick.reason)
+        return self._why if pick.late or self._too_late(track, now) else NoPick("", pick.reason)
 
     def _possible(self, track: FruitTrack, now: float) -> InterceptPlan | NoPick:
         tracks, place = self._tracks, partial(self._tracks.place, track)
