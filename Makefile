@@ -223,6 +223,7 @@ faults: $(STAMP) ## every fault in every phase of a pick, simulated and emulated
 	$(BIN)/python -m benchmarks.fault_matrix --cell emulated
 	$(BIN)/python -m benchmarks.fault_matrix --cell emulated_ur5e_hand_e_fingers
 	$(BIN)/python -m benchmarks.fault_matrix --cell orchard
+	$(BIN)/python -m benchmarks.fault_matrix --cell conveyor
 
 fuzz: $(STAMP) ## a million each: damaged tree files, cell files, device streams, records, messages to and from the page; 100 000 random trees (three hours)
 	$(BIN)/python tests/executive/language/fuzz.py --cases 1000000

@@ -55,7 +55,8 @@ def run(cases: list[Case], cell: str, seed: int, jobs: int, alone: bool = False)
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cell", default="sim", choices=("sim", "emulated", "emulated_ur5e_hand_e_fingers", "orchard"))
+    cells = ("sim", "emulated", "emulated_ur5e_hand_e_fingers", "orchard", "conveyor")
+    parser.add_argument("--cell", default="sim", choices=cells)
     parser.add_argument("--only", nargs="*", help="faults, as switch.fault")
     parser.add_argument("--phases", nargs="*")
     parser.add_argument("--cases", nargs="*", help="as switch.fault@phase")

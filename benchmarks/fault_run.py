@@ -51,8 +51,9 @@ TABLE = {"fruit": "apple_4", "place": "2", "distractors": "0"}
 SETTINGS = {
     "sim": TABLE, "emulated": TABLE, "emulated_ur5e_hand_e_fingers": TABLE,
     "orchard": {"leaves": "0", "behind": "0", "friction": "0.8", "looks": "1", "most": "1", "tries": "1"},
+    "conveyor": {"fruit": "apple_4", "most": "1", "patience": "6 s"},
 }  # fmt: skip
-"""Settings of each cell and its tree. Of the wall one apple is picked, from one view."""
+"""Settings of each cell and its tree. Of the wall one apple is picked, from one view; of the belt one fruit."""
 
 CONTACT_MAX = 25.0
 """Largest force between the robot and the table, a fruit or a fixed thing in any step of the world [N]."""
@@ -188,7 +189,7 @@ class CaseWatcher:
     def _step(self) -> None:
         self.leftovers.step()
         now = self.now
-        for moment in self.truth.look("Detach" in self.began_at):
+        for moment in list(self.truth.look(self.began_at)):
             self.began_at.setdefault(moment, now)
         if self.case is None:
             self._branch(self)
@@ -247,7 +248,7 @@ def judge(watcher: CaseWatcher, executed: Executed, verdict: CaseVerdict) -> Non
     ended = np.fmin(watcher.safe_at, watcher.failed_at) if case.ends == "failure" else watcher.safe_at
     verdict.noticed = float(ended - np.fmin(watcher.shows_at, ended))  # some show before they must
     if case.ends == "harmless":
-        if result.outcome == "success" and truth.claimed is not True:
+        if result.outcome == "success" and truth.claimed is not True and not truth.may_end_empty:
             wrong.append("FALSE SUCCESS: no claim was true")
     elif case.ends == "success":
         if result.outcome != "success" or truth.claimed is not True:

@@ -12,8 +12,8 @@ import yaml
 from pomona.executive.values.units import TIME
 
 TABLE = Path(__file__).with_name("fault_matrix.yaml")
-WALL = "orchard"
-"""The cell whose phases are those of trees/experimental/pick_tree.yaml."""
+OWN_PHASES = {"orchard": "wall", "conveyor": "belt"}
+"""Cells with a tree of their own, and the table of its phases."""
 ENDS = ("safe", "failure", "success", "harmless", "recovered")
 
 
@@ -93,12 +93,12 @@ def read_table(cell: str, path: Path = TABLE) -> list[Case]:
         ValueError: a row names no phase, or no way to end.
     """
     table = yaml.safe_load(path.read_text())
-    own = table["wall"] if cell == WALL else table["phases"]
+    own = table[OWN_PHASES.get(cell, "phases")]
     phases = {
         name: FaultPhase(
             name, said["node"], TIME(said["after"]), **{key: said[key] for key in ("operator", "tree") if key in said}
         )
-        for name, said in {**own, **({} if cell == WALL else table["moments"])}.items()
+        for name, said in {**own, **({} if cell in OWN_PHASES else table["moments"])}.items()
     }
     cases = []
     for row in table[cell]:

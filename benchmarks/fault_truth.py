@@ -1,16 +1,18 @@
-"""The truth of a case of the fault matrix: of the fruit on the table, or of an apple on the wall.
+"""The truth of a case of the fault matrix: of the fruit on the table, of an apple on the wall, or of fruit on a belt.
 
 No word of a skill is used. A claim is the success of a node: Lift that the fruit hangs, Detach that the apple is in the
-hand, Release that it lies in the bin. The truth judges it in the tick in which it is made.
+hand, Intercept that the fruit hangs, Release that it lies in the bin or a crate. The truth judges it in the tick in
+which it is made.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any, Protocol
 
 import numpy as np
 
+from pomona.applications.conveyor.world import ConveyorWorld
 from pomona.applications.harvest.stems import HANGS
 from pomona.applications.harvest.world import FruitWallWorld
 from pomona.drivers.sim.layout import PADS
@@ -30,6 +32,8 @@ PRESSED = 0.3
 """A fruit that both pads press with more is held [N]."""
 ROLLED = np.radians(20.0)
 """A hand that has turned so far since the grip rolls: an undisturbed stem breaks from 57° on [rad]."""
+SETS_OFF = 0.05
+"""A joint of an arm that has set off is faster [rad/s]."""
 BIN = "bin"
 """Where the cell's apples belong."""
 
@@ -41,6 +45,7 @@ class RowTruth(Protocol):
         force_max: limit of `force` [N]; contact: largest other force so far, and on what [N].
         failing: nodes whose failure ends the case; empty: any.
         kept_from_stop: a grip must be kept from the safe stop on, not from the fault on.
+        may_end_empty: a run that picks nothing may succeed: nothing came that could be caught.
         claimed: whether the claims so far were true; None without one.
     """
 
@@ -48,6 +53,7 @@ class RowTruth(Protocol):
     contact: tuple[float, str]
     failing: frozenset[str]
     kept_from_stop: bool
+    may_end_empty: bool
     claimed: bool | None
 
     @property
@@ -58,8 +64,8 @@ class RowTruth(Protocol):
     def force(self) -> float:
         """Present force that the limit holds for [N]."""
 
-    def look(self, detaching: bool) -> Iterator[str]:
-        """Note a step of the world; yield the names of the moments that have come."""
+    def look(self, begun: Collection[str]) -> Iterator[str]:
+        """Note a step of the world, given the nodes that have begun; yield the names of the moments that have come."""
 
     def judge_claim(self, node: str) -> None:
         """Compare the success of a node with the truth."""
@@ -77,6 +83,7 @@ class TableTruth:
     force_max = OVERSHOOT * FORCE_MAX
     failing = frozenset[str]()
     kept_from_stop = False
+    may_end_empty = False
 
     def __init__(self, world: SimWorld) -> None:
         self._world = world
@@ -104,7 +111,7 @@ class TableTruth:
     def force(self) -> float:
         return sum(self.forces)
 
-    def look(self, detaching: bool) -> Iterator[str]:
+    def look(self, begun: Collection[str]) -> Iterator[str]:
         for name, view in self._contacts.items():
             if view[0] > 0.0:
                 self.contact = max(self.contact, (float(np.linalg.norm(view[1:4])), name))
@@ -128,6 +135,7 @@ class WallTruth:
     force_max = PAD_MAX
     failing = frozenset({"Detach", "Release"})
     kept_from_stop = True
+    may_end_empty = False
 
     def __init__(self, world: FruitWallWorld) -> None:
         self._world = world
@@ -157,9 +165,9 @@ class WallTruth:
     def _off(self) -> bool:
         return self.apple is not None and bool(self._world.stems.state[self.apple] != HANGS)
 
-    def look(self, detaching: bool) -> Iterator[str]:
+    def look(self, begun: Collection[str]) -> Iterator[str]:
         self.contact = max(self.contact, (self._world.score.touches.fixed, "a fixed object"))
-        if self.apple is None and detaching and (least := self._pads.min(axis=1)).max() > PRESSED:
+        if self.apple is None and "Detach" in begun and (least := self._pads.min(axis=1)).max() > PRESSED:
             self.apple, self._R_gripped = int(least.argmax()), self._R.copy()
         if self.apple is not None:
             yield "gripped"
@@ -192,6 +200,70 @@ class WallTruth:
             yield "goes on with the apple in the hand: the fingers open before the next one"
 
 
-def truth_of(world: Any) -> TableTruth | WallTruth:
+class BeltTruth:
+    """Fruit on a running belt: the one that the hand holds, and the hand's contacts with the belt."""
+
+    force_max = OVERSHOOT * FORCE_MAX
+    failing = frozenset({"Track", "AwaitFruit", "MoveTo", "Intercept", "Release"})
+    kept_from_stop = True
+    may_end_empty = True
+
+    def __init__(self, world: ConveyorWorld) -> None:
+        self._world = world
+        count = len(world.built.fruits)
+        self._pads = [[world.sensor(f"{pad}_fruit_{i}") for pad in PADS] for i in range(count)]
+        self._belt = world.sensor("robot_belt")
+        self._qvel = world.model.jnt_dofadr[world.arm_joints]
+        self.contact = 0.0, ""
+        self.claimed: bool | None = None
+
+    @property
+    def forces(self) -> list[float]:
+        pressed = [[float(np.linalg.norm(view[1:4])) for view in pads] for pads in self._pads]
+        return max(pressed, key=sum)
+
+    @property
+    def force(self) -> float:
+        return sum(self.forces)
+
+    def look(self, begun: Collection[str]) -> Iterator[str]:
+        if self._belt[0] > 0.0:
+            self.contact = max(self.contact, (float(np.linalg.norm(self._belt[1:4])), "belt"))
+        if "Intercept" not in begun:
+            return
+        if np.abs(self._world.state.qvel[self._qvel]).max() > SETS_OFF:
+            yield "sets_off"
+        pads = self.forces
+        if max(pads) > PRESSED:
+            yield "touched"
+        if min(pads) > PRESSED:
+            yield "gripped"
+        if self._lifted:
+            yield "lifted"
+
+    @property
+    def _lifted(self) -> list[int]:
+        return [fate.number for fate in self._world.score.fates if fate.lifted and not fate.ending]
+
+    def judge_claim(self, node: str) -> None:
+        if node in ("Intercept", "Release"):
+            at = self._lifted
+            true = bool(at) if node == "Intercept" else any(self._world.score.crate_of(number) for number in at)
+            self.claimed = true and self.claimed is not False
+
+    def is_over(self, node: str) -> bool:
+        return False
+
+    def troubles(self, told: Mapping[str, Any]) -> Iterator[str]:
+        now = self._world.score.report()
+        if now["drops"]:
+            yield "dropped the fruit"
+        if now["collisions"]:
+            yield "touched the belt or itself"
+
+
+def truth_of(world: Any) -> TableTruth | WallTruth | BeltTruth:
     """Return the truth of a simulated world."""
+    if isinstance(world, ConveyorWorld):
+        return BeltTruth(world)
     return WallTruth(world) if isinstance(world, FruitWallWorld) else TableTruth(world)

@@ -49,6 +49,16 @@ def test_it_goes_to_its_set_point_and_rests_there() -> None:
     assert beyond.max() <= 1e-6  # not past it
 
 
+def test_a_stream_that_is_not_stepped_has_not_arrived_at_a_target_elsewhere() -> None:
+    motion = streamed()
+    assert motion.set_point_arrived
+    motion.aim(np.array([1.0, -0.9, 0.0]))
+    assert motion.set_point_rests
+    assert not motion.set_point_arrived
+    steps(motion, 1200, np.array([1.0, -0.9, 0.0]))
+    assert motion.set_point_arrived
+
+
 def test_whatever_comes_the_limits_are_kept() -> None:
     motion, rng = streamed(), np.random.default_rng(4)
     told = [steps(motion, int(rng.integers(1, 60)), rng.uniform(LIMITS.lower, LIMITS.upper))[0] for _ in range(60)]

@@ -116,8 +116,8 @@ class StreamedMotion:
 
     @property
     def set_point_arrived(self) -> bool:
-        """As `set_point_rests`: streamed set-points have no end to arrive at."""
-        return self.set_point_rests
+        """Whether it stands at its target: one that stands elsewhere is not stepped any more."""
+        return self.set_point_rests and bool(np.abs(self._target - self._raw).max() < 1e-3)  # rad
 
     @property
     def at_rest(self) -> bool:

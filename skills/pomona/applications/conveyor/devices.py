@@ -27,7 +27,7 @@ JUMP = 0.03
 
 
 class SimConveyor(FaultyDevice):
-    """The simulated belt and its encoder.
+    """The simulated belt and its encoder. In the safe state the belt stops with the arm, and does not start again.
 
     Faults: of the belt `stop`, `jump` (its load is 30 mm further at once), `creep` (it slows down to a tenth); of the
     encoder `lost`, `backwards`, `wrong_scale` (a tenth more than the truth).
@@ -41,7 +41,7 @@ class SimConveyor(FaultyDevice):
         self.belt = world.built.belt
         self._world = world
         self._counted = [(world.clock.now(), 0.0)]
-        self._usual = world.wanted_speed
+        self._usual, self._stopped = world.wanted_speed, False
         world.after_step.append(self._count)
 
     def travelled(self) -> ConveyorState | None:
@@ -57,6 +57,11 @@ class SimConveyor(FaultyDevice):
         if silent > SILENCE:
             raise DeviceLost(self.name, f"its encoder sent nothing for {1e3 * silent:.0f} ms")
 
+    def safe_stop(self, reason: str) -> None:
+        """Stop the belt. A line's own control starts it again, not an acknowledgement."""
+        self._stopped = True
+        self._world.wanted_speed = 0.0
+
     def inject_fault(self, kind: str) -> None:
         super().inject_fault(kind)
         if kind == "stop":
@@ -66,11 +71,11 @@ class SimConveyor(FaultyDevice):
 
     def clear_fault(self) -> None:
         super().clear_fault()
-        self._world.wanted_speed = self._usual
+        self._world.wanted_speed = 0.0 if self._stopped else self._usual
 
     def _count(self) -> None:
         now = self._world.clock.now()
-        if self.fault == "creep":
+        if self.fault == "creep" and not self._stopped:
             least = 0.1 * self._usual
             self._world.wanted_speed = max(least, self._world.wanted_speed - CREEP * 0.002)
         if self.fault == "lost" or now - self._counted[-1][0] < 0.0099:

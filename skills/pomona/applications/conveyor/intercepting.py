@@ -121,10 +121,11 @@ class Rise:
 
 @dataclass(frozen=True, slots=True)
 class NoPick:
-    """Why no pick can be planned now: `code` is empty while it may be possible later."""
+    """Why no pick can be planned now: `code` is empty while it may be possible later; `late`: it never will be."""
 
     code: str
     reason: str
+    late: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,7 +157,7 @@ def plan_pick(
         yaws: angles of the tool's x axis to the belt's direction, in the order in which they are tried [rad].
         along: the belt's direction in the base frame, shape (3,).
     """
-    T_base_tcp, short = hand.robot.tcp(hand.q), False
+    T_base_tcp, short, near = hand.robot.tcp(hand.q), False, False
     steady = _steady(*place(now), now)
     found: NoPick = NoPick("", "the fruit is not near enough yet")
     for reach in REACHES:
@@ -172,13 +173,15 @@ def plan_pick(
                 reached = True
                 share = max(shares)
                 if share > SHARE:
-                    found = NoPick("", f"it would take {share:.2f} of the joints' limits")
+                    found = found if found.code else NoPick("", f"it would take {share:.2f} of the joints' limits")
                     continue
                 if blocked := hand.free(q):
                     found = NoPick("PATH_BLOCKED", blocked)
                     continue
                 return replace(pick, share=share)
-        short = short or not reached
+        short, near = short or not reached, near or (reached and reach == REACHES[0])
+    if near and not found.code:  # the fruit is in reach, and a later start leaves less time to the same place
+        return NoPick("OUT_OF_REACH", f"the fruit is too far on: {found.reason}", late=True)
     return found
 
 

@@ -63,15 +63,19 @@ class PickChoice:
         self._hand, self._tracks, self._grip = hand, tracks, grip
         self._opening, self._sure = opening, sure
         self._end: float | None = None
-        self._why = NoPick("OUT_OF_REACH", "the fruit has passed")
+        self._why: NoPick | None = None
 
     def now(self, track: FruitTrack, now: float) -> InterceptPlan | NoPick:
         """Return a pick that begins now, or why there is none; without a code it may be possible later."""
         pick = self._possible(track, now)
         if isinstance(pick, InterceptPlan):
             return pick
+        if pick.late:
+            return self._why or pick
         self._why = pick if pick.code else self._why
-        return self._why if self._too_late(track, now) else NoPick("", pick.reason)
+        if self._too_late(track, now):
+            return self._why or NoPick("OUT_OF_REACH", "the fruit has passed")
+        return NoPick("", pick.reason)
 
     def _possible(self, track: FruitTrack, now: float) -> InterceptPlan | NoPick:
         tracks, place = self._tracks, partial(self._tracks.place, track)

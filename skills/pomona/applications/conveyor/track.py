@@ -10,7 +10,7 @@ from pomona.applications.conveyor.belt_skill import BELT_FAILURES, FASTEST
 from pomona.applications.conveyor.belt_watch import BeltWatch
 from pomona.applications.conveyor.conveyor import Belt, Conveyor
 from pomona.applications.conveyor.drawn_frame import warm_up
-from pomona.applications.conveyor.travel import Travel
+from pomona.applications.conveyor.travel import SAME_SPEED, Travel
 from pomona.drivers import Arm, Camera, Frame
 from pomona.executive import SPEED, TIME, Float64, Outputs, Port, Speed, Time, Work
 from pomona.skills import LOOKING_FAILURES, LookingSkill, inverse
@@ -68,7 +68,7 @@ class Track(LookingSkill):
             yield "listening to the encoder"
         if watch.tracks.encoder and (problem := travel.problem(self.clock.now(), np.inf)):
             raise self.failure("ENCODER_FAULT", f"{problem}; nothing has moved")
-        if travel.speed > fastest:
+        if travel.speed > fastest + SAME_SPEED:
             words = f"the belt runs at {travel.speed:.2f} m/s, the arm can follow up to {fastest:.2f} m/s"
             raise self.failure("BELT_TOO_FAST", f"{words}; nothing has moved", speed=travel.speed)
         watch.travel = travel

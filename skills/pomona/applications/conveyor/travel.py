@@ -13,20 +13,33 @@ STALE = 0.2
 """Age from which the encoder's newest measurement is stale [s]."""
 SAME_SPEED = 0.02
 """Change of a belt's speed that is a change and no noise [m/s]."""
+FASTEST_CHANGE = 5.0
+"""Acceleration that no loaded belt passes [m/s²]; its speed is measured over the last `MEASURED` seconds."""
+MEASURED = 0.1
+NOISE = 2e-3
+"""Error of one position [m]."""
 BACKWARDS = 2e-3
 """Travel against the belt's direction that no noise explains [m]."""
 
 
 class Travel:
-    """Measurements of an encoder over the last seconds."""
+    """Measurements of an encoder over the last seconds.
+
+    A position that no belt can have reached is not taken: the hand follows the belt by it, beside the surface.
+    """
 
     def __init__(self) -> None:
         self._states: deque[ConveyorState] = deque()
+        self._jumped = ""
 
     def note(self, state: ConveyorState | None) -> None:
         """Take the newest measurement; one that was taken before is ignored."""
         if state is None or (self._states and state.stamp <= self._states[-1].stamp):
             return
+        if self._states and (jump := _jump(self._states[-1], state)):
+            self._jumped = jump
+            return
+        self._jumped = ""
         self._states.append(state)
         while state.stamp - self._states[0].stamp > KEPT:
             self._states.popleft()
@@ -66,11 +79,22 @@ class Travel:
         newest = self.newest
         if newest is None:
             return "the encoder has sent nothing yet"
+        if self._jumped:
+            return self._jumped
         if now - newest.stamp > STALE:
             return f"the encoder sent nothing for {1e3 * (now - newest.stamp):.0f} ms"
         if newest.position - self._states[0].position < -BACKWARDS or newest.speed < -SAME_SPEED:
             words = "the encoder counts backwards"
             return f"{words}, at {newest.speed:.2f} m/s: turn its sign, or the belt's direction in the cell file"
-        if newest.speed > fastest:
+        if newest.speed > fastest + SAME_SPEED:
             return f"the belt runs at {newest.speed:.2f} m/s, the arm can follow up to {fastest:.2f} m/s"
         return ""
+
+
+def _jump(before: ConveyorState, after: ConveyorState) -> str:
+    """Describe a step that no belt makes; empty for one that it makes."""
+    dt = after.stamp - before.stamp
+    unexpected = after.position - before.position - before.speed * dt
+    if abs(unexpected) <= FASTEST_CHANGE * dt * (dt / 2.0 + MEASURED) + NOISE:
+        return ""
+    return f"the encoder's position jumped by {1e3 * unexpected:.0f} mm within {1e3 * dt:.0f} ms, which no belt does"

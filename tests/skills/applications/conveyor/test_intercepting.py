@@ -97,6 +97,16 @@ def test_a_fruit_beyond_the_reach_gives_no_pick_and_no_code_since_another_may_co
     assert gone.code == ""
 
 
+@pytest.mark.parametrize(("speed", "aside"), [(0.15, 0.04), (0.3, -0.04), (0.3, 0.03)])
+def test_a_fruit_that_is_too_far_on_is_never_caught_by_a_later_start(speed: float, aside: float) -> None:
+    place = belt_place(-0.75, speed, -0.36 + aside)
+    picks = [plan_pick(HAND, float(now), place, np.zeros(3), (0.0,), ALONG) for now in np.arange(0.0, 0.9 / speed, 0.1)]
+    late = next(i for i, pick in enumerate(picks) if isinstance(pick, NoPick) and pick.late)
+    assert not any(isinstance(pick, InterceptPlan) for pick in picks[late:])
+    assert any(isinstance(pick, InterceptPlan) for pick in picks[:late])
+    assert picks[late].code == "OUT_OF_REACH"
+
+
 def test_a_way_that_is_not_free_is_blocked_with_its_reason() -> None:
     blocked = ReadyHand(MODEL, SIA5F_LIMITS, HAND.q, 0.15, lambda way: f"link 3 touches the roof at {len(way)}")
     for now in np.arange(0.0, 4.0, 0.1):

@@ -33,6 +33,28 @@ def test_a_measurement_that_came_before_is_ignored() -> None:
     assert travel.at(0.5) == pytest.approx(0.05)
 
 
+@given(st.floats(0.0, 0.5), st.floats(0.03, 1.0), st.booleans())
+def test_a_position_that_no_belt_reaches_moves_nothing_and_is_described(speed: float, jump: float, back: bool) -> None:
+    travel, by = ran(speed), -jump if back else jump
+    travel.note(ConveyorState(1.01, speed * 1.01 + by, speed))
+    assert travel.at(1.01) == pytest.approx(speed * 1.01, abs=1e-9)
+    assert f"jumped by {1e3 * by:.0f} mm within 10 ms" in travel.problem(1.01, 0.6)
+    travel.note(ConveyorState(1.02, speed * 1.02, speed))
+    assert travel.problem(1.02, 0.6) == ""
+
+
+@given(st.floats(0.0, 0.5), st.floats(-4.0, 4.0))
+def test_a_belt_that_brakes_or_starts_hard_has_not_jumped(speed: float, acceleration: float) -> None:
+    travel, position, v = Travel(), 0.0, speed
+    speeds = [speed] * 10
+    for k in range(60):
+        travel.note(ConveyorState(0.01 * k, position, sum(speeds[-10:]) / 10.0))
+        v = min(max(v + 0.01 * acceleration, 0.0), 0.5) if k > 20 else v
+        position += 0.01 * v
+        speeds.append(v)
+        assert travel.problem(0.01 * k, 0.6) == ""
+
+
 @pytest.mark.parametrize(
     ("travel", "now", "words"),
     [

@@ -57,6 +57,22 @@ def test_the_belt_brings_fruit_and_what_has_passed_comes_again() -> None:
     cell.close()
 
 
+def test_belt_and_arm_stop_together_and_the_belt_stays_stopped() -> None:
+    cell, world = belt(belt="0.3 m/s")
+    cell.clock.advance(0.2)
+    cell.safe_stop("a hand in the way")
+    cell.clock.advance(0.3)
+    assert world.speed == 0.0
+    cell.acknowledge()
+    conveyor = cell.devices["conveyor"]
+    assert isinstance(conveyor, SimConveyor)
+    conveyor.inject_fault("creep")
+    conveyor.clear_fault()
+    cell.clock.advance(0.3)
+    assert world.speed == 0.0
+    cell.close()
+
+
 def test_the_encoder_counts_what_the_belt_has_run() -> None:
     cell, world = belt(belt="0.15 m/s", gap="0 mm..0 mm")
     conveyor = cell.device(Conveyor)
