@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pomona.skills.perception.detection import photographs
 from pomona.skills.perception.detection.errors import BadPhotographs
-from pomona.skills.perception.detection.photo_folder import read_labels, read_photographs
-from tests.skills.perception.detection.photo_folders import SIDE, TRUTH, boxes_of, coco, draw, tables, yolo
+from pomona.tools.photographs import photographs
+from pomona.tools.photographs.photo_folder import read_labels, read_photographs
+from tests.skills.tools.photographs.photo_folders import SIDE, TRUTH, boxes_of, coco, draw, tables, yolo
 
 
 @pytest.mark.parametrize("layout", [tables, yolo, coco])

@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from pomona.executive import Float64
-from pomona.skills.perception import (
+from pomona.skills.perception import shared_part
+from pomona.tools.photographs.box_evaluation import (
     PRECISION,
     JudgedPicture,
-    Photograph,
     box_figures,
     intervals,
     judge,
     judge_size,
     recall_and_precision,
-    shared_part,
 )
+from pomona.tools.photographs.photographs import Photograph
 
 SIZES = ((0.0, 32.0), (32.0, 96.0), (96.0, float("inf")))
 """Ranges of a label's longer side [px]: COCO's small, medium and large."""

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pomona.skills.perception.detection.errors import BadPhotographs
-from pomona.skills.perception.detection.photo_folder import read_empty, read_photographs
-from tests.skills.perception.detection.photo_folders import SIDE, TRUTH, boxes_of, draw, kfuji, minneapple, tables
+from pomona.tools.photographs.photo_folder import read_empty, read_photographs
+from tests.skills.tools.photographs.photo_folders import SIDE, TRUTH, boxes_of, draw, kfuji, minneapple, tables
 
 
 def test_a_folder_without_fruit_is_read_and_one_without_pictures_refused(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pomona.skills.perception.detection.box_evaluation import (
+from pomona.tools.photographs.box_evaluation import (
     JudgedPicture,
     box_figures,
     box_intervals,

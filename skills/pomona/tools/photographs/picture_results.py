@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from pomona.applications.inventory.found_files import CocoFile, ContactSheet, Outlined, draw, yolo_lines
-from pomona.applications.inventory.label_figures import LabelFigures
-from pomona.applications.inventory.sizes_found import SizesFound
 from pomona.executive import UInt8, write_picture
-from pomona.skills.perception import read_labels
+from pomona.tools.photographs.found_files import CocoFile, ContactSheet, Outlined, draw, yolo_lines
+from pomona.tools.photographs.label_figures import LabelFigures
+from pomona.tools.photographs.photo_folder import read_labels
+from pomona.tools.photographs.sizes_found import SizesFound
 
 SHEET, FIGURES, COCO, YOLO = "contact_sheet.jpg", "figures.md", "found.json", "labels"  # files and a folder
 FORMATS = ("csv", "coco", "yolo")

@@ -15,19 +15,19 @@ import cv2
 import numpy as np
 import pytest
 
-from pomona.applications.inventory import command_detect_pictures as detect_pictures
-from pomona.applications.inventory.command_detect_pictures import add, find_fruit
 from pomona.executive.running.signals import raising
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.detection import DetectorOptions
 from pomona.skills.perception.detection.instances import FoundFruit
-from pomona.skills.perception.detection.photo_folder import read_labels
 from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS
+from pomona.tools.photographs import command_detect_pictures as detect_pictures
+from pomona.tools.photographs.command_detect_pictures import add, find_fruit
+from pomona.tools.photographs.photo_folder import read_labels
 from pomona.tools.training.options import SceneOptions
 from pomona.tools.training.scene import render_scene
 from tests.skills.perception.detection.onnx_boxes import red_square_model
-from tests.skills.perception.detection.photo_folders import TRUTH, boxes_of, tables, yolo
+from tests.skills.tools.photographs.photo_folders import TRUTH, boxes_of, tables, yolo
 
 
 def run(*arguments: object) -> int:

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 
-from pomona.applications.inventory.picture_results import FORMATS, SHEET, PictureResults, UnusableInput
 from pomona.executive import ENDINGS, Number, UInt8, UnusablePicture, is_file, raise_again, read_picture
+from pomona.tools.photographs.picture_results import FORMATS, SHEET, PictureResults, UnusableInput
 
 if TYPE_CHECKING:
     from pomona.skills.perception import CompactDetector, FoundFruit, ScoredBox
