@@ -1,11 +1,8 @@
 """Phase, reading and problem of a grip, the samples for viewers, and the errors.
 
 GripError
-├── TooFewPushes        a calibration without enough slides
-├── UnusablePushes      a file without valid pushes
 ├── UnusableRate        a sensor that is too slow or too fast
-├── UnfitSensor         a sensor that is too coarse, too constant or repeats itself
-└── GuidanceEnded       guided pushes at a cell that were ended
+└── UnfitSensor         a sensor that is too coarse, too constant or repeats itself
 """
 
 from __future__ import annotations
@@ -114,25 +111,6 @@ class GripSamples:
 
 class GripError(Exception):
     """Root of these errors."""
-
-
-class TooFewPushes(GripError):
-    """A calibration needs more slides."""
-
-    def __init__(self, found: int) -> None:
-        self.found = found
-        super().__init__(
-            f"only {found} usable slides were found, at least 3 are needed: hold the fruit with a steady force of more"
-            " than 0.6 N and pull or twist it until it slides, at two forces or more"
-        )
-
-
-class UnusablePushes(GripError):
-    """The file of pushes cannot be read."""
-
-
-class GuidanceEnded(GripError):
-    """Guided pushes cannot begin or continue."""
 
 
 class UnusableRate(GripError):

@@ -19,9 +19,29 @@ from scipy.optimize import least_squares
 from pomona.drivers.interfaces import WrenchSample
 from pomona.executive.values.archives import UnreadableArraysError, read_plain_arrays
 from pomona.executive.values.arrays import Float64
-from pomona.skills.grip.grip import TooFewPushes, UnusablePushes
+from pomona.skills.grip.grip import GripError
 from pomona.skills.grip.limit_surface import SoftContact, least_force
 from pomona.skills.grip.pads import PAD_HALF, pad_loads
+
+
+class TooFewPushes(GripError):
+    """A calibration needs more slides."""
+
+    def __init__(self, found: int) -> None:
+        self.found = found
+        super().__init__(
+            f"only {found} usable slides were found, at least 3 are needed: hold the fruit with a steady force of more"
+            " than 0.6 N and pull or twist it until it slides, at two forces or more"
+        )
+
+
+class UnusablePushes(GripError):
+    """The file of pushes cannot be read."""
+
+
+class GuidanceEnded(GripError):
+    """Guided pushes cannot begin or continue."""
+
 
 WINDOW = 25  # samples of the average over a push: 50 ms
 SLIDING_SHARE = 0.05  # most loaded fraction of a push, where the fruit slid

@@ -14,11 +14,10 @@ from pomona.drivers.services import RobotServices
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cli import main as pomona
 from pomona.executive.values.units import STIFFNESS
-from pomona.skills.commands import calibrate_grip
-from pomona.skills.commands.calibrate_grip import GuidedPushes
-from pomona.skills.grip.calibration import write_pushes
-from pomona.skills.grip.grip import GuidanceEnded
-from tests.skills.grip.pushes import TRUE, all_pushes
+from pomona.tools.grip_calibration import command_calibrate_grip as calibrate_grip
+from pomona.tools.grip_calibration.calibration import GuidanceEnded, write_pushes
+from pomona.tools.grip_calibration.command_calibrate_grip import GuidedPushes
+from tests.skills.tools.grip_calibration.pushes import TRUE, all_pushes
 
 MU = 0.5
 

@@ -9,17 +9,17 @@ import pytest
 import yaml
 
 from pomona.drivers.interfaces import WrenchSample
-from pomona.skills.grip.calibration import (
+from pomona.skills.grip.limit_surface import SoftContact
+from pomona.tools.grip_calibration.calibration import (
     Push,
     PushRecorder,
+    TooFewPushes,
     calibrate_grip,
     read_recording,
     write_calibration,
     write_pushes,
 )
-from pomona.skills.grip.grip import TooFewPushes
-from pomona.skills.grip.limit_surface import SoftContact
-from tests.skills.grip.pushes import TRUE, all_pushes
+from tests.skills.tools.grip_calibration.pushes import TRUE, all_pushes
 
 
 def test_friction_and_stiffness_are_found_again() -> None:

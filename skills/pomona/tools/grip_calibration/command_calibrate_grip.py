@@ -19,7 +19,11 @@ from pomona.executive.cell.connect import load_cell
 from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.kinds import Measure
 from pomona.executive.values.units import FORCE, TIME
-from pomona.skills.grip.calibration import (
+from pomona.skills.grip.grip import GripError
+from pomona.skills.grip.limit_surface import SoftContact
+from pomona.skills.grip.sensor import STALE_AFTER
+from pomona.tools.grip_calibration.calibration import (
+    GuidanceEnded,
     Push,
     PushRecorder,
     calibrate_grip,
@@ -27,9 +31,6 @@ from pomona.skills.grip.calibration import (
     write_calibration,
     write_pushes,
 )
-from pomona.skills.grip.grip import GripError, GuidanceEnded
-from pomona.skills.grip.limit_surface import SoftContact
-from pomona.skills.grip.sensor import STALE_AFTER
 
 SQUEEZE_SPEED = 0.004  # closing speed on the fruit [m/s]
 NEAR_SPEED = 0.02  # closing speed before contact [m/s]

@@ -7,8 +7,8 @@ from functools import lru_cache
 import numpy as np
 
 from benchmarks.grasp_patch import Fruit, PatchGrasp
-from pomona.skills.grip.calibration import Push
 from pomona.skills.grip.limit_surface import SoftContact
+from pomona.tools.grip_calibration.calibration import Push
 
 TRUE = SoftContact(mu=0.55, delta=0.0050, gamma=0.30)
 
