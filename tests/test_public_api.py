@@ -29,7 +29,7 @@ COMPILING = {"pomona.skills.compiled_code", "pomona.executive.values.sentences"}
 LISTED = Path(__file__).with_name("public_api.txt")
 STABLE = ("pomona.executive", "pomona.drivers")  # listed with their signatures
 PROVISIONAL = (
-    "pomona.drivers.sim",
+    "pomona.tools.simulation",
     "pomona.skills",
     "pomona.skills.grip",
     "pomona.skills.motion",

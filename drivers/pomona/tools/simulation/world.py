@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from pomona.drivers.sim.gl import load_mujoco
-from pomona.drivers.sim.intruder import Intruder, Reach
-from pomona.drivers.sim.layout import gather
-from pomona.drivers.sim.scene import TIMESTEP, SimScene
-from pomona.drivers.sim.score import Scorer
 from pomona.executive.cell.device import Device, FaultSwitch
 from pomona.executive.values.arrays import Float64
+from pomona.tools.simulation.gl import load_mujoco
+from pomona.tools.simulation.intruder import Intruder, Reach
+from pomona.tools.simulation.layout import gather
+from pomona.tools.simulation.scene import TIMESTEP, SimScene
+from pomona.tools.simulation.score import Scorer
 
 SETTLING = 1.0  # time for the objects on the table to come to rest before the run starts [s]
 

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from pomona.drivers.sim.fruit_shape import OF_PERCEPTION, UnusableModel, read_model
 from pomona.executive.values.installation import installed_trees
 from pomona.skills.perception.fruit.catalogue import FruitFileSection
+from pomona.tools.simulation.fruit_shape import OF_PERCEPTION, UnusableModel, read_model
 
 
 def test_each_key_that_the_skills_read_is_known_to_the_simulated_world() -> None:

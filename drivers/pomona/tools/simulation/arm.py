@@ -10,11 +10,11 @@ from pomona.drivers.errors import BadTrajectory, DeviceError, DeviceFault, Devic
 from pomona.drivers.interfaces import Arm, ArmLimits, ArmState, Motion, MotionState, SetPoints, StreamedArm, Trajectory
 from pomona.drivers.motion_supervisor import MotionSupervisor, Supervision
 from pomona.drivers.path_motion import PathMotion, Phase
-from pomona.drivers.sim.scene import TIMESTEP
-from pomona.drivers.sim.world import FaultyDevice, PhysicsWorld
 from pomona.drivers.streamed_motion import StreamedMotion
 from pomona.drivers.trajectory import START_TOLERANCE, check_trajectory
 from pomona.executive.values.arrays import Float64
+from pomona.tools.simulation.scene import TIMESTEP
+from pomona.tools.simulation.world import FaultyDevice, PhysicsWorld
 
 AT_REST = 5e-3  # no joint moves faster than this when the arm rests [rad/s]
 PRESSES_BEYOND = START_TOLERANCE / 2.0

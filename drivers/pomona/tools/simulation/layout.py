@@ -12,9 +12,6 @@ import numpy as np
 from pomona.drivers.errors import UnusableRobotFile
 from pomona.drivers.interfaces import Box, FruitKinds
 from pomona.drivers.robot_file import read_limits, read_spec
-from pomona.drivers.sim.fruit_shape import APPLES, SKINS, UnusableModel, read_model
-from pomona.drivers.sim.gl import load_mujoco
-from pomona.drivers.sim.intruder import IntruderSection
 from pomona.executive.cell.registration import Surroundings
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.kinds import (
@@ -32,6 +29,9 @@ from pomona.executive.values.kinds import (
 )
 from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import ANGLE, LENGTH, MASS
+from pomona.tools.simulation.fruit_shape import APPLES, SKINS, UnusableModel, read_model
+from pomona.tools.simulation.gl import load_mujoco
+from pomona.tools.simulation.intruder import IntruderSection
 
 SOURCE = "source"  # name of the crate in the workspace from which fruit is taken
 PULLED = 1.5  # duration of the pull to a wall [s]

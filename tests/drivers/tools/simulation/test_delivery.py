@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pomona.drivers.interfaces import Frame, Intrinsics
-from pomona.drivers.sim.camera import Delivery
 from pomona.executive.clock import ManualClock
+from pomona.tools.simulation.camera import Delivery
 
 
 def exposed(clock: ManualClock) -> Frame:

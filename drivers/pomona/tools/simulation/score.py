@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from pomona.drivers.sim.layout import PADS
-from pomona.drivers.sim.scene import SimScene, container_of, fixed_names
 from pomona.executive.values.arrays import Float64
+from pomona.tools.simulation.layout import PADS
+from pomona.tools.simulation.scene import SimScene, container_of, fixed_names
 
 LIFTED = 0.03  # a fruit counts as lifted this far above where it stood [m]
 CLEAR = 1e-3  # an unsupported fruit hangs above this height [m]: pads that rub make it hop by less

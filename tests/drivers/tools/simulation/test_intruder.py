@@ -9,13 +9,13 @@ import pytest
 
 from pomona.drivers.errors import CellFileError
 from pomona.drivers.interfaces import Arm, Camera, Cameras
-from pomona.drivers.sim.camera import SimCamera
-from pomona.drivers.sim.intruder import BODY, Reach
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.connect import load_cell
 from pomona.executive.files import find_cell
 from pomona.skills.geometry import inverse
 from pomona.skills.motion.robot import RobotModel
+from pomona.tools.simulation.camera import SimCamera
+from pomona.tools.simulation.intruder import BODY, Reach
 
 
 @pytest.fixture

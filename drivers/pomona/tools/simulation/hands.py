@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from pomona.drivers.interfaces import Hands, HandTask
-from pomona.drivers.sim.layout import PADS
-from pomona.drivers.sim.scene import TIMESTEP
-from pomona.drivers.sim.world import SimWorld
 from pomona.executive.cell.device import Device
 from pomona.executive.values.arrays import Float64
+from pomona.tools.simulation.layout import PADS
+from pomona.tools.simulation.scene import TIMESTEP
+from pomona.tools.simulation.world import SimWorld
 
 STIFFNESS, TURNING_STIFFNESS = 1500.0, 0.5  # of a hand that holds on [N/m] and against turning [N·m/rad]
 PULL, TWIST, TWIST_PULL = 0.002, 0.08, 0.0003  # speeds of a pull [m/s], a twist [rad/s], and a pull in a twist [m/s]

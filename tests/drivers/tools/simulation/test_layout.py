@@ -7,11 +7,11 @@ import pytest
 
 from pomona.drivers.errors import CellFileError
 from pomona.drivers.interfaces import Box
-from pomona.drivers.sim.layout import crate_of
 from pomona.executive.cell.connect import load_cell
 from pomona.skills.geometry import rot_z, transform
+from pomona.tools.simulation.layout import crate_of
 
-CELLS = Path(__file__).resolve().parents[3] / "trees" / "cells"
+CELLS = Path(__file__).resolve().parents[4] / "trees" / "cells"
 
 
 def crate(yaw: float = 0.4) -> tuple[Box, ...]:

@@ -12,21 +12,21 @@ from pomona.drivers.errors import UnusableRobotFile
 from pomona.drivers.gripper_supervisor import GripperSupervision
 from pomona.drivers.motion_supervisor import Supervision
 from pomona.drivers.services import ConnectContext
-from pomona.drivers.sim.arm import SimArm
-from pomona.drivers.sim.camera import SimCamera
-from pomona.drivers.sim.fingers import SimFingers
-from pomona.drivers.sim.gripper import SimGripper
-from pomona.drivers.sim.hands import SimHands
-from pomona.drivers.sim.layout import WorldOptions, draw_layout
-from pomona.drivers.sim.scene import OFFSCREEN, build_scene
-from pomona.drivers.sim.stereo_depth import Stereo
-from pomona.drivers.sim.world import PhysicsWorld, SimWorld
 from pomona.drivers.streams import Belief
 from pomona.executive.cell.registration import Settings, Surroundings, driver
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.kinds import Counts, Measure, Row, Span
 from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import FORCE, LENGTH, PIXELS, RATE, SPEED, TIME
+from pomona.tools.simulation.arm import SimArm
+from pomona.tools.simulation.camera import SimCamera
+from pomona.tools.simulation.fingers import SimFingers
+from pomona.tools.simulation.gripper import SimGripper
+from pomona.tools.simulation.hands import SimHands
+from pomona.tools.simulation.layout import WorldOptions, draw_layout
+from pomona.tools.simulation.scene import OFFSCREEN, build_scene
+from pomona.tools.simulation.stereo_depth import Stereo
+from pomona.tools.simulation.world import PhysicsWorld, SimWorld
 
 NO_WAY = 1e-6  # two points no further apart give no direction [m]
 

@@ -11,14 +11,14 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from pomona.drivers.interfaces import Arm, ArmLimits, ForceSensor, Gripper, Motion, Trajectory, WrenchSample
-from pomona.drivers.sim.gl import load_mujoco
-from pomona.drivers.sim.world import SimWorld
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.connect import load_cell
 from pomona.executive.values.arrays import Float64
+from pomona.tools.simulation.gl import load_mujoco
+from pomona.tools.simulation.world import SimWorld
 
 TICK = 0.02
-SIM = Path(__file__).resolve().parents[3] / "trees" / "cells" / "sim.yaml"
+SIM = Path(__file__).resolve().parents[4] / "trees" / "cells" / "sim.yaml"
 
 
 def rest_to_rest(waypoints: Float64, limits: ArmLimits, share: float = 0.6) -> Trajectory:

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from pomona.drivers.camera_options import scaled
 from pomona.drivers.errors import DeviceLost
 from pomona.drivers.interfaces import Camera, Frame, Intrinsics
-from pomona.drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
-from pomona.drivers.sim.stereo_depth import CHANGES, FrameChanger, Stereo, measure_depth
-from pomona.drivers.sim.world import FaultyDevice, PhysicsWorld
 from pomona.drivers.streams import FrameGuard
 from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import Float64, UInt8
+from pomona.tools.simulation.gl import in_gl_thread, load_mujoco, open_renderer
+from pomona.tools.simulation.stereo_depth import CHANGES, FrameChanger, Stereo, measure_depth
+from pomona.tools.simulation.world import FaultyDevice, PhysicsWorld
 
 
 class Delivery:

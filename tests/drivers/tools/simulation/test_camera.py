@@ -5,9 +5,9 @@ import pytest
 
 from pomona.drivers.errors import DeviceFault, DeviceLost
 from pomona.drivers.interfaces import Camera, Intrinsics, Workspace
-from pomona.drivers.sim.camera import _set_projection
-from pomona.drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
-from pomona.drivers.sim.stereo_depth import Stereo, measure_depth
+from pomona.tools.simulation.camera import _set_projection
+from pomona.tools.simulation.gl import in_gl_thread, load_mujoco, open_renderer
+from pomona.tools.simulation.stereo_depth import Stereo, measure_depth
 
 D435I = Intrinsics(610.6, 610.6, 317.7, 238.1, 640, 480)
 STEREO = Stereo(focal=610.6, baseline=0.05, disparity_noise=0.08, nearest=0.18)
@@ -237,7 +237,7 @@ def test_asking_when_the_camera_was_heard_takes_no_picture(open_cell):
 
 
 def test_viewers_see_the_world_while_they_ask_and_no_look_changes(open_cell, monkeypatch):
-    monkeypatch.setattr("pomona.drivers.sim.camera.SHOWN", 0.0)
+    monkeypatch.setattr("pomona.tools.simulation.camera.SHOWN", 0.0)
     asked, alone = open_cell(seed=3), open_cell(seed=3)
     camera = asked.device(Camera)
     asked.check()

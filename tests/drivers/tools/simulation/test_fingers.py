@@ -9,8 +9,8 @@ import pytest
 
 from pomona.drivers.errors import DeviceFault, DeviceLost
 from pomona.drivers.interfaces import ForceSensor, WrenchSample
-from pomona.drivers.sim.fingers import DELAYS, LIES, SimFingers
-from pomona.drivers.sim.gl import load_mujoco
+from pomona.tools.simulation.fingers import DELAYS, LIES, SimFingers
+from pomona.tools.simulation.gl import load_mujoco
 
 
 def contact_sum(world, pad):

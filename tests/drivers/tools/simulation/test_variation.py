@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from pomona.drivers.errors import CellFileError
-from pomona.drivers.sim.fruit_shape import make_fruit
-from pomona.drivers.sim.score import HeldForce
+from pomona.tools.simulation.fruit_shape import make_fruit
+from pomona.tools.simulation.score import HeldForce
 
 
 def target(open_cell, seed=5, **options):

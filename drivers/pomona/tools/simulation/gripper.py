@@ -11,8 +11,8 @@ from pomona.drivers.base.direct_gripper import DirectGripper
 from pomona.drivers.errors import DeviceLost
 from pomona.drivers.gripper_supervisor import GripperMotion, GripperSupervision
 from pomona.drivers.interfaces import GripperLimits, GripperState, MotionState
-from pomona.drivers.sim.scene import TIMESTEP
-from pomona.drivers.sim.world import FaultyDevice, PhysicsWorld
+from pomona.tools.simulation.scene import TIMESTEP
+from pomona.tools.simulation.world import FaultyDevice, PhysicsWorld
 
 ACCELERATION = 2.0  # of the opening, during moves [m/s²]
 ARRIVED = 1e-4  # a move is done this near to its width [m]

@@ -10,12 +10,12 @@ import pytest
 from pomona.drivers import robot_file
 from pomona.drivers.errors import CellFileError, UnusableRobotFile
 from pomona.drivers.robot_file import read_limits
-from pomona.drivers.sim.gl import load_mujoco
 from pomona.executive.cell.cell_file import read_cell_file
 from pomona.executive.cell.connect import load_cell
 from pomona.skills.motion.robot import RobotModel
+from pomona.tools.simulation.gl import load_mujoco
 
-ROBOT = Path(__file__).resolve().parents[3] / "trees" / "robots" / "sia5f_wsg32.xml"
+ROBOT = Path(__file__).resolve().parents[4] / "trees" / "robots" / "sia5f_wsg32.xml"
 CELLS = ROBOT.parents[1] / "cells"
 
 

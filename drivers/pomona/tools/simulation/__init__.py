@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
-    from pomona.drivers.sim.camera import SimCamera as SimCamera
-    from pomona.drivers.sim.fruit_shape import (
+    from pomona.tools.simulation.camera import SimCamera as SimCamera
+    from pomona.tools.simulation.fruit_shape import (
         APPLES as APPLES,
         SKINS as SKINS,
         FruitShape as FruitShape,
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
         make_fruit as make_fruit,
         read_model as read_model,
     )
-    from pomona.drivers.sim.gl import load_mujoco as load_mujoco
-    from pomona.drivers.sim.layout import (
+    from pomona.tools.simulation.gl import load_mujoco as load_mujoco
+    from pomona.tools.simulation.layout import (
         FINGERS as FINGERS,
         FRICTION as FRICTION,
         PADS as PADS,
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
         FruitOnTable as FruitOnTable,
         read_robot as read_robot,
     )
-    from pomona.drivers.sim.scene import (
+    from pomona.tools.simulation.scene import (
         TABLE_FRICTION as TABLE_FRICTION,
         TIMESTEP as TIMESTEP,
         add_fixed as add_fixed,
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
         set_physics as set_physics,
         standing_pose as standing_pose,
     )
-    from pomona.drivers.sim.world import (
+    from pomona.tools.simulation.world import (
         FaultyDevice as FaultyDevice,
         PhysicsWorld as PhysicsWorld,
         SimWorld as SimWorld,

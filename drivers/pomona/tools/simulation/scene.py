@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 
 from pomona.drivers.interfaces import Box
-from pomona.drivers.sim.fruit_shape import FruitShape, make_fruit
-from pomona.drivers.sim.gl import load_mujoco
-from pomona.drivers.sim.intruder import IntruderSection, add_intruder
-from pomona.drivers.sim.layout import PADS, Distractor, FruitOnTable, Gathering, Layout, read_robot
 from pomona.executive.values.arrays import Float64
+from pomona.tools.simulation.fruit_shape import FruitShape, make_fruit
+from pomona.tools.simulation.gl import load_mujoco
+from pomona.tools.simulation.intruder import IntruderSection, add_intruder
+from pomona.tools.simulation.layout import PADS, Distractor, FruitOnTable, Gathering, Layout, read_robot
 
 TIMESTEP = 0.002  # step of the physics [s]; contact, sensing and force control share it
 

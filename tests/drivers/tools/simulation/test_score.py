@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pomona.drivers.sim.fingers import SimFingers
-from pomona.drivers.sim.score import SLID_OUT, FruitRecord, Grip, Scorer
+from pomona.tools.simulation.fingers import SimFingers
+from pomona.tools.simulation.score import SLID_OUT, FruitRecord, Grip, Scorer
 
 
 @pytest.mark.parametrize("friction", ["0.5", "0.9"])

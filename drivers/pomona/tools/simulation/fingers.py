@@ -12,11 +12,11 @@ import numpy as np
 
 from pomona.drivers.errors import DeviceLost
 from pomona.drivers.interfaces import ForceSensor, Subscription, WrenchSample
-from pomona.drivers.sim.layout import PADS
-from pomona.drivers.sim.scene import TIMESTEP
-from pomona.drivers.sim.world import FaultyDevice, PhysicsWorld
 from pomona.drivers.streams import SILENCE, Belief, WrenchStream
 from pomona.executive.values.arrays import Float64
+from pomona.tools.simulation.layout import PADS
+from pomona.tools.simulation.scene import TIMESTEP
+from pomona.tools.simulation.world import FaultyDevice, PhysicsWorld
 
 OFFSET = 1.0  # of a channel that jumps [N]
 CLIPPED = 0.5  # where a channel that clips has its end, unknown to its `saturated` flag [N]
