@@ -66,6 +66,7 @@ class Hold:
         self._floor: FloorWatch | None = None
         self._touches = TouchRecorder()
         self._record_every = max(round(controller.settings.rate / RECORDED_RATE), 1)
+        self._record_period = self._record_every * controller.settings.period
         self._samples = np.zeros((KEPT, 7))
         self._written = self._drained = self._seen = 0
         _HOLDS[identity(gripper)] = self
@@ -221,8 +222,7 @@ class Hold:
     @property
     def waiting(self) -> float:
         """Duration of the samples that `drain` would return [s]."""
-        count = min(self._written - self._drained, KEPT)
-        return float(count * self._record_every * self._controller.settings.period)
+        return min(self._written - self._drained, KEPT) * self._record_period
 
     def drain(self) -> GripSamples:
         """Return the samples since the last call, 100 a second, at most the last 20 s."""
