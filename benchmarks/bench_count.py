@@ -28,8 +28,6 @@ from pomona.applications.inventory.book import FruitBook
 from pomona.applications.inventory.camera_motion import camera_motion
 from pomona.applications.inventory.sighting import Z_90, Sighting, sighting_of
 from pomona.drivers.interfaces import Frame
-from pomona.drivers.sim.gl import in_gl_thread
-from pomona.drivers.sim.world import SimWorld
 from pomona.executive.cell.connect import load_cell
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import inverse
@@ -40,6 +38,8 @@ from pomona.skills.perception.refinement.depth_image import Method
 from pomona.skills.perception.refinement.errors import RefineError
 from pomona.skills.perception.refinement.measure import measure
 from pomona.skills.shared.looking import find_in_frame
+from pomona.tools.simulation.gl import in_gl_thread
+from pomona.tools.simulation.world import SimWorld
 
 CELL = Path("trees/cells/sim.yaml")
 SCORE = 0.6

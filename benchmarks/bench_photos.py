@@ -19,21 +19,21 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.bench_detect import processor_name, progress
-from pomona.applications.inventory.command_detect_pictures import MOST_LOOKS, MOST_LOOKS_AT_ONE_WIDTH, find_fruit
 from pomona.executive.values.arrays import UInt8
 from pomona.executive.values.pictures import write_picture
-from pomona.skills.perception.detection.box_evaluation import (
+from pomona.skills.perception.detection.compact_detector import CompactDetector
+from pomona.skills.perception.detection.detection import DetectorOptions
+from pomona.skills.perception.fruit import load_fruit
+from pomona.tools.photographs.box_evaluation import (
     JudgedPicture,
     box_figures,
     intervals,
     judge,
     recall_and_precision,
 )
-from pomona.skills.perception.detection.compact_detector import CompactDetector
-from pomona.skills.perception.detection.detection import DetectorOptions
-from pomona.skills.perception.detection.photo_folder import read_empty, read_photographs
-from pomona.skills.perception.detection.photographs import Photograph
-from pomona.skills.perception.fruit import load_fruit
+from pomona.tools.photographs.command_detect_pictures import MOST_LOOKS, MOST_LOOKS_AT_ONE_WIDTH, find_fruit
+from pomona.tools.photographs.photo_folder import read_empty, read_photographs
+from pomona.tools.photographs.photographs import Photograph
 
 BEFORE = 1280  # the one width at which `pomona detect` searched before [px]
 SCORE = 0.5  # its default

@@ -21,10 +21,10 @@ from benchmarks.bench_count import CELL, TABLE, _expose
 from benchmarks.synthetic_depth import looking_at
 from pomona.devices.frames.folder import folder_intrinsics, list_frames
 from pomona.drivers.interfaces import Camera, Frame
-from pomona.drivers.sim.world import SimWorld
 from pomona.executive.cell.connect import load_cell
 from pomona.executive.values.arrays import Float32
 from pomona.skills.perception.frame_check import VARIANTS, misplaced_depth
+from pomona.tools.simulation.world import SimWorld
 
 ORCHARD = Path("trees/cells/orchard.yaml")
 SHIFTS, SCALES = (0.02, 0.03, 0.05, 0.1), (1.1, 1.2, 1.4)

@@ -19,8 +19,6 @@ from typing import Any
 import numpy as np
 
 from pomona.drivers.interfaces import Arm, Camera, Cameras, Gripper, Trajectory, Workspace
-from pomona.drivers.sim.intruder import BODY, Intruder, Reach
-from pomona.drivers.sim.world import SimWorld
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.connect import load_cell
 from pomona.executive.files import find_cell
@@ -34,6 +32,8 @@ from pomona.skills.motion.planning.arm_space import ArmSpace, arm_space
 from pomona.skills.motion.planning.timing import time_polyline
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.motion.watch import path_watch
+from pomona.tools.simulation.intruder import BODY, Intruder, Reach
+from pomona.tools.simulation.world import SimWorld
 
 TICK = 0.02
 REST = 0.8

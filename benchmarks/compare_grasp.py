@@ -83,7 +83,7 @@ def lift(task: Draw, case: GripCase, world: World, control: type[GripController]
     hangs: list[bool] = []
 
     def watch(_t: float, controller: GripController, grasp: PatchGrasp | MujocoGrasp) -> None:
-        hangs.append(grasp.off_table and controller.phase in IN_HAND)
+        hangs.append(grasp.off_table and controller.mode in IN_HAND)
 
     settings = replace(settings, reserve=case.reserve)
     result = run_trial(task.fruit, settings, lifting, NOISE, task.seed, world=world, watch=watch, control=control)

@@ -8,11 +8,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pomona.drivers.interfaces import Arm, Gripper, Trajectory
-from pomona.drivers.sim.world import SimClock
 from pomona.executive.cell.device import FaultSwitch
 from pomona.executive.errors import NotOwnerError
 from pomona.executive.running.requests import AnswerRefusedError
 from pomona.executive.running.runner import Runner
+from pomona.tools.simulation.world import SimClock
 
 EVERY = 5
 """World steps between two commands of a thread: 10 ms."""

@@ -28,8 +28,6 @@ from benchmarks.strands import use_strands
 from pomona.devices.emulators.virtual_world import VirtualWorld
 from pomona.drivers.interfaces import Arm, Gripper
 from pomona.drivers.services import ConnectContext, RobotServices
-from pomona.drivers.sim.scene import TIMESTEP
-from pomona.drivers.sim.world import PhysicsWorld
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.cell_file import read_cell_file
 from pomona.executive.cell.device import FaultSwitch
@@ -45,6 +43,8 @@ from pomona.executive.running.events import ErrorRaised, Event, EventStream, Nod
 from pomona.executive.running.runner import Runner
 from pomona.executive.values import processes
 from pomona.skills.grip.hold import take_over
+from pomona.tools.simulation.scene import TIMESTEP
+from pomona.tools.simulation.world import PhysicsWorld
 
 TREES = Path(__file__).parent
 TABLE = {"fruit": "apple_4", "place": "2", "distractors": "0"}
@@ -557,7 +557,7 @@ def prepare_to_fork() -> None:
     """Have all that is computed and drawn in this thread: a fork has no other."""
     import torch
 
-    from pomona.drivers.sim import camera
+    from pomona.tools.simulation import camera
 
     plan_here()
     use_strands()

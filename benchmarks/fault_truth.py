@@ -15,9 +15,9 @@ import numpy as np
 from pomona.applications.conveyor.world import ConveyorWorld
 from pomona.applications.harvest.stems import HANGS
 from pomona.applications.harvest.world import FruitWallWorld
-from pomona.drivers.sim.layout import PADS
-from pomona.drivers.sim.world import SimWorld
 from pomona.executive.values.arrays import Float64
+from pomona.tools.simulation.layout import PADS
+from pomona.tools.simulation.world import SimWorld
 
 FORCE_MAX = 14.0
 """Limit of the table's tree for both fingers together [N]: SlipAvoidGrasp's default."""

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pomona.drivers.sim.gl import load_mujoco
+from pomona.tools.simulation.gl import load_mujoco
 
 GRAVITY = 9.81
 SCENE = """

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.grasp_patch import GRAVITY, Fruit
-from pomona.drivers.sim.gl import load_mujoco
 from pomona.executive.values.arrays import Float64
+from pomona.tools.simulation.gl import load_mujoco
 
 TORSION = 0.003
 """Torsional friction of the pads [m]."""

@@ -20,11 +20,12 @@ from numba import njit
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.closing import Closing
 from pomona.skills.grip.controller import GripController
-from pomona.skills.grip.estimate_kernel import GripEstimate, NoiseModel
+from pomona.skills.grip.estimate import GripEstimate, NoiseModel
+from pomona.skills.grip.grip import GripMode
 from pomona.skills.grip.limit_surface import SoftContact, least_force_of_finger, surface_table
 from pomona.skills.grip.monitors import GripState
 from pomona.skills.grip.pads import LEVER_LOAD, PAD_HALF, PRESSING
-from pomona.skills.grip.reference import CarriedMode, ForceReference, Levels, LiftingMode, ReferenceMode
+from pomona.skills.grip.reference import CarriedMode, ForceReference, Levels, LiftingMode
 from pomona.skills.grip.sensor import LowPass
 from pomona.skills.grip.settings import GripSettings
 
@@ -243,8 +244,8 @@ class ProbabilityReference(ForceReference):
         self._noise, self._momentary = np.ones(6), 0.0
         self._ratio, self._tested = LowPass(constants.tested_lag), 0.0
         self.take_contact(settings.contact)
-        self._modes[ReferenceMode.LIFTING] = ProbableLifting(self._levels, self)
-        self._modes[ReferenceMode.CARRIED] = ProbableCarrying(self._levels, self)
+        self._modes[GripMode.LIFTING] = ProbableLifting(self._levels, self)
+        self._modes[GripMode.CARRIED] = ProbableCarrying(self._levels, self)
 
     def calibrate(self, variance: Float64) -> None:
         """Learn the variance of a finger's channels, shape (6,)."""
@@ -343,7 +344,7 @@ class ProbableCarrying(CarriedMode):
     def follow(self, estimate: GripEstimate, force_coming: float, elapsed: float) -> float:
         return self._reference.probable(estimate, force_coming, elapsed, 0.0)
 
-    def next_mode(self, _estimate: GripEstimate) -> ReferenceMode:
+    def next_mode(self, _estimate: GripEstimate) -> GripMode:
         return self.mode
 
 

@@ -288,7 +288,7 @@ def main() -> int:
     context = multiprocessing.get_context("forkserver")
     # Loaded once, forked for each point: the test covers the run, not Python's imports.
     context.set_forkserver_preload(
-        ["benchmarks.kill_points_skills", "pomona.executive.commands.run", "pomona.drivers.sim.connect"]
+        ["benchmarks.kill_points_skills", "pomona.executive.commands.run", "pomona.tools.simulation.connect"]
     )
     found = []
     for point in points(options.points, options.seed, options.way or WAYS):

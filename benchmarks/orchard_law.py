@@ -27,10 +27,10 @@ from pomona.applications.harvest.model import WallModel, build_wall_model
 from pomona.applications.harvest.numbers import Provenance, WallNumbers, read_numbers
 from pomona.applications.harvest.stems import TORN, Stems
 from pomona.applications.harvest.wall import Wall, draw_wall
-from pomona.drivers.sim.gl import load_mujoco
-from pomona.drivers.sim.scene import TIMESTEP
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.installation import commit_here
+from pomona.tools.simulation.gl import load_mujoco
+from pomona.tools.simulation.scene import TIMESTEP
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt

@@ -16,8 +16,8 @@ import numpy as np
 
 from pomona.applications.harvest.world import FruitWallWorld
 from pomona.drivers.interfaces import ForceSensor
-from pomona.drivers.sim.scene import TIMESTEP
 from pomona.executive.cell.connect import load_cell
+from pomona.tools.simulation.scene import TIMESTEP
 
 CELL = Path(__file__).parents[1] / "trees" / "cells" / "orchard.yaml"
 PARTS = ("mj_kinematics", "mj_comPos", "mj_makeM", "mj_factorM", "mj_collision", "mj_fwdVelocity", "mj_fwdConstraint")

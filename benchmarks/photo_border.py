@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.perception.detection.box_evaluation import labels_of
-from pomona.skills.perception.detection.photographs import Photograph
+from pomona.tools.photographs.box_evaluation import labels_of
+from pomona.tools.photographs.photographs import Photograph
 from pomona.tools.training.photo_figures import Finds, calibration
 
 AT_BORDER = 1.0  # a box that ends this near to the picture's border counts as cut by it [px]

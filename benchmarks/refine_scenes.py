@@ -15,8 +15,6 @@ from scipy.ndimage import gaussian_filter
 
 from benchmarks.synthetic_depth import as_d435i, looking_at, standing, true_depth
 from pomona.drivers.interfaces import Frame, Intrinsics
-from pomona.drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
-from pomona.drivers.sim.world import SimWorld
 from pomona.executive.cell.connect import load_cell
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import apply, inverse, rot_y, transform
@@ -24,6 +22,8 @@ from pomona.skills.perception.detection.detection import DetectorOptions
 from pomona.skills.perception.detection.instances import cuboid_keypoints
 from pomona.skills.perception.fruit import FruitModel
 from pomona.skills.shared.looking import find_in_frame
+from pomona.tools.simulation.gl import in_gl_thread, load_mujoco, open_renderer
+from pomona.tools.simulation.world import SimWorld
 
 CAMERA = Intrinsics(610.6, 610.6, 319.5, 239.5, 640, 480)
 ROBOT_GROUP = 1

@@ -56,7 +56,7 @@ MODULES = (
 PACKAGES = (
     "pomona.executive",
     "pomona.drivers",
-    "pomona.drivers.sim",
+    "pomona.tools.simulation",
     "pomona.skills",
     "pomona.skills.motion",
     "pomona.skills.perception",

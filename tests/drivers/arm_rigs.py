@@ -16,7 +16,7 @@ from pomona.drivers.interfaces import ArmLimits, Trajectory
 from pomona.drivers.mock import MockArm, MockClock
 from pomona.drivers.mock.arm import SIA5F_LIMITS
 from pomona.executive.cell.connect import load_cell
-from tests.drivers.sim.conftest import SIM, rest_to_rest
+from tests.drivers.tools.simulation.conftest import SIM, rest_to_rest
 
 Says = Callable[[np.ndarray], np.ndarray]
 

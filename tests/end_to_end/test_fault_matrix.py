@@ -9,11 +9,11 @@ import pytest
 
 from benchmarks.fault_executive import Leftovers, Operator, SteppedBack
 from benchmarks.fault_table import read_table
-from pomona.drivers.sim.arm import SimArm
-from pomona.drivers.sim.camera import SimCamera
-from pomona.drivers.sim.fingers import SimFingers
-from pomona.drivers.sim.gripper import SimGripper
 from pomona.executive.cell.device import FaultSwitch
+from pomona.tools.simulation.arm import SimArm
+from pomona.tools.simulation.camera import SimCamera
+from pomona.tools.simulation.fingers import SimFingers
+from pomona.tools.simulation.gripper import SimGripper
 
 TRIED = [
     "arm.frozen@following",

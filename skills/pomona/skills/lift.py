@@ -8,14 +8,12 @@ from typing import Annotated, ClassVar
 from pomona.drivers.interfaces import Arm, Gripper, Workspace
 from pomona.executive.ports import ACCELERATION, LENGTH, SPEED, TIME, Acceleration, Length, Port, Speed, Time
 from pomona.executive.skill import Work
-from pomona.skills.grip.grip import GripProblem
 from pomona.skills.grip.hold import Hold
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.shared.carrying import (
-    BACK,
     JERK_TIME,
     GripOverloaded,
     Hanging,
@@ -132,7 +130,8 @@ class Lift(MovingSkill):
                 yield from self._settle(active, settle_within, watch)
         except GripOverloaded as overloaded:
             stands = yield from put_back(self, T_base_start, acceleration, hold, overloaded.load)
-            raise self._cannot_hold(overloaded.problem, hold, 0.0 if stands else risen()) from overloaded
+            code, words = overloaded.outcome(0.0 if stands else risen())
+            raise grip_failure(self, code, words, hold, overloaded.problem) from overloaded
         if hanging is not None and (missing := hanging.missing()):
             raise grip_failure(self, "LOST", f"the fruit was not lifted: {missing}", hold)
         if hold is not None:
@@ -148,17 +147,3 @@ class Lift(MovingSkill):
             watch()
             if not hold.is_at_rest or abs(hold.slipped - slid) > STILL:
                 since, slid = self.context.elapsed(), hold.slipped
-
-    def _cannot_hold(self, problem: GripProblem, hold: Hold | None, risen: float) -> Exception:
-        code = problem.code
-        if code == "FORCE_LIMIT" and problem.data["for_weight_alone_n"] > problem.data["limit_n"]:
-            code = "TOO_HEAVY"
-        elsewhere = {
-            "TOO_HEAVY": "at any grip position",
-            "FORCE_LIMIT": "at this grip position (nearer its centre it may be held)",
-            "SLIPPED": "with the configured and with the measured friction",
-        }[code]
-        where = (
-            "put back where it stood" if risen < BACK else f"still {1e3 * risen:.0f} mm up, with no straight way back"
-        )
-        return grip_failure(self, code, f"{where}; {elsewhere}", hold, problem)

@@ -11,8 +11,8 @@ import pytest
 from benchmarks.grasp_patch import Fruit
 from benchmarks.grasp_trial import Lifting, run_trial
 from pomona.skills.grip.controller import GripController
-from pomona.skills.grip.estimate_kernel import GripEstimate
-from pomona.skills.grip.grip import GripProblem
+from pomona.skills.grip.estimate import GripEstimate
+from pomona.skills.grip.grip import GripMode, GripProblem
 from pomona.skills.grip.limit_surface import SoftContact
 from pomona.skills.grip.monitors import (
     DeadFingerMonitor,
@@ -29,7 +29,6 @@ from pomona.skills.grip.monitors import (
     has_dead_finger,
     hold_monitors,
 )
-from pomona.skills.grip.reference import ReferenceMode
 from pomona.skills.grip.sensor import GripSample, SensorWatch
 from pomona.skills.grip.settings import ForceLaw, ForceLoopSettings, GripSettings
 
@@ -45,7 +44,7 @@ def pressing(left: float = 1.5, right: float = 1.5, **changes: Any) -> GripEstim
 def state(estimate: GripEstimate | None = None, **changes: Any) -> GripState:
     """A sound grip of a carried fruit, but for the changes."""
     sample = GripSample(1.0, 1, PERIOD, np.zeros((2, 6)))
-    sound = GripState(sample, estimate or pressing(), ReferenceMode.CARRIED, 0.07, 2.0, 1.5)._replace(**changes)
+    sound = GripState(sample, estimate or pressing(), GripMode.CARRIED, 0.07, 2.0, 1.5)._replace(**changes)
     return sound._replace(has_dead_finger=has_dead_finger(sound.estimate, sound.mode, LIMITS))
 
 
@@ -113,13 +112,13 @@ def test_slip_adds_up_while_the_force_is_near_the_minimum() -> None:
 
 
 def test_pads_that_slide_on_purpose_are_neither_slip_nor_a_dead_finger() -> None:
-    now = state(pressing(0.1, 2.0, f_least=9.0, slip_speed=0.1), mode=ReferenceMode.SLIDING)
+    now = state(pressing(0.1, 2.0, f_least=9.0, slip_speed=0.1), mode=GripMode.SLIDING)
     assert samples_until(slip_monitor(), now) == 500
     assert samples_until(DeadFingerMonitor(LIMITS), now) == 500
 
 
 def test_a_turning_fruit_needs_the_force_for_its_weight_only() -> None:
-    now = state(pressing(f_least=9.0, f_coulomb=2.0), mode=ReferenceMode.PIVOTING)
+    now = state(pressing(f_least=9.0, f_coulomb=2.0), mode=GripMode.PIVOTING)
     assert samples_until(slip_monitor(), now) == 500
 
 

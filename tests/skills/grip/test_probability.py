@@ -26,7 +26,7 @@ from benchmarks.grasp_probability import (
 )
 from benchmarks.grasp_trial import Lifting, run_trial
 from pomona.executive.values.arrays import Float64
-from pomona.skills.grip.estimate_kernel import GripEstimate
+from pomona.skills.grip.estimate import GripEstimate
 from pomona.skills.grip.limit_surface import SoftContact, least_force, surface_table
 from pomona.skills.grip.settings import ForceLaw, GripSettings
 

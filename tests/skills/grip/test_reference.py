@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pomona.skills.grip.estimate_kernel import GripEstimate
-from pomona.skills.grip.reference import ForceReference, ReferenceMode
+from pomona.skills.grip.estimate import GripEstimate
+from pomona.skills.grip.grip import HELD, GripMode, GripPhase
+from pomona.skills.grip.reference import ForceReference
 from pomona.skills.grip.settings import ForceLaw, GripSettings
 
 PERIOD = 0.002
@@ -172,14 +173,14 @@ def test_a_fruit_that_is_hit_and_slides_is_pressed_harder_as_long_as_it_slides()
     follow(reference, [load(2.0, push=0.5, f_n=2.2)] * 2)
     first = reference.f_ref
     assert first > 2.0 * before
-    assert reference.mode is ReferenceMode.CATCHING
+    assert reference.mode is GripMode.CATCHING
     follow(reference, [load(4.0, push=0.5, f_n=4.0)] * 2)  # what friction bears grows with the force: it still slides
     assert reference.f_ref > first + 1.0
     follow(reference, [load(2.0, push=0.5, f_n=8.0)] * 10)  # held: nothing is added, nothing let go
     held = reference.f_ref
     assert held == pytest.approx(reference.f_ref)
     follow(reference, [load(2.0, f_n=8.0)] * 2000)
-    assert reference.mode is ReferenceMode.CARRIED
+    assert reference.mode is GripMode.CARRIED
     assert reference.f_ref == pytest.approx(MARGIN * 2.0, rel=0.02)
 
 
@@ -199,19 +200,22 @@ def test_the_reserve_has_a_margin_of_its_own() -> None:
 
 def test_the_modes_follow_each_other_as_drawn() -> None:
     reference = ForceReference(GripSettings(margin=MARGIN))
+    assert reference.mode is GripMode.BIAS
+    reference.close()
+    assert reference.mode is GripMode.CLOSING
     reference.begin(2.2)
-    assert reference.mode is ReferenceMode.RAMP
+    assert reference.mode is GripMode.RAMP
     reference.stand((0.0, 0.0))
     follow(reference, [load(0.2)] * 100)
-    assert reference.mode is ReferenceMode.STANDING
+    assert reference.mode is GripMode.STANDING
     follow(reference, [load(2.0)])
-    assert reference.mode is ReferenceMode.LIFTING
+    assert reference.mode is GripMode.LIFTING
     follow(reference, [load(2.0)] * 60)
-    assert reference.mode is ReferenceMode.CARRIED
+    assert reference.mode is GripMode.CARRIED
     follow(reference, [load(2.0, push=0.5, f_n=2.2)])
-    assert reference.mode is ReferenceMode.CATCHING
+    assert reference.mode is GripMode.CATCHING
     follow(reference, [load(2.0)] * 1000)
-    assert reference.mode is ReferenceMode.CARRIED
+    assert reference.mode is GripMode.CARRIED
 
 
 @pytest.mark.parametrize("is_lifted", [True, False])
@@ -220,13 +224,13 @@ def test_a_mode_that_a_skill_asked_for_ends_where_it_began(is_lifted: bool) -> N
     before = reference.mode
     reference.slide(0.7)
     follow(reference, [load(2.0)] * 1000)
-    assert (reference.mode, reference.f_ref) == (ReferenceMode.SLIDING, pytest.approx(0.7))
+    assert (reference.mode, reference.f_ref) == (GripMode.SLIDING, pytest.approx(0.7))
     assert reference.is_carried is is_lifted
     reference.slide(None)
     assert reference.mode is before
     reference.pivot(True)
     reference.slide(None)  # nothing to end
-    assert reference.mode is ReferenceMode.PIVOTING
+    assert reference.mode is GripMode.PIVOTING
     reference.pivot(False)
     assert reference.mode is before
 
@@ -236,4 +240,10 @@ def test_doubt_about_the_sensors_ends_catching() -> None:
     follow(reference, [load(2.0, push=0.5, f_n=2.2)] * 2)
     reference.freeze("because")
     follow(reference, [load(2.0, push=0.5, f_n=2.2)])
-    assert reference.mode is ReferenceMode.CARRIED
+    assert reference.mode is GripMode.CARRIED
+
+
+def test_every_mode_belongs_to_the_phase_that_records_show() -> None:
+    phases = {mode: mode.phase for mode in GripMode}
+    assert {mode for mode, phase in phases.items() if phase is GripPhase.HOLDING} == set(HELD)
+    assert {phase for mode, phase in phases.items() if mode not in HELD} == set(GripPhase) - {GripPhase.HOLDING}

@@ -15,7 +15,7 @@ from pomona.drivers.interfaces import ForceSensor
 from pomona.drivers.mock import MockClock, MockForceSensor
 from pomona.executive.files import find_cell
 from pomona.skills.grip.controller import GripController
-from pomona.skills.grip.estimate_kernel import GripEstimate
+from pomona.skills.grip.estimate import GripEstimate
 from pomona.skills.grip.grip import GripPhase, UnfitSensor
 from pomona.skills.grip.sensor import GripSample, LowPass, SensorWatch, StreamGuard, Timer, check_bias
 from pomona.skills.grip.settings import RATES, BiasSettings, GripSettings

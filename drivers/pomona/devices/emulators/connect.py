@@ -315,7 +315,7 @@ def connect_camera(settings: Settings[EmulatedCameraFile], context: ConnectConte
 
 def camera_site(robot: Path) -> Float64:
     """Return T_tool0_camera (4, 4) [m] from the robot's description: the true result of a hand-eye calibration."""
-    from pomona.drivers.sim import load_mujoco  # takes a moment
+    from pomona.tools.simulation import load_mujoco  # takes a moment
 
     mujoco = load_mujoco()
     site = mujoco.MjModel.from_xml_path(str(robot)).site("camera")

@@ -18,7 +18,7 @@ from pomona.drivers import Cell, FaultSwitch
 from pomona.executive import Float64
 
 if TYPE_CHECKING:
-    from pomona.drivers.sim import SimWorld
+    from pomona.tools.simulation import SimWorld
 
 GROUP = "pomona.emulators"
 

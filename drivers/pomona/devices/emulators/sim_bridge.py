@@ -16,7 +16,7 @@ import numpy as np
 from pomona.devices.emulators.emulated import EmulatedDevice, kind_of, world_of
 from pomona.devices.emulators.server import Peer
 from pomona.drivers import Camera, Cell, Frame, load_cell, raise_priority
-from pomona.drivers.sim import SimCamera, SimWorld, load_mujoco
+from pomona.tools.simulation import SimCamera, SimWorld, load_mujoco
 
 FRAME_HEADER = struct.Struct("<4sIIddddddI")
 """Of a frame on the wire: magic, width, height, fx, fy, cx, cy, the camera's time [s], age [s], sequence; colour and

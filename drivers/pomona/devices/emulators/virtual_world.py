@@ -13,7 +13,7 @@ from pomona.devices.emulators.sim_bridge import EmulatedDevices, SightEmulator
 from pomona.devices.emulators.virtual_time import VirtualTime
 from pomona.devices.realsense.stamps import LATENCY
 from pomona.drivers import Camera, Cell, ConnectContext, Device, FaultSwitch, HandMemory, HandRecord
-from pomona.drivers.sim import TIMESTEP
+from pomona.tools.simulation import TIMESTEP
 
 
 class VirtualWorld(Device):
@@ -63,7 +63,7 @@ class VirtualWorld(Device):
             pipe.hang_up()
 
     def truth(self) -> Mapping[str, object]:
-        """Return the world's own score; see `pomona.drivers.sim.score.Scorer.report`."""
+        """Return the world's own score; see `pomona.tools.simulation.score.Scorer.report`."""
         return self._world.truth()
 
     def close(self) -> None:

@@ -24,7 +24,7 @@ from pomona.devices.emulators.emulated import EmulatedWire
 from pomona.devices.emulators.server import Endpoint, PtyPort, Server, TcpPort
 from pomona.devices.emulators.sim_bridge import EmulatedDevices, StatePort, serve_camera
 from pomona.drivers import Cell, DriverError, load_cell, raise_priority
-from pomona.drivers.sim import TIMESTEP, SimWorld
+from pomona.tools.simulation import TIMESTEP, SimWorld
 
 
 class _Control:

@@ -105,7 +105,7 @@ def _extras() -> Iterator[ReportLine]:
 def _graphics() -> ReportLine:
     """Whether something can be drawn: a library that is there may still find no driver."""
     try:
-        from pomona.drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
+        from pomona.tools.simulation.gl import in_gl_thread, load_mujoco, open_renderer
 
         mujoco = load_mujoco()
         model = mujoco.MjModel.from_xml_string("<mujoco/>")

@@ -14,7 +14,8 @@ import numpy as np
 
 from pomona.applications.conveyor.conveyor import Belt
 from pomona.drivers import Box
-from pomona.drivers.sim import (
+from pomona.executive import Float64
+from pomona.tools.simulation import (
     PADS,
     TABLE_FRICTION,
     FruitOnTable,
@@ -26,7 +27,6 @@ from pomona.drivers.sim import (
     load_mujoco,
     set_physics,
 )
-from pomona.executive import Float64
 
 SHELF = (0.0, 1.6)
 """Place of the first waiting fruit, x and y in the base frame [m]."""

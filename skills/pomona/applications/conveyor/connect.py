@@ -13,7 +13,6 @@ from pomona.applications.conveyor.conveyor import Belt
 from pomona.applications.conveyor.devices import SimConveyor
 from pomona.applications.conveyor.world import ConveyorWorld, Feed
 from pomona.drivers import ConnectContext, FruitKinds, Settings, Surroundings, UnusableRobotFile, driver, read_limits
-from pomona.drivers.sim import APPLES, FRICTION, PADS, CellFruitSection, FruitOnTable, make_fruit, read_robot
 from pomona.executive import (
     LENGTH,
     SPEED,
@@ -31,6 +30,7 @@ from pomona.executive import (
     choose,
     value,
 )
+from pomona.tools.simulation import APPLES, FRICTION, PADS, CellFruitSection, FruitOnTable, make_fruit, read_robot
 
 FASTEST = 0.5
 """Speed of a belt up to which the simulated one is checked: tests/skills/applications/conveyor/test_world.py [m/s]."""

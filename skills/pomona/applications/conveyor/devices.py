@@ -9,8 +9,8 @@ import numpy as np
 from pomona.applications.conveyor.conveyor import Belt, Conveyor, ConveyorState
 from pomona.applications.conveyor.world import ConveyorWorld
 from pomona.drivers import Device, DeviceLost
-from pomona.drivers.sim import FaultyDevice
 from pomona.executive import Clock
+from pomona.tools.simulation import FaultyDevice
 
 COUNT = 1e-4
 """Travel of one count of the encoder [m]: a wheel of 200 mm with 2000 counts a turn."""

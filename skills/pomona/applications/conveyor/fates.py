@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from pomona.applications.conveyor.belt_model import BeltModel
-from pomona.drivers.sim import PADS, container_of
 from pomona.executive import Float64
+from pomona.tools.simulation import PADS, container_of
 
 LIFTED = 0.08
 """Height over its place on the belt from which a fruit between the pads counts as lifted [m]."""

@@ -10,8 +10,8 @@ import numpy as np
 
 from pomona.applications.conveyor.belt_model import BeltModel, waiting_place
 from pomona.applications.conveyor.fates import BeltScore
-from pomona.drivers.sim import TIMESTEP, PhysicsWorld, load_mujoco, quaternion, standing_pose
 from pomona.executive import Float64
+from pomona.tools.simulation import TIMESTEP, PhysicsWorld, load_mujoco, quaternion, standing_pose
 
 SETTLING = 50
 """Steps for the arm's drives to take up their load before a run."""

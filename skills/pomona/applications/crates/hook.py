@@ -6,7 +6,7 @@ from typing import Annotated
 
 import numpy as np
 
-from pomona.applications.crates.hooks import pull_of, rolled_height
+from pomona.applications.crates.pull import ENOUGH, FARTHEST_OFF, LEAST, RELIEF, HookPull
 from pomona.drivers import Arm, ForceSensor, Gripper, Motion, Workspace
 from pomona.executive import FORCE, LENGTH, SPEED, Force, Length, Outputs, Port, SkillFailure, Speed, Work
 from pomona.skills import (
@@ -27,19 +27,9 @@ DOWN = Manner(0.05, 0.5, 5.0)
 """Way down beside the wall, above the fruit's crown."""
 TOUCHING = Manner(0.010, 0.5, 10.0)
 """Way down beside the fruit: a contact is 5 to 10 N/mm, and the fingers report after some 10 ms."""
-RELIEF = 0.3e-3
-"""Way by which a finger gives way at a time [m]."""
-FARTHEST_OFF = 3e-3
-"""Farthest from the way of a rolling ball [m]: a fruit that does not roll is not to be slid over."""
 UP = Manner(0.10, 1.0, 10.0)
 ABOVE = 0.010
 """Height of the fingers' tips over the crown at which they slow down [m]."""
-STEP = 3e-3
-"""Of a pull, after which the finger gives way [m]."""
-LEAST = 0.3
-"""Change of force that shows a fruit at the finger [N]; the fingers' noise is 0.2 N."""
-ENOUGH = 0.015
-"""A pull that ended at its force after this distance has made room [m]: a finger is 12 mm thick."""
 
 
 class Drawn(Outputs):
@@ -104,32 +94,21 @@ class Hook(MovingSkill):
 
     def _across(self, hook: Grasp, felt: Touch, limit: float, distance: float, speed: float) -> Work[float]:
         """Draw the fruit as it rolls, and return how far the finger came [m]; between steps the finger gives way."""
-        start, pull, radius = tool_pose(self), pull_of(hook), float(hook.fruit.dimensions.min()) / 2.0
-        behind = hook.width / 2.0 - float((start[:3, 3] - hook.fruit.T_base_fruit[:3, 3]) @ pull)
-        came = off = most = 0.0
-        hits = 0
-        for x in np.arange(STEP, distance + STEP / 2.0, STEP):
+        pull = HookPull(hook, tool_pose(self)[:3, 3], limit)
+        for x, place in pull.places(distance):
             felt.forget_change()
-            goal = start[:3, 3] + x * pull + [0.0, 0.0, off + rolled_height(x, radius, behind)]
-            at_limit = yield from self._felt(self._line(goal), Manner(speed, 0.5, 10.0), felt, limit)
-            off = yield from self._give_way(felt, 0.5 * limit, off)
-            most = max(most, felt.change)
-            hits = hits + 1 if at_limit else 0
-            if hits > 1 or (felt.present > 0.5 * limit and off > FARTHEST_OFF - RELIEF):
-                if came >= ENOUGH:
-                    return came
-                words = f"the pull ended after {1e3 * came:.0f} mm at {most:.1f} N: something is in front of the fruit"
-                raise self.failure("PULL_BLOCKED", words, moved_m=came, force_n=most)
-            came = came if at_limit else float(x)
-        if most < LEAST:
+            at_limit = yield from self._felt(self._line(place), Manner(speed, 0.5, 10.0), felt, limit)
+            pull.off = yield from self._give_way(felt, 0.5 * limit, pull.off)
+            if pull.ends(x, at_limit, felt.change, felt.present):
+                if pull.came >= ENOUGH:
+                    return pull.came
+                raise self.failure("PULL_BLOCKED", pull.blocked, moved_m=pull.came, force_n=pull.most)
+        if pull.most < LEAST:
             raise self.failure("NOTHING_MOVED", "the finger touched nothing on its way: the fruit lies elsewhere")
-        return came
+        return pull.came
 
     def _give_way(self, felt: Touch, most: float, off: float) -> Work[float]:
-        """Rise until the fruit presses less than a limit [N]; it never sinks, since only the pads feel.
-
-        Returns the height over the way of a rolling ball [m], now `off`.
-        """
+        """Rise until the fruit presses less than `most` [N], never sink: only the pads feel. Return the height."""
         while felt.present > most and off + RELIEF <= FARTHEST_OFF:
             yield from follow_way(self, self._line(tool_pose(self)[:3, 3] + [0.0, 0.0, RELIEF]), TOUCHING)
             off += RELIEF

@@ -23,8 +23,8 @@ from pomona.drivers import (
     driver,
     read_limits,
 )
-from pomona.drivers.sim import FRICTION, PADS, SKINS, FruitShape, UnusableModel, make_fruit, read_model, read_robot
 from pomona.executive import LENGTH, Measure, Number, OrWord, PathTo, Problem, Span, Text, Whole, choose, value
+from pomona.tools.simulation import FRICTION, PADS, SKINS, FruitShape, UnusableModel, make_fruit, read_model, read_robot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

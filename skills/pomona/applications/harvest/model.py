@@ -17,7 +17,8 @@ from pomona.applications.harvest.scenery import Scenery, leaf_mesh
 from pomona.applications.harvest.wall import SEGMENTS, STEM_SEAT, HangingFruit, TreeLeaf, Wall
 from pomona.applications.harvest.wood import Chain, hinge_chain, spur_stiffness
 from pomona.drivers import Box
-from pomona.drivers.sim import (
+from pomona.executive import Float64
+from pomona.tools.simulation import (
     PADS,
     FruitShape,
     add_fixed,
@@ -27,7 +28,6 @@ from pomona.drivers.sim import (
     quaternion,
     set_physics,
 )
-from pomona.executive import Float64
 
 Index = NDArray[np.int64]
 Flags = NDArray[np.bool_]

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from pomona.applications.harvest.model import WallModel
-from pomona.drivers.sim import FINGERS, PADS, load_mujoco, read_robot
 from pomona.executive import Float64
+from pomona.tools.simulation import FINGERS, PADS, load_mujoco, read_robot
 
 AZIMUTHS, ELEVATIONS = (0.0, 25.0, -25.0, 50.0, -50.0), (0.0, 25.0, -20.0, 45.0)
 """Of the approach, from straight towards the wall; positive elevations come from below [deg]."""

@@ -14,8 +14,8 @@ from pomona.applications.harvest.model import WallModel
 from pomona.applications.harvest.stems import AT_SPUR, HANGS, TORN, Stems
 from pomona.applications.harvest.touches import BY_HARD, BY_LINING, BY_PAD, Touches
 from pomona.applications.harvest.wood import bending_stress
-from pomona.drivers.sim import TIMESTEP, container_of
 from pomona.executive import Float64
+from pomona.tools.simulation import TIMESTEP, container_of
 
 TOUCH = 0.05  # a pad holds a fruit when it is pressed by more than this [N]
 RECENT = 1.0  # a fruit that comes off so soon after the robot touched it or its branch was knocked off [s]

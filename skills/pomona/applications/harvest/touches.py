@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.applications.harvest.model import WallModel
-from pomona.drivers.sim import PADS
 from pomona.executive import Float64
+from pomona.tools.simulation import PADS
 
 Index = NDArray[np.int64]
 

@@ -10,8 +10,8 @@ from pomona.applications.harvest.reachable import find_reachable
 from pomona.applications.harvest.score import WallScore
 from pomona.applications.harvest.stems import Stems
 from pomona.applications.harvest.wind import Wind
-from pomona.drivers.sim import PhysicsWorld
 from pomona.executive import Float64
+from pomona.tools.simulation import PhysicsWorld
 
 SETTLING = 50  # steps for the arm's drives to take up their load; the wall is drawn at rest
 WIND_EVERY = 5  # steps between two values of the wind: it changes at 1.5 Hz at most

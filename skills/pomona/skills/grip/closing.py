@@ -15,7 +15,7 @@ import numpy as np
 from pomona.drivers.interfaces import GripperState
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.units import FORCE, LENGTH, TIME, Array
-from pomona.skills.grip.grip import GripPhase, GripProblem
+from pomona.skills.grip.grip import GripMode, GripProblem
 from pomona.skills.grip.monitors import GripState
 from pomona.skills.grip.reference import ForceReference
 from pomona.skills.grip.sensor import Timer
@@ -24,10 +24,9 @@ from pomona.skills.grip.tracking import ForceTracker
 
 
 class Closing:
-    """Speed of the fingers in the phases CLOSING and RAMP, once a command.
+    """Speed of the fingers in the modes CLOSING and RAMP, once a command; STANDING or FAILED ends it.
 
     Attributes:
-        phase: CLOSING, RAMP, then HOLDING or FAILED.
         problem: why it failed.
     """
 
@@ -35,7 +34,6 @@ class Closing:
         self, settings: GripSettings, reference: ForceReference, tracker: ForceTracker, interval: float
     ) -> None:
         """Take the time between two commands [s] besides the parts of the grip."""
-        self.phase = GripPhase.CLOSING
         self.problem: GripProblem | None = None
         self._settings, self._reference, self._tracker, self._interval = settings, reference, tracker, interval
         self._stuck, self._gone, self._reached = Timer(), Timer(), Timer()
@@ -48,20 +46,20 @@ class Closing:
             now: state of the grip.
             speed: rate commanded before [m/s].
         """
-        wanted = self._ramp(now, speed) if self.phase is GripPhase.RAMP else self._close(now, speed)
+        wanted = self._ramp(now, speed) if self._reference.mode is GripMode.RAMP else self._close(now, speed)
         self._last_width = now.width
         return wanted
 
     def fail(self, problem: GripProblem) -> float:
         """End with a problem and return the speed of fingers at rest [m/s]."""
-        self.phase, self.problem = GripPhase.FAILED, problem
+        self._reference.fail()
+        self.problem = problem
         return 0.0
 
     def _close(self, now: GripState, speed: float) -> float:
         s, estimate, width = self._settings, now.estimate, now.width
         touch = (estimate.left > s.watch.contact, estimate.right > s.watch.contact)
         if all(touch):
-            self.phase = GripPhase.RAMP
             self._reference.begin(estimate.f_n)
             return 0.0
         if any(touch) and math.isnan(self._touched_at):
@@ -93,13 +91,13 @@ class Closing:
         if self._gone.update(estimate.weaker < s.watch.gone, self._interval) > 2.0 * s.watch.gone_after:
             # A fruit that one finger pushes may hop to the other one and back: closing goes on, with its bounds.
             if estimate.stronger > s.watch.contact:
-                self.phase = GripPhase.CLOSING
+                self._reference.close()
                 return 0.0
             return self.fail(now.problem("NO_CONTACT", "the fruit slipped away while the force rose", width=now.width))
         f_ref = self._reference.ramp(self._interval)
         is_reached = f_ref >= s.initial_force and estimate.f_n >= 0.9 * s.initial_force
         if self._reached.update(is_reached, self._interval) > 1.5 * self._interval:
-            self.phase = GripPhase.HOLDING
+            self._reference.stand(estimate.load)
         elif f_ref >= s.initial_force and not is_reached and self._is_stuck(now, speed):
             message = f"the fingers stand still at {estimate.f_n:.1f} N and do not reach {s.initial_force:.1f} N"
             return self.fail(now.problem("FORCE_LIMIT", message, f_n=estimate.f_n, f_ref=f_ref))

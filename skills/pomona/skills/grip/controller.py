@@ -2,8 +2,8 @@
 
     sample -> GripEstimate -> monitors -> ForceReference -> speed
 
-The phases are BIAS, CLOSING, RAMP, then HOLDING with slip avoidance for as long as samples come. The controller uses
-no device, thread or tree.
+`ForceReference` has the mode, of which the phase is derived: BIAS, CLOSING, RAMP, then HOLDING with slip avoidance for
+as long as samples come. The controller uses no device, thread or tree.
 """
 
 from __future__ import annotations
@@ -15,9 +15,8 @@ import numpy as np
 
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.closing import Closing
-from pomona.skills.grip.estimate import Estimator
-from pomona.skills.grip.estimate_kernel import GripEstimate
-from pomona.skills.grip.grip import FREEZING, IN_HAND, GripPhase, GripProblem, GripReading, UnfitSensor
+from pomona.skills.grip.estimate import Estimator, GripEstimate
+from pomona.skills.grip.grip import FREEZING, HELD, IN_HAND, GripMode, GripPhase, GripProblem, GripReading, UnfitSensor
 from pomona.skills.grip.limit_surface import SoftContact
 from pomona.skills.grip.monitors import (
     FingerForceMonitor,
@@ -30,10 +29,10 @@ from pomona.skills.grip.monitors import (
     has_dead_finger,
     hold_monitors,
 )
-from pomona.skills.grip.reference import ForceReference, ReferenceMode
+from pomona.skills.grip.reference import ForceReference
 from pomona.skills.grip.sensor import BiasRecorder, GripSample, SensorWatch, StreamGuard, check_bias
 from pomona.skills.grip.settings import ForceLaw, GripSettings, check_rate
-from pomona.skills.grip.tracking import CommandTiming, ForceTracker
+from pomona.skills.grip.tracking import CommandTiming, ForceTracker, slope
 
 
 class GripController:
@@ -54,7 +53,6 @@ class GripController:
 
     def __init__(self, settings: GripSettings) -> None:
         self.settings = settings
-        self.phase = GripPhase.BIAS
         self.problem: GripProblem | None = None
         self.width, self.speed = math.nan, 0.0
         self.motor_force: float | None = None
@@ -85,9 +83,14 @@ class GripController:
         return self._estimator.estimate
 
     @property
-    def mode(self) -> ReferenceMode:
-        """Mode of the force reference."""
+    def mode(self) -> GripMode:
+        """Mode of the grip."""
         return self._reference.mode
+
+    @property
+    def phase(self) -> GripPhase:
+        """Phase of `mode`."""
+        return self._reference.mode.phase
 
     @property
     def bias(self) -> Float64:
@@ -119,7 +122,7 @@ class GripController:
         one finger may press more than the other by `apart`.
         """
         estimate, watch = self.estimate, self.settings.watch
-        if self.mode is ReferenceMode.SLIDING:
+        if self.mode is GripMode.SLIDING:
             return max(estimate.f_n, estimate.stronger - watch.apart)
         return 2.0 * estimate.stronger if has_dead_finger(estimate, self.mode, watch) else estimate.f_n
 
@@ -136,7 +139,7 @@ class GripController:
     @property
     def is_at_rest(self) -> bool:
         """True for a carried fruit without a problem, when the force has fallen to its requirement."""
-        is_held = self.phase is GripPhase.HOLDING and self.problem is None
+        is_held = self.mode in HELD and self.problem is None
         return is_held and self.is_carried and self.has_settled
 
     @property
@@ -176,18 +179,13 @@ class GripController:
 
     def pivot(self, on: bool) -> None:
         """While holding: let the fruit turn under gravity until it hangs plumb, or hold it again as it hangs."""
-        if self.phase in (GripPhase.HOLDING, GripPhase.PIVOTING):
-            self.phase = GripPhase.PIVOTING if on else GripPhase.HOLDING
-            self._reference.pivot(on)
+        if self._reference.pivot(on):
             self._slips.start()
 
     def slide(self, force: float | None) -> None:
         """While holding: press with this grip force [N] and let the pads slide over the fruit; None: hold again."""
-        if self.phase in (GripPhase.HOLDING, GripPhase.SLIDING):
-            self.phase = GripPhase.HOLDING if force is None else GripPhase.SLIDING
-            self._reference.slide(force)
-            if force is None:
-                self._start_slip_detection()
+        if self._reference.slide(force) and force is None:
+            self._start_slip_detection()
 
     def set_friction(self, contact: SoftContact, mu_uncertainty: float, initial_force: float) -> None:
         """Use another friction, and another force until the fruit is carried [N].
@@ -221,7 +219,7 @@ class GripController:
         if sample is None:
             return None
         self._saturated = sample.saturated
-        if self.phase is GripPhase.BIAS:
+        if self.mode is GripMode.BIAS:
             self._take_bias(sample)
         else:
             self._observe(sample)
@@ -229,7 +227,7 @@ class GripController:
         if not self._timing.pass_time(sample.periods) or push_begins:
             return None
         speed = self._command(sample)
-        if not self._timing.goes_out(speed, self.speed, self.phase in IN_HAND):
+        if not self._timing.goes_out(speed, self.speed, self.mode in IN_HAND):
             return None
         self._tracker.commanded(self._reference.f_ref)
         self.speed = speed
@@ -252,32 +250,32 @@ class GripController:
             message = f"a finger reads {force:.1f} N before the fingers close: nothing may touch it"
             self._fail("FORCE_LIMIT", message, felt_n=force)
         else:
-            self.phase = GripPhase.CLOSING
+            self._reference.close()
 
     def _fail(self, code: str, message: str, **data: float) -> None:
-        self.phase = GripPhase.FAILED
+        self._reference.fail()
         self.problem = GripProblem(code, message, self._guard.stamp, data)
 
     def _observe(self, sample: GripSample) -> None:
-        s, is_carried, in_hand = self.settings, self.is_carried, self.phase in IN_HAND
+        s, is_carried, in_hand = self.settings, self.is_carried, self.mode in IN_HAND
         expected = 0.0
-        if in_hand or self.phase is GripPhase.RAMP:
-            expected = self._tracker.expected(self.speed, self.estimate.f_n, s.period, sample.periods)
-        may_be_pushed = is_carried and self.phase is GripPhase.HOLDING
+        if in_hand or self.mode is GripMode.RAMP:
+            expected = self._tracker.expected(self.speed, self.estimate.f_n, self._guard.period, sample.periods)
+        may_be_pushed = is_carried and self.mode in HELD
         estimate = self._estimator.advance(sample.wrenches, sample.periods, expected, may_be_pushed)
         now = self._now(sample)
-        force_rate = self._tracker.moving * s.loop.stiffness.slope(estimate.f_n)
+        force_rate = self._tracker.moving * slope(s.loop.stiffness, estimate.f_n)
         # A support that carries the fruit may press on one finger alone.
         self._sensors.check(sample, estimate, is_carried and not self.rests, force_rate)
         if in_hand:
             self._watch_hold(now)
-        elif self.phase is not GripPhase.FAILED and self._sensors.reason:
+        elif self.mode is not GripMode.FAILED and self._sensors.reason:
             self._fail("SENSOR_FAULT", self._sensors.reason, width=self.width)
         self._found = None if in_hand else first_problem(self._before_hold, now)
-        if self.phase is GripPhase.HOLDING and not self._sensors.reason and not self.rests:
+        if self.mode in HELD and not self._sensors.reason and not self.rests:
             slides = self._slips.check(estimate, sample.periods, is_carried)
             # A fruit that was hit bears more than friction for a moment, and moves in soft pads without sliding.
-            if slides and estimate.push == 0.0 and self.mode is not ReferenceMode.CATCHING:
+            if slides and estimate.push == 0.0 and self.mode is not GripMode.CATCHING:
                 self._learn_friction()
 
     def _now(self, sample: GripSample) -> GripState:
@@ -298,7 +296,7 @@ class GripController:
         # Both fingers together show the lack of force: a fruit presses on both alike, a drifting sensor does not.
         estimate, loop = now.estimate, self.settings.loop
         force_sum = 2.0 * estimate.stronger if now.has_dead_finger else max(estimate.force_sum, 0.0)
-        coming = -self.speed * loop.lag * loop.stiffness.slope(force_sum)
+        coming = -self.speed * loop.lag * slope(loop.stiffness, force_sum)
         self._reference.follow(estimate, force_sum + coming, now.sample.elapsed)
 
     def _push_begins(self) -> bool:
@@ -326,13 +324,13 @@ class GripController:
 
     def _command(self, sample: GripSample) -> float:
         """Return the rate of the opening for the phase [m/s]."""
-        if self.phase is GripPhase.BIAS:
+        if self.mode is GripMode.BIAS:
             return 0.0
         estimate = self.estimate
         self._sensors.compare_with_motor(estimate.force_sum, self.motor_force, self._timing.interval)
-        if self.phase in (GripPhase.CLOSING, GripPhase.RAMP):
+        if self.mode in (GripMode.CLOSING, GripMode.RAMP):
             return self._close(self._now(sample))
-        if self.phase in IN_HAND:
+        if self.mode in IN_HAND:
             is_gone = estimate.stronger < self.settings.watch.gone
             if self.rests or any(sample.saturated) or self._sensors.no_signal or is_gone:
                 return 0.0
@@ -342,10 +340,9 @@ class GripController:
     def _close(self, now: GripState) -> float:
         closing = self._closing
         speed = closing.command(now, self.speed) if self._found is None else closing.fail(self._found)
-        self.phase, self.problem = closing.phase, closing.problem
-        if self.phase is not GripPhase.HOLDING:
+        self.problem = closing.problem
+        if self.mode not in HELD:
             return speed
-        self._reference.stand(now.estimate.load)
         self._start_slip_detection()
         return self._track(may_open=False)
 

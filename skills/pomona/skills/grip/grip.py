@@ -1,11 +1,8 @@
 """Phase, reading and problem of a grip, the samples for viewers, and the errors.
 
 GripError
-├── TooFewPushes        a calibration without enough slides
-├── UnusablePushes      a file without valid pushes
 ├── UnusableRate        a sensor that is too slow or too fast
-├── UnfitSensor         a sensor that is too coarse, too constant or repeats itself
-└── GuidanceEnded       guided pushes at a cell that were ended
+└── UnfitSensor         a sensor that is too coarse, too constant or repeats itself
 """
 
 from __future__ import annotations
@@ -24,7 +21,7 @@ SIDES = ("left", "right")  # names of the fingers, in the order of their wrenche
 
 
 class GripPhase(Enum):
-    """Phase of a grip; the values are shown to the operator."""
+    """Phase of a grip as records have it and the operator sees it: that of a `GripMode`."""
 
     BIAS = "taking the bias"
     CLOSING = "closing"
@@ -36,7 +33,31 @@ class GripPhase(Enum):
     ENDED = "ended"
 
 
-IN_HAND = (GripPhase.HOLDING, GripPhase.PIVOTING, GripPhase.SLIDING)  # phases of a held fruit
+class GripMode(Enum):
+    """State of a grip's one state machine; docs/grip.md has the diagram."""
+
+    BIAS = "taking the bias"
+    CLOSING = "closing"
+    RAMP = "raising the force to its initial value"
+    STANDING = "holding a fruit that stands on the table"
+    LIFTING = "taking the load over from the table"
+    CARRIED = "carrying the fruit"
+    CATCHING = "catching a fruit that was hit"
+    PIVOTING = "letting the fruit turn"
+    SLIDING = "letting the pads slide"
+    FAILED = "failed before the fruit was held"
+    ENDED = "ended"
+
+    @property
+    def phase(self) -> GripPhase:
+        """The phase that this mode belongs to."""
+        return GripPhase.HOLDING if self in HELD else GripPhase[self.name]
+
+
+HELD = (GripMode.STANDING, GripMode.LIFTING, GripMode.CARRIED, GripMode.CATCHING)  # modes of `HOLDING`
+HANGING = (GripMode.CARRIED, GripMode.CATCHING)  # modes of a fruit that hangs in the fingers
+REQUESTED = (GripMode.PIVOTING, GripMode.SLIDING)  # modes that a skill starts and ends
+IN_HAND = (*HELD, *REQUESTED)  # modes of a fruit in hand
 
 
 FREEZING = frozenset({"SENSOR_FAULT", "ONE_FINGER"})  # problems after which the force of a held fruit never falls again
@@ -90,25 +111,6 @@ class GripSamples:
 
 class GripError(Exception):
     """Root of these errors."""
-
-
-class TooFewPushes(GripError):
-    """A calibration needs more slides."""
-
-    def __init__(self, found: int) -> None:
-        self.found = found
-        super().__init__(
-            f"only {found} usable slides were found, at least 3 are needed: hold the fruit with a steady force of more"
-            " than 0.6 N and pull or twist it until it slides, at two forces or more"
-        )
-
-
-class UnusablePushes(GripError):
-    """The file of pushes cannot be read."""
-
-
-class GuidanceEnded(GripError):
-    """Guided pushes cannot begin or continue."""
 
 
 class UnusableRate(GripError):

@@ -28,11 +28,10 @@ from pomona.executive.lease import command, give_up, identity, keep, lend
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.closing import PadTouch, TouchRecorder
 from pomona.skills.grip.controller import GripController
-from pomona.skills.grip.estimate_kernel import GripEstimate
-from pomona.skills.grip.grip import IN_HAND, LIES, GripPhase, GripProblem, GripReading, GripSamples
+from pomona.skills.grip.estimate import GripEstimate
+from pomona.skills.grip.grip import IN_HAND, LIES, GripMode, GripPhase, GripProblem, GripReading, GripSamples
 from pomona.skills.grip.limit_surface import SoftContact
 from pomona.skills.grip.pads import MIRROR
-from pomona.skills.grip.reference import ReferenceMode
 from pomona.skills.grip.sensor import EARLIEST, STALE_AFTER
 from pomona.skills.grip.settings import GripSettings
 
@@ -67,6 +66,7 @@ class Hold:
         self._floor: FloorWatch | None = None
         self._touches = TouchRecorder()
         self._record_every = max(round(controller.settings.rate / RECORDED_RATE), 1)
+        self._record_period = self._record_every * controller.settings.period
         self._samples = np.zeros((KEPT, 7))
         self._written = self._drained = self._seen = 0
         _HOLDS[identity(gripper)] = self
@@ -76,14 +76,14 @@ class Hold:
 
     @property
     def phase(self) -> GripPhase:
-        """Current phase; ENDED after `take_over`."""
-        return GripPhase.ENDED if self._ended else self._controller.phase
+        """Phase of `mode`."""
+        return self.mode.phase
 
     @property
     def reading(self) -> GripReading:
         """The grip after the newest sample, with its timestamp."""
         reading = self._controller.reading
-        return replace(reading, phase=GripPhase.ENDED) if self._ended else reading
+        return replace(reading, phase=self.phase) if self._ended else reading
 
     @property
     def estimate(self) -> GripEstimate:
@@ -91,9 +91,9 @@ class Hold:
         return self._controller.estimate
 
     @property
-    def mode(self) -> ReferenceMode:
-        """Mode of the grip force reference."""
-        return self._controller.mode
+    def mode(self) -> GripMode:
+        """Mode of the grip; ENDED after `take_over`."""
+        return GripMode.ENDED if self._ended else self._controller.mode
 
     @property
     def settings(self) -> GripSettings:
@@ -141,7 +141,7 @@ class Hold:
         """True while a fruit is held under control and has not been lost."""
         problem = self._controller.problem
         gone = problem is not None and problem.code == "LOST"
-        return self.phase in IN_HAND and not gone
+        return self.mode in IN_HAND and not gone
 
     @property
     def problem(self) -> GripProblem | None:
@@ -222,8 +222,7 @@ class Hold:
     @property
     def waiting(self) -> float:
         """Duration of the samples that `drain` would return [s]."""
-        count = min(self._written - self._drained, KEPT)
-        return float(count * self._record_every * self._controller.settings.period)
+        return min(self._written - self._drained, KEPT) * self._record_period
 
     def drain(self) -> GripSamples:
         """Return the samples since the last call, 100 a second, at most the last 20 s."""
@@ -242,7 +241,7 @@ class Hold:
             controller = self._controller
             # After a gap samples may stay delayed; a delayed force loop winds up, so zero speed is commanded.
             silent = self._now() - max(controller.usable_until, self._started)
-            self._stands = self._stands or (silent > STALE_AFTER and controller.phase in IN_HAND)
+            self._stands = self._stands or (silent > STALE_AFTER and controller.mode in IN_HAND)
             if controller.wants_width:
                 state = self._gripper.state()
                 controller.width, controller.motor_force = state.width, state.motor_force
@@ -255,7 +254,7 @@ class Hold:
             speed = controller.step(sample.stamp, sample.sequence, sample.wrenches.copy(), sample.saturated)
             if speed is not None:
                 self._command(0.0 if self._stands else speed)
-            if controller.phase in (GripPhase.CLOSING, GripPhase.RAMP) and not self._touches.complete:
+            if controller.mode in (GripMode.CLOSING, GripMode.RAMP) and not self._touches.complete:
                 self._touches.take(sample.stamp, sample.wrenches - controller.bias, self._gripper.state())
             self._report_sensor_fault()
             self._seen += 1
@@ -275,7 +274,7 @@ class Hold:
         """Report unusable readings to the driver once, which ends the run; the grip is kept."""
         problem = None if self._controller.rests else self.problem
         lies = problem is not None and (
-            problem.code == "SENSOR_FAULT" or (problem.code in LIES and self._controller.phase in IN_HAND)
+            problem.code == "SENSOR_FAULT" or (problem.code in LIES and self._controller.mode in IN_HAND)
         )
         if lies and not self._sensor_fault_reported and problem is not None:
             self._sensor.distrust(problem.message)

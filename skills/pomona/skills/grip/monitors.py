@@ -19,10 +19,9 @@ import numpy as np
 from numba import njit
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.grip.estimate_kernel import GripEstimate
-from pomona.skills.grip.grip import GripProblem
+from pomona.skills.grip.estimate import GripEstimate
+from pomona.skills.grip.grip import IN_HAND, GripMode, GripProblem
 from pomona.skills.grip.pads import LEVER_LOAD, MIRROR
-from pomona.skills.grip.reference import ReferenceMode
 from pomona.skills.grip.sensor import GripSample, SensorWatch, Timer
 from pomona.skills.grip.settings import GripSettings, SlipWatchSettings, WatchSettings
 
@@ -153,7 +152,7 @@ class GripState(NamedTuple):
 
     sample: GripSample  # the newest one
     estimate: GripEstimate  # after it
-    mode: ReferenceMode  # of the force reference
+    mode: GripMode  # of the grip
     width: float  # opening between the pads' faces [m]
     f_wanted: float  # grip force that the load needs by the law [N]
     f_for_weight: float  # the same without the load's moment [N]
@@ -196,10 +195,10 @@ def hold_monitors(
     )
 
 
-def has_dead_finger(estimate: GripEstimate, mode: ReferenceMode, limits: WatchSettings) -> bool:
+def has_dead_finger(estimate: GripEstimate, mode: GripMode, limits: WatchSettings) -> bool:
     """Return True when one finger reads nothing while the other one presses; pads that slide may press unevenly."""
     is_dead = estimate.weaker < limits.dead * estimate.stronger and estimate.stronger > limits.alive
-    return is_dead and mode not in (ReferenceMode.SLIDING, ReferenceMode.RAMP)
+    return is_dead and mode in IN_HAND and mode is not GripMode.SLIDING
 
 
 class SensorFaultMonitor:
@@ -271,7 +270,7 @@ class SlipMonitor:
 
     def check(self, now: GripState) -> GripProblem | None:
         limits, estimate, elapsed = self._limits, now.estimate, now.sample.elapsed
-        slides, pivots = now.mode is ReferenceMode.SLIDING, now.mode is ReferenceMode.PIVOTING
+        slides, pivots = now.mode is GripMode.SLIDING, now.mode is GripMode.PIVOTING
         f_n = now.counted_force
         needed = estimate.f_coulomb if pivots else estimate.f_least
         beyond = self._beyond.update(needed > limits.beyond * f_n and not slides, elapsed)

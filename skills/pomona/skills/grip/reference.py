@@ -1,7 +1,8 @@
-"""Reference of the grip force: a ramp to the initial force, then static plus dynamic term.
+"""Mode of the grip, and the reference of its force: a ramp to the initial force, then static plus dynamic term.
 
-Each mode is a class with the transitions that it makes by itself; `docs/grip.md` has the state diagram. Requests
-(`slide`, `pivot`) are handled by `ForceReference`.
+`ForceReference` is the grip's one state machine; `docs/grip.md` has the diagram. Each mode of a held fruit is a class
+with its law of the force and the transitions that it makes by itself. Its other transitions are calls: those of the
+controller and of `Closing` before the fruit is held, and the requests of skills (`slide`, `pivot`).
 
 f_ref = margin * f_ns + f_nd (the paper's eq. slip_avoidance_control_law), through a 50 Hz low-pass. The static part
 rises with the load and falls slowly. Two more parts act for moments only, like the dynamic one: the rise of the load,
@@ -13,25 +14,13 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from enum import Enum
 from typing import ClassVar
 
-from pomona.skills.grip.estimate_kernel import GripEstimate
+from pomona.skills.grip.estimate import GripEstimate
+from pomona.skills.grip.grip import HANGING, HELD, REQUESTED, GripMode
 from pomona.skills.grip.limit_surface import least_force
 from pomona.skills.grip.sensor import LowPass
 from pomona.skills.grip.settings import ForceLaw, GripSettings
-
-
-class ReferenceMode(Enum):
-    """Law that chooses the grip force now."""
-
-    RAMP = "raising the force to its initial value"
-    STANDING = "holding a fruit that stands on the table"
-    LIFTING = "taking the load over from the table"
-    CARRIED = "carrying the fruit"
-    CATCHING = "catching a fruit that was hit"
-    PIVOTING = "letting the fruit turn"
-    SLIDING = "letting the pads slide"
 
 
 class Levels:
@@ -139,9 +128,9 @@ class Levels:
 
 
 class Mode(ABC):
-    """Law of one `ReferenceMode`."""
+    """Law of the force in one `GripMode` of a fruit in hand."""
 
-    mode: ClassVar[ReferenceMode]
+    mode: ClassVar[GripMode]
 
     def __init__(self, levels: Levels) -> None:
         self._levels = levels
@@ -150,7 +139,7 @@ class Mode(ABC):
     def follow(self, estimate: GripEstimate, force_coming: float, elapsed: float) -> float:
         """Return the reference after a sample [N]; the arguments are those of `ForceReference.follow`."""
 
-    def next_mode(self, estimate: GripEstimate) -> ReferenceMode:
+    def next_mode(self, estimate: GripEstimate) -> GripMode:
         """Return the mode for this estimate: by default this one, which only a request ends."""
         return self.mode
 
@@ -158,7 +147,7 @@ class Mode(ABC):
 class StandingMode(Mode):
     """Until the tangential load changes by `load_changed`, the table carries the fruit: the initial force is enough."""
 
-    mode = ReferenceMode.STANDING
+    mode = GripMode.STANDING
     _load = (0.0, 0.0)
 
     def start(self, load: tuple[float, float]) -> None:
@@ -169,9 +158,9 @@ class StandingMode(Mode):
         self._levels.wanted = self._levels.settings.initial_force
         return self._levels.raise_to_initial(elapsed)
 
-    def next_mode(self, estimate: GripEstimate) -> ReferenceMode:
+    def next_mode(self, estimate: GripEstimate) -> GripMode:
         change = math.hypot(estimate.load[0] - self._load[0], estimate.load[1] - self._load[1])
-        return self.mode if change < self._levels.tuned.load_changed else ReferenceMode.LIFTING
+        return self.mode if change < self._levels.tuned.load_changed else GripMode.LIFTING
 
 
 class LiftingMode(Mode):
@@ -180,7 +169,7 @@ class LiftingMode(Mode):
     The fruit is carried once the load has been steady for `carried_after`.
     """
 
-    mode = ReferenceMode.LIFTING
+    mode = GripMode.LIFTING
     _loaded_for = 0.0
 
     def follow(self, estimate: GripEstimate, force_coming: float, elapsed: float) -> float:
@@ -197,8 +186,8 @@ class LiftingMode(Mode):
         levels.for_weight = levels.margin * estimate.f_coulomb
         return levels.follow(wanted if baseline is None else baseline, answer, elapsed, lowest)
 
-    def next_mode(self, _estimate: GripEstimate) -> ReferenceMode:
-        return ReferenceMode.CARRIED if self._is_carried() else self.mode
+    def next_mode(self, _estimate: GripEstimate) -> GripMode:
+        return GripMode.CARRIED if self._is_carried() else self.mode
 
     def _is_carried(self) -> bool:
         return self._loaded_for >= self._levels.tuned.carried_after
@@ -207,7 +196,7 @@ class LiftingMode(Mode):
 class CarriedMode(Mode):
     """The fruit hangs: the averaged minimum force with margin and reserve, and momentary answers to a rise."""
 
-    mode = ReferenceMode.CARRIED
+    mode = GripMode.CARRIED
 
     def __init__(self, levels: Levels) -> None:
         super().__init__(levels)
@@ -224,8 +213,8 @@ class CarriedMode(Mode):
         wanted = self._average(self._static(estimate), estimate, elapsed)
         return levels.follow(wanted, levels.answer(estimate, force_coming), elapsed)
 
-    def next_mode(self, estimate: GripEstimate) -> ReferenceMode:
-        return ReferenceMode.CATCHING if self._levels.is_pushed_off(estimate) else self.mode
+    def next_mode(self, estimate: GripEstimate) -> GripMode:
+        return GripMode.CATCHING if self._levels.is_pushed_off(estimate) else self.mode
 
     def _static(self, estimate: GripEstimate) -> float:
         levels = self._levels
@@ -259,7 +248,7 @@ class CatchingMode(Mode):
     Doubt about the sensors ends it.
     """
 
-    mode = ReferenceMode.CATCHING
+    mode = GripMode.CATCHING
 
     def __init__(self, levels: Levels, carried: CarriedMode) -> None:
         super().__init__(levels)
@@ -275,18 +264,18 @@ class CatchingMode(Mode):
             self._caught -= min(tuned.excess_gain * elapsed, 1.0) * self._caught
         return max(f_ref, self._caught)
 
-    def next_mode(self, estimate: GripEstimate) -> ReferenceMode:
+    def next_mode(self, estimate: GripEstimate) -> GripMode:
         levels = self._levels
         if levels.may_fall and (self._caught > levels.settings.floor or levels.is_pushed_off(estimate)):
             return self.mode
         self._caught = 0.0
-        return ReferenceMode.CARRIED
+        return GripMode.CARRIED
 
 
 class PivotingMode(Mode):
     """Coulomb's force for the weight alone: the fruit turns under its moment until it hangs plumb."""
 
-    mode = ReferenceMode.PIVOTING
+    mode = GripMode.PIVOTING
 
     def follow(self, estimate: GripEstimate, force_coming: float, elapsed: float) -> float:
         levels, tuned = self._levels, self._levels.tuned
@@ -299,7 +288,7 @@ class PivotingMode(Mode):
 class SlidingMode(Mode):
     """The skill's force under any load: it rises with `sliding_rate` and falls as in the other modes."""
 
-    mode = ReferenceMode.SLIDING
+    mode = GripMode.SLIDING
     force = 0.0
 
     def follow(self, _estimate: GripEstimate, _force_coming: float, elapsed: float) -> float:
@@ -311,28 +300,25 @@ class SlidingMode(Mode):
         return levels.held
 
 
-REQUESTED = (ReferenceMode.PIVOTING, ReferenceMode.SLIDING)  # modes that a skill starts and ends
-HANGING = (ReferenceMode.CARRIED, ReferenceMode.CATCHING)  # modes of a fruit that hangs in the fingers
-
-
 class ForceReference:
-    """Grip force to track, and the mode that chooses it.
+    """Mode of the grip, and the force to track in it.
 
     Attributes:
+        mode: of the grip.
         f_ref: the reference [N].
         frozen: reason why the reference may not fall any more; empty while it may.
     """
 
     def __init__(self, settings: GripSettings) -> None:
         self.f_ref = 0.0
-        self.mode = ReferenceMode.RAMP
+        self.mode = GripMode.BIAS
         self.frozen = ""
         self._levels = levels = Levels(settings)
         self._standing, self._sliding = StandingMode(levels), SlidingMode(levels)
         carried = CarriedMode(levels)
         laws = (LiftingMode(levels), carried, CatchingMode(levels, carried), PivotingMode(levels))
-        self._modes: dict[ReferenceMode, Mode] = {law.mode: law for law in (self._standing, self._sliding, *laws)}
-        self._resumed = ReferenceMode.LIFTING
+        self._modes: dict[GripMode, Mode] = {law.mode: law for law in (self._standing, self._sliding, *laws)}
+        self._resumed = GripMode.LIFTING
 
     @property
     def wanted(self) -> float:
@@ -358,8 +344,17 @@ class ForceReference:
         """Take settings with another friction."""
         self._levels.set_friction(settings)
 
+    def close(self) -> None:
+        """Close on the fruit."""
+        self.mode = GripMode.CLOSING
+
+    def fail(self) -> None:
+        """End before the fruit is held."""
+        self.mode = GripMode.FAILED
+
     def begin(self, f_n: float) -> None:
-        """Start from the force at contact [N]."""
+        """Begin the ramp with the force at contact [N]."""
+        self.mode = GripMode.RAMP
         self.f_ref = self._levels.held = min(max(f_n, 0.0), self._levels.settings.initial_force)
 
     def ramp(self, elapsed: float) -> float:
@@ -369,23 +364,26 @@ class ForceReference:
 
     def stand(self, load: tuple[float, float]) -> None:
         """Hold a fruit that stands under a tangential load [N]."""
-        self.mode = ReferenceMode.STANDING
+        self.mode = GripMode.STANDING
         self._standing.start(load)
 
-    def slide(self, force: float | None) -> None:
-        """Keep this grip force [N] under any load, or resume the mode before."""
+    def slide(self, force: float | None) -> bool:
+        """Keep this grip force [N] under any load, or resume the mode before; False in a mode that refuses it."""
         if force is not None:
             self._sliding.force = force
-        self._request(ReferenceMode.SLIDING, force is not None)
+        return self._request(GripMode.SLIDING, force is not None)
 
-    def pivot(self, on: bool) -> None:
-        """Bear only the weight, so that the fruit turns, or resume the mode before."""
-        self._request(ReferenceMode.PIVOTING, on)
+    def pivot(self, on: bool) -> bool:
+        """Bear only the weight, so that the fruit turns, or resume the mode before; False as in `slide`."""
+        return self._request(GripMode.PIVOTING, on)
 
-    def _request(self, mode: ReferenceMode, on: bool) -> None:
-        if on and self.mode not in REQUESTED:
+    def _request(self, mode: GripMode, on: bool) -> bool:
+        if self.mode in HELD:
             self._resumed = self.mode
-        self.mode = mode if on else self._resumed if self.mode is mode else self.mode
+        elif self.mode is not mode:
+            return False
+        self.mode = mode if on else self._resumed
+        return True
 
     def freeze(self, reason: str) -> None:
         """Never lower the reference again; the first reason is kept."""

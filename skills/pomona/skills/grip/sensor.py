@@ -17,7 +17,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.grip.estimate_kernel import GripEstimate
+from pomona.skills.grip.estimate import GripEstimate
 from pomona.skills.grip.grip import SIDES, UnfitSensor
 from pomona.skills.grip.settings import BiasSettings, GripSettings
 

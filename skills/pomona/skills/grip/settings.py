@@ -106,18 +106,10 @@ class ReferenceSettings:
 
 @dataclass(frozen=True, slots=True)
 class PadStiffness:
-    """Rise of the grip force (both fingers) as the opening closes on the fruit."""
+    """Rise of the grip force (both fingers) as the opening closes on the fruit; `pressed` and `slope` (tracking.py)."""
 
     linear: float = 2000.0  # s1 [N/m], of the opening: two pads in series
     quadratic: float = 0.0  # s2 [N/m²] for pads that stiffen, f = s2 x²; 0 for linear ones
-
-    def pressed(self, f_n: float) -> float:
-        """Return φ⁻¹, the closing of the opening under a grip force [m]."""
-        return math.sqrt(max(f_n, 0.0) / self.quadratic) if self.quadratic else f_n / self.linear
-
-    def slope(self, f_n: float) -> float:
-        """Return the grip force per metre of closing, at a grip force [N/m]."""
-        return 2.0 * math.sqrt(self.quadratic * max(f_n, 0.1)) if self.quadratic else self.linear
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,17 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from pomona.skills.grip.settings import CommandSettings, ForceLoopSettings, TrackingSettings
+from pomona.skills.grip.settings import CommandSettings, ForceLoopSettings, PadStiffness, TrackingSettings
+
+
+def pressed(pads: PadStiffness, f_n: float) -> float:
+    """Return φ⁻¹, the closing of the opening under a grip force [m]."""
+    return math.sqrt(max(f_n, 0.0) / pads.quadratic) if pads.quadratic else f_n / pads.linear
+
+
+def slope(pads: PadStiffness, f_n: float) -> float:
+    """Return the grip force per metre of closing, at a grip force [N/m]."""
+    return 2.0 * math.sqrt(pads.quadratic * max(f_n, 0.1)) if pads.quadratic else pads.linear
 
 
 def finger_speed(
@@ -51,10 +61,10 @@ def finger_speed(
     pads = settings.stiffness
     # The rise of the reference is fed forward: the gain acts on the error before it.
     before = f_ref - (1.0 - error_feedthrough) * f_ref_rate * settings.command_period
-    error = pads.pressed(before) - pads.pressed(f_n) + speed_before * settings.lag
-    closing = settings.gain * error + f_ref_rate / pads.slope(f_n)
+    error = pressed(pads, before) - pressed(pads, f_n) + speed_before * settings.lag
+    closing = settings.gain * error + f_ref_rate / slope(pads, f_n)
     most = max(f_n, hardest)
-    left = (settings.max_force - most) / pads.slope(most) + speed_before * settings.lag
+    left = (settings.max_force - most) / slope(pads, most) + speed_before * settings.lag
     fastest = min(settings.closing_speed, max(left, 0.0) / settings.command_period)
     return min(max(-closing, -fastest), settings.opening_speed)
 
@@ -80,7 +90,7 @@ class ForceTracker:
         """
         self._moving += (1.0 - math.exp(-periods * period / self._loop.lag)) * (speed - self._moving)
         moving = min(max(self._moving, -self._settings.foreseen), self._settings.foreseen)
-        return -moving * self._loop.stiffness.slope(f_n) * period
+        return -moving * slope(self._loop.stiffness, f_n) * period
 
     @property
     def moving(self) -> float:

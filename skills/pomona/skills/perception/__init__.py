@@ -8,15 +8,6 @@ from typing import TYPE_CHECKING
 from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
-    from pomona.skills.perception.detection.box_evaluation import (
-        PRECISION as PRECISION,
-        JudgedPicture as JudgedPicture,
-        box_figures as box_figures,
-        intervals as intervals,
-        judge as judge,
-        judge_size as judge_size,
-        recall_and_precision as recall_and_precision,
-    )
     from pomona.skills.perception.detection.box_model import (
         ScoredBox as ScoredBox,
         load_boxes as load_boxes,
@@ -36,12 +27,6 @@ if TYPE_CHECKING:
     )
     from pomona.skills.perception.detection.instances import (
         FoundFruit as FoundFruit,
-    )
-    from pomona.skills.perception.detection.photo_folder import (
-        read_labels as read_labels,
-    )
-    from pomona.skills.perception.detection.photographs import (
-        Photograph as Photograph,
     )
     from pomona.skills.perception.detection.places import (
         LARGEST_SIDE as LARGEST_SIDE,
@@ -90,14 +75,11 @@ if TYPE_CHECKING:
     )
 
 PUBLIC = {
-    "detection.box_evaluation": "JudgedPicture PRECISION box_figures intervals judge judge_size recall_and_precision",
     "detection.box_model": "ScoredBox load_boxes",
     "detection.compact_detector": "CompactDetector",
     "detection.detection": "AllDetections Detection DetectorOptions",
     "detection.errors": "BadFrame BadWeights DetectError",
     "detection.instances": "FoundFruit",
-    "detection.photo_folder": "read_labels",
-    "detection.photographs": "Photograph",
     "detection.places": "LARGEST_SIDE at_edge findable_sizes search_sides shared_part",
     "frame_check": "MISMATCHES misplaced_depth",
     "fruit": "FruitModel find_weights load_fruit",

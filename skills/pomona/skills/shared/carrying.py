@@ -47,6 +47,20 @@ class GripOverloaded(Exception):
         self.problem, self.load = problem, load
         super().__init__(problem.message)
 
+    def outcome(self, risen: float) -> tuple[str, str]:
+        """Return the failure code and the sentence for a fruit that is now `risen` above its first place [m]."""
+        problem, code = self.problem, self.problem.code
+        if code == "FORCE_LIMIT" and problem.data["for_weight_alone_n"] > problem.data["limit_n"]:
+            code = "TOO_HEAVY"
+        elsewhere = {
+            "TOO_HEAVY": "at any grip position",
+            "FORCE_LIMIT": "at this grip position (nearer its centre it may be held)",
+            "SLIPPED": "with the configured and with the measured friction",
+        }[code]
+        back = "put back where it stood"
+        where = back if risen < BACK else f"still {1e3 * risen:.0f} mm up, with no straight way back"
+        return code, f"{where}; {elsewhere}"
+
 
 class PadLoad:
     """Load on the pads along the direction of the load that was too much."""

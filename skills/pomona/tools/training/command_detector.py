@@ -227,7 +227,7 @@ def _start(options: argparse.Namespace) -> Path | None:
 
 
 def _photographs(options: argparse.Namespace, console: Console) -> Any:
-    from pomona.skills.perception.detection.photo_folder import read_empty, read_photographs
+    from pomona.tools.photographs.photo_folder import read_empty, read_photographs
 
     with _bar("photographs") as show:
         photographs = read_photographs(options.photos, Path(options.fruit).stem, show)

@@ -50,9 +50,9 @@ def main(options: argparse.Namespace) -> int:
         need(package, "torch", "pomona learn")
     from pomona.skills.perception.detection.compact_detector import CompactDetector
     from pomona.skills.perception.detection.errors import BadTraining, DetectError
-    from pomona.skills.perception.detection.photo_folder import read_photographs
     from pomona.skills.perception.fruit import load_fruit
     from pomona.skills.perception.fruit.catalogue import FruitError
+    from pomona.tools.photographs.photo_folder import read_photographs
     from pomona.tools.training.learning import check_start, learn
     from pomona.tools.training.proposals import write_proposals
 

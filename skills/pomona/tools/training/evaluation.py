@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64, UInt8
-from pomona.skills.perception.detection.box_evaluation import BoxCurve
 from pomona.skills.perception.detection.close_look import keypoint_size
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.instances import Instance, find_instances
 from pomona.skills.perception.fruit import FruitModel
+from pomona.tools.photographs.box_evaluation import BoxCurve
 from pomona.tools.training.annotations import AnnotatedObject, Annotation
 from pomona.tools.training.pose_calibration import PoseErrors, pose_calibration_table, pose_errors
 

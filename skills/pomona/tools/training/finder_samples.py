@@ -14,7 +14,7 @@ from torch.utils.data import Dataset
 
 from pomona.executive.values.arrays import Float32, Float64, UInt8
 from pomona.skills.perception.detection.close_look import FINDER_STRIDE
-from pomona.skills.perception.detection.photographs import Photograph, fruit_scale
+from pomona.tools.photographs.photographs import Photograph, fruit_scale
 from pomona.tools.training.augmentation import change_look
 from pomona.tools.training.samples import FrameFolder, cut_boxes, move_boxes
 from pomona.tools.training.targets import finder_targets

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.perception.detection.box_evaluation import match_boxes
 from pomona.skills.perception.detection.compact_detector import CompactDetector
-from pomona.skills.perception.detection.photographs import Photograph
 from pomona.skills.perception.detection.places import iou
 from pomona.skills.perception.detection.weights_file import FEATURES, LARGEST, FusedScore
+from pomona.tools.photographs.box_evaluation import match_boxes
+from pomona.tools.photographs.photographs import Photograph
 from pomona.tools.training.photo_figures import searching
 from pomona.tools.training.samples import FrameFolder
 

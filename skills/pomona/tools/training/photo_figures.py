@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.perception.detection.box_evaluation import (
+from pomona.skills.perception.detection.compact_detector import CompactDetector
+from pomona.tools.photographs.box_evaluation import (
     JudgedPicture,
     box_figures,
     box_intervals,
     judge,
 )
-from pomona.skills.perception.detection.compact_detector import CompactDetector
-from pomona.skills.perception.detection.photographs import Photograph
+from pomona.tools.photographs.photographs import Photograph
 
 TITLES = {
     "recall": "recall at precision 0.90, IoU 0.5",

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import UInt8
 from pomona.executive.values.pictures import write_picture
-from pomona.skills.perception.detection.box_evaluation import box_figures, curve
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.instances import find_instances
-from pomona.skills.perception.detection.photographs import PhotoSet, fruit_scale
 from pomona.skills.perception.fruit import FruitModel, load_fruit
+from pomona.tools.photographs.box_evaluation import box_figures, curve
+from pomona.tools.photographs.photographs import PhotoSet, fruit_scale
 from pomona.tools.training.evaluation import Evaluation, evaluate, table
 from pomona.tools.training.photo_figures import (
     Finds,

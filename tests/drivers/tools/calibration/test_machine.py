@@ -70,7 +70,7 @@ def test_graphics_that_draw_nothing_are_reported_with_the_package_to_install(mon
     def refuse(*_: object) -> object:
         raise DeviceFault("camera", "no EGL display")
 
-    monkeypatch.setattr("pomona.drivers.sim.gl.open_renderer", refuse)
+    monkeypatch.setattr("pomona.tools.simulation.gl.open_renderer", refuse)
     found = lines()["EGL"]
     assert not found.ok
     assert "no EGL display" in found.found

@@ -6,7 +6,7 @@ from pomona.applications.harvest.bruises import impact_force, peak_pressure
 from pomona.applications.harvest.score import WallScore
 from pomona.applications.harvest.stems import AT_SPUR, Stems
 from pomona.applications.harvest.touches import BY_HARD, BY_LINING, BY_PAD
-from pomona.drivers.sim.gl import load_mujoco
+from pomona.tools.simulation.gl import load_mujoco
 
 from .conftest import one_fruit
 

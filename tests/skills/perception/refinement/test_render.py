@@ -204,7 +204,7 @@ def with_pyrender():
 
 def with_mujoco():
     global model, state, viewer
-    from pomona.drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
+    from pomona.tools.simulation.gl import in_gl_thread, load_mujoco, open_renderer
     mujoco = load_mujoco()
     model = mujoco.MjModel.from_xml_string(
         "<mujoco><worldbody><light pos='0 0 3'/><camera name='c' pos='0 0 1'/>"

@@ -19,7 +19,7 @@ from pomona.tools.training.annotations import read_annotation
 from pomona.tools.training.command_detector import add_data, add_export, add_train
 from pomona.tools.training.finder_samples import FinderBatches
 from pomona.tools.training.recipe import FrameSet, Recipe, TrainingStage
-from tests.skills.perception.detection.photo_folders import tables
+from tests.skills.tools.photographs.photo_folders import tables
 
 pytestmark = pytest.mark.slow
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from pomona.skills.perception.detection.photo_folder import read_empty, read_photographs
-from pomona.skills.perception.detection.photographs import FRUIT_IN_INPUT, PhotoSet, fruit_scale
+from pomona.tools.photographs.photo_folder import read_empty, read_photographs
+from pomona.tools.photographs.photographs import FRUIT_IN_INPUT, PhotoSet, fruit_scale
 from pomona.tools.training.finder_samples import (
     SIDE,
     EmptyWindows,
@@ -19,7 +19,7 @@ from pomona.tools.training.finder_samples import (
 )
 from pomona.tools.training.samples import FrameFolder
 from pomona.tools.training.targets import HEAT, PEAK, REACHES, WEIGHT
-from tests.skills.perception.detection.photo_folders import tables
+from tests.skills.tools.photographs.photo_folders import tables
 
 
 @pytest.fixture(scope="module")

@@ -11,15 +11,15 @@ import torch
 
 from pomona.skills.perception.detection.errors import BadTraining
 from pomona.skills.perception.detection.networks import CloseLookNetwork, FinderNetwork
-from pomona.skills.perception.detection.photo_folder import read_photographs
-from pomona.skills.perception.detection.photographs import PhotoSet
 from pomona.skills.perception.detection.weights import save_compact
 from pomona.skills.perception.detection.weights_file import read_weights
 from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS
+from pomona.tools.photographs.photo_folder import read_photographs
+from pomona.tools.photographs.photographs import PhotoSet
 from pomona.tools.training import learning
 from pomona.tools.training.learning import BenchFigures, learn
 from pomona.tools.training.recipe import FrameSet, Recipe, TrainingStage
-from tests.skills.perception.detection.photo_folders import tables
+from tests.skills.tools.photographs.photo_folders import tables
 
 BEFORE = BenchFigures(0.98, 0.97, 0.8, 0.85)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.photo_border import calibration_error, cut_by_border, recall_at_border
-from pomona.skills.perception.detection.photographs import Photograph
+from pomona.tools.photographs.photographs import Photograph
 from pomona.tools.training.photo_figures import (
     Finds,
     calibration,

@@ -10,8 +10,8 @@ import pytest
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.detection import DetectorOptions
 from pomona.skills.perception.detection.instances import FoundFruit
-from pomona.skills.perception.detection.photo_folder import read_photographs
 from pomona.skills.perception.fruit import load_fruit
+from pomona.tools.photographs.photo_folder import read_photographs
 from pomona.tools.training.proposals import RecordedLook, propose, write_proposals
 from tests.skills.perception.detection.test_box_detector import K, ball, box_of
 

@@ -1,0 +1,61 @@
+"""A simulated picking cell: MuJoCo's physics behind the interfaces of real devices.
+
+The names below are public, and loaded on first use: a world of one's own is built of them.
+"""
+
+from typing import TYPE_CHECKING
+
+from pomona.executive.values.public_names import on_first_use
+
+if TYPE_CHECKING:
+    from pomona.tools.simulation.camera import SimCamera as SimCamera
+    from pomona.tools.simulation.fruit_shape import (
+        APPLES as APPLES,
+        SKINS as SKINS,
+        FruitShape as FruitShape,
+        UnusableModel as UnusableModel,
+        make_fruit as make_fruit,
+        read_model as read_model,
+    )
+    from pomona.tools.simulation.gl import load_mujoco as load_mujoco
+    from pomona.tools.simulation.layout import (
+        FINGERS as FINGERS,
+        FRICTION as FRICTION,
+        PADS as PADS,
+        CellFruitSection as CellFruitSection,
+        FruitOnTable as FruitOnTable,
+        read_robot as read_robot,
+    )
+    from pomona.tools.simulation.scene import (
+        TABLE_FRICTION as TABLE_FRICTION,
+        TIMESTEP as TIMESTEP,
+        add_fixed as add_fixed,
+        add_fruit as add_fruit,
+        add_lights as add_lights,
+        add_material as add_material,
+        container_of as container_of,
+        quaternion as quaternion,
+        set_physics as set_physics,
+        standing_pose as standing_pose,
+    )
+    from pomona.tools.simulation.world import (
+        FaultyDevice as FaultyDevice,
+        PhysicsWorld as PhysicsWorld,
+        SimWorld as SimWorld,
+    )
+
+PUBLIC = {
+    "camera": "SimCamera",
+    "fruit_shape": "APPLES FruitShape SKINS UnusableModel make_fruit read_model",
+    "gl": "load_mujoco",
+    "layout": "CellFruitSection FINGERS FRICTION FruitOnTable PADS read_robot",
+    "scene": (
+        "TABLE_FRICTION TIMESTEP add_fixed add_fruit add_lights add_material container_of quaternion set_physics "
+        "standing_pose"
+    ),
+    "world": "FaultyDevice PhysicsWorld SimWorld",
+}
+"""Public names by the module that defines them."""
+
+if not TYPE_CHECKING:
+    __getattr__, __dir__ = on_first_use(__name__, PUBLIC)

@@ -1,1 +1,0 @@
-"""Subcommands that come with the skills."""

@@ -1,0 +1,340 @@
+"""Reads a folder of labelled photographs: tables, YOLO's text files, COCO's JSON, MinneApple or KFuji.
+
+Everything is read and checked before anything is learnt: a mistake is named with its file and line.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from pomona.executive.values.pictures import UnusablePicture, read_picture
+from pomona.executive.values.plain_text import NoTableError, read_plain_text, read_table
+from pomona.skills.perception.detection.box_settings import ClassUnknown, class_of
+from pomona.skills.perception.detection.errors import BadPhotographs
+from pomona.tools.photographs.photographs import (
+    PICTURES,
+    Labelled,
+    Photograph,
+    PhotoSet,
+    files,
+    kfuji,
+    kfuji_folder,
+    minneapple,
+    minneapple_folders,
+)
+
+SLACK = 3.0  # a box may end this far outside of its picture, as rounding leaves it, and is cut there [px]
+
+MOST_JSON = 1 << 30  # of a COCO file [bytes]; a hundred thousand pictures with their outlines have less
+
+CLASSES = "classes.txt"  # names of classes, one per line, as labelImg and Label Studio write them
+
+TRAIN, VAL, NEITHER = ("train", "training"), ("val", "valid", "validation"), ("test", "testing")
+
+
+def read_photographs(
+    folder: Path, fruit: str = "apple", progress: Callable[[int, int], None] | None = None
+) -> PhotoSet:
+    """Read all labelled photographs of a folder; `progress` is called with (pictures checked, in all).
+
+    Five layouts are known: `images.csv` (image, split, and tree or group) with `fruit.csv` (image, x, y, w, h in
+    pixels) and the pictures in `images/`; YOLO's `images/` with `labels/` of the same names, or labels beside the
+    pictures, and `data.yaml` or `classes.txt`; COCO's `.json`, also in folders of the splits; and the folders of
+    MinneApple and KFuji RGB-DS as they are unpacked.
+
+    Raises BadPhotographs: naming the file, and the line where there is one.
+    """
+    labelled = _labelled(folder, fruit)
+    return _split(folder, labelled, _all_checked(labelled, progress))
+
+
+def read_labels(
+    place: Path, fruit: str = "apple", progress: Callable[[int, int], None] | None = None
+) -> tuple[Photograph, ...]:
+    """Read all labelled photographs of a folder, whatever their split, or of one of COCO's `.json` files.
+
+    Raises BadPhotographs: as of `read_photographs`.
+    """
+    if place.suffix.lower() == ".json" and place.is_file():
+        return tuple(_all_checked(_coco(place, _json(place), place.parent, fruit), progress))
+    return tuple(_all_checked(_labelled(place, fruit), progress))
+
+
+def _labelled(folder: Path, fruit: str) -> list[Labelled]:
+    if not folder.is_dir():
+        raise BadPhotographs(folder, "no such folder")
+    if (folder / "images.csv").is_file() or (folder / "fruit.csv").is_file():
+        return _tables(folder)
+    if coco := _coco_files(folder):
+        return [item for path, content in coco.items() for item in _coco(path, content, folder, fruit)]
+    if yolo := _yolo_folders(folder):
+        return _yolo(folder, yolo, fruit)
+    if (place := kfuji_folder(folder)) is not None:
+        return kfuji(place)
+    if minneapple_folders(folder):
+        return minneapple(folder)
+    known = "images.csv with fruit.csv, YOLO's labels/, a .json of COCO's, masks/ of MinneApple, or KFuji's folder"
+    raise BadPhotographs(folder, f"has no labels, expected {known}")
+
+
+def _all_checked(labelled: list[Labelled], progress: Callable[[int, int], None] | None) -> list[Photograph]:
+    photographs = []
+    for number, item in enumerate(labelled):
+        photographs.append(_checked(item))
+        if progress is not None:
+            progress(number + 1, len(labelled))
+    return photographs
+
+
+def read_empty(folder: Path) -> tuple[Photograph, ...]:
+    """Return all pictures of a folder, in which no fruit is.
+
+    Raises BadPhotographs: no such folder, none in it, or a file that is no picture.
+    """
+    paths = sorted(path for path in files(folder) if path.suffix.lower() in PICTURES)
+    if not paths:
+        raise BadPhotographs(folder, f"holds no pictures ({', '.join(PICTURES)})")
+    return tuple(_checked(Labelled(path, str(folder))) for path in paths)
+
+
+def _split(folder: Path, labelled: list[Labelled], photographs: list[Photograph]) -> PhotoSet:
+    sets: dict[str, list[Photograph]] = {"train": [], "val": []}
+    if any(item.split for item in labelled):
+        for item, photograph in zip(labelled, photographs, strict=True):
+            word = item.split.lower()
+            if word in TRAIN or word in VAL:
+                sets["train" if word in TRAIN else "val"].append(photograph)
+            elif word not in NEITHER:
+                raise BadPhotographs(
+                    folder, f"{item.path.name} is in the split '{item.split}', not in train, val or test"
+                )
+    else:
+        by_name = sorted(photographs, key=lambda photograph: (photograph.group, photograph.name))
+        # Without given splits, the last of this many parts by name is measured on: tiles of one place are neighbours
+        first = len(by_name) - len(by_name) // 8
+        while 0 < first < len(by_name) and by_name[first].group and by_name[first].group == by_name[first - 1].group:
+            first -= 1  # a group is measured on whole
+        sets = {"train": by_name[:first], "val": by_name[first:]} if first else {"train": by_name, "val": []}
+    shared = {p.group for p in sets["train"] if p.group} & {p.group for p in sets["val"] if p.group}
+    if shared:
+        raise BadPhotographs(folder, f"{sorted(shared)[0]} is in both train and val: expected groups in one of them")
+    if not any(len(photograph.boxes) for photograph in sets["train"]):
+        raise BadPhotographs(folder, "no photograph of its train split has a box")
+    return PhotoSet(tuple(sets["train"]), tuple(sets["val"]))
+
+
+def _checked(item: Labelled) -> Photograph:
+    """Return the photograph, once its file and every box have been looked at."""
+    path = item.path
+    if not path.is_file():
+        raise BadPhotographs(path, f"is labelled in {item.says}, but there is no such picture")
+    try:
+        height, width = read_picture(path).shape[:2]
+    except UnusablePicture as error:
+        raise BadPhotographs(path, str(error)) from error
+    if item.size is not None and item.size != (width, height):
+        words = f"is {width} × {height}, {item.says} says {item.size[0]} × {item.size[1]}"
+        turned = ": labels hold for pictures as they are seen, upright by their Exif orientation"
+        raise BadPhotographs(path, words + (turned if item.size == (height, width) else ""))
+    boxes = np.array(item.boxes, np.float64).reshape(-1, 4)
+    if item.parts:
+        boxes *= (width, height, width, height)
+    low, high = boxes[:, :2], boxes[:, :2] + boxes[:, 2:]
+    limits = np.array([width, height], np.float64)
+    for k in range(len(boxes)):
+        if not np.isfinite(boxes[k]).all() or (boxes[k, 2:] <= 0.0).any():
+            raise BadPhotographs(item.says, f"{item.lines[k]}: a box without width or height")
+        if (low[k] < -SLACK).any() or (high[k] > limits + SLACK).any():
+            x, y, w, h = boxes[k]
+            raise BadPhotographs(
+                item.says,
+                f"{item.lines[k]}: the box at {x:.0f}, {y:.0f} of {w:.0f} × {h:.0f} px does not lie in the picture "
+                f"{path.name} of {width} × {height}",
+            )
+    low, high = np.clip(low, 0.0, limits), np.clip(high, 0.0, limits)
+    return Photograph(path, width, height, np.hstack([low, high - low]), np.array(item.crowd, np.bool_), item.group)
+
+
+def _tables(folder: Path) -> list[Labelled]:
+    says, fruit = folder / "images.csv", folder / "fruit.csv"
+    items: dict[str, Labelled] = {}
+    for line, row in _rows(says, ("image", "split")):
+        if row["image"] in items:
+            raise BadPhotographs(says, f"line {line}: {row['image']} is listed twice")
+        group = row.get("tree") or row.get("group") or ""
+        items[row["image"]] = Labelled(folder / "images" / row["image"], str(fruit), row["split"], group)
+    for line, row in _rows(fruit, ("image", "x", "y", "w", "h")):
+        item = items.get(row["image"])
+        if item is None:
+            raise BadPhotographs(fruit, f"line {line}: {row['image']} is not in images.csv")
+        try:
+            box = float(row["x"]), float(row["y"]), float(row["w"]), float(row["h"])
+        except ValueError:
+            raise BadPhotographs(fruit, f"line {line}: x, y, w and h must be numbers [px]") from None
+        item.add(box, f"line {line}")
+    return list(items.values())
+
+
+def _rows(path: Path, columns: tuple[str, ...]) -> Iterator[tuple[int, dict[str, str]]]:
+    if not path.is_file():
+        raise BadPhotographs(path, "no such file: images.csv lists the pictures and fruit.csv their boxes")
+    try:
+        rows = read_table(path, columns, MOST_JSON)
+    except NoTableError as error:
+        raise BadPhotographs(path, str(error)) from error
+    for line, row in rows:
+        if any(row[name] is None for name in columns):
+            raise BadPhotographs(path, f"line {line}: too few columns")
+        yield line, row
+
+
+def _yolo_folders(folder: Path) -> list[tuple[Path, Path]]:
+    """Return the folders of texts, and of the pictures that belong to each; labelImg writes texts beside pictures."""
+    found = [
+        (labels, labels.parent / "images") for labels in sorted([*folder.glob("labels"), *folder.glob("*/labels")])
+    ]
+    return found or ([(folder, folder)] if (folder / CLASSES).is_file() else [])
+
+
+def _yolo(folder: Path, places: Sequence[tuple[Path, Path]], fruit: str) -> list[Labelled]:
+    """`images/` beside `labels/`, either with the splits as folders in them or inside folders of the splits."""
+    wanted = _wanted(folder, fruit)
+    items, seen = [], set()
+    for labels, images in places:
+        texts = {
+            p.relative_to(labels).with_suffix("") for p in files(labels) if p.suffix == ".txt" and p.name != CLASSES
+        }
+        pictures = {p.relative_to(images).with_suffix(""): p for p in files(images) if p.suffix.lower() in PICTURES}
+        _both(images, labels, set(pictures), texts)
+        for name in sorted(texts):
+            split = next((w.lower() for w in (*name.parts[:-1], labels.parent.name) if _is_split(w)), "")
+            text = (labels / name).with_name(f"{name.name}.txt")
+            item = Labelled(pictures[name], str(text), split, parts=True)
+            for line, kind, box in _yolo_lines(text):
+                seen.add(kind)
+                if wanted is None or kind == wanted:
+                    item.add(box, f"line {line}")
+            items.append(item)
+    if wanted is None and len(seen) > 1:
+        raise BadPhotographs(
+            folder, f"its labels have {len(seen)} classes, and no data.yaml or {CLASSES} names the one that is {fruit}"
+        )
+    return items
+
+
+def _both(images: Path, labels: Path, pictures: set[Path], texts: set[Path]) -> None:
+    """Refuse pictures without labels, whose content is unknown, and labels without pictures."""
+    for some, where, text in (
+        (texts - pictures, labels, "has {n} without a picture in images/: {first}.txt"),
+        (pictures - texts, images, "has {n} without a file in labels/: {first} (an empty file: no fruit)"),
+    ):
+        if some:
+            raise BadPhotographs(where, text.format(n=len(some), first=min(some)))
+
+
+def _yolo_lines(path: Path) -> Iterator[tuple[int, int, tuple[float, float, float, float]]]:
+    """Yield number, class and box (in parts of the picture) of each line; outlines become their boxes."""
+    try:
+        lines = read_plain_text(path).split("\n")
+    except (OSError, ValueError) as error:
+        raise BadPhotographs(path, f"is no text: {error}") from None
+    for number, line in enumerate(lines, start=1):
+        if not line.strip():
+            continue
+        try:
+            kind, *values = (float(word) for word in line.split())
+        except ValueError:
+            raise BadPhotographs(path, f"line {number}: expected numbers: class, x, y, w, h") from None
+        if not kind.is_integer():
+            raise BadPhotographs(path, f"line {number}: the class {kind:g} is no whole number")
+        if len(values) == 4:
+            x, y, w, h = values
+            yield number, int(kind), (x - 0.5 * w, y - 0.5 * h, w, h)
+        elif len(values) >= 6 and len(values) % 2 == 0:
+            across, down = values[::2], values[1::2]
+            yield number, int(kind), (min(across), min(down), max(across) - min(across), max(down) - min(down))
+        else:
+            raise BadPhotographs(path, f"line {number}: expected class, x, y, w, h, not {len(values) + 1} numbers")
+
+
+def _wanted(folder: Path, fruit: str) -> int | None:
+    """Return the number of the fruit's class by `data.yaml` or `classes.txt`; None where there are no names."""
+    places = ("data.yaml", "data.yml", CLASSES, f"labels/{CLASSES}")
+    described = next((p for n in places if (p := folder / n).is_file()), None)
+    if described is None:
+        return None
+    try:
+        text = read_plain_text(described)
+        names = text.split("\n") if described.suffix == ".txt" else yaml.safe_load(text)["names"]
+        pairs = names.items() if isinstance(names, dict) else enumerate(names)
+        by_number = {int(number): str(name).strip() for number, name in pairs if str(name).strip()}
+    except (OSError, yaml.YAMLError, RecursionError, KeyError, TypeError, ValueError):
+        raise BadPhotographs(described, "does not name the classes: names: [apple]") from None
+    return _class_of(described, by_number, fruit)
+
+
+def _class_of(path: Path, names: dict[int, str], fruit: str) -> int:
+    try:
+        return class_of(names, fruit)
+    except ClassUnknown as error:
+        raise BadPhotographs(path, str(error)) from None
+
+
+def _coco_files(folder: Path) -> dict[Path, Any]:
+    """Return the content of all COCO files by path: in the folder, in `annotations/`, and in folders of the splits.
+
+    Other tools write other JSON beside them. Raises BadPhotographs: a file is no JSON.
+    """
+    inside = sorted(place for place in folder.iterdir() if place.is_dir() and _is_split(place.name))
+    found = {}
+    for path in (path for place in (folder, folder / "annotations", *inside) for path in sorted(place.glob("*.json"))):
+        content = _json(path)
+        if isinstance(content, dict) and content.keys() & {"images", "annotations"}:
+            found[path] = content
+    return found
+
+
+def _json(path: Path) -> Any:
+    try:
+        return json.loads(read_plain_text(path, MOST_JSON))
+    except (OSError, ValueError, RecursionError) as error:
+        raise BadPhotographs(path, f"is no COCO file: {type(error).__name__} {error}") from error
+
+
+def _coco(path: Path, content: Any, folder: Path, fruit: str) -> list[Labelled]:
+    try:
+        images, annotations, categories = (content[key] for key in ("images", "annotations", "categories"))
+        wanted = _class_of(path, {int(c["id"]): str(c["name"]) for c in categories}, fruit)
+        words = *path.stem.replace("-", "_").split("_"), path.parent.name if path.parent != folder else ""
+        split = next((word for word in words if _is_split(word)), "")
+        items = {}
+        for image in images:
+            size = int(image["width"]), int(image["height"])
+            items[image["id"]] = Labelled(
+                _picture(folder, path, str(image["file_name"]).replace("\\", "/")), str(path), split, size=size
+            )
+        for number, annotation in enumerate(annotations):
+            if int(annotation["category_id"]) != wanted:
+                continue
+            if annotation["image_id"] not in items:
+                raise BadPhotographs(path, f"annotation {number} is of a picture that is not in images")
+            x, y, w, h = (float(v) for v in annotation["bbox"])
+            items[annotation["image_id"]].add((x, y, w, h), f"annotation {number}", bool(annotation.get("iscrowd")))
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise BadPhotographs(path, f"is no COCO file: {type(error).__name__} {error}") from error
+    return list(items.values())
+
+
+def _picture(folder: Path, described: Path, name: str) -> Path:
+    places = [root / name for root in (described.parent, described.parent / "images", folder, folder / "images")]
+    return next((place for place in places if place.is_file()), places[0])
+
+
+def _is_split(word: str) -> bool:
+    return word.lower() in (*TRAIN, *VAL, *NEITHER)

@@ -1,0 +1,202 @@
+"""`pomona calibrate grip`, from the command line to a parameter file that a tree can use."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from pomona.drivers.mock.hand import MockClock, MockForceSensor, MockGripper, spring_fruit
+from pomona.drivers.services import RobotServices
+from pomona.executive.cell.cell import Cell
+from pomona.executive.cli import main as pomona
+from pomona.executive.values.units import STIFFNESS
+from pomona.tools.grip_calibration import command_calibrate_grip as calibrate_grip
+from pomona.tools.grip_calibration.calibration import GuidanceEnded, write_pushes
+from pomona.tools.grip_calibration.command_calibrate_grip import GuidedPushes
+from tests.skills.tools.grip_calibration.pushes import TRUE, all_pushes
+
+MU = 0.5
+
+
+class Person:
+    """Presses Enter, then pulls the held fruit of friction `MU` harder and harder until it slides."""
+
+    def __init__(self, clock: MockClock, gripper: MockGripper) -> None:
+        self._clock, self._since = clock, np.inf
+        self._feel = spring_fruit(gripper, 0.07)
+
+    def press_enter(self, sentence: str = "") -> str:
+        self._since = self._clock.now() if "until it slides" in sentence else np.inf
+        return ""
+
+    def feel(self, now: float) -> np.ndarray:
+        wrenches = self._feel(now)
+        pull = min(max(now - self._since, 0.0) * 2.0, MU * -wrenches[0, 2])
+        wrenches[:, 0] = pull
+        return wrenches
+
+
+def mock_cell() -> tuple[Cell, Person]:
+    clock = MockClock()
+    gripper = MockGripper(clock)
+    person = Person(clock, gripper)
+    sensor = MockForceSensor(clock, person.feel)
+    devices = {"gripper": gripper, "fingers": sensor}
+    return Cell("mock", "mock", clock, devices, RobotServices(devices)), person
+
+
+@pytest.mark.slow
+def test_a_recording_becomes_a_parameter_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pushes, squeeze = all_pushes()
+    write_pushes(list(pushes), tmp_path / "pushes.npz", squeeze)
+    out = tmp_path / "grip.yaml"
+    status = pomona(["calibrate", "grip", str(tmp_path / "pushes.npz"), "--out", str(out), "--fruit", "apple"])
+    assert status == 0
+    assert f"written to {out}" in capsys.readouterr().out
+    written = yaml.safe_load(out.read_text())
+    assert written["ports"]["mu"] == pytest.approx(TRUE.mu, rel=0.05)
+    assert STIFFNESS.parse(written["ports"]["stiffness"]) == pytest.approx(2000.0, rel=0.03)
+    assert written["quality"]["slides"] == 2 * len(pushes)
+
+
+def test_the_ports_of_the_file_fit_a_tree(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pushes, squeeze = all_pushes()
+    write_pushes(list(pushes), tmp_path / "pushes.npz", squeeze)
+    pomona(["calibrate", "grip", str(tmp_path / "pushes.npz"), "--out", str(tmp_path / "grip.yaml")])
+    ports = yaml.safe_load((tmp_path / "grip.yaml").read_text())["ports"]
+    tree = tmp_path / "hold.yaml"
+    tree.write_text(yaml.safe_dump({"pomona": 1, "tree": "hold", "root": {"SlipAvoidGrasp": ports}}, sort_keys=False))
+    assert pomona(["check", str(tree)]) == 0, capsys.readouterr().out
+
+
+def test_a_person_is_led_through_pushes_at_a_cell(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cell, person = mock_cell()
+    monkeypatch.setattr(calibrate_grip, "_cell", lambda name: cell)
+    monkeypatch.setattr("builtins.input", person.press_enter)
+    out, keep = tmp_path / "grip.yaml", tmp_path / "pushes.npz"
+    arguments = ["--forces", "2N", "5N", "--time", "3s", "--out", str(out), "--keep", str(keep)]
+    assert pomona(["calibrate", "grip", "--cell", "mine", *arguments]) == 0, capsys.readouterr().err
+    written = yaml.safe_load(out.read_text())
+    assert written["ports"]["mu"] == pytest.approx(MU, rel=0.03)
+    assert STIFFNESS.parse(written["ports"]["stiffness"]) == pytest.approx(2000.0, rel=0.05)
+    assert "no push twisted the fruit" in written["quality"]["notes"][0]
+    assert pomona(["calibrate", "grip", str(keep), "--out", str(tmp_path / "again.yaml")]) == 0
+    assert (tmp_path / "again.yaml").read_text() == out.read_text()
+
+
+def guide_of(cell: Cell, ask: Callable[[str], object] = lambda sentence: None) -> GuidedPushes:
+    gripper, sensor = cell.devices["gripper"], cell.devices["fingers"]
+    assert isinstance(gripper, MockGripper)
+    assert isinstance(sensor, MockForceSensor)
+    clock = cell.clock
+    assert isinstance(clock, MockClock)
+    return GuidedPushes(
+        gripper, sensor, clock.now, clock.advance, lambda sentence: None, lambda s, task: ask(s) and None
+    )
+
+
+def test_a_stream_that_stops_ends_it_with_the_fingers_at_rest() -> None:
+    cell, _ = mock_cell()
+    gripper, sensor = cell.devices["gripper"], cell.devices["fingers"]
+    assert isinstance(gripper, MockGripper)
+    assert isinstance(sensor, MockForceSensor)
+    guide = guide_of(cell, lambda s: sensor.lose(60.0) if "slides" in s else None)
+    with pytest.raises(GuidanceEnded, match="no valid sample"):
+        guide.record([2.0], 1.0)
+    width = gripper.width
+    cell.clock.advance(1.0)  # type: ignore[attr-defined]
+    assert gripper.width == pytest.approx(width, abs=1e-6)
+
+
+def test_fingers_without_samples_or_without_a_fruit_are_reported() -> None:
+    cell, _ = mock_cell()
+    sensor = cell.devices["fingers"]
+    assert isinstance(sensor, MockForceSensor)
+    sensor.lose(60.0)
+    with pytest.raises(GuidanceEnded, match="no samples"):
+        guide_of(cell).record([2.0], 1.0)
+    cell, _ = mock_cell()
+    sensor = cell.devices["fingers"]
+    assert isinstance(sensor, MockForceSensor)
+    sensor.feel = lambda now: np.zeros((2, 6))
+    with pytest.raises(GuidanceEnded, match="put the fruit between them"):
+        guide_of(cell).record([2.0], 1.0)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "words"),
+    [
+        ({}, "only 0 usable slides"),
+        ({"wrenches_0": np.zeros((5, 12))}, "shape"),
+        ({"wrenches_0": np.full((5, 2, 6), np.nan)}, "finite"),
+        ({"wrenches_0": np.zeros((5, 2, 6)), "width_0": np.zeros(4)}, "width_0"),
+        ({"wrenches_1": np.zeros((5, 2, 6))}, "number the pushes"),
+        ({"wrenches_0": np.zeros((500, 2, 6))}, "only 0 usable slides"),
+    ],
+)
+def test_recordings_that_cannot_be_used_are_refused_in_words(
+    arrays: dict[str, np.ndarray], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    np.savez(tmp_path / "bad.npz", **arrays)  # type: ignore[arg-type]
+    assert pomona(["calibrate", "grip", str(tmp_path / "bad.npz"), "--out", str(tmp_path / "x.yaml")]) == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "x.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((), "name a recording"),
+        (("--cell", "nowhere"), "no cell 'nowhere'"),
+        (("--k", "0.1", "x.npz"), "k of a soft contact"),
+        (("no_such_file.npz",), "no_such_file.npz"),
+    ],
+)
+def test_a_wrong_command_line_is_refused_in_words(
+    arguments: tuple[str, ...], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert pomona(["calibrate", "grip", *arguments, "--out", str(tmp_path / "x.yaml")]) == 2
+    assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("calibrate", "grip", "--out", "x", "--forces", "5"), "'5' lacks a unit: a force is given in N, mN"),
+        (("calibrate", "grip", "--out", "x", "--forces", "40 N"), "it is 40 N, but must be between 0.6 N and 15 N"),
+        (("calibrate", "grip", "--out", "x", "--time", "0 s"), "it is 0 s, but must be between 100 ms and 2 min"),
+        (("calibrate", "hand-eye", "looks", "--out", "x", "--square", "24.5"), "'24.5' lacks a unit"),
+        (("emulate", "wsg", "--obstacle", "30"), "'30' lacks a unit"),
+        (("emulate", "suntouch", "--press", "3"), "'3' lacks a unit"),
+        (("emulate", "motoman", "--queue", "1"), "'1' lacks a unit"),
+    ],
+)
+def test_a_quantity_without_its_unit_is_refused(
+    arguments: tuple[str, ...], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        pomona(list(arguments))
+    assert ended.value.code == 2
+    assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("option", ["--out", "--keep"])
+def test_no_file_is_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str) -> None:
+    mine = tmp_path / "mine"
+    mine.write_text("mine")
+    more = () if option == "--out" else ("--out", str(tmp_path / "new.yaml"))
+    assert pomona(["calibrate", "grip", "--cell", "nothing", option, str(mine), *more, "--fruit", "apple"]) == 2
+    assert "mine is there already: name another file" in capsys.readouterr().err
+    assert mine.read_text() == "mine"
+
+
+def test_a_file_that_is_no_recording_is_refused_in_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "bad.npz").write_text("hello")
+    assert pomona(["calibrate", "grip", str(tmp_path / "bad.npz"), "--out", str(tmp_path / "x.yaml")]) == 2
+    assert "not a readable .npz file" in capsys.readouterr().err

@@ -1,0 +1,253 @@
+"""Folders of labelled photographs: every layout gives the same, and every mistake is named in one line."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from pomona.skills.perception.detection.errors import BadPhotographs
+from pomona.tools.photographs import photographs
+from pomona.tools.photographs.photo_folder import read_labels, read_photographs
+from tests.skills.tools.photographs.photo_folders import SIDE, TRUTH, boxes_of, coco, draw, tables, yolo
+
+
+@pytest.mark.parametrize("layout", [tables, yolo, coco])
+def test_every_layout_gives_the_same_photographs_and_boxes(layout: Callable[[Path], Path], tmp_path: Path) -> None:
+    photographs = read_photographs(layout(tmp_path))
+    assert [photo.name for photo in photographs.train] == ["a_0.jpg", "a_1.jpg"]
+    assert [photo.name for photo in photographs.val] == ["b_0.jpg", "b_1.jpg"]
+    for photo in (*photographs.train, *photographs.val):
+        assert np.allclose(photo.boxes, np.array(boxes_of(TRUTH[photo.name])).reshape(-1, 4), atol=1e-6)
+        assert (photo.width, photo.height, photo.picture().shape) == (SIDE, SIDE, (SIDE, SIDE, 3))
+
+
+def test_photographs_of_different_sizes_are_read_side_by_side(tmp_path: Path) -> None:
+    folder = tables(tmp_path)
+    draw(folder / "images" / "b_0.jpg", TRUTH["b_0.jpg"], side=2 * SIDE)
+    assert [photo.width for photo in read_photographs(folder).val] == [2 * SIDE, SIDE]
+
+
+def test_outlines_in_yolo_files_become_their_boxes(tmp_path: Path) -> None:
+    folder = yolo(tmp_path)
+    (folder / "train" / "labels" / "a_0.txt").write_text("1 0.1 0.2 0.4 0.2 0.4 0.6 0.1 0.5\n")
+    assert np.allclose(read_photographs(folder).train[0].boxes, SIDE * np.array([[0.1, 0.2, 0.3, 0.4]]))
+
+
+def one_square(folder: Path, texts: Path, count: int = 8) -> None:
+    """Pictures with one fruit each, and its YOLO label in a folder."""
+    texts.mkdir(parents=True, exist_ok=True)
+    for k in range(count):
+        draw(folder / f"p{k}.jpg", [(120.0, 120.0, 30.0)])
+        (texts / f"p{k}.txt").write_text("1 0.5 0.5 0.25 0.25\n")
+
+
+def test_label_studios_export_is_read_in_spite_of_its_notes(tmp_path: Path) -> None:
+    one_square(tmp_path / "images", tmp_path / "labels")
+    (tmp_path / "classes.txt").write_text("leaf\napple\n")
+    (tmp_path / "notes.json").write_text('{"categories": [{"id": 1, "name": "apple"}], "info": {"version": "1.0"}}')
+    photographs = read_photographs(tmp_path)
+    assert (len(photographs.train), len(photographs.val)) == (7, 1)
+    assert np.allclose(photographs.train[0].boxes, [[90.0, 90.0, 60.0, 60.0]])
+
+
+@pytest.mark.parametrize("texts", ["labels", "images"])
+def test_labelimg_writes_its_classes_among_the_labels(texts: str, tmp_path: Path) -> None:
+    folder = tmp_path if texts == "labels" else tmp_path / "images"
+    one_square(tmp_path / "images", tmp_path / texts)
+    (tmp_path / texts / "classes.txt").write_text("leaf\napple\n")
+    assert len(read_photographs(folder).train) == 7
+
+
+def test_roboflows_splits_are_folders_with_a_coco_file_each(tmp_path: Path) -> None:
+    for split, count in (("train", 4), ("valid", 2), ("test", 1)):
+        for k in range(count):
+            draw(tmp_path / split / f"p{k}.jpg", [(120.0, 120.0, 30.0)])
+        images = [{"id": k, "file_name": f"p{k}.jpg", "width": SIDE, "height": SIDE} for k in range(count)]
+        boxes = [{"image_id": k, "category_id": "1", "bbox": [90, 90, 60, 60]} for k in range(count)]
+        names = [{"id": 0, "name": "apples", "supercategory": "none"}, {"id": 1, "name": "apple"}]
+        content = {"images": images, "annotations": boxes, "categories": names}
+        (tmp_path / split / "_annotations.coco.json").write_text(json.dumps(content))
+    photographs = read_photographs(tmp_path)
+    assert [(len(s), {p.path.parent.name for p in s}) for s in (photographs.train, photographs.val)] == [
+        (4, {"train"}),
+        (2, {"valid"}),
+    ]
+    assert all(len(photo.boxes) == 1 for photo in photographs.train)
+
+
+def test_crowds_in_coco_files_are_kept_apart(tmp_path: Path) -> None:
+    folder = coco(tmp_path)
+    path = folder / "annotations" / "instances_train.json"
+    content = json.loads(path.read_text())
+    content["annotations"][0]["iscrowd"] = 1
+    path.write_text(json.dumps(content))
+    photo = read_photographs(folder).train[0]
+    assert photo.crowd.tolist() == [True, False]
+
+
+def test_without_a_split_the_last_by_name_are_measured_on(tmp_path: Path) -> None:
+    for k in range(16):
+        draw(tmp_path / "images" / f"{k:02d}.png", [(100.0, 100.0, 30.0)])
+        (tmp_path / "labels").mkdir(exist_ok=True)
+        (tmp_path / "labels" / f"{k:02d}.txt").write_text("0 0.4 0.4 0.25 0.25\n")
+    photographs = read_photographs(tmp_path)
+    assert len(photographs.train) == 14
+    assert [photo.name for photo in photographs.val] == ["14.png", "15.png"]
+
+
+def turned(folder: Path, orientation: int, box: tuple[int, int, int, int], size: tuple[int, int]) -> Path:
+    """Photographs as a phone stores them: a disc at (80, 60) of the stored pixels, and labels of a tool."""
+    stored = np.full((240, 320, 3), 40, np.uint8)
+    cv2.circle(stored, (80, 60), 20, (220, 40, 40), -1)
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    (folder / "images").mkdir(parents=True)
+    Image.fromarray(stored).save(folder / "images" / "p.jpg", exif=exif.tobytes(), quality=98)
+    content = {
+        "images": [{"id": 0, "file_name": "p.jpg", "width": size[0], "height": size[1]}],
+        "annotations": [{"image_id": 0, "category_id": 1, "bbox": box}],
+        "categories": [{"id": 1, "name": "apple"}],
+    }
+    (folder / "labels.json").write_text(json.dumps(content))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("orientation", "box", "size"),
+    [(1, (60, 40, 40, 40), (320, 240)), (3, (219, 159, 40, 40), (320, 240)), (6, (159, 60, 40, 40), (240, 320)),
+     (8, (40, 219, 40, 40), (240, 320))],
+)  # fmt: skip
+def test_labels_and_pixels_of_a_turned_photograph_are_both_upright(
+    orientation: int, box: tuple[int, int, int, int], size: tuple[int, int], tmp_path: Path
+) -> None:
+    photo = read_photographs(turned(tmp_path, orientation, box, size)).train[0]
+    picture = photo.picture()
+    assert picture.shape == (photo.height, photo.width, 3) == (size[1], size[0], 3)
+    x, y, w, h = (int(v) for v in photo.boxes[0])
+    assert (picture[y : y + h, x : x + w, 0] > 150).mean() == pytest.approx(np.pi / 4, abs=0.05)
+
+
+def test_labels_of_stored_pixels_are_refused_with_the_reason(tmp_path: Path) -> None:
+    with pytest.raises(BadPhotographs, match=r"is 240 × 320, .* says 320 × 240: labels hold for pictures as they are"):
+        read_photographs(turned(tmp_path, 6, (60, 40, 40, 40), (320, 240)))
+
+
+def _write(name: str, text: str) -> Callable[[Path], object]:
+    return lambda folder: (folder / name).write_text(text)
+
+
+def _append(name: str, text: str) -> Callable[[Path], object]:
+    return lambda folder: (folder / name).write_text((folder / name).read_text() + text)
+
+
+def _cut(name: str, keep: int) -> Callable[[Path], object]:
+    return lambda folder: (folder / name).write_bytes((folder / name).read_bytes()[:keep])
+
+
+def _remove(name: str) -> Callable[[Path], object]:
+    return lambda folder: (folder / name).unlink()
+
+
+MISTAKES = [
+    (tables, _remove("fruit.csv"), r"fruit\.csv: no such file"),
+    (tables, _remove("images.csv"), r"images\.csv: no such file"),
+    (tables, _remove("images/a_1.jpg"), r"a_1\.jpg: is labelled in .*fruit\.csv, but there is no such picture"),
+    (tables, _append("fruit.csv", "c.jpg,1,1,9,9\n"), r"fruit\.csv: line 7: c\.jpg is not in images\.csv"),
+    (
+        tables,
+        _append("fruit.csv", "a_0.jpg,200,200,99,20\n"),
+        r"line 7: the box at 200, 200 of 99 × 20 px does not lie in",
+    ),
+    (tables, _append("fruit.csv", "a_0.jpg,20,20,0,20\n"), r"line 7: a box without width or height"),
+    (tables, _append("fruit.csv", "a_0.jpg,nan,20,10,20\n"), r"line 7: a box without width or height"),
+    (tables, _append("fruit.csv", "a_0.jpg,20,20,ten,20\n"), r"line 7: x, y, w and h must be numbers"),
+    (tables, _append("fruit.csv", "a_0.jpg,20\n"), r"line 7: too few columns"),
+    (tables, _append("images.csv", "a_0.jpg,a,train\n"), r"line 6: a_0\.jpg is listed twice"),
+    (tables, _write("images.csv", "image,tree\n"), r"images\.csv: has no column split"),
+    (tables, _write("images.csv", "image,split\na_0.jpg,half\n"), r"fruit\.csv: line 4: a_1\.jpg is not in images"),
+    (tables, _append("images.csv", "b_2.jpg,a,val\n"), r"b_2\.jpg: is labelled in"),
+    (tables, _write("images/a_0.jpg", ""), r"a_0\.jpg: cannot be read as a picture"),
+    (tables, _write("images/a_0.jpg", "no picture"), r"a_0\.jpg: cannot be read as a picture"),
+    (tables, _cut("images/a_0.jpg", -2), r"a_0\.jpg: cannot be read as a picture: its end is missing"),
+    (tables, _write("fruit.csv", "image,x,y,w,h\n"), r"no photograph of its train split has a box"),
+    (
+        yolo,
+        _write("data.yaml", "names: [leaf, tomato]\n"),
+        r"data\.yaml: has the classes leaf, tomato: none of them is apple",
+    ),
+    (yolo, _write("data.yaml", "names: [red apple, green apple]\n"), r"2 of them could be apple"),
+    (yolo, _write("data.yaml", "nc: 2\n"), r"data\.yaml: does not name the classes"),
+    (yolo, _remove("data.yaml"), r"its labels have 2 classes, and no data\.yaml or classes\.txt names the one"),
+    (
+        yolo,
+        _remove("train/labels/a_0.txt"),
+        r"images: has 1 without a file in labels/: a_0 \(an empty file: no fruit\)",
+    ),
+    (yolo, _remove("train/images/a_0.jpg"), r"labels: has 1 without a picture in images/: a_0\.txt"),
+    (
+        yolo,
+        _append("train/labels/a_0.txt", "1 0.9 0.5 0.5 0.1\n"),
+        r"a_0\.txt: line 4: the box at 156, 108 of 120 × 24 px",
+    ),
+    (
+        yolo,
+        _append("train/labels/a_0.txt", "1 0.9 0.5\n"),
+        r"a_0\.txt: line 4: expected class, x, y, w, h, not 3 numbers",
+    ),
+    (yolo, _append("train/labels/a_0.txt", "apple 1 1 1 1\n"), r"a_0\.txt: line 4: expected numbers"),
+    (yolo, _append("train/labels/a_0.txt", "\n\n1 0.9 0.5\n"), r"a_0\.txt: line 6: expected class"),
+    (yolo, _append("train/labels/a_0.txt", "nan 0.5 0.5 0.1 0.1\n"), r"line 4: the class nan is no whole number"),
+    (yolo, _append("train/labels/a_0.txt", "0.7 0.5 0.5 0.1 0.1\n"), r"line 4: the class 0\.7 is no whole number"),
+    (coco, _write("annotations/instances_val.json", "{"), r"instances_val\.json: is no COCO file"),
+    (coco, _write("annotations/instances_val.json", '{"images": []}'), r"is no COCO file: KeyError 'annotations'"),
+    (coco, _remove("images/b_0.jpg"), r"b_0\.jpg: is labelled in .*instances_val\.json, but there is no such picture"),
+    (coco, lambda folder: draw(folder / "images" / "b_0.jpg", [], 300), r"b_0\.jpg: is 300 × 300, .*says 240 × 240"),
+]
+
+
+@pytest.mark.parametrize(("layout", "mistake", "says"), MISTAKES, ids=[says for _, _, says in MISTAKES])
+def test_a_mistake_is_named_in_one_line(
+    layout: Callable[[Path], Path], mistake: Callable[[Path], object], says: str, tmp_path: Path
+) -> None:
+    folder = layout(tmp_path)
+    mistake(folder)
+    with pytest.raises(BadPhotographs, match=says) as raised:
+        read_photographs(folder)
+    assert "\n" not in str(raised.value)
+
+
+def test_one_place_is_never_both_learnt_from_and_measured_on(tmp_path: Path) -> None:
+    folder = tables(tmp_path)
+    (folder / "images.csv").write_text((folder / "images.csv").read_text().replace("b_0.jpg,b,val", "b_0.jpg,a,val"))
+    with pytest.raises(BadPhotographs, match="a is in both train and val"):
+        read_photographs(folder)
+
+
+def test_folders_that_are_none_or_hold_too_much_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(BadPhotographs, match="no such folder"):
+        read_photographs(tmp_path / "elsewhere")
+    draw(tmp_path / "empty" / "a.jpg", [])
+    with pytest.raises(BadPhotographs, match=r"has no labels, expected images\.csv"):
+        read_photographs(tmp_path / "empty")
+    monkeypatch.setattr(photographs, "MOST_FILES", 1)
+    with pytest.raises(BadPhotographs, match="holds more than 1 files"):
+        read_photographs(yolo(tmp_path / "yolo"))
+
+
+@pytest.mark.parametrize("layout", [tables, yolo, coco])
+def test_labels_are_read_whatever_their_split(layout: Callable[[Path], Path], tmp_path: Path) -> None:
+    read = {photo.name: len(photo.boxes) for photo in read_labels(layout(tmp_path / "set"))}
+    assert read == {name: len(discs) for name, discs in TRUTH.items()}
+
+
+def test_one_coco_file_is_read_alone(tmp_path: Path) -> None:
+    file = coco(tmp_path / "set") / "annotations" / "instances_val.json"
+    for name in ("b_0.jpg", "b_1.jpg"):
+        (file.parent / name).write_bytes((tmp_path / "set" / "images" / name).read_bytes())
+    assert {photo.name for photo in read_labels(file)} == {"b_0.jpg", "b_1.jpg"}
+    with pytest.raises(BadPhotographs, match="none of them is pear"):
+        read_labels(file, "pear")
