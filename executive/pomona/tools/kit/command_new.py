@@ -37,13 +37,14 @@ def add(subparsers: Any) -> None:
     kinds = sorted({point.name for point in entry_points(group=GROUP)} | {"package", "tree"})
     parser = subparsers.add_parser("new", help="create a tree, a package, or a part of a package such as a skill")
     parser.add_argument("kind", type=_kind, choices=kinds)
-    parser.add_argument("name", help="such as Weigh")
+    parser.add_argument("name", help="such as Weigh; of an arm also its URDF: my_arm.urdf")
     about = "folder; an existing package gets the new part, otherwise a package is created"
     parser.add_argument("--into", type=Path, default=Path(), metavar="DIR", help=about)
     for option, about in (("arm", "ur5e"), ("hand", "hand-e"), ("camera", "d435i, or none")):
         shown = f"of a cell with these devices, such as {about}" if "cell" in kinds else argparse.SUPPRESS
         parser.add_argument(f"--{option}", metavar="MODEL", help=shown)
-    parser.add_argument("--flange", metavar="LINK", help="of an arm from a URDF: the link that the hand is bolted on")
+    about = "of an arm from its URDF: the link that the hand is bolted on" if "cell" in kinds else argparse.SUPPRESS
+    parser.add_argument("--flange", metavar="LINK", help=about)
     parser.set_defaults(main=main)
 
 

@@ -19,8 +19,7 @@ from pomona.skills.motion.robot.urdf import read_urdf
 from pomona.tools.own_arm.flange import choose_flange
 
 FEWEST = 6  # joints of an arm that can hold its hand in any pose
-LIGHTEST = 0.01  # a link below this has no stated mass [kg]
-DENSITY = 1000.0  # of a link without a stated mass: aluminium with much air in it [kg/m³]
+LIGHTEST = 0.001  # a link below this has no mass [kg]
 PARALLEL = 0.9  # cosine of the largest angle between the last joint and an axis of the flange: 26°
 
 
@@ -31,6 +30,9 @@ class Mass:
     mass: float
     centre: Float64
     inertia: Float64
+
+
+LEAST = Mass(0.1, np.zeros(3), 1e-4 * np.eye(3))  # of a link without mass and shape: that of a small joint
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +76,7 @@ def read_arm(path: Path, flange: str | None = None) -> UrdfArm:
 
 
 def _xacro(path: Path) -> str:
-    written = path.is_file() and b"xacro" in path.read_bytes()[:100_000]
+    written = path.is_file() and b"<xacro:" in path.read_bytes()
     return f"; xacro is expanded first: `xacro {path.name} > arm.urdf`" if written else ""
 
 
@@ -102,7 +104,7 @@ class _Reader:
             body = self.description.bodies[geom.body]
             if body.name in kept:
                 geoms[body.link].append(geom)
-        masses = tuple(self._mass(link, kept, geoms[link]) for link in range(1, dof + 1))
+        masses = tuple(self._mass(link, kept) for link in range(1, dof + 1))
         return UrdfArm(
             path=self.path,
             flange=self.end,
@@ -134,13 +136,20 @@ class _Reader:
             self.assumed.append(f"Not taken over, since they hang on the flange or beside the arm: {', '.join(left)}.")
         return kept
 
-    def _mass(self, link: int, kept: dict[str, int], geoms: list[Geom]) -> Mass:
-        """Return the mass of all bodies that move as one link, in its frame."""
+    def _mass(self, link: int, kept: dict[str, int]) -> Mass:
+        """Return the mass of all bodies that move as one link, in its frame; unstated ones are of shapes."""
         bodies = [self.model.body(name).id for name, moved in kept.items() if moved == link]
         masses = np.array([float(self.model.body_mass[body]) for body in bodies])
         to_link = inverse(self.T_base_link[link])
+        stated = {part.get("name") for part in self.root.iter("link") if part.find("inertial") is not None}
+        without = [name for name, moved in kept.items() if moved == link and name not in stated]
         if masses.sum() < LIGHTEST:
-            return self._assumed_mass(link, geoms)
+            self.assumed.append(
+                f"The link of '{self.description.joint_names[link - 1]}' has no mass: {LEAST.mass:g} kg."
+            )
+            return LEAST
+        if without and masses[[name in without for name in map(self._body_name, bodies)]].sum() > LIGHTEST:
+            self.assumed.append(f"No mass is stated of {', '.join(without)}: that of water in its shape.")
         centres = self.at_zero.xipos[bodies] @ to_link[:3, :3].T + to_link[:3, 3]
         middle = masses @ centres / masses.sum()
         inertia = np.zeros((3, 3))
@@ -151,14 +160,8 @@ class _Reader:
             inertia += mass * (away @ away * np.eye(3) - np.outer(away, away))
         return Mass(float(masses.sum()), middle, inertia)
 
-    def _assumed_mass(self, link: int, geoms: list[Geom]) -> Mass:
-        size, middle = np.full(3, 0.05), np.zeros(3)
-        if geoms:
-            corners = np.vstack([corners_of(geom) for geom in geoms])
-            size, middle = np.ptp(corners, axis=0), (corners.min(axis=0) + corners.max(axis=0)) / 2.0
-        mass = max(0.1, DENSITY * float(np.prod(size)))
-        self.assumed.append(f"The link of '{self.description.joint_names[link - 1]}' states no mass: {mass:.2g} kg, from its size.")
-        return Mass(mass, middle, np.diag(mass / 12.0 * (size @ size - size**2)))
+    def _body_name(self, body: int) -> str:
+        return str(self.model.body(body).name)
 
     def _efforts(self) -> Float64:
         said = {joint.get("name", ""): joint.find("limit") for joint in self.root.findall("joint")}
@@ -181,15 +184,3 @@ class _Reader:
             self.assumed.append(f"The hand reaches along the {'xyz'[along]} axis of '{self.end}', the last joint's.")
             T[:3, :3] = T[:3, [(along + 1) % 3, (along + 2) % 3, along]]
         return T
-
-
-def corners_of(geom: Geom) -> Float64:
-    """Return points in the link's frame, (n, 3) [m], whose box holds a shape."""
-    if geom.kind == "mesh":
-        points = geom.vertices
-    else:
-        half = np.array({"sphere": geom.size[[0, 0, 0]], "capsule": [geom.size[0], geom.size[0], geom.size[:2].sum()],
-                         "cylinder": [geom.size[0], geom.size[0], geom.size[1]]}.get(geom.kind, geom.size))
-        points = half * np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
-    corners: Float64 = points @ geom.T_link_geom[:3, :3].T + geom.T_link_geom[:3, 3]
-    return corners

@@ -34,7 +34,10 @@ def choose_flange(root: ElementTree.Element, said: str | None) -> str:
     ends = {_end(joint, "child") for joint in root.findall("joint")}
     last = _last_link(next((name for name in links if name not in ends), ""), children)
     if last is None:
-        raise UsageError(f"no single chain of joints leads from the base to a hand: --flange LINK names its end ({_tips(links, children)})")
+        tips = _tips(links, children)
+        raise UsageError(
+            f"no single chain of joints leads from the base to a hand: --flange LINK names its end ({tips})"
+        )
     fixed = list(_fixed_on(last, children))
     return next((name for end in NAMES for name in fixed if name.endswith(end)), last)
 

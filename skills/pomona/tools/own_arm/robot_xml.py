@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from pathlib import Path
 from textwrap import indent
 
 import numpy as np
@@ -77,10 +76,7 @@ def robot_xml(arm: UrdfArm, hand: str, turn: float, drives: Drives, apart: Colle
         base="".join(_geom(geom, f"shape_0_{i}", indent_by=6) for i, geom in enumerate(arm.geoms[0])),
         body=indent(body, "      "),
         apart="".join(f'    <exclude body1="{one}" body2="{other}"/>\n' for one, other in sorted(apart)),
-        actuators="".join(
-            f'    <position name="arm_{name}" joint="{name}" kp="{kp:.5g}" kv="{LAG * kp:.5g}" forcerange="-{most:.5g} {most:.5g}"/>\n'
-            for name, kp, most in zip(names, drives.stiffness, drives.effort, strict=True)
-        ),
+        actuators="".join(map(_actuator, names, drives.stiffness, drives.effort)),
         file=file,
     )
     return inlined(text, robots)
@@ -133,6 +129,11 @@ _TEMPLATE = """<!-- {source} up to '{flange}', with the hand {hand}: written by 
 """
 
 
+def _actuator(joint: str, stiffness: float, effort: float) -> str:
+    gains = f'kp="{stiffness:.5g}" kv="{LAG * stiffness:.5g}" forcerange="-{effort:.5g} {effort:.5g}"'
+    return f'    <position name="arm_{joint}" joint="{joint}" {gains}/>\n'
+
+
 def _link(arm: UrdfArm, link: int, drives: Drives, inside: str) -> str:
     """Return the body of a link, number 1 … dof, with those beyond it."""
     mass, i = arm.masses[link - 1], link - 1
@@ -141,10 +142,11 @@ def _link(arm: UrdfArm, link: int, drives: Drives, inside: str) -> str:
     full = mass.inertia
     inertia = _row([full[0, 0], full[1, 1], full[2, 2], full[0, 1], full[0, 2], full[1, 2]])
     kind = "slide" if about.sliding[i] else "hinge"
+    span = f'range="{lower:.9g} {upper:.9g}" damping="2" armature="{drives.armature[i]:g}"'
     head = (
         f'<body name="{bodies(arm)[link]}" {_pose(about.steps[i])} gravcomp="1">\n'
         f'  <inertial pos="{_row(mass.centre)}" mass="{mass.mass:.6g}" fullinertia="{inertia}"/>\n'
-        f'  <joint name="{joints(arm)[i]}" type="{kind}" axis="0 0 1" range="{lower:.9g} {upper:.9g}" damping="2" armature="{drives.armature[i]:g}"/>\n'
+        f'  <joint name="{joints(arm)[i]}" type="{kind}" axis="0 0 1" {span}/>\n'
     )
     shapes = "".join(_geom(geom, f"shape_{link}_{n}") for n, geom in enumerate(arm.geoms[link]))
     return f"{head}{shapes}{indent(inside, '  ')}</body>\n"
