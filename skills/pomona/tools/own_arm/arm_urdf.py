@@ -121,7 +121,8 @@ class _Reader:
         """Return the bodies of the arm, with the number of joints that move each: none beyond the flange or a side."""
         kept, left = {}, []
         for body in range(1, self.model.nbody):
-            above, at, beyond = [], body, False
+            above: list[int] = []
+            at, beyond = body, False
             while at != 0:
                 first = int(self.model.body_jntadr[at])
                 above += range(first, first + int(self.model.body_jntnum[at]))
