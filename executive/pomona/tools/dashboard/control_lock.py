@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from pomona.executive.errors import PomonaError
+from pomona.executive.language.built import Side
 from pomona.executive.language.changes import ChangeRefusedError
 from pomona.executive.running.requests import AnswerRefusedError, UnknownFaultError
 from pomona.executive.running.runner import Runner
@@ -97,6 +99,7 @@ class ControlLock:
         self._problem: dict[str, Any] | None = None
         self._changed = changed
         self._shown: dict[str, int] = {}
+        self._breaks: dict[tuple[str, Side], None] = {}  # breakpoints, which the next run gets as well
 
     silent = 0.0
 
@@ -188,6 +191,9 @@ class ControlLock:
         self._runner = runner
         if runner is not None and self._held.who:
             runner.note(self._held.who, "take")  # the record begins with who holds control
+            for path, side in self._breaks:
+                with suppress(UnknownNodeError):  # another tree
+                    runner.break_at(path, side, who=self._held.who)
         self._changed()
 
     def take(self, viewer: str, who: str) -> None:
@@ -320,9 +326,12 @@ class ControlLock:
             except UnknownFaultError as error:
                 raise RefusedError(str(error)) from None
         elif action in BREAK_ACTIONS:
+            side, on = BREAK_ACTIONS[action]
             try:
-                self._runner.break_at(detail, *BREAK_ACTIONS[action], who)
+                self._runner.break_at(detail, side, on, who)
             except UnknownNodeError as error:
                 raise RefusedError(str(error)) from None
+            self._breaks.pop((detail, side), None)
+            self._breaks |= {(detail, side): None} if on else {}
         else:
             getattr(self._runner, action)(who)

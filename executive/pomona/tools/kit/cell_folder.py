@@ -138,11 +138,25 @@ def begin_cell(folder: Path, arm: str | None, hand: str | None, camera: str = NO
 
 def composed(robot: Path) -> str:
     """Return a robot's description with the files of its hand in the places of their `include`."""
+    return inlined(robot.read_text("utf-8"), robot.parent)
+
+
+def inlined(text: str, folder: Path) -> str:
+    """Return a description with the contents of files of a folder in the places of their `include`."""
 
     def content(include: re.Match[str]) -> str:
-        return _ROOT.sub("", (robot.parent / include[1]).read_text("utf-8"))
+        return _ROOT.sub("", (folder / include[1]).read_text("utf-8"))
 
-    return _INCLUDE.sub(content, robot.read_text("utf-8"))
+    return _INCLUDE.sub(content, text)
+
+
+def shipped_hand(hand: str) -> str:
+    """Return the block `devices:` of a simulated cell with a shipped hand. Raises UsageError: there is none."""
+    pieces = _pieces()
+    piece = _choose(pieces, "gripper", hand, "--hand")
+    blocks = {name: f"include: sim.yaml#devices/{name}" for name in ("arm", "gripper", "fingers", "hands", "camera")}
+    blocks["gripper"] = piece.simulated
+    return "\ndevices:\n" + _lines(f"{role}:\n{indent(text.strip(), '  ')}" for role, text in blocks.items()) + "\n"
 
 
 def _pieces() -> dict[str, CellPiece]:

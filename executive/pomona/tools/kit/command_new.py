@@ -21,6 +21,7 @@ from pomona.tools.kit.package import EMPTY_TREE, OWN_TREE, PACKAGE, TREE
 from pomona.tools.kit.piece import Piece
 
 GROUP = "pomona.new"
+FROM_FILE = "pomona.new_from_file"  # a kind that is begun from a file: (file, folder, options) -> files, next commands
 KINDS_ELSEWHERE = (
     "arm",
     "cell",
@@ -36,12 +37,14 @@ def add(subparsers: Any) -> None:
     kinds = sorted({point.name for point in entry_points(group=GROUP)} | {"package", "tree"})
     parser = subparsers.add_parser("new", help="create a tree, a package, or a part of a package such as a skill")
     parser.add_argument("kind", type=_kind, choices=kinds)
-    parser.add_argument("name", help="such as Weigh")
+    parser.add_argument("name", help="such as Weigh; of an arm also its URDF: my_arm.urdf")
     about = "folder; an existing package gets the new part, otherwise a package is created"
     parser.add_argument("--into", type=Path, default=Path(), metavar="DIR", help=about)
     for option, about in (("arm", "ur5e"), ("hand", "hand-e"), ("camera", "d435i, or none")):
         shown = f"of a cell with these devices, such as {about}" if "cell" in kinds else argparse.SUPPRESS
         parser.add_argument(f"--{option}", metavar="MODEL", help=shown)
+    about = "of an arm from its URDF: the link that the hand is bolted on" if "cell" in kinds else argparse.SUPPRESS
+    parser.add_argument("--flange", metavar="LINK", help=about)
     parser.set_defaults(main=main)
 
 
@@ -57,14 +60,18 @@ def _kind(word: str) -> str:
 
 def main(options: argparse.Namespace) -> int:
     """Write the new files."""
-    words, following = _words(options.name), ""
+    if Path(options.name).suffix:  # no name, but a file
+        written, commands = _from_file(options)
+        return _report(written, commands)
+    words, commands = _words(options.name), []
+    if options.flange is not None:
+        raise UsageError("--flange belongs to `pomona new arm FILE.urdf`")
     if (options.arm, options.hand, options.camera) != (None, None, None):
         if options.kind != "cell":
             raise UsageError(f"--arm, --hand and --camera belong to `pomona new cell`, not to {options.kind}")
         written, commands = begin_cell(
             options.into / words["name"], options.arm, options.hand, NONE if options.camera is None else options.camera
         )
-        following = "\n      ".join(commands)
     elif options.kind == "package":
         written = begin(options.into / words["name"], words["name"])
     elif options.kind == "tree":
@@ -73,10 +80,22 @@ def main(options: argparse.Namespace) -> int:
         _refuse_taken(options.kind, words)
         (point,) = entry_points(group=GROUP, name=options.kind)
         written = put(point.load(), words, options.into)
+    return _report(written, commands or [_next(written)])
+
+
+def _report(written: list[Path], commands: list[str]) -> int:
     for path in written:
         sys.stdout.write(f"{path}\n")
-    sys.stderr.write(f"next: {following or _next(written)}\n")
+    sys.stderr.write("next: " + "\n      ".join(commands) + "\n")
     return 0
+
+
+def _from_file(options: argparse.Namespace) -> tuple[list[Path], list[str]]:
+    """Begin a kind from a file. Raises UsageError: no file begins this kind."""
+    for point in entry_points(group=FROM_FILE, name=options.kind):
+        begun: tuple[list[Path], list[str]] = point.load()(Path(options.name), options.into, options)
+        return begun
+    raise UsageError(f"'{options.name}' is not a valid name: letters, digits and _, beginning with a letter")
 
 
 def _refuse_taken(kind: str, words: Mapping[str, str]) -> None:

@@ -14,6 +14,7 @@ from pomona.executive.registry import Registry
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import say, seconds
 from pomona.executive.values.installation import installed_trees
+from pomona.tools.scenarios.junit import junit
 from pomona.tools.scenarios.run_scenario import ScenarioResult, run_scenario
 from pomona.tools.scenarios.scenario import is_scenario, read_scenario
 
@@ -24,6 +25,8 @@ def add(subparsers: Any) -> None:
         "test", help="run scenario files: a tree's logic with mocks; report nodes that were never reached"
     )
     parser.add_argument("paths", nargs="+", type=Path, help="scenario files, or folders of them")
+    about = "also write the results as JUnit's XML, for continuous integration"
+    parser.add_argument("--junit", type=Path, metavar="FILE", help=about)
     parser.set_defaults(main=main)
 
 
@@ -34,16 +37,25 @@ def main(options: argparse.Namespace) -> int:
         0 when every case went as expected, else 1.
     """
     console, registry = Screen(), Registry.installed()
-    results = []
+    results: dict[Path, ScenarioResult] = {}
     for path in _scenarios(options.paths):
         scenario = read_scenario(read_text(path), path, registry, tree_folders=[installed_trees()])
         result = run_scenario(scenario, registry)
-        results.append(result)
+        results[path] = result
         _print(console, path, result)
-    cases = [case for result in results for case in result.cases]
+    cases = [case for result in results.values() for case in result.cases]
     failed = sum(not case.passed for case in cases)
     console.print(f"{len(cases) - failed} passed, {failed} failed")
+    if options.junit is not None:
+        _write(options.junit, junit(results.items()))
     return 1 if failed else 0
+
+
+def _write(path: Path, document: bytes) -> None:
+    try:
+        path.write_bytes(document)
+    except OSError as error:
+        raise UsageError(f"--junit: {path}: {error.strerror}") from error
 
 
 def _scenarios(paths: list[Path]) -> list[Path]:

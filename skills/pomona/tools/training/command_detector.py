@@ -16,6 +16,8 @@ from pomona.executive.engine import add_engine_options, open_engine
 from pomona.executive.values.installation import need
 from pomona.executive.values.kinds import Number
 
+USED_SCORE = 0.5  # of a find that counts: the default of `Detect`
+
 
 def add_data(subparsers: Any) -> None:
     """Register `pomona data`."""
@@ -155,7 +157,7 @@ def data_main(options: argparse.Namespace) -> int:
 
 
 def train_main(options: argparse.Namespace) -> int:
-    """Train, write the weights and a report beside the checkpoints; returns 0, or 2 when it cannot start."""
+    """Train, write weights and a report beside the checkpoints; returns 0, 1 (they find nothing) or 2 (no start)."""
     for package in ("torch", "onnx"):
         need(package, "torch", "pomona train")
     from pomona.skills.perception.detection.errors import BadTraining, DetectError
@@ -192,12 +194,18 @@ def train_main(options: argparse.Namespace) -> int:
                 start,
                 options.trunk,
             )
-        write_report(options.out, work / "held_out", work / "report", options.fruit, photographs=photographs)
+        figures = write_report(options.out, work / "held_out", work / "report", options.fruit, photographs=photographs)
     except (DetectError, FruitError) as error:
         sys.stderr.write(f"pomona train: {error}\n")
         return 2
     console.print(f"weights in {options.out}, report in {work / 'report'}")
-    return 0
+    if figures.recall(USED_SCORE) > 0.0:
+        return 0
+    sys.stderr.write(
+        f"pomona train: with the score {USED_SCORE:g} these weights find no fruit in {figures.frames} held-out frames: "
+        "train longer, without --quick, or begin with other weights (--start-from)\n"
+    )
+    return 1
 
 
 def _start(options: argparse.Namespace) -> Path | None:
@@ -208,19 +216,23 @@ def _start(options: argparse.Namespace) -> Path | None:
     from pomona.skills.perception.fruit import load_fruit
     from pomona.tools.training.trunk import load_trunk
 
+    def learns_on(weights: Path | None) -> bool:
+        return weights is not None and isinstance(load_compact(weights)[0], FinderNetwork)
+
     start: Path | None = options.start_from
-    if start is None and options.quick and not options.photos:
-        start = load_fruit(options.fruit).weights or load_fruit("apple").weights
+    if start is not None and not learns_on(start):  # refused before hours of rendering
+        shipped = load_fruit("apple").photo_weights
+        raise BadTraining(f"the finder of {start} cannot be learnt on, that of {shipped} can: --start-from {shipped}")
+    if start is None and (options.quick or options.photos):
+        own = load_fruit(options.fruit)
+        known = [own.photo_weights, own.weights, *([] if options.photos else [load_fruit("apple").photo_weights])]
+        start = next((weights for weights in known if learns_on(weights)), None)
     if start is None and options.photos:
-        start = load_fruit(options.fruit).weights
-        if start is None:
-            raise BadTraining(
-                f"training on photographs needs weights to start from, since boxes give no pose: "
-                f"{options.fruit} has none; train them from rendered frames first, or name some with --start-from"
-            )
-    # Refused before hours of rendering.
-    if start is not None:
-        load_compact(start)
+        raise BadTraining(
+            f"training on photographs needs weights to start from, since boxes give no pose: "
+            f"{options.fruit} has none that can be learnt on; train them from rendered frames first, or name some with "
+            "--start-from"
+        )
     if options.trunk is not None:
         load_trunk(FinderNetwork(), options.trunk)
     return start

@@ -276,7 +276,39 @@ def test_why_names_the_next_step_of_the_tree(show: Show, open_page: Open) -> Non
     page = open_page()
     show.run(JAM)
     expect(page.locator("#why")).to_contain_text("Then the tree went on with The way out.")
-    expect(page.locator("#why")).to_contain_text("✓ Succeeded after 1 failure on the way.")
+    expect(page.locator("#why .verdict")).to_have_text(
+        re.compile(r"^✓ Succeeded after 0\.\d+ s\.$|^✓ Succeeded after \d+ ms\.$")
+    )
+    expect(page.locator("#why")).to_contain_text("1 failure on the way. The latest, at")
+
+
+def test_the_result_stands_before_the_failures_on_the_way(show: Show, open_page: Open) -> None:
+    page = open_page()
+    show.run(JAM)
+    expect(page.locator("#why")).to_contain_text("1 failure on the way")
+    page.evaluate("""async () => {
+        const { page } = await import("/static/page.js");
+        page.live.whole.tables.set("tally", { columns: [], rows: [], caption: "5 of 5 fruit put away" });
+        page.live.whole.failures.push(page.live.whole.failures[0]);
+        page.dirty = true;
+    }""")
+    expect(page.locator("#why .verdict")).to_have_text(re.compile("^✓ Succeeded: 5 of 5 fruit put away after "))
+    expect(page.locator("#why")).to_contain_text("2 failures on the way")
+
+
+def test_outlines_of_an_earlier_picture_are_not_drawn_into_a_newer_one(show: Show, open_page: Open) -> None:
+    page = open_page()
+    drawn = page.evaluate("""async () => {
+        const { CameraView } = await import("/static/pictures.js");
+        const line = { points: [[0, 0], [5, 5]], style: "refined" }, image = "data:image/png;base64,";
+        const look = (t) => ({ t, image, size: [10, 10], caption: `look at ${t}`, lines: [] });
+        const measured = { t: 2, lines: [line], caption: "measured" };
+        const outlines = () => document.querySelectorAll("#camera polyline").length;
+        const count = (views) => { new CameraView().draw(views, null); return outlines(); };
+        return [count([["look", look(1)], ["measured", measured]]), count([["look", look(3)], ["measured", measured]])];
+    }""")
+    assert drawn == [1, 0]
+    expect(page.locator("#camera .caption")).to_have_text("look at 3")
 
 
 def test_a_replay_is_scrubbed_played_and_shared(show: Show, open_page: Open) -> None:
@@ -332,6 +364,49 @@ def test_a_breakpoint_holds_and_is_shown_to_all(show: Show, open_page: Open) -> 
     expect(row(page, "Rest").locator(".detail")).to_have_text("held by a breakpoint")
     page.locator("#control [data-action=resume]").click()
     expect(page.locator("#state")).to_have_text("✓ success")
+
+
+def test_the_next_run_has_the_breakpoints_of_the_last_one(show: Show, open_page: Open) -> None:
+    page = open_page()
+    GATE.set()
+    show.run(HOLD, "a")
+    take_control(page, "ada")
+    expect(page.locator("#state")).to_have_text("✓ success")
+    row(page, "Rest").click()
+    expect(page.locator("#node").get_by_role("button", name="Break before")).to_be_disabled()
+    GATE.clear()
+    show.run(HOLD, "b")
+    row(page, "Rest").click()
+    page.locator("#tree").press("b")
+    expect(page.locator("#breaks")).to_have_text("◉ Breakpoints: before Rest")
+    GATE.set()
+    page.locator("#control [data-action=resume]").click()
+    expect(page.locator("#state")).to_have_text("✓ success")
+    show.run(HOLD, "c")
+    expect(page.locator("#why")).to_contain_text("Paused, at rest: breakpoint before Rest")
+    page.locator("#tree").press("b")
+    page.locator("#control [data-action=resume]").click()
+    expect(page.locator("#state")).to_have_text("✓ success")
+    show.run(HOLD, "d")
+    expect(page.locator("#state")).to_have_text("✓ success")
+
+
+def test_escape_closes_a_comparison_and_the_list_before_it_arms_a_stop(show: Show, open_page: Open) -> None:
+    page = open_page()
+    runner = show.run(HOLD)
+    expect(page.locator("#state")).to_have_text("▶ running")
+    page.locator("#show-runs").click()
+    page.evaluate("document.getElementById('comparison').hidden = false")
+    page.locator("body").press("Escape")
+    expect(page.locator("#comparison")).to_be_hidden()
+    expect(page.locator("#runs-view")).to_be_visible()
+    page.locator("body").press("Escape")
+    expect(page.locator("#run-view")).to_be_visible()
+    assert runner.latched is None
+    page.locator("body").press("Escape")
+    page.locator("body").press("Escape")
+    expect(page.locator("#latched")).to_be_visible()
+    GATE.set()
 
 
 def test_a_question_of_the_tree_is_answered_by_the_operator_in_control(show: Show, open_page: Open) -> None:

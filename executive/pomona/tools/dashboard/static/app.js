@@ -236,13 +236,21 @@ $("share").addEventListener("click", () => {
   const told = `link to ${seconds(page.at ?? page.whole.t)} copied`;
   if (navigator.clipboard) navigator.clipboard.writeText(link).then(() => say(told), () => say(link)); else say(link);
 });
-// Esc closes an open list, a field, an enlarged picture first. With nothing open, two presses or a held key stop.
+// Esc closes an open list, a field, an enlarged picture, a comparison first. With nothing open, two presses or a held key stop.
+function closeOpen() {
+  const listed = !$("runs-view").hidden, compared = listed && !$("comparison").hidden, over = !listed && page.over;
+  if (compared) $("comparison").hidden = true;
+  else if (listed) showRuns(false);
+  else if (over) $("over-close").click();
+  else return closeLarge();
+  return true;
+}
 function escape(event) {
   if ($("keys").open) return;
   if (link.escaped > performance.now() - TWICE) { link.escaped = -Infinity; press("safe_stop"); }
   else if (event.repeat) return;
   else if (event.target.matches("input, select, textarea")) event.target.blur();
-  else if (!closeLarge()) link.escaped = performance.now();
+  else if (!closeOpen()) link.escaped = performance.now();
 }
 document.addEventListener("keydown", (event) => {
   if (event.key === "Escape") { escape(event); return; }

@@ -88,13 +88,16 @@ function endedWords(s, latest) {
   const chain = s.ended.reason ?? latest?.reason ?? null, failed = s.ended.outcome !== "success";
   const name = (path) => s.byPath.get(path)?.name ?? path;
   const hand = s.hand && failed ? h("p", {}, h("b", {}, "In the hand: "), s.hand) : null;
-  if (!chain) return [h("div", { class: "verdict" }, h("b", { class: rank }, state), failed ? "." : " after ", failed ? "" : seconds(s.ended.t), failed ? "" : "; nothing failed on the way."), hand];
+  const done = s.tables.get("tally")?.caption ?? "", count = s.failures.length;
+  const achieved = done ? `: ${done}` : "";
+  if (!chain) return [h("div", { class: "verdict" }, h("b", { class: rank }, state), achieved, failed ? "." : ` after ${seconds(s.ended.t)}; nothing failed on the way.`), hand];
   const leaves = leavesOf(chain), leaf = leaves.at(-1);
-  const lead = [h("b", { class: rank }, state), failed && s.ended.outcome === "failure" && latest ? [" at ", moment(latest.t), ": "] : failed ? ": " : ` after ${s.failures.length} failure${s.failures.length === 1 ? "" : "s"} on the way. The latest: `];
+  const lead = [h("b", { class: rank }, state), failed && s.ended.outcome === "failure" && latest ? [" at ", moment(latest.t), ": "] : failed ? ": " : `${achieved} after ${seconds(s.ended.t)}.`];
   const same = leaves.length === 1 && !chain.causes?.length;
   return [
-    h("div", { class: "verdict" }, lead, verdict(leaf, s)),
-    !failed && latest?.next ? h("p", { class: "muted" }, "At ", moment(latest.t), ". Then the tree went on with ", h("strong", {}, name(latest.next)), ".") : null,
+    h("div", { class: "verdict" }, lead, failed ? verdict(leaf, s) : ""),
+    failed && done ? h("p", {}, done) : null,
+    failed ? null : h("p", { class: "muted" }, `${count} failure${count === 1 ? "" : "s"} on the way. The latest, at `, moment(latest?.t ?? 0), ": ", verdict(leaf, s), latest?.next ? [" Then the tree went on with ", h("strong", {}, name(latest.next)), "."] : ""),
     remedyOf({ failure: leaf.code, error: "EXCEPTION" }[s.ended.outcome]),
     hand,
     same && leaf.message.length < 400 && Object.keys(leaf.data ?? {}).length <= MOST_FACTS ? null : h("details", {}, h("summary", {}, leaves.length === 1 ? "How it came to this" : `How it came to this: ${leaves.length} causes`), h("ol", { class: "chain" }, reasonTree(chain, s))),
@@ -131,7 +134,7 @@ export function drawNode(s, onBreak) {
   const chosen = Boolean(page.selected), path = page.selected ?? s.spans.at(-1)?.path; // until one is chosen, the skill that started last
   const node = path && s.node.get(path);
   const [before, after] = [s.breaks.before.has(path), s.breaks.after.has(path)];
-  const key = `${path}|${chosen}|${node?.tick}|${node?.status}|${node?.feedback}|${s.run?.run}|${s.ports.size}|${before}|${after}|${s.t.toFixed(0)}|${page.recorded}|${s.acts.length}|${holdsControl()}`;
+  const key = `${path}|${chosen}|${node?.tick}|${node?.status}|${node?.feedback}|${s.run?.run}|${s.ports.size}|${before}|${after}|${s.t.toFixed(0)}|${page.recorded}|${s.acts.length}|${Boolean(s.ended)}|${holdsControl()}`;
   if (key === nodeKey || $("node").contains(document.activeElement) && document.activeElement.matches("input")) return; // not while the operator types in it
   nodeKey = key;
   const about = path && s.byPath.get(path);
@@ -140,7 +143,7 @@ export function drawNode(s, onBreak) {
   const { line: from, end_line: to } = about;
   const source = from && s.run.tree_text ? s.run.tree_text.split("\n").slice(from - 1, Math.min(to ?? from, from + 14)).map((text, i) => `${String(from + i).padStart(3)}  ${text}`).join("\n").trimEnd() : "";
   const wires = (title, ports) => (Object.keys(ports ?? {}).length ? [h("h3", {}, title), h("dl", { class: "wires" }, Object.entries(ports).flatMap(([port, wired]) => wiring(s, port, wired)))] : []);
-  const breakButton = (side, set, key) => h("button", { "aria-pressed": set, onclick: () => onBreak(path, side) }, `${set ? "◉" : "○"} Break ${side} (${key})`);
+  const breakButton = (side, set, key) => h("button", { "aria-pressed": set, disabled: Boolean(s.ended), title: s.ended ? "The next run has the breakpoints of this one. They are changed while a run goes on." : "", onclick: () => onBreak(path, side) }, `${set ? "◉" : "○"} Break ${side} (${key})`);
   $("node").replaceChildren(...[
     h("p", { class: "about" }, h("strong", {}, about.name), ` ${about.type === about.name ? about.kind : about.type} `, h("span", { class: "muted" }, path)),
     about.description || about.comment ? h("p", {}, about.description || about.comment) : null,

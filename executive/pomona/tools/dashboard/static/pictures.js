@@ -35,7 +35,8 @@ export class CameraView {
     if (!base) { $("camera").replaceChildren(h("p", { class: "empty" }, "No image yet")); return; }
     const [w, ht] = base.size;
     const svg = svgElement("svg", { viewBox: `0 0 ${w} ${ht}` });
-    for (const [, view] of views) {
+    const shown = views.filter(([, v]) => v.t >= base.t).map(([, v]) => v); // outlines of an earlier picture are not in this one
+    for (const view of shown) {
       for (const line of view.lines ?? []) {
         for (const run of runs(line.points)) {
           const shape = svgElement(line.closed ? "polygon" : "polyline", { points: run.map((p) => p.join(",")).join(" "), class: `line ${LINE.has(line.style) ? line.style : "found"}` });
@@ -47,7 +48,7 @@ export class CameraView {
         if (p[0] !== null) svg.append(svgElement("circle", { cx: p[0], cy: p[1], r: Math.max(2.5, w / 240), class: "keypoint" }));
       }
     }
-    const captions = views.map(([, v]) => v.caption).filter(Boolean).join(" · ");
+    const captions = shown.map((v) => v.caption).filter(Boolean).join(" · ");
     const source = base.image.startsWith("/api/") ? withToken(base.image).href : base.image;
     const look = [h("img", { src: source, alt: `camera image. ${captions}` }), svg];
     $("camera").replaceChildren(h("div", { class: "picture" }, live ? [this.live, h("div", { class: "inset" }, look)] : look), h("p", { class: "caption", title: captions }, captions));

@@ -1,0 +1,235 @@
+"""`pomona new arm FILE.urdf`: its cell passes the check, the hand stands where the shipped one does, and it picks."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+import pytest
+
+from pomona.executive.cell.cell_file import read_cell_file
+from pomona.executive.cli import main
+from pomona.executive.errors import UsageError
+from pomona.executive.values.installation import installed_trees
+from pomona.skills.motion.collision import CollisionWorld
+from pomona.skills.motion.robot import RobotModel
+from pomona.tools.own_arm.arm_urdf import read_arm
+from pomona.tools.own_arm.flange import choose_flange
+
+JOINTS = (  # of an arm as large as a UR5e: place in the link before it, axis, radius and end of its tube [m]
+    ("pan", "0 0 0.16", "0 0 1", 0.06, (0.0, 0.0, -0.03)),
+    ("lift", "0 0.13 0", "0 1 0", 0.05, (0.425, 0.0, 0.0)),
+    ("elbow", "0.425 -0.12 0", "0 1 0", 0.045, (0.39, 0.0, 0.0)),
+    ("bend", "0.39 0 0", "0 1 0", 0.04, (0.0, 0.11, 0.0)),
+    ("turn", "0 0.12 0", "0 0 -1", 0.04, (0.0, 0.0, -0.09)),
+    ("roll", "0 0 -0.1", "0 1 0", 0.035, (0.0, 0.08, 0.0)),
+)
+FLANGE = '<origin xyz="0 0.1 0" rpy="-1.5707963 0 0"/>'  # z along the last joint
+
+
+def link(name: str, radius: float, end: tuple[float, float, float], mass: str = "2") -> str:
+    pitch, length = np.arctan2(np.hypot(*end[:2]), end[2]), np.linalg.norm(end)
+    middle = " ".join(f"{x / 2:g}" for x in end)
+    turn = f"0 {pitch:g} {np.arctan2(end[1], end[0]):g}"
+    weight = (
+        f'<inertial><mass value="{mass}"/><inertia ixx=".02" iyy=".02" izz=".02" ixy="0" ixz="0" iyz="0"/></inertial>'
+    )
+    shape = f'<geometry><cylinder radius="{radius}" length="{length:g}"/></geometry>'
+    return (
+        f'<link name="{name}">{weight if mass else ""}'
+        f'<collision><origin xyz="{middle}" rpy="{turn}"/>{shape}</collision></link>'
+    )
+
+
+def joint(name: str, kind: str, parent: str, child: str, inside: str) -> str:
+    return f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{inside}</joint>'
+
+
+def urdf(*, mass: str = "2", flange: str = "tool0", kind: str = "revolute", more: str = "") -> str:
+    parts, parent = ['<robot name="bench"><link name="base_link"/>'], "base_link"
+    for name, at, axis, radius, end in JOINTS:
+        parts.append(link(f"{name}_link", radius, end, mass))
+        limit = '<limit lower="-6.28" upper="6.28" velocity="3" effort="150"/>'
+        inside = f'<origin xyz="{at}"/><axis xyz="{axis}"/>{limit}'
+        parts.append(joint(name, kind, parent, f"{name}_link", inside))
+        parent = f"{name}_link"
+    parts.append(f'<link name="{flange}"/>{joint("end", "fixed", parent, flange, FLANGE)}')
+    return "".join([*parts, more, "</robot>"])
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("arms")
+    (folder / "My-Arm.urdf").write_text(urdf())
+    assert main(["new", "arm", str(folder / "My-Arm.urdf"), "--into", str(folder)]) == 0
+    return folder / "my_arm" / "cell.yaml"
+
+
+def test_the_written_cell_passes_the_check_of_a_pick(cell, capsys):
+    assert main(["check", "pick_apple", "--cell", str(cell)]) == 0
+    assert "nothing is wrong" in capsys.readouterr().out
+
+
+def test_the_hand_stands_where_that_of_the_shipped_arm_does(cell):
+    written, sim = read_cell_file(cell), read_cell_file(installed_trees() / "cells" / "sim.yaml")
+    arm, shipped = (RobotModel.load(of.section.world.values.robot) for of in (written, sim))
+    assert set(written.workspace.poses) == set(sim.workspace.poses)
+    for name, q in written.workspace.poses.items():
+        T, wanted = arm.fk(q), shipped.fk(sim.workspace.poses[name])
+        assert np.allclose(T[:3, 3], wanted[:3, 3], atol=1e-3), name
+        assert name == "home" or np.allclose(T, wanted, atol=1e-3), name  # a rest pose may be turned
+
+
+def test_the_poses_are_free_and_within_the_limits(cell):
+    written = read_cell_file(cell)
+    arm = RobotModel.load(written.section.world.values.robot)
+    q = np.array(list(written.workspace.poses.values()))
+    assert np.all((arm.lower <= q) & (q <= arm.upper))
+    assert CollisionWorld.build(arm, written.workspace).free(q, arm.width_max).all()
+
+
+def test_the_simulated_arm_has_the_masses_and_the_geometry_of_the_file(cell):
+    model = mujoco.MjModel.from_xml_path(str(cell.parent / "robot.xml"))
+    links = [f"{name}_link" for name, *_ in JOINTS]
+    assert [float(model.body(name).mass[0]) for name in links] == pytest.approx([2.0] * 6)
+    elbow = next(row for row in JOINTS if row[0] == "elbow")
+    assert model.geom("shape_3_0").size[:2] == pytest.approx([elbow[3], 0.5 * elbow[4][0]])
+    assert model.numeric("arm_velocity").data == pytest.approx([3.0] * 6)
+
+
+def test_every_part_is_weightless_in_the_drives_so_the_arm_stays_at_home(cell):
+    model = mujoco.MjModel.from_xml_path(str(cell.parent / "robot.xml"))
+    data = mujoco.MjData(model)
+    home = read_cell_file(cell).workspace.poses["home"]
+    data.qpos[:6], data.ctrl[:6] = home, home
+    for _ in range(500):
+        mujoco.mj_step(model, data)
+    assert data.qpos[:6] == pytest.approx(home, abs=1e-3)
+
+
+def test_another_shipped_hand_is_bolted_on(tmp_path):
+    (tmp_path / "arm.urdf").write_text(urdf())
+    assert main(["new", "arm", str(tmp_path / "arm.urdf"), "--into", str(tmp_path), "--hand", "hand-e"]) == 0
+    assert main(["check", "pick_apple", "--cell", str(tmp_path / "arm" / "cell.yaml")]) == 0
+    assert "force_max: 50 N" in (tmp_path / "arm" / "cell.yaml").read_text()
+
+
+def test_a_second_time_nothing_is_overwritten(cell, capsys):
+    before = cell.read_bytes()
+    assert main(["new", "arm", str(cell.parents[1] / "My-Arm.urdf"), "--into", str(cell.parents[1])]) == 2
+    assert "there already. Nothing was written" in capsys.readouterr().err
+    assert cell.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("<mujoco/>", "it has no element <robot>"),
+        ("<robot", "it has no element <robot>"),
+        (
+            urdf().replace('velocity="3"', 'velocity="${v}"', 1),
+            "'pan': velocity",
+        ),
+        (urdf().replace('upper="6.28"', 'upper="-9"', 1), "'pan' needs a range"),
+        (urdf().replace("<collision>", "<visual>", 1).replace("</collision>", "</visual>", 1), "no collision geometry"),
+        (urdf(kind="fixed"), "--flange LINK names its end"),
+        (urdf().replace('name="pan" type="revolute"', 'name="pan" type="fixed"'), "5 joints lead"),
+        (urdf().replace('velocity="3" effort="150"/>', 'velocity="3" effort="150"/><mimic joint="pan"/>', 2), "joints"),
+    ],
+)
+def test_a_file_that_cannot_be_used_is_refused_with_the_reason_and_nothing_is_written(text, words, tmp_path, capsys):
+    (tmp_path / "arm.urdf").write_text(text)
+    assert main(["new", "arm", str(tmp_path / "arm.urdf"), "--into", str(tmp_path)]) == 2
+    assert words in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["arm.urdf"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["arm", "no.urdf"], "there is no such file"),
+        (["arm", "arm.urdf", "--flange", "wrist"], "has no link 'wrist'"),
+        (["arm", "arm.urdf", "--hand", "tentacle"], "no 'tentacle' is known"),
+        (["arm", "arm.urdf", "--arm", "ur5e"], "belong to `pomona new cell`"),
+        (["skill", "arm.urdf"], "not a valid name"),
+        (["arm", "Reacher", "--flange", "tool0"], "belongs to `pomona new arm FILE.urdf`"),
+    ],
+)
+def test_wrong_options_are_refused(words, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("arm.urdf").write_text(urdf())
+    assert main(["new", *words]) == 2
+    assert said in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["arm.urdf"]
+
+
+FINGERS = "".join(
+    f'<link name="{side}"/>'
+    + joint(side, "prismatic", "palm", side, '<limit lower="0" upper="0.04" velocity="1" effort="9"/>')
+    for side in ("left", "right")
+)
+PALM = '<link name="palm"/>' + joint("palm", "fixed", "{flange}", "palm", "") + FINGERS
+
+
+@pytest.mark.parametrize(
+    ("flange", "chosen"), [("tool0", "tool0"), ("panda_link8", "panda_link8"), ("plate", "roll_link")]
+)
+def test_the_hand_of_the_file_is_left_off_at_its_flange(flange, chosen, tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(urdf(flange=flange, more=PALM.format(flange=flange)))
+    assert choose_flange(ElementTree.parse(path).getroot(), None) == chosen
+    arm = read_arm(path)
+    assert arm.dof == 6
+    assert any("left, right" in sentence for sentence in arm.assumed)
+
+
+def test_a_flange_whose_x_axis_leads_on_is_turned(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(urdf(flange="ee_link").replace("-1.5707963 0 0", "0 0 1.5707963"))
+    arm = read_arm(path)
+    assert arm.T_link_hand[:3, 2] == pytest.approx([0.0, 0.0, 1.0], abs=1e-6)
+    assert any("the x axis of 'ee_link'" in sentence for sentence in arm.assumed)
+
+
+def test_links_without_a_mass_get_one_and_the_page_names_them(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(urdf(mass=""))
+    arm = read_arm(path)
+    assert all(0.1 <= body.mass < 20.0 for body in arm.masses)
+    assert sum("No mass is stated of" in sentence for sentence in arm.assumed) == 6
+
+
+def test_a_joint_without_limits_turns_once_to_each_side(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(urdf(kind="continuous"))
+    assert read_arm(path).description.endless.all()
+    assert main(["new", "arm", str(path), "--into", str(tmp_path)]) == 0
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "arm" / "robot.xml"))
+    assert model.joint("roll").range == pytest.approx([-2 * np.pi, 2 * np.pi])
+
+
+def test_an_arm_that_is_too_short_is_refused(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(urdf().replace("0.425 -0.12 0", "0.1 -0.12 0").replace("0.39 0 0", "0.1 0 0"))
+    with pytest.raises(UsageError, match="reaches neither the pose home nor observe"):
+        main_raising(path, tmp_path)
+
+
+def main_raising(path: Path, into: Path) -> None:
+    from argparse import Namespace
+
+    from pomona.tools.own_arm.command import begin_arm
+
+    begin_arm(path, into, Namespace(arm=None, hand=None, camera=None, flange=None))
+
+
+@pytest.mark.slow
+def test_an_apple_is_picked(cell, tmp_path):
+    record = tmp_path / "record"
+    words = ["run", "pick_apple", "--cell", str(cell), "--seed", "3", "--record", str(record)]
+    assert main(words) == 0
+    summary = json.loads(next(record.rglob("summary.json")).read_text())
+    assert summary["truth"]["lifted"] is True
