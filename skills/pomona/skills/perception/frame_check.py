@@ -54,6 +54,7 @@ class SeenTable:
     points: int  # number of depth pixels that lie on it, of those that were used
     allowed: float  # height that a sound cell may show at this distance [m]
     height_ratio: float  # error of the depth, of itself, that would show a level table at this height
+    planes: Float64  # the seen plane and the expected one in the camera frame, as `Plane` has them, shape (2, 4)
 
     @property
     def allowed_tilt(self) -> float:
@@ -121,7 +122,8 @@ def view_table(
     # standard deviations of the depth's common error that the height may deviate in addition
     allowed = HEIGHT + 2.0 * errs.of_the_whole(distance) * distance
     seen = float(middle @ normal)
-    return SeenTable(seen + offset, tilt, distance, int(on_it.sum()), allowed, -(seen + offset) / offset)
+    planes = np.array([[*plane[0], plane[1]], [*normal, offset]])
+    return SeenTable(seen + offset, tilt, distance, int(on_it.sum()), allowed, -(seen + offset) / offset, planes)
 
 
 Plane = tuple[Float64, float]  # unit normal towards the camera, shape (3,), and offset [m]: normal · p + offset = 0
