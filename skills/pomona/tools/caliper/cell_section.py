@@ -15,7 +15,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from pomona.drivers.interfaces import Camera, Gripper
+from pomona.drivers.interfaces import Camera, ForceSensor, Gripper
 from pomona.drivers.services import ConnectContext
 from pomona.executive.cell.cell_file import CellFile
 from pomona.executive.cell.device import Device
@@ -57,9 +57,9 @@ class CaliperOptions:
                 yield Problem(upper, words, f"the order is {' ≤ '.join(LIMITS)}")
 
     def fits(self, around: Surroundings) -> Iterator[Problem]:
-        for interface in (Camera, Gripper):
+        for interface, name in ((Camera, "camera"), (Gripper, "gripper"), (ForceSensor, "force finger")):
             if not any(interface in device.interfaces for device in around.above.values()):
-                yield Problem("driver", f"it needs a {interface.__name__.lower()} above it")
+                yield Problem("driver", f"it needs a {name} above it: touches of each pad are compared with looks")
 
 
 @driver(Caliper, CaliperOptions)

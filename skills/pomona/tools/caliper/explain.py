@@ -29,10 +29,11 @@ def explain(record: Path) -> str:
         return ""
     found = estimate(read.picks)
     own = [pick for pick in read.picks if pick.name.startswith(f"{record.name} ")]
-    return " ".join(filter(None, (find_error(found).sentence, next_picks(found), _widths(own, found))))
+    return " ".join(filter(None, (find_error(found).sentence, next_picks(found), describe_widths(own, found))))
 
 
-def _widths(picks: Sequence[Pick], found: CameraErrors) -> str:
+def describe_widths(picks: Sequence[Pick], found: CameraErrors) -> str:
+    """Return a sentence with the width of each fruit that both pads felt, fused with the camera's; or an empty text."""
     felt = [pick for pick in picks if np.isfinite(pick.wider) and not pick.plain]
     words = []
     for pick in felt:

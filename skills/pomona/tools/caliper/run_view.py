@@ -114,7 +114,7 @@ class CameraWords:
 
     def _work(self) -> None:
         from pomona.tools.caliper.estimate import estimate
-        from pomona.tools.caliper.explain import add_back
+        from pomona.tools.caliper.explain import add_back, describe_widths
         from pomona.tools.caliper.findings import find_error
         from pomona.tools.caliper.records import Picks
 
@@ -129,5 +129,7 @@ class CameraWords:
                 past = [run for run in in_order(beside, lambda run: run.name) if run.name != self._run]
             for _ in add_back(read, past, noted=True):
                 pass
-            finding = find_error(estimate(read.picks))
-            self._ready.put((finding.is_off, finding.sentence))
+            found = estimate(read.picks)
+            finding, last = find_error(found), [pick for pick in read.picks if pick.name == self._own[count - 1][0]]
+            words = filter(None, (finding.sentence, describe_widths(last, found)))
+            self._ready.put((finding.is_off, " ".join(words)))

@@ -22,6 +22,7 @@ world: {{driver: mock}}
 devices:
   arm: {{driver: mock-arm}}
   gripper: {{driver: mock-gripper}}
+  fingers: {{driver: mock-fingers}}
   camera: {camera}
   caliper: {{driver: caliper{options}}}
 """
@@ -84,7 +85,7 @@ def test_a_camera_that_is_off_is_warned_of_and_then_makes_runs_slow(
 def test_farther_off_a_run_needs_somebody_who_has_looked(tmp_path: Path):
     lab = Lab(tmp_path)
     lab.pick(14e-3)
-    with pytest.raises(UsageError, match=r"cell.yaml:8.*(?s:.)*`--cleared` confirms"):
+    with pytest.raises(UsageError, match=r"cell.yaml:9.*(?s:.)*`--cleared` confirms"):
         lab.admit()
     assert lab.admit(cleared=True).speed == 0.3
 

@@ -16,6 +16,7 @@ world: {driver: mock}
 devices:
   arm: {driver: mock-arm}
   gripper: {driver: mock-gripper}
+  fingers: {driver: mock-fingers}
   camera: {driver: mock-camera}
 """
 
@@ -49,12 +50,14 @@ def test_limits_stand_in_the_cell_file_with_defaults(tmp_path: Path):
 def test_a_wrong_limit_is_refused_at_its_place(tmp_path: Path, options: str, why: str):
     with pytest.raises(CellFileError, match=why) as caught:
         read_cell_file(written(tmp_path, DEVICES + f"  caliper:\n    driver: caliper\n    {options}\n"))
-    assert caught.value.line == 10
+    assert caught.value.line == 11
     assert caught.value.column >= 5
 
 
-@pytest.mark.parametrize("lacking", ["gripper", "camera"])
-def test_a_cell_without_looks_or_fingers_cannot_have_it(tmp_path: Path, lacking: str):
+@pytest.mark.parametrize(
+    ("lacking", "name"), [("gripper", "gripper"), ("camera", "camera"), ("fingers", "force finger")]
+)
+def test_a_cell_without_looks_or_fingers_cannot_have_it(tmp_path: Path, lacking: str, name: str):
     text = "".join(line for line in DEVICES.splitlines(keepends=True) if f"  {lacking}:" not in line)
-    with pytest.raises(CellFileError, match=f"needs a {lacking} above it"):
+    with pytest.raises(CellFileError, match=f"needs a {name} above it"):
         read_cell_file(written(tmp_path, text + "  caliper: {driver: caliper}\n"))

@@ -60,6 +60,7 @@ def test_the_terminal_and_the_page_get_the_sentence_after_each_pick(tmp_path: Pa
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 8
     assert "(1 pick)" in lines[0]
+    assert "Width of the fruit between the fingers: 80." in lines[0]
     assert "mm to the right of where the cell file has it" in lines[-1]
     assert "(8 picks)" in lines[-1]
     tables = [event.value for event in page.seen if isinstance(event, Published)]
