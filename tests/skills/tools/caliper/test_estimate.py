@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from pomona.tools.caliper.estimate import PRIOR, SHOWN, estimate, residuals
-from tests.skills.tools.caliper.synthetic import made_pick, made_picks
+from tests.skills.tools.caliper.synthetic import looked, made_pick, made_picks
 
 WITHIN_90 = 1.645  # of a normal distribution, standard deviations
 
@@ -77,24 +77,6 @@ def test_no_pick_is_no_estimate():
         estimate([])
 
 
-def looked(picks, error, table_error=0.0):
-    """The same picks with a level table 40 mm below each fruit's centre, which the camera's error has moved."""
-    from dataclasses import replace
-
-    from scipy.spatial.transform import Rotation
-
-    R, t = Rotation.from_rotvec(error[3:6]).as_matrix(), error[:3]
-    found = []
-    for pick in picks:
-        stated = np.array([0.0, 0.0, -1.0, 0.55 + table_error])
-        # a point q of the seen table lies really at R q + t + κ q; real n · (R q + t + κ q) + d = 0
-        normal = (R + error[6] * np.eye(3)).T @ np.array([0.0, 0.0, -1.0])
-        offset = 0.55 - t[2]
-        seen = np.append(normal, offset) / np.linalg.norm(normal)
-        found.append(replace(pick, table=np.array([seen, stated])))
-    return found
-
-
 def test_the_table_shows_height_and_tilts_that_level_fingers_do_not():
     error = np.array([5e-3, -4e-3, 8e-3, *np.radians([0.8, -0.6, 0.0]), 0.0, 0.0])
     picks = made_picks(np.random.default_rng(0), error, 12)
@@ -108,5 +90,5 @@ def test_the_table_shows_height_and_tilts_that_level_fingers_do_not():
 
 def test_a_table_that_is_wrong_in_the_cell_file_counts_once():
     picks = made_picks(np.random.default_rng(0), np.zeros(8), 40)
-    found = estimate(looked(picks, np.zeros(8), table_error=1e-3))
+    found = estimate(looked(picks, np.zeros(8), (1e-3, 0.0, 0.0)))
     assert np.sqrt(found.covariance[2, 2]) > 0.9e-3
