@@ -4,8 +4,8 @@
 
 Picks are drawn, not simulated: the model's own noise, the fingers in all azimuths, a camera 0.4 to 0.6 m above the
 fruit. Each look shows the table, whose height and tilts in the cell file are off by 1 mm and 0.15° (standard
-deviations). After each pick the estimate is made of all picks so far, as `pomona explain` makes it. Good cells have errors
-up to 0.5 mm and 0.05°; one fruit in 30 is pushed by 4 to 10 mm where the row has pushed fruit.
+deviations). After each pick the estimate is made of all picks so far, as `pomona explain` makes it. Good cells have
+errors up to 0.5 mm and 0.05°; one fruit in 30 is pushed by 4 to 10 mm where the row has pushed fruit.
 """
 
 from __future__ import annotations
@@ -53,9 +53,7 @@ def main() -> None:
         at = np.sort(first)[[len(first) // 2, int(0.9 * len(first))]]
         share = 100.0 * np.mean(first <= WITHIN)
         print(f"{name:<30} {share:12.0f} % {at[0]:11.0f} {at[1]:6.0f} {np.isinf(first).sum():7}")
-    print(
-        "cells up to 25 mm, 3° and 3 % off, level fingers: left after 30 picks; median, 90 %; 90 % intervals that hold"
-    )
+    print("cells up to 25 mm, 3°, 3 % off: left after 30 level picks (median, 90 %); 90 % intervals that hold")
     for name, with_table in (("touches alone", False), ("touches and table", True)):
         left, held = zip(*(_left(options.seed, k, with_table) for k in range(options.cells)), strict=True)
         at = np.sort(np.array(left), axis=0)[[options.cells // 2, int(0.9 * options.cells)]] * [1e3, 180.0 / np.pi, 1e2]

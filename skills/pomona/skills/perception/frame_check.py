@@ -57,11 +57,6 @@ class SeenTable:
     planes: Float64  # the seen plane and the expected one in the camera frame, as `Plane` has them, shape (2, 4)
 
     @property
-    def allowed_tilt(self) -> float:
-        """Tilt that a sound cell may show [rad]."""
-        return float(TILT)
-
-    @property
     def deviation(self) -> float:
         """The larger of height and tilt, each in units of its tolerance."""
         return float(max(abs(self.height) / self.allowed, self.tilt / TILT))
@@ -364,7 +359,7 @@ def pose_problem(view: SeenTable) -> FrameProblem | None:
     return FrameProblem(
         POSE_MISMATCH,
         f"{view.sentence}; the camera's pose or the table's height in the cell file is wrong"
-        f"{scale if view.tilt < 0.5 * view.allowed_tilt else ''}. "
+        f"{scale if view.tilt < 0.5 * TILT else ''}. "
         "Measure the table, or run `pomona calibrate hand-eye` or `pomona calibrate depth`",
         _data(view),
     )
@@ -410,6 +405,6 @@ def _data(view: SeenTable | None) -> dict[str, float]:
             "height_m": round(view.height, 4),
             "tilt_rad": round(view.tilt, 4),
             "allowed_m": round(view.allowed, 4),
-            "allowed_rad": round(view.allowed_tilt, 4),
+            "allowed_rad": round(float(TILT), 4),
         }
     )

@@ -33,18 +33,7 @@ def record_touches(
     workspace = skill.optional_device(Workspace)
     seen = None if workspace is None else frame_view(fruit.frame, fruit.T_base_camera, workspace)
     T_base_tcp = RobotModel.load(arm.description).tcp(arm.state().q)
-    touches = PickTouches(
-        fruit.fruit.name,
-        left,
-        right,
-        closed,
-        T_base_tcp,
-        fruit.T_base_fruit,
-        fruit.T_base_camera,
-        fruit.frame.T_mount_camera,
-        fruit.frame.q is not None,
-        fruit.dimensions,
-        skin_along(fruit_points(fruit), T_base_tcp),
-        None if seen is None else seen.planes,
-    )
-    skill.publish(TOPIC, touches)
+    camera = fruit.T_base_camera, fruit.frame.T_mount_camera, fruit.frame.q is not None
+    shape = fruit.dimensions, skin_along(fruit_points(fruit), T_base_tcp), None if seen is None else seen.planes
+    name, T_base_fruit = fruit.fruit.name, fruit.T_base_fruit
+    skill.publish(TOPIC, PickTouches(name, left, right, closed, T_base_tcp, T_base_fruit, *camera, *shape))

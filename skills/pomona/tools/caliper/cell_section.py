@@ -1,4 +1,4 @@
-"""`driver: caliper` in a cell file: what follows when picks show that the camera is not where the cell file has it.
+"""`driver: caliper` in a cell file: the answers when picks show that the camera is not where the cell file has it.
 
     devices:
       …
