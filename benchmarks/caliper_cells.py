@@ -4,14 +4,16 @@
 
 Each cell draws one error of the camera's pose, uniform up to ± shift along and ± turn about each of its axes, and one
 of the depth's scale. Its picks draw the fruit and the place. Each pick is one try: one look and one attempt. A line of
-OUT is one pick; `bench_caliper --from OUT.jsonl` judges them.
+OUT is one pick. At the end the errors that are left after the picks of each cell are printed; `--picks 0` prints them
+for the lines that are in OUT already.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,6 +29,9 @@ from pomona.executive.files import find_cell, find_tree
 from pomona.executive.running.events import Event, NodeChanged, Published
 from pomona.executive.running.runner import Runner
 from pomona.executive.values.arrays import Float64
+from pomona.tools.caliper.estimate import estimate
+from pomona.tools.caliper.pick import UnusableTouches, pick_from
+from pomona.tools.caliper.sizes import fused_width
 
 
 class Misplaced:
@@ -127,8 +132,8 @@ def drawn(rng: np.random.Generator, shift: float, turn: float, depth: float) -> 
     return rng.uniform(-1.0, 1.0, 8) * [*[shift] * 3, *[turn] * 3, depth, 0.0]
 
 
-def main(make: Callable[[np.random.Generator], dict[str, str]] | None = None) -> None:
-    """Run the picks."""
+def main() -> None:
+    """Run the picks and judge them."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path)
     parser.add_argument("--cell", default="sim")
@@ -155,6 +160,39 @@ def main(make: Callable[[np.random.Generator], dict[str, str]] | None = None) ->
                 row |= {"cell": number, "speed": options.speed, "error": error.tolist(), **fruit}
                 out.write(json.dumps(row) + "\n")
                 out.flush()
+    rows = [json.loads(line) for line in options.out.read_text(encoding="utf-8").splitlines()]
+    print("\n".join(judge(rows)))
+
+
+def judge(rows: list[dict[str, Any]]) -> Iterator[str]:
+    """Yield a line for each cell: what its picks leave of its error, and the largest force."""
+    for number in sorted({row["cell"] for row in rows}):
+        own = [row for row in rows if row["cell"] == number and "refused" not in row]
+        error, picks, widths = np.array(own[0]["error"]), [], []
+        for k, row in enumerate(own):
+            for touches in row["touches"]:
+                with contextlib.suppress(UnusableTouches):
+                    picks.append(pick_from(touches, f"pick {k}"))
+                    widths.append(float(row["truth"]["dimensions_m"][0]))
+        force = max(max(row["pad_n"], row["other_n"]) for row in own)
+        words = f"cell {number}: {len(own)} tries, {len(picks)} usable picks, largest force {force:.1f} N"
+        if picks:
+            found = estimate(picks)
+            before, left = (_off(found.centre, rest) for rest in (error, error - found.error))
+            held = int((np.abs((error - found.error)[:7]) < 1.645 * found.std[:7]).sum())
+            fused = [fused_width(pick, found)[0] - width for pick, width in zip(picks, widths, strict=True)]
+            alone = [pick.across - width for pick, width in zip(picks, widths, strict=True)]
+            words += f"; off by {before} before, {left} after; {held} of 7 intervals hold; width"
+            words += (
+                f" {1e3 * np.median(np.abs(alone)):.2f} mm by the camera, {1e3 * np.median(np.abs(fused)):.2f} fused"
+            )
+        yield words
+
+
+def _off(centre: Float64, error: Float64) -> str:
+    place = error[:3] + np.cross(error[3:6], centre) + error[6] * centre
+    turn = np.degrees(np.linalg.norm(error[3:6]))
+    return f"{1e3 * np.linalg.norm(place):.1f} mm {turn:.2f}° {1e2 * error[6]:+.2f} %"
 
 
 if __name__ == "__main__":
