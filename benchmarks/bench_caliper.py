@@ -14,6 +14,7 @@ import argparse
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
 from pomona.tools.caliper.estimate import PRIOR, TABLE_HEIGHT, TABLE_TILT, estimate
@@ -55,19 +56,19 @@ def main() -> None:
         print(f"{name:<30} {share:12.0f} % {at[0]:11.0f} {at[1]:6.0f} {np.isinf(first).sum():7}")
     print("cells up to 25 mm, 3°, 3 % off: left after 30 level picks (median, 90 %); 90 % intervals that hold")
     for name, with_table in (("touches alone", False), ("touches and table", True)):
-        left, held = zip(*(_left(options.seed, k, with_table) for k in range(options.cells)), strict=True)
+        left, kept = zip(*(_left(options.seed, k, with_table) for k in range(options.cells)), strict=True)
         at = np.sort(np.array(left), axis=0)[[options.cells // 2, int(0.9 * options.cells)]] * [1e3, 180.0 / np.pi, 1e2]
         words = ", ".join(f"{at[0, i]:.2f} {at[1, i]:.2f} {unit}" for i, unit in enumerate(("mm", "°", "%")))
-        print(f"{name:<30} {words:>45} {100.0 * np.mean(held):8.0f} %")
+        print(f"{name:<30} {words:>45} {100.0 * np.mean(kept):8.0f} %")
     print("width of picked fruit, median error [mm]: camera alone, fused; 90 % intervals that hold")
     for count in (1, 5, options.picks):
-        rows = np.vstack([_widths(options.seed, k, count) for k in range(options.cells)])
-        alone, fused = 1e3 * np.median(np.abs(rows[:, :2]), axis=0)
-        held = 100.0 * np.mean(np.abs(rows[:, 1]) < Z_90 * rows[:, 2])
+        widths = np.vstack([_widths(options.seed, k, count) for k in range(options.cells)])
+        alone, fused = 1e3 * np.median(np.abs(widths[:, :2]), axis=0)
+        held = 100.0 * np.mean(np.abs(widths[:, 1]) < Z_90 * widths[:, 2])
         print(f"after {count:2} picks {alone:28.2f} {fused:8.2f} {held:8.0f} %")
 
 
-def _left(seed: int, number: int, with_table: bool) -> tuple[Float64, Float64]:
+def _left(seed: int, number: int, with_table: bool) -> tuple[Float64, NDArray[np.bool_]]:
     """Return the rest of a cell's error after 30 picks, and which intervals of the seven errors hold, shape (7,).
 
     The rest: the farthest that a fruit within 0.15 m of the centre lies off [m], the turn [rad], the depth's scale.

@@ -43,7 +43,7 @@ class Misplaced:
 
         true = np.eye(4)
         true[:3, :3], true[:3, 3] = Rotation.from_rotvec(error[3:6]).as_matrix(), error[:3]
-        self._stated: Float64 = np.linalg.inv(true)
+        self._stated = np.asarray(np.linalg.inv(true), np.float64)
         self._scale = np.float32(1.0 / (1.0 + error[6]))
         self._newest: dict[tuple[int, ...], tuple[Frame, Frame]] = {}
 

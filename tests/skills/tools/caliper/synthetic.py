@@ -59,7 +59,9 @@ def made_picks(rng: np.random.Generator, error: np.ndarray, count: int, **how: A
     return [made_pick(rng, error, name=f"pick {i}", **how) for i in range(count)]
 
 
-def looked(picks: Sequence[Pick], error: np.ndarray, wrong: Sequence[float] = (0.0, 0.0, 0.0)) -> list[Pick]:
+def looked(
+    picks: Sequence[Pick], error: np.ndarray, wrong: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
+) -> list[Pick]:
     """The same picks with looks at a level table 0.55 m below the camera, under an error of the camera.
 
     Args:
