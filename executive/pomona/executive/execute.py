@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError, entry_points, version
 from pathlib import Path
 
 from pomona.executive.board import Board
@@ -162,11 +162,19 @@ def execute(
     # No other run may start between the check of the last run's end and the start of this one.
     with alone_on(order.cell, ready.cell.kind, ready.cell.wires()):
         if order.tree.resolve() != _recovery():
-            _after_cut(order, followers)
+            ready = replace(ready, order=admitted(order, ready.cell))
+            _after_cut(ready.order, followers)
         try:
             return _run_on_cell(ready, followers)
         finally:
             give_back_memory()
+
+
+def admitted(order: RunOrder, cell: CellFile) -> RunOrder:
+    """Return the order as packages admit it, perhaps slower. Raises UsageError: one refuses it; nothing has moved."""
+    for point in entry_points(group="pomona.admissions"):
+        order = point.load()(order, cell)
+    return order
 
 
 run_tree = execute

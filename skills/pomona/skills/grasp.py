@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
 
 from pomona.drivers.errors import MotionRefused
-from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, GripperLimits, GripperState, MotionState
+from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, GripperLimits, GripperState, MotionState, Workspace
 from pomona.drivers.plain_hand import between, gone
 from pomona.executive.ports import FORCE, LENGTH, SPEED, TIME, Force, Length, Port, Speed, Time
 from pomona.executive.skill import CellFacts, Work
@@ -42,7 +42,7 @@ class Grasp(MovingSkill):
     """
 
     devices = (Gripper,)
-    optional_devices = (*MovingSkill.optional_devices, Arm)  # its pose is recorded with the touches
+    optional_devices = (*MovingSkill.optional_devices, Arm, Workspace)  # recorded with the touches
     moves = (Gripper,)
     failures = (*MOTION_FAILURES, "NO_CONTACT", "TOO_WIDE", "LOST")
 

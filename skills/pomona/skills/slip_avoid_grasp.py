@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
-from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, SampleRate
+from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, SampleRate, Workspace
 from pomona.executive.ports import FORCE, LENGTH, STIFFNESS, Force, Length, Outputs, Port, Ratio, Stiffness
 from pomona.executive.skill import CellFacts, Interrupted, Skill, SkillFailure, Work
 from pomona.executive.values.sections import Problem
@@ -34,7 +34,7 @@ class SlipAvoidGrasp(Skill):
     """Close on the fruit with the minimum force that holds it; the grip continues after this node."""
 
     devices = (Gripper, ForceSensor)
-    optional_devices = (Arm,)  # its pose is recorded with the touches
+    optional_devices = (Arm, Workspace)  # pose and table are recorded with the touches
     moves = (Gripper,)
     failures = (
         "NO_CONTACT",

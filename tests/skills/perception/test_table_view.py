@@ -132,3 +132,12 @@ def test_without_depth_table_or_pose_there_is_nothing_to_compare() -> None:
 def test_the_tolerances_are_those_of_a_calibrated_cell() -> None:
     assert HEIGHT == 0.010
     assert np.degrees(TILT) == pytest.approx(1.5)
+
+
+def test_both_planes_are_those_of_the_seen_and_of_the_expected_table() -> None:
+    view = frame_view(a_frame(noisy(plane_depth(T_BASE_CAMERA, TABLE_Z - 0.005))), T_BASE_CAMERA, WORKSPACE)
+    assert view is not None
+    seen, stated = view.planes
+    np.testing.assert_allclose(stated, [*T_BASE_CAMERA[2, :3], T_BASE_CAMERA[2, 3] - TABLE_Z])
+    assert seen[3] - stated[3] == pytest.approx(0.005, abs=2e-4)
+    np.testing.assert_allclose(seen[:3], stated[:3], atol=1e-3)

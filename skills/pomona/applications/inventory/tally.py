@@ -21,12 +21,18 @@ class TalliedFruit:
     outcome: str  # a word: `DONE`, or another outcome
     why: str  # a sentence, empty when there is nothing to explain
     tries: int = 1  # number of tries
+    felt: float | None = None  # width between the pads when both had touched it [m]; None: not felt by both
 
     @property
     def place(self) -> str:
         """Text for the operator."""
         x, y = 1e3 * self.p_base[:2]
         return f"({x:.0f}, {y:.0f}) mm"
+
+    @property
+    def width(self) -> str:
+        """Text for the operator; empty where the pads felt none."""
+        return "" if self.felt is None else f"{1e3 * self.felt:.1f} mm"
 
     @property
     def dimensions(self) -> str:
@@ -71,5 +77,6 @@ class Tally:
         """For reports."""
         return {
             "done": len(self.entries) - len(self.left),
+            "felt_m": [entry.felt for entry in self.entries],
             "left": [{"position_m": e.p_base, "outcome": e.outcome, "why": e.why, "tries": e.tries} for e in self.left],
         }

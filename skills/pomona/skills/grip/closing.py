@@ -141,6 +141,7 @@ class PickTouches:
     dimensions: Annotated[Float64, Array(3, of=LENGTH)]  # of the measured fruit [m]
     # distances of the measured skin from the tool's centre along its y axis, left and right [m]
     skin: Annotated[Float64, Array(2, of=LENGTH)]
+    table: Annotated[Float64, Array(2, 4)] | None  # `SeenTable.planes` of that look
 
 
 class TouchRecorder:

@@ -54,11 +54,7 @@ class SeenTable:
     points: int  # number of depth pixels that lie on it, of those that were used
     allowed: float  # height that a sound cell may show at this distance [m]
     height_ratio: float  # error of the depth, of itself, that would show a level table at this height
-
-    @property
-    def allowed_tilt(self) -> float:
-        """Tilt that a sound cell may show [rad]."""
-        return float(TILT)
+    planes: Float64  # the seen plane and the expected one in the camera frame, as `Plane` has them, shape (2, 4)
 
     @property
     def deviation(self) -> float:
@@ -121,7 +117,8 @@ def view_table(
     # standard deviations of the depth's common error that the height may deviate in addition
     allowed = HEIGHT + 2.0 * errs.of_the_whole(distance) * distance
     seen = float(middle @ normal)
-    return SeenTable(seen + offset, tilt, distance, int(on_it.sum()), allowed, -(seen + offset) / offset)
+    planes = np.array([[*plane[0], plane[1]], [*normal, offset]])
+    return SeenTable(seen + offset, tilt, distance, int(on_it.sum()), allowed, -(seen + offset) / offset, planes)
 
 
 Plane = tuple[Float64, float]  # unit normal towards the camera, shape (3,), and offset [m]: normal · p + offset = 0
@@ -362,7 +359,7 @@ def pose_problem(view: SeenTable) -> FrameProblem | None:
     return FrameProblem(
         POSE_MISMATCH,
         f"{view.sentence}; the camera's pose or the table's height in the cell file is wrong"
-        f"{scale if view.tilt < 0.5 * view.allowed_tilt else ''}. "
+        f"{scale if view.tilt < 0.5 * TILT else ''}. "
         "Measure the table, or run `pomona calibrate hand-eye` or `pomona calibrate depth`",
         _data(view),
     )
@@ -408,6 +405,6 @@ def _data(view: SeenTable | None) -> dict[str, float]:
             "height_m": round(view.height, 4),
             "tilt_rad": round(view.tilt, 4),
             "allowed_m": round(view.allowed, 4),
-            "allowed_rad": round(view.allowed_tilt, 4),
+            "allowed_rad": round(float(TILT), 4),
         }
     )

@@ -17,6 +17,7 @@ from pomona.tools.caliper.estimate import CameraErrors, estimate, residuals
 from pomona.tools.caliper.findings import corrected, find_error, hidden, known
 from pomona.tools.caliper.pick import Pick
 from pomona.tools.caliper.records import Picks, find_runs
+from pomona.tools.caliper.self_calibration import undo
 
 LEAST_PICKS = 6  # fewest picks of a proposal: a third is kept apart
 APART = 3  # every third pick is kept apart
@@ -34,6 +35,24 @@ def add(kinds: Any) -> None:
     picks.add_argument("--out", type=Path, required=True, help="the file to write; a camera's `hand_eye` may name it")
     add_records_folder(picks)
     picks.set_defaults(main=main)
+
+
+def add_undo(kinds: Any) -> None:
+    """Register `undo-picks` among the kinds of `pomona calibrate`."""
+    undo_picks = kinds.add_parser("undo-picks", help="take back the last correction of a camera's pose from picks")
+    undo_picks.add_argument("file", type=Path, help="the file that the camera's `hand_eye` names")
+    undo_picks.set_defaults(main=main_undo)
+
+
+def main_undo(options: argparse.Namespace) -> int:
+    """Take the correction back; returns 0, or 2 where there is none."""
+    try:
+        undo(options.file)
+    except UsageError as error:
+        sys.stderr.write(f"pomona calibrate undo-picks: {error}\n")
+        return 2
+    sys.stdout.write(f"{options.file} has the pose before the last correction; undo-picks again swaps them back\n")
+    return 0
 
 
 def main(options: argparse.Namespace) -> int:
@@ -111,6 +130,7 @@ def _content(read: Picks, found: CameraErrors, apart: int, before: float, after:
     T_mount_camera = found.used[0].T_mount_camera
     return {
         "T_mount_camera": corrected(found, T_mount_camera).tolist(),
+        "T_mount_camera_with_depth_corrected": corrected(found, T_mount_camera, with_depth=True).tolist(),
         "T_mount_camera_before": T_mount_camera.tolist(),
         "depth_scale": round(-float(found.error[6]), 6),  # as a depth model has it: positive where depth is too long
         "width_zero_mm": round(1e3 * float(found.error[7]), 4),

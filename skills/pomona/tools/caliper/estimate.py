@@ -7,6 +7,9 @@ A camera that really sits at T_camera_true in its stated frame puts a fruit at p
 
 with t, ω the error of the pose, κ that of the depth's scale, z the zero of the gripper's width. A fruit of another size
 than measured moves both, which their covariance has. Priors keep directions that no pick shows where they are.
+
+A look at the table shows its height and its two tilts in the camera's frame, against the cell file's. They count once
+for all picks, since an error of the table itself is the same in all of them: level fingers do not show these three.
 """
 
 from __future__ import annotations
@@ -25,6 +28,9 @@ PRIOR = np.array([0.02, 0.02, 0.02, *np.radians([2.0, 2.0, 2.0]), 0.02, 1e-3])
 TOUCH, WIDTH, SIZE, PLAIN = 0.6e-3, 0.2e-3, 0.4e-3, 1.0e-3
 """Standard deviations of a first touch, a felt width, a fruit's measured size, and a plain gripper's width, which
 presses [m]: a probe with 80 simulated picks left 0.5 to 0.7 mm per first touch and 0.48 % per width."""
+
+TABLE_HEIGHT, TABLE_TILT = 1e-3, float(np.radians(0.15))
+"""Standard deviations of the table's height and tilts in the cell file [m, rad]: measured with a rule and a level."""
 
 SHOWN = 0.6
 """g: share of an error of the depth's scale that the measured size shows (probe: 0.61); the table holds the rest."""
@@ -91,7 +97,8 @@ def _fit(picks: Sequence[Pick]) -> tuple[Float64, Float64, float, Float64]:
     systems = [whitened(pick) for pick in picks]
     H, y = np.vstack([H for H, _ in systems]), np.concatenate([y for _, y in systems])
     counts = np.array([len(y) for _, y in systems])
-    starts, before = np.cumsum(counts) - counts, np.diag(PRIOR**-2.0)
+    table, pull = shown_by_table(picks)
+    starts, before = np.cumsum(counts) - counts, np.diag(PRIOR**-2.0) + table
     error: Float64 = np.zeros(8)
     scatter = 1.0
     weights: Float64 = np.ones(len(systems))
@@ -100,7 +107,7 @@ def _fit(picks: Sequence[Pick]) -> tuple[Float64, Float64, float, Float64]:
     for _ in range(ROUNDS):
         weighted = H.T * np.repeat(weights / scatter**2, counts)
         information = before + weighted @ H
-        error = np.linalg.solve(information, weighted @ y)
+        error = np.linalg.solve(information, weighted @ y + pull)
         squares = np.add.reduceat((y - H @ error) ** 2, starts)
         learnt = 8.0 - float(np.trace(before @ np.linalg.inv(information)))
         free = max(float(weights @ counts) - learnt, 0.0)
@@ -133,6 +140,25 @@ def _rows(pick: Pick) -> tuple[Float64, Float64, Float64]:
         size.append(SIZE)
         noise.append(PLAIN if pick.plain else WIDTH)
     return np.array(H).reshape(-1, 8), np.array(y), np.diag(np.square(noise)) + np.outer(size, size)
+
+
+def shown_by_table(picks: Sequence[Pick]) -> tuple[Float64, Float64]:
+    """Return what looks at the table show of the error: an information matrix, shape (8, 8), and its pull, (8,)."""
+    information, pull = np.zeros((8, 8)), np.zeros(8)
+    looks = [pick for pick in picks if pick.table is not None]
+    for pick in looks:
+        assert pick.table is not None
+        (n, d), (stated, offset) = ((plane[:3], plane[3]) for plane in pick.table)
+        under = pick.place - (float(n @ pick.place) + d) * n  # the fruit's place on the seen table
+        height = np.append(stated @ _displacement(under), 0.0) / TABLE_HEIGHT
+        along = np.linalg.svd(n[None])[2][1:]  # two directions along the seen table
+        tilts = np.array([np.append(stated @ _displacement(u), 0.0) for u in along]) / TABLE_TILT
+        tilts[:, :3] = 0.0  # a direction is not moved
+        H = np.vstack([height, tilts])
+        y = -np.array([(float(stated @ under) + offset) / TABLE_HEIGHT, *(along @ stated) / TABLE_TILT])
+        information += H.T @ H / len(looks)
+        pull += H.T @ y / len(looks)
+    return information, pull
 
 
 def whitened(pick: Pick) -> tuple[Float64, Float64]:

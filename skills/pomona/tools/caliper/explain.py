@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ from pomona.executive.recording.folder import EVENTS_FILE, in_order
 from pomona.tools.caliper.estimate import CameraErrors, estimate
 from pomona.tools.caliper.findings import find_error, next_picks
 from pomona.tools.caliper.pick import Pick
-from pomona.tools.caliper.records import OtherCalibration, Picks
+from pomona.tools.caliper.records import OtherCalibration, OtherCell, Picks
 from pomona.tools.caliper.sizes import fused_width
 
 MOST_RUNS = 30  # runs that are looked at, this one included
@@ -21,7 +21,7 @@ MOST_RUNS = 30  # runs that are looked at, this one included
 def explain(record: Path) -> str:
     """Return a sentence about the camera; empty where the run has no usable touch.
 
-    Runs before it are read back to the first of another cell or calibration.
+    Runs of its cell before it are read back to the first of another calibration.
     """
     beside = {path.parent for path in record.parent.glob(f"*/{EVENTS_FILE}")}
     read = read_back(record, in_order(beside, lambda run: run.name))
@@ -29,10 +29,11 @@ def explain(record: Path) -> str:
         return ""
     found = estimate(read.picks)
     own = [pick for pick in read.picks if pick.name.startswith(f"{record.name} ")]
-    return " ".join(filter(None, (find_error(found).sentence, next_picks(found), _widths(own, found))))
+    return " ".join(filter(None, (find_error(found).sentence, next_picks(found), describe_widths(own, found))))
 
 
-def _widths(picks: Sequence[Pick], found: CameraErrors) -> str:
+def describe_widths(picks: Sequence[Pick], found: CameraErrors) -> str:
+    """Return a sentence with the width of each fruit that both pads felt, fused with the camera's; or an empty text."""
     felt = [pick for pick in picks if np.isfinite(pick.wider) and not pick.plain]
     words = []
     for pick in felt:
@@ -53,11 +54,26 @@ def read_back(record: Path, ordered: Sequence[Path]) -> Picks:
     read = Picks()
     read.add(record)
     before = ordered[: ordered.index(record)] if record in ordered else []
-    for run in before[:-MOST_RUNS:-1]:
+    for _ in add_back(read, before):
+        pass
+    return read
+
+
+def add_back(read: Picks, ordered: Sequence[Path], *, noted: bool = False) -> Iterator[Path]:
+    """Add the picks of earlier records of the cell, the newest first, back to another calibration; yield each record.
+
+    Args:
+        read: has the newest picks, or none.
+        ordered: records in the order of time.
+        noted: leave out records whose touches are not noted beside them: to look for them takes a second for each.
+    """
+    for run in ordered[:-MOST_RUNS:-1]:
         try:
-            read.add(run)
+            read.add_noted(run, only=noted)
+        except OtherCell:
+            continue
         except OtherCalibration:
             break
         except UsageError:
             continue  # its own `explain` gives the reason
-    return read
+        yield run

@@ -22,6 +22,9 @@ from pomona.tools.caliper.notice import is_off
 LIMIT_PLACE, LIMIT_ANGLE = 2e-3, float(np.radians(0.3))
 """Error along one direction up to which a camera sits where the cell file has it [m], [rad]: the fingers give way."""
 SURE = 2.5  # standard deviations from which an error is reported along one direction; the odds exclude chance
+LEAST_SHOWN = 3  # picks without which nothing is proven
+PROVEN = 8e-3  # largest error of a fruit's place, two deviations included, that fingers with 8 mm of room allow [m]
+REACH = 0.15  # distance of picked fruit from the centre of the picks, for which a turn counts [m]
 STRAIGHT, PART = 0.94, 0.34  # part of a direction along one axis: it is that axis, it has a share of it
 
 WAYS = (("right", "left"), ("bottom", "top"), ("far side", "near side"))
@@ -36,6 +39,7 @@ class CameraFinding:
 
     is_off: bool  # True: farther than chance and the tolerance of a good cell explain
     sentence: str
+    far: float = 0.0  # how far fruit lie beside the place that the camera gives, along the shown directions [m]
 
 
 def find_error(found: CameraErrors) -> CameraFinding:
@@ -45,13 +49,24 @@ def find_error(found: CameraErrors) -> CameraFinding:
     shifts = [d for d in places if d.value > max(LIMIT_PLACE, SURE * d.std)]
     turns = [d for d in angle_directions(found) if d.value > max(LIMIT_ANGLE, SURE * d.std)]
     if (shifts or turns) and is_off(found.used, found.scatter):
-        return CameraFinding(True, f"{_off(shifts, turns, number)}. Directions are those of its picture.")
+        far = float(
+            np.hypot(np.linalg.norm([d.value for d in shifts]), REACH * np.linalg.norm([d.value for d in turns]))
+        )
+        return CameraFinding(True, f"{_off(shifts, turns, number)}. Directions are those of its picture.", far)
     known = [direction for direction in places if direction.is_known]
     if not known:
         return CameraFinding(False, f"The camera's place is not known from {number}.")
     most = 1e3 * max(direction.value + 2.0 * direction.std for direction in known)
     along = "" if len(known) == 3 else f" {' and '.join(_line(direction.axis) for direction in known)}"
     return CameraFinding(False, f"The camera sits where the cell file has it, within {most:.1f} mm{along} ({number}).")
+
+
+def is_proven(found: CameraErrors) -> bool:
+    """Return True when fruit lie, along each line on which fingers have closed, where the camera puts them."""
+    shift, covariance = found.shift
+    axes = np.array([pick.axis for pick in found.used if pick.side]).reshape(-1, 3)
+    off = np.abs(axes @ shift) + 2.0 * np.sqrt(np.einsum("ni,ij,nj->n", axes, covariance, axes))
+    return len(axes) >= LEAST_SHOWN and bool(off.max() <= PROVEN)
 
 
 def known(found: CameraErrors) -> Iterator[str]:
@@ -130,16 +145,17 @@ def _turn(axis: Float64) -> str:
     return TURNS[best] if abs(axis[best]) > STRAIGHT else f"a line towards the {_towards(axis)}"
 
 
-def corrected(found: CameraErrors, T_mount_camera: Float64) -> Float64:
-    """Return the camera's pose in its mount with the error taken out, shape (4, 4); it holds with the depth corrected.
+def corrected(found: CameraErrors, T_mount_camera: Float64, *, with_depth: bool = False) -> Float64:
+    """Return the camera's pose in its mount with the error taken out, shape (4, 4).
 
     Args:
         T_mount_camera: the pose of the picks, shape (4, 4).
+        with_depth: the depth's scale is corrected as well; else the pose takes its error at the centre of the picks.
     """
     from scipy.spatial.transform import Rotation
 
     T = np.eye(4)
     T[:3, :3] = Rotation.from_rotvec(found.error[3:6]).as_matrix()
-    T[:3, 3] = found.error[:3]
+    T[:3, 3] = found.error[:3] + (0.0 if with_depth else found.error[6]) * found.centre
     pose: Float64 = T_mount_camera @ T
     return pose

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pomona.executive.values.arrays import Float64
-from pomona.tools.caliper.estimate import PRIOR, whitened
+from pomona.tools.caliper.estimate import PRIOR, shown_by_table, whitened
 from pomona.tools.caliper.pick import Pick
 
 FALSE_ALARM = 1e-2  # probability that a good cell is ever reported: with ten picks and more, 1 alarm in 1 000 picks
@@ -39,7 +39,8 @@ def log_odds(picks: Sequence[Pick], scatter: float = 1.0) -> tuple[float, float]
     systems = [whitened(pick) for pick in picks]
     informations = np.array([H.T @ H for H, _ in systems]) / max(scatter, 1.0) ** 2
     pulls = np.array([H.T @ y for H, y in systems]) / max(scatter, 1.0) ** 2
-    information, pull = informations.sum(axis=0), pulls.sum(axis=0)
+    table, table_pull = shown_by_table(picks)
+    information, pull = informations.sum(axis=0) + table, pulls.sum(axis=0) + table_pull
     every = np.concatenate([information[None], information - informations]), np.vstack([pull, pull - pulls])
     odds = _log_evidence(*every, SUSPECTED) - _log_evidence(*every, TOLERATED)
     return float(odds[0]), float(odds[1:].min())

@@ -37,6 +37,8 @@ class Pick:
     T_mount_camera: Float64  # the camera in its mount, shape (4, 4)
     on_arm: bool  # the mount is the arm's flange
     up: Float64  # the base frame's z axis, shape (3,)
+    # the table as that look shows it, and as the cell file has it: normal and offset n · p + d = 0, shape (2, 4)
+    table: Float64 | None = None
 
 
 def pick_from(value: Mapping[str, Any], name: str) -> Pick:
@@ -51,6 +53,7 @@ def pick_from(value: Mapping[str, Any], name: str) -> Pick:
         skin = np.array(value["skin"], float)
         left, right, closed = (_width(value[key]) for key in ("left", "right", "closed"))
         on_arm = value["on_arm"] is True
+        table = _planes(value.get("table"))
     except (KeyError, TypeError, ValueError) as error:
         raise UnusableTouches(f"its touches are malformed: {error}") from error
     across = float(skin.sum()) if skin.shape == (2,) else np.nan
@@ -74,6 +77,7 @@ def pick_from(value: Mapping[str, Any], name: str) -> Pick:
         T_mount_camera,
         on_arm,
         R.T[:, 2],
+        table,
     )
 
 
@@ -106,6 +110,17 @@ def _pose(value: Any) -> Float64:
     if T.shape != (4, 4) or not is_rigid(T) or not np.abs(T[:3, 3]).max() < LONGEST:
         raise ValueError("a pose is no rigid transform")
     return T
+
+
+def _planes(value: Any) -> Float64 | None:
+    if value is None:
+        return None
+    planes = np.array(value, float)
+    if planes.shape != (2, 4) or not np.abs(np.linalg.norm(planes[:, :3], axis=1) - 1.0).max() < 1e-6:
+        raise ValueError("the table's planes have no normals")
+    if not np.abs(planes[:, 3]).max() < LONGEST:
+        raise ValueError("the table is too far")
+    return planes
 
 
 def _width(value: Any) -> float | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import numpy as np
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.digest import trusted
 from pomona.executive.recording.folder import EVENTS, EVENTS_FILE, events_file, find_record, in_order
-from pomona.executive.recording.plain_file import parse_object
+from pomona.executive.recording.plain_file import made_whole, open_plain, parse_object
 from pomona.executive.recording.scan import scan
 from pomona.tools.caliper.pick import Pick, UnusableTouches, pick_from
 
@@ -21,6 +22,10 @@ SAME_POSE = 1e-6  # difference of two poses of a camera in its mount from which 
 
 class OtherCalibration(UsageError):
     """Runs of another cell, or of another calibration of its camera."""
+
+
+class OtherCell(OtherCalibration):
+    """Runs of a cell of another name."""
 
 
 class Picks:
@@ -37,7 +42,19 @@ class Picks:
         self.picks: list[Pick] = []
         self.refused: list[str] = []
         self.runs: list[str] = []
-        self.cell = self._cell_hash = ""
+        self.cell = self.cell_hash = ""
+
+    @classmethod
+    def of_run(cls, run: str, cell: str, cell_hash: str, touches: Iterable[tuple[str, Any]]) -> Picks:
+        """Return the picks of one run; `touches` are names and recorded `PickTouches`, as plain JSON."""
+        found = cls()
+        found.cell, found.cell_hash, found.runs = cell, cell_hash, [run]
+        for name, value in touches:
+            try:
+                found.picks.append(pick_from(value, name))
+            except UnusableTouches as unusable:
+                found.refused.append(f"{name}: {unusable}")
+        return found
 
     def add(self, record: Path) -> None:
         """Read the picks of one more run.
@@ -46,7 +63,20 @@ class Picks:
             OtherCalibration: the run is of another cell, or of another calibration; nothing was added.
             UsageError: the record cannot be trusted.
         """
-        self.merge(_read(record))
+        self.merge(Picks.of_run(*_read(record)))
+
+    def add_noted(self, record: Path, *, only: bool = False) -> None:
+        """As `add`; a record is read once, and its touches are noted beside it.
+
+        With `only`, a record without a note is left out.
+        """
+        noted = _noted(record)
+        if noted is None and only:
+            return
+        if noted is None:
+            noted = _read(record)
+            note_touches(record, *noted[1:])
+        self.merge(Picks.of_run(*noted))
 
     def merge(self, other: Picks) -> None:
         """Take the picks of others.
@@ -54,15 +84,16 @@ class Picks:
         Raises OtherCalibration: they are of another cell, or of another calibration; nothing was added.
         """
         run = next(iter(other.runs), "")
-        if self.runs and (other.cell, other._cell_hash) != (self.cell, self._cell_hash):
+        if self.runs and (other.cell, other.cell_hash) != (self.cell, self.cell_hash):
             words = f"cell '{other.cell}' differs from cell '{self.cell}' of {self.runs[0]}, in its name or its files"
-            raise OtherCalibration(f"{run}: {words}; name runs of one cell as it is now")
+            error = OtherCalibration if other.cell == self.cell else OtherCell
+            raise error(f"{run}: {words}; name runs of one cell as it is now")
         first = next(iter((*self.picks, *other.picks)), None)
         for pick in other.picks:
             if first is not None and not _same_camera(pick, first):
                 words = f"the camera's pose in its mount is another one than in {first.name}"
                 raise OtherCalibration(f"{pick.name}: {words}; name runs of one calibration")
-        self.cell, self._cell_hash = other.cell, other._cell_hash
+        self.cell, self.cell_hash = other.cell, other.cell_hash
         self.runs += other.runs
         self.picks += other.picks
         self.refused += other.refused
@@ -105,15 +136,39 @@ def find_runs(names: Sequence[str], root: Path) -> list[Path]:
     return list(dict.fromkeys(found))
 
 
-def _read(record: Path) -> Picks:
-    run, found = trusted(record), Picks()
-    found.cell, found._cell_hash, found.runs = run.cell, run.cell_hash, [run.run]
-    for name, touches in _touches(record):
-        try:
-            found.picks.append(pick_from(touches, name))
-        except UnusableTouches as unusable:
-            found.refused.append(f"{name}: {unusable}")
-    return found
+NOTED = "touches.json"  # file in a record's folder with its touches, so that they are not looked for in every start
+MOST_NOTED = 10_000_000  # longest note that is read [bytes]: 2 000 picks
+Noted = tuple[str, str, str, list[tuple[str, Any]]]  # run, cell, hash of its files, names and values of its touches
+
+
+def _read(record: Path) -> Noted:
+    run = trusted(record)
+    return run.run, run.cell, run.cell_hash, list(_touches(record))
+
+
+def note_touches(record: Path, cell: str, cell_hash: str, touches: Sequence[tuple[str, Any]]) -> None:
+    """Note a finished record's touches beside it; a folder that cannot be written has no note."""
+    content = {"of": _state(record), "cell": cell, "cell_hash": cell_hash, "touches": touches}
+    with contextlib.suppress(OSError, UsageError):
+        (record / NOTED).unlink(missing_ok=True)
+        with made_whole(record / NOTED) as place:
+            place.write_text(json.dumps(content), encoding="utf-8")
+
+
+def _noted(record: Path) -> Noted | None:
+    """Return the note beside a record; None without one, or when the record has changed since."""
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+        with open_plain(record / NOTED) as file:
+            content = parse_object(file.read(MOST_NOTED))
+        if content["of"] == _state(record):
+            touches = [(str(name), value) for name, value in content["touches"]]
+            return record.name, str(content["cell"]), str(content["cell_hash"]), touches
+    return None
+
+
+def _state(record: Path) -> list[int]:
+    found = events_file(record).stat()
+    return [found.st_size, found.st_mtime_ns]
 
 
 def _touches(record: Path) -> Iterable[tuple[str, Any]]:

@@ -13,6 +13,8 @@ from pomona.drivers.interfaces import Frame
 from pomona.executive.skill_testing import drive
 from pomona.executive.views import TableView
 from pomona.skills.geometry import transform
+from pomona.skills.grip.closing import PadTouch, TouchRecorder
+from pomona.skills.grip.hold import Hold
 from pomona.skills.perception.detection.detection import Detection
 from tests.skills.picking_scene import apple_at
 
@@ -40,9 +42,33 @@ def test_fruit_are_listed_with_size_and_place_and_those_left_by_name():
     assert [left["tries"] for left in tally.facts["left"]] == [1]
     assert isinstance(table, TableView)
     assert table.rows == (
-        ("1", "(-120, -350) mm", "62 × 47 × 62 mm", "1", "done", ""),
-        ("2", "(100, -500) mm", "not measured", "1", "left", "too wide for the gripper"),
+        ("1", "(-120, -350) mm", "62 × 47 × 62 mm", "", "1", "done", ""),
+        ("2", "(100, -500) mm", "not measured", "", "1", "left", "too wide for the gripper"),
     )
+
+
+def gripped(*widths: float | None) -> Hold:
+    """A grip whose pads first touched at these openings [m]."""
+    hold = object.__new__(Hold)
+    hold._touches = TouchRecorder()
+    hold._touches.touches = [None if width is None else PadTouch(1.0, width, 0.5) for width in widths]
+    return hold
+
+
+def test_a_fruit_that_was_put_away_has_the_width_that_the_pads_felt():
+    apple = apple_at(5, 1)
+    detection = seen(-0.12, -0.35, apple.frame)
+    kept = keep(detection, measured=apple, hold=gripped(0.0663, 0.0612)).outputs["tally"]
+    assert kept.facts["felt_m"] == [0.0612]
+    assert (
+        dict(keep(detection, measured=apple, hold=gripped(0.0663, 0.0612)).published)["tally"].rows[0][3] == "61.2 mm"
+    )
+
+
+@pytest.mark.parametrize(("widths", "outcome"), [((0.066, None), "done"), ((0.066, 0.061), "left")])
+def test_one_pad_alone_and_a_grip_that_came_to_nothing_show_no_width(widths: tuple[float | None, ...], outcome: str):
+    kept = keep(seen(0.1, -0.5), hold=gripped(*widths), outcome=outcome).outputs["tally"]
+    assert kept.facts["felt_m"] == [None]
 
 
 def test_fruit_that_still_lie_on_the_table_count_as_well():

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from pomona.tools.caliper.estimate import PLAIN, SHOWN, SIZE, TOUCH, WIDTH
 from pomona.tools.caliper.pick import Pick
@@ -54,6 +57,22 @@ def made_fruit(
 def made_picks(rng: np.random.Generator, error: np.ndarray, count: int, **how: Any) -> list[Pick]:
     """Several such picks."""
     return [made_pick(rng, error, name=f"pick {i}", **how) for i in range(count)]
+
+
+def looked(
+    picks: Sequence[Pick], error: np.ndarray, wrong: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
+) -> list[Pick]:
+    """The same picks with looks at a level table 0.55 m below the camera, under an error of the camera.
+
+    Args:
+        wrong: error of the table itself in the cell file: its height [m] and two tilts [rad].
+    """
+    stated = np.array([wrong[1], wrong[2], -1.0])
+    stated = np.append(stated, 0.55 + wrong[0]) / np.linalg.norm(stated)
+    turn, down = Rotation.from_rotvec(error[3:6]).as_matrix(), np.array([0.0, 0.0, -1.0])
+    normal = (turn + error[6] * np.eye(3)).T @ down  # a seen point q lies at turn q + t + κ q
+    seen = np.append(normal, 0.55 + down @ error[:3]) / np.linalg.norm(normal)
+    return [replace(pick, table=np.array([seen, stated])) for pick in picks]
 
 
 def recorded(shift: float = 0.0, *, wider: float = 0.0, x: float = 0.0, yaw: float = 0.0, y: float = -0.5) -> dict:

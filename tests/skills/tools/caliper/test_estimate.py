@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from pomona.tools.caliper.estimate import PRIOR, SHOWN, estimate, residuals
-from tests.skills.tools.caliper.synthetic import made_pick, made_picks
+from tests.skills.tools.caliper.synthetic import looked, made_pick, made_picks
 
 WITHIN_90 = 1.645  # of a normal distribution, standard deviations
 
@@ -75,3 +75,20 @@ def test_the_true_error_leaves_nothing_of_a_pick():
 def test_no_pick_is_no_estimate():
     with pytest.raises(ValueError, match="at least one pick"):
         estimate([])
+
+
+def test_the_table_shows_height_and_tilts_that_level_fingers_do_not():
+    error = np.array([5e-3, -4e-3, 8e-3, *np.radians([0.8, -0.6, 0.0]), 0.0, 0.0])
+    picks = made_picks(np.random.default_rng(0), error, 12)
+    without, found = estimate(picks), estimate(looked(picks, error))
+    assert without.std[2] > 5e-3
+    assert found.std[2] < 3e-3
+    assert abs(found.error[2] - 8e-3) < 3.0 * found.std[2]
+    np.testing.assert_allclose(np.degrees(found.error[3:5]), [0.8, -0.6], atol=0.2)
+    assert max(np.degrees(found.std[3:5])) < 0.2
+
+
+def test_a_table_that_is_wrong_in_the_cell_file_counts_once():
+    picks = made_picks(np.random.default_rng(0), np.zeros(8), 40)
+    found = estimate(looked(picks, np.zeros(8), (1e-3, 0.0, 0.0)))
+    assert np.sqrt(found.covariance[2, 2]) > 0.9e-3

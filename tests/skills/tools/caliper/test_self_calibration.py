@@ -1,0 +1,92 @@
+"""Corrections of a camera's pose file, and the step back."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pomona.executive.cli import main
+from pomona.tools.caliper.self_calibration import NotApplied, apply, before_of, read_pose, undo
+
+MOST, TURNED = 0.015, 0.035
+
+
+def moved(x: float) -> list[list[float]]:
+    T = np.eye(4)
+    T[0, 3] = x
+    return T.tolist()
+
+
+def pose_file(folder: Path) -> Path:
+    place = folder / "hand_eye.json"
+    place.write_text(json.dumps({"T_mount_camera": moved(0.0), "looks": 12}))
+    return place
+
+
+def proposal(start: float, end: float, *runs: str) -> dict[str, Any]:
+    return {"T_mount_camera": moved(end), "T_mount_camera_before": moved(start), "runs": list(runs)}
+
+
+def x_of(place: Path) -> float:
+    return float(read_pose(place)[1][0, 3])
+
+
+def test_a_correction_keeps_the_file_before_it(tmp_path: Path):
+    place = pose_file(tmp_path)
+    apply(place, proposal(0.0, 0.006, "run 1"), MOST, TURNED)
+    assert x_of(place) == 0.006
+    assert read_pose(before_of(place))[0]["looks"] == 12
+    assert json.loads(place.read_text())["runs"] == ["run 1"]
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_one_step_takes_it_back_and_its_picks_lead_to_none_again(tmp_path: Path):
+    place = pose_file(tmp_path)
+    apply(place, proposal(0.0, 0.006, "run 1"), MOST, TURNED)
+    undo(place)
+    assert x_of(place) == 0.0
+    with pytest.raises(NotApplied, match="run 1 was undone"):
+        apply(place, proposal(0.0, 0.006, "run 1", "run 2"), MOST, TURNED)
+    apply(place, proposal(0.0, 0.006, "run 3"), MOST, TURNED)
+    assert x_of(place) == 0.006
+    undo(place)
+    undo(place)
+    assert x_of(place) == 0.006
+
+
+def test_several_corrections_do_not_pass_the_bounds_together(tmp_path: Path):
+    place = pose_file(tmp_path)
+    apply(place, proposal(0.0, 0.010, "run 1"), MOST, TURNED)
+    with pytest.raises(NotApplied, match=r"20\.0 mm"):
+        apply(place, proposal(0.010, 0.020, "run 2"), MOST, TURNED)
+    assert x_of(place) == 0.010
+
+
+def test_picks_of_another_pose_correct_nothing(tmp_path: Path):
+    place = pose_file(tmp_path)
+    with pytest.raises(NotApplied, match="another pose"):
+        apply(place, proposal(0.001, 0.006, "run 1"), MOST, TURNED)
+    assert not before_of(place).exists()
+
+
+def test_a_turn_beyond_its_bound_is_not_written(tmp_path: Path):
+    place = pose_file(tmp_path)
+    c, s = np.cos(0.05), np.sin(0.05)
+    turned = [[c, -s, 0.0, 0.0], [s, c, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+    with pytest.raises(NotApplied, match=r"2\.9°"):
+        apply(place, proposal(0.0, 0.0, "run 1") | {"T_mount_camera": turned}, MOST, TURNED)
+
+
+def test_the_command_takes_back_and_refuses_a_file_without_a_correction(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    place = pose_file(tmp_path)
+    assert main(["calibrate", "undo-picks", str(place)]) == 2
+    assert "no correction that could be taken back" in capsys.readouterr().err
+    apply(place, proposal(0.0, 0.006, "run 1"), MOST, TURNED)
+    assert main(["calibrate", "undo-picks", str(place)]) == 0
+    assert x_of(place) == 0.0
