@@ -183,7 +183,7 @@ class Detach(MovingSkill):
                 command = controller.step(dt, felt.wrenches, felt.saturated, T, state.width, aim.T, state.motor_force)
                 fingers.holds = controller.broke_at is not None  # a detached fruit is not given up to a push
                 fingers.set_speed(command.opening, felt.press, BEARS)
-            controller.slowed(aim.follow(command, dt, WITHIN * motion.speed * arm.limits.velocity))
+            controller.slowed(aim.follow(command, dt, WITHIN * arm.limits.velocity, motion.speed))
             if aim.unturned > BEYOND:
                 controller.end_roll()
             if aim.beyond > BEYOND:
