@@ -105,7 +105,8 @@ class DetachSettings:
             covers in this time is added [s]: the arm follows its set-points 0.1 to 0.15 s later.
         lead_most: largest lead [m].
         closing_patience, leaving_patience, patience: longest time of closing, of opening and of the way back from the
-            fruit, and of all phases together, on the clock of the path [s]; after twice the last no break is recognised any more.
+            fruit, and of all phases together, on the clock of the path [s]; after twice the last no break is
+            recognised any more.
         slowest: speed of the slowest arm, as a share: the last patience over it bounds the real time.
     """
 

@@ -427,7 +427,7 @@ def test_a_hand_that_only_turns_while_it_leaves_a_fruit_is_done_all_the_same():
 
 
 def test_a_fruit_that_seems_to_drive_the_hand_is_held_and_the_hand_stands():
-    """Exchanged pads turn two directions of the force: an apple that had come off seemed to hang, and was rubbed off."""
+    """Exchanged pads turn two directions of the force: an apple that had come off seemed to hang and fell."""
     stem, tops = Stem(), []
     control = controller(stem)
 
