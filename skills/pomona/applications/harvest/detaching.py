@@ -94,8 +94,8 @@ class DetachSettings:
             time constant [s].
         let_back_force: pads' force at which a branch that was drawn has come back [N].
         given_back: work that a held fruit gives the hand beyond what the hand put in and what its weight gives as it
-            sinks, at which the pads' forces contradict the motion [J]: fruit, stem and branch are passive, and in
-            undisturbed picks they gave 0.001 J.
+            sinks, at which the pads' forces contradict the motion [J]: fruit, stem and branch are passive; in
+            22 attempts at a wall with full leaves they gave 0.08 J, its weight's fall included.
         firm: share of the carrying force at which a detached fruit is moved; firm_time: longest wait for it [s].
         back_distance, back_speed, back_acceleration: of the way to the robot after the break [m, m/s, m/s²].
         opened, opening: opening around a fruit that stays on the tree [m], and its speed [m/s]; stuck: distance by
