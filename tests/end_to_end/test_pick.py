@@ -9,14 +9,22 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from pomona.drivers.interfaces import Arm, Gripper
+from pomona.executive.cell.cell import Cell
+from pomona.executive.cell.connect import load_cell
 from pomona.executive.cli import main
 from pomona.executive.execute import Executed, RunOrder, execute
 from pomona.executive.files import find_cell, find_tree
+from pomona.executive.language import build
+from pomona.executive.language.check import read_document
 from pomona.executive.recording.read import read_events
-from pomona.executive.running.events import Event, HandChanged, Published, RunEnded
+from pomona.executive.registry import Registry
+from pomona.executive.running.events import Event, EventStream, HandChanged, Published, RunEnded
 from pomona.executive.running.runner import Runner
+from pomona.executive.running.starting import RunResult
 
 pytestmark = pytest.mark.slow
 
@@ -57,6 +65,37 @@ def test_an_apple_is_picked_without_a_force_sensor(seed: int, fruit: str, place:
     hands = [event.what for event in received if isinstance(event, HandChanged)]
     assert hands[0] == ""
     assert hands[-1] == "something is between the fingers"
+
+
+def run_on(cell: Cell, tree: str, seed: int, **settings: str) -> RunResult:
+    registry, document = Registry.installed(), read_document(find_tree(tree))
+    runner = Runner(
+        lambda context, board: build(document, registry, overrides=settings, context=context, board=board),
+        cell,
+        EventStream(),
+        seed=seed,
+    )
+    runner.prepare()
+    return runner.run()
+
+
+@pytest.mark.parametrize("release", ["false", "true"])
+def test_recover_brings_the_arm_home_without_a_force_sensor(release: str) -> None:
+    """With `release` it opens first, above the known table: the apple falls, since a longer ball stands for it."""
+    cell = load_cell(find_cell("sim_plain"), seed=1, overrides={"fruit": "apple_1", "place": "3"})
+    try:
+        assert run_on(cell, "pick_apple_plain", 1).outcome == "success"
+        held = cell.device(Gripper).state().width
+        recovered = run_on(cell, "recover", 1, release=release)
+        assert recovered.outcome == "success", recovered.reason
+        assert np.abs(cell.device(Arm).state().q - cell.workspace.poses["home"]).max() < 0.01
+        opened = cell.device(Gripper).state().width - held
+        assert opened > 0.01 if release == "true" else abs(opened) < 1e-3
+        assert bool(cell.in_hand()) == (release == "false")
+        assert recovered.truth is not None
+        assert recovered.truth["drops"] == (release == "true")
+    finally:
+        cell.close()
 
 
 def test_another_fruit_is_picked_by_the_same_tree_with_its_own_weights() -> None:

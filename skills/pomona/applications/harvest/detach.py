@@ -183,11 +183,12 @@ class Detach(MovingSkill):
                 command = controller.step(dt, felt.wrenches, felt.saturated, T, state.width, aim.T, state.motor_force)
                 fingers.holds = controller.broke_at is not None  # a detached fruit is not given up to a push
                 fingers.set_speed(command.opening, felt.press, BEARS)
-            controller.slowed(aim.follow(command, dt, WITHIN * motion.speed * arm.limits.velocity))
+            controller.slowed(aim.follow(command, dt, WITHIN * arm.limits.velocity, motion.speed))
             if aim.unturned > BEYOND:
                 controller.end_roll()
             if aim.beyond > BEYOND:
                 controller.give_up("OUT_OF_REACH", "the arm reaches no further in this posture")
+                aim.beyond = 0.0  # what the hand does instead has its own time
             try:
                 motion.aim(aim.q)
             except BadTrajectory as bad:

@@ -93,6 +93,9 @@ class DetachSettings:
         least_gain, gain_time: smallest factor on the reported forces while motor and opening both show less, and its
             time constant [s].
         let_back_force: pads' force at which a branch that was drawn has come back [N].
+        given_back: work that a held fruit gives the hand beyond what the hand put in and what its weight gives as it
+            sinks, at which the pads' forces contradict the motion [J]: fruit, stem and branch are passive; in
+            22 attempts at a wall with full leaves they gave 0.08 J, its weight's fall included.
         firm: share of the carrying force at which a detached fruit is moved; firm_time: longest wait for it [s].
         back_distance, back_speed, back_acceleration: of the way to the robot after the break [m, m/s, m/s²].
         opened, opening: opening around a fruit that stays on the tree [m], and its speed [m/s]; stuck: distance by
@@ -101,8 +104,9 @@ class DetachSettings:
         lead, lead_angle: by which the set-point may lead a hand at rest [m, rad]; lead_time: and what a moving hand
             covers in this time is added [s]: the arm follows its set-points 0.1 to 0.15 s later.
         lead_most: largest lead [m].
-        closing_patience, leaving_patience, patience: longest time of closing, of opening, and of all phases
-            together, on the clock of the path [s]; after twice the last no break is recognised any more.
+        closing_patience, leaving_patience, patience: longest time of closing, of opening and of the way back from the
+            fruit, and of all phases together, on the clock of the path [s]; after twice the last no break is
+            recognised any more.
         slowest: speed of the slowest arm, as a share: the last patience over it bounds the real time.
     """
 
@@ -158,6 +162,7 @@ class DetachSettings:
     least_gain: float = 0.4
     gain_time: float = 0.1
     let_back_force: float = 0.5
+    given_back: float = 0.1
     firm: float = 0.7
     firm_time: float = 0.3
     back_distance: float = 0.12
@@ -261,6 +266,7 @@ class DetachController:
         self._recent: list[tuple[float, float]] = []
         self._jammed = self._empty = self._quiet = self._loaded = 0.0
         self._speed_back = 0.0
+        self._work, self._highest = 0.0, -np.inf  # of the hand on the held fruit [J]; its highest place so far [m]
         self._ending: DetachProblem | None = None
         self._test = StemTest()
         self._seemed_free = False
@@ -309,6 +315,7 @@ class DetachController:
             T_base_aimed: its set-point, which leads it; the measured pose by default.
             motor_force: as in `GripperState` [N].
         """
+        before = T_base_tcp if self._T is None else self._T
         self._note_pose(dt, T_base_tcp, T_base_tcp if T_base_aimed is None else T_base_aimed)
         self._time, self._path = self._time + dt, self._path + self._share * self._pace * dt
         self._motor = motor_force
@@ -316,6 +323,7 @@ class DetachController:
         press = self._press = -wrenches[:, 2]
         force = _on_fruit(wrenches, T_base_tcp[:3, :3])
         self._note_stem(force)
+        self._note_work(force, T_base_tcp[:3, 3] - before[:3, 3])
         self._note_opening(dt, width)
         if self.phase is DetachPhase.CLOSE:
             command = self._close(press, width)
@@ -410,6 +418,19 @@ class DetachController:
         self._recent.append((self._time, self.stem_force))
         self._recent = [each for each in self._recent if each[0] > self._time - self.settings.recent]
 
+    def _note_work(self, force: Float64, moved: Float64) -> None:
+        """Add up the work of the hand on the fruit that the pads hold."""
+        assert self._T is not None
+        if self.phase in HOLDING:
+            self._work += float(force @ moved)
+            self._highest = max(self._highest, float(self._T[2, 3]))
+
+    def _contradicts_motion(self) -> bool:
+        """Return True if the fruit seems to drive the hand: forces of exchanged or reversed pads do."""
+        assert self._T is not None
+        sunk = GRAVITY * self._fruit.mass * (self._highest - float(self._T[2, 3]))
+        return self._work < -self.settings.given_back - sunk
+
     def _note_opening(self, dt: float, width: float) -> None:
         """Compare the opening with its commands."""
         moved = 0.0 if np.isnan(self._width) else width - self._width
@@ -429,7 +450,10 @@ class DetachController:
             self.stem_peak = max(self.stem_peak, self.stem_force)
         self._jammed = self._jammed + dt if jams and self._path > self._relieved_until else 0.0
         self._empty = self._empty + dt if press.mean() < s.lost_force else 0.0
-        if self._jammed > s.jam_time:
+        if self._contradicts_motion():
+            words = f"the fruit seems to have driven the hand with {-self._work:.2f} J: the pads' forces contradict its"
+            self._finish(DetachProblem("STEM_UNCLEAR", f"{words} motion; the grip is kept"))
+        elif self._jammed > s.jam_time:
             words = f"the pads feel {press[0]:.1f} and {press[1]:.1f} N, {np.linalg.norm(force):.1f} N in all"
             self._jam(DetachProblem("JAMMED", words))
         elif self._is_blocked() and self._path > self._relieved_until:
@@ -613,7 +637,7 @@ class DetachController:
         left = s.leaving - float(np.linalg.norm(self._p_aimed - self._p_phase))
         most = min(s.leaving_speed, float(np.sqrt(max(2.0 * s.leaving_acceleration * left, 0.0))))
         self._speed_back = min(self._speed_back + s.leaving_acceleration * dt, most)
-        if left < 2e-3:
+        if left < 2e-3 or since > s.leaving_patience:  # at the end of its reach the hand may turn, and not move
             self._enter(DetachPhase.DONE)
         return replace(STILL, velocity=-self._speed_back * T_base_tcp[:3, 2], roll_rate=self._rate)
 

@@ -11,6 +11,9 @@ from pomona.skills.motion import RobotModel, nearest_solution
 
 JUMP = 0.3
 """Largest step of a joint [rad]: more is another posture."""
+CRAWL = 0.05
+"""Share of a command below which an arm at full speed does not follow it: near a singular posture the joints' speeds
+leave the hand next to none, and it would be on its way for ever."""
 LIMIT_MARGIN = 0.02
 """Distance of set-points from the joints' limits [rad]: from a limit itself the next path would be refused."""
 
@@ -28,10 +31,11 @@ class HandAim:
         self.beyond = self.unturned = 0.0
         self._robot = robot
 
-    def follow(self, command: DetachCommand, dt: float, most: Float64) -> float:
+    def follow(self, command: DetachCommand, dt: float, most: Float64, speed: float = 1.0) -> float:
         """Move by a command for `dt` [s]: turn and move, else turn alone, else move alone, else stay.
 
-        Returns the share of the time that was used: 1 unless a joint would pass `most`, shape (dof,) [rad/s].
+        Returns the share of the time that was used: 1 unless a joint would pass `speed` (0 to 1) times `most`, shape
+        (dof,) [rad/s].
         """
         turned, moved = command.roll_rate != 0.0, bool(command.velocity.any())
         self.beyond = self.beyond + dt if turned or moved else 0.0
@@ -40,8 +44,10 @@ class HandAim:
             if not (turns and turned) and not (moves and moved):
                 continue  # no step at all
             q, share = nearest_solution(self._robot, command.moved(self.T, dt, turns, moves), self.q), 1.0
-            if q is not None and (fastest := float((np.abs(q - self.q) / (dt * most)).max())) > 1.0:
+            if q is not None and (fastest := float((np.abs(q - self.q) / (dt * speed * most)).max())) > 1.0:
                 share = 1.0 / fastest
+                if share < CRAWL * speed:
+                    continue
                 q = nearest_solution(self._robot, command.moved(self.T, share * dt, turns, moves), self.q)
             if q is not None and np.abs(q - self.q).max() < JUMP:
                 self.q, self.T, self.beyond = q, command.moved(self.T, share * dt, turns, moves), 0.0

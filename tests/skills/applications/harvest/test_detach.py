@@ -277,6 +277,23 @@ def test_at_the_edge_of_the_reach_the_hand_waits_and_the_other_roll_is_tried(mon
     assert max(rolls) > 0.8
 
 
+def test_a_hand_that_reached_no_further_still_tests_the_stem(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The time without a step went on through letting back and the test: the end of the reach was an unclear stem."""
+    rig = Rig(STRONG, bending=0.01)
+    skill = Detach()
+
+    def solve(robot: RobotModel, T: np.ndarray, q: np.ndarray) -> np.ndarray | None:
+        stuck = "rolling" in skill.feedback_message or "letting" in skill.feedback_message
+        return None if stuck else nearest_solution(robot, T, q)
+
+    monkeypatch.setattr("pomona.applications.harvest.set_point.nearest_solution", solve)
+    devices: dict[type, object] = {
+        Arm: rig.arm, StreamedArm: rig.arm, Gripper: rig.gripper, ForceSensor: rig.fingers, Workspace: WORKSPACE,
+    }  # fmt: skip
+    assert code(drive(skill, {"grasp": rig.grasp}, devices, clock=rig.clock)) == "OUT_OF_REACH"
+    assert rig.gripper.width > DIAMETER + 0.005
+
+
 def test_a_map_that_is_too_old_is_not_used() -> None:
     rig = Rig()
     end = rig.drive(inputs={"map": OccupancyMap.empty(WORKSPACE.lower, WORKSPACE.upper, 0.02)})

@@ -415,6 +415,42 @@ def test_pads_that_read_too_little_are_not_closed_while_the_motor_presses():
     assert max(presses) < 1.15 * BRUISE_FORCE
 
 
+def test_a_hand_that_only_turns_while_it_leaves_a_fruit_is_done_all_the_same():
+    stem = Stem()
+    stem.gone = True
+    control = controller(stem)
+    while control.phase is not DetachPhase.LEAVE:
+        stem.step(control)
+    for _ in range(200):
+        control.step(DT, stem.wrenches(), False, stem.T, stem.width, stem.T)
+    assert control.phase is DetachPhase.DONE
+
+
+def test_a_fruit_that_seems_to_drive_the_hand_is_held_and_the_hand_stands():
+    """Exchanged pads turn two directions of the force: an apple that had come off seemed to hang and fell."""
+    stem, tops = Stem(), []
+    control = controller(stem)
+
+    def exchanged(wrenches):
+        wrenches[:] = wrenches[::-1].copy()
+        tops.append(stem.T[2, 3])
+
+    misread(stem, control, exchanged, motor=True, since=lambda control: control.phase is DetachPhase.DRAW)
+    assert control.problem.code == "STEM_UNCLEAR"
+    assert "contradict its motion; the grip is kept" in control.problem.message
+    assert stem.width < DIAMETER
+    assert max(tops) - tops[0] < 0.1
+
+
+@pytest.mark.parametrize(("strength", "bending"), [(WEAK, 0.08), (STRONG, 0.01)], ids=["comes off", "holds"])
+def test_a_fruit_of_true_pads_gives_the_hand_no_work(strength, bending):
+    stem, works = Stem(strength, bending=bending), []
+    control = detach(stem, each=lambda control: works.append(control._work))
+    assert min(works) > -0.02
+    assert max(works) > 0.05
+    assert control.problem is None or control.problem.code == "NOTHING_BROKE"
+
+
 def clipped(wrenches):
     wrenches[0, :3] = np.clip(wrenches[0, :3], -0.5, 0.5)
 

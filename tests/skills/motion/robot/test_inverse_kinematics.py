@@ -102,7 +102,8 @@ def test_closed_form_and_descent_agree_on_the_same_arm() -> None:
     T = robot.tcp(q)
     for found in descend(robot, T, spread_starts(robot, 40)):  # some of them lie on a limit
         family = arm.solve(T, np.array([arm.arm_angle(found, T)]), robot.lower - 1e-6, robot.upper + 1e-6)
-        assert np.abs(family - found).max(axis=1).min() < 1e-6
+        turned = np.remainder(family - found + np.pi, 2.0 * np.pi) - np.pi  # -180° and 180° are one posture
+        assert np.abs(turned).max(axis=1).min() < 1e-6
 
 
 def test_a_pose_out_of_reach_has_no_solution() -> None:
@@ -136,6 +137,17 @@ def test_solutions_are_sorted_by_distance_and_take_whole_turns_towards_the_refer
     distances = np.linalg.norm(solutions - q, axis=1)
     assert distances[0] < 1e-6
     assert np.all(np.diff(distances) >= 0.0)
+
+
+@pytest.mark.parametrize("towards", [*np.eye(3), *-np.eye(3)], ids=["x", "y", "z", "-x", "-y", "-z"])
+def test_at_the_limit_of_a_joint_the_other_joints_of_a_redundant_arm_go_on(towards: np.ndarray) -> None:
+    robot = RobotModel.load(SIA5F)
+    q = np.array([0.93, robot.lower[1], -0.22, 0.27, 1.99, -0.30, 0.27])
+    T = robot.tcp(q)
+    T[:3, 3] += 1e-3 * towards
+    found = nearest_solution(robot, T, q)
+    assert found is not None
+    assert np.abs(found - q).max() < 0.05
 
 
 def test_a_bad_reference_posture_is_refused() -> None:

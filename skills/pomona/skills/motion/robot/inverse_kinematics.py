@@ -136,7 +136,7 @@ def _descend(
     error, step = np.empty(6), np.empty(dof)
     count = 0
     for s in range(starts.shape[0]):
-        q = starts[s].copy()
+        q, met = starts[s].copy(), np.zeros(dof, np.bool_)
         for _ in range(iterations):
             forward(steps, sliding, q, links)
             compose(links[dof], T_link_tcp, T)
@@ -144,9 +144,12 @@ def _descend(
             if squared < 1e-11**2:  # norm of the pose error [m, rad]
                 break
             jacobian(links, sliding, T[:, 3].copy(), J)
+            J *= ~met  # a joint that has met its limit sits out a step: the others, of a redundant arm, do its part
             newton_step(J, error, 0.05 * squared + 1e-9, A, step)
             for k in range(dof):
-                q[k] = min(max(q[k] + min(max(step[k], -0.5), 0.5), lower[k]), upper[k])
+                wanted = q[k] + min(max(step[k], -0.5), 0.5)
+                q[k] = min(max(wanted, lower[k]), upper[k])
+                met[k] = q[k] != wanted
         forward(steps, sliding, q, links)
         compose(links[dof], T_link_tcp, T)
         if _pose_error(T, target, error) < 1e-9**2:  # accepted error when rounding stops the descent earlier

@@ -1,0 +1,35 @@
+"""The set-point of a detaching hand: how far it follows its commands, and when it counts as out of reach."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pomona.applications.harvest import set_point
+from pomona.applications.harvest.detaching import DetachCommand
+from pomona.applications.harvest.set_point import CRAWL, HandAim
+from pomona.drivers.mock.arm import ROBOT
+from pomona.skills.motion.robot import RobotModel
+
+DT = 0.02
+OUTWARDS = DetachCommand(np.array([0.0, 0.04, 0.0]), 0.0, 0.0, np.zeros(3))
+Q = np.array([-1.36, -0.9, -0.26, -0.4, 0.06, -0.9, 0.05])
+
+
+@pytest.mark.parametrize("speed", [1.0, 0.1])
+@pytest.mark.parametrize(("times", "crawls"), [(0.5, False), (0.5 / CRAWL, False), (2.0 / CRAWL, True)])
+def test_a_hand_that_the_joints_leave_next_to_no_speed_reaches_no_further(
+    times: float, crawls: bool, speed: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Near a singular posture each step moved less than the one before, and the hand was on its way for ever."""
+    robot, most = RobotModel.load(ROBOT), np.full(7, 0.1)
+    aim = HandAim(robot, Q)
+
+    def solve(_robot: RobotModel, T: np.ndarray, q: np.ndarray) -> np.ndarray:
+        share = float(np.linalg.norm(T[:3, 3] - aim.T[:3, 3])) / (DT * 0.04)
+        return q + share * times * DT * most
+
+    monkeypatch.setattr(set_point, "nearest_solution", solve)
+    shares = [aim.follow(OUTWARDS, DT, most, speed) for _ in range(10)]
+    assert aim.beyond == pytest.approx(10 * DT if crawls else 0.0)
+    assert crawls or shares == pytest.approx([min(speed / times, 1.0)] * 10)
