@@ -20,7 +20,9 @@ def junit(results: Iterable[tuple[Path, ScenarioResult]]) -> bytes:
         failed = sum(not case.passed for case in result.cases)
         counts = {"tests": str(len(result.cases)), "failures": str(failed), "errors": "0", "skipped": "0"}
         duration = sum(case.time for case in result.cases)
-        suite = ElementTree.SubElement(root, "testsuite", name=_text(str(path)), time=f"{duration:.3f}", **counts)
+        suite = ElementTree.SubElement(
+            root, "testsuite", {"name": _text(str(path)), "time": f"{duration:.3f}", **counts}
+        )
         for case in result.cases:
             _add(suite, path, case)
     ElementTree.indent(root)
@@ -30,7 +32,7 @@ def junit(results: Iterable[tuple[Path, ScenarioResult]]) -> bytes:
 
 def _add(suite: ElementTree.Element, path: Path, case: CaseResult) -> None:
     about = {"classname": _text(path.stem), "name": _text(case.case.name), "file": _text(str(path))}
-    entry = ElementTree.SubElement(suite, "testcase", time=f"{case.time:.3f}", **about)
+    entry = ElementTree.SubElement(suite, "testcase", {**about, "time": f"{case.time:.3f}"})
     if not case.passed:
         because = [] if case.reason is None else [f"it failed because: {say(case.reason)}"]
         failure = ElementTree.SubElement(entry, "failure", message=_text(case.problems[0]))

@@ -70,7 +70,7 @@ def _cell(name: str, arm: UrdfArm, hand: str, devices: str, fitted: Fitted, sim:
         "  include: sim.yaml#world",
         "  robot: robot.xml",
     ]
-    if fitted.nearer < 1.0:
+    if fitted.nearer < 1.0 and sim.section.world is not None:
         lines.append(f"  places:                 # {100 * fitted.nearer:.0f} % as far from the base as in sim.yaml")
         places = sim.section.world.values.places
         lines += [f"    {n}: {fitted.nearer * x:.3f} {fitted.nearer * y:.3f} m" for n, (x, y) in places.items()]

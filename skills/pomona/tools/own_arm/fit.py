@@ -116,6 +116,7 @@ def _wanted(sim: CellFile, nearer: float) -> Mapping[str, Sequence[Float64]]:
 
     A rest pose may stand anywhere: that of the shipped arm, or on the way from it to where the camera observes.
     """
+    assert sim.section.world is not None, "the shipped cell has one"
     shipped = RobotModel.load(sim.section.world.values.robot)
     poses = {name: shipped.fk(q) for name, q in sim.workspace.poses.items()}
     for T in poses.values():

@@ -14,7 +14,7 @@ from pomona.skills.motion.collision import CollisionWorld, Margins, RobotShape
 from pomona.skills.motion.robot import RobotModel, inverse_kinematics
 
 OFTEN = (
-    0.5  # share of postures in which hulls touch, and parts do not: of six arms such pairs have 0.66 to 1, others 0.33
+    0.5  # share of postures in which hulls touch, and parts do not: of five arms such pairs have 0.66 to 1, others 0.33
 )
 DRAWS = 128  # postures that are tried for it
 OBSERVE, HOME = "observe", "home"  # poses that no cell can be without
