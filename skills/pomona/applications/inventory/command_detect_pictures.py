@@ -140,7 +140,8 @@ def _search(options: argparse.Namespace) -> Search:
     if weights is None:
         raise BadWeights(options.fruit, f"train some: pomona train detect --fruit {options.fruit}")
     most = MOST_LOOKS if options.width is None else MOST_LOOKS_AT_ONE_WIDTH
-    detector = CompactDetector.load(weights, DetectorOptions(working_width=options.width, most_fruit=most))
+    settings = DetectorOptions(working_width=options.width, most_fruit=most, kind=fruit.name)
+    detector = CompactDetector.load(weights, settings)
     return lambda colour: find_fruit(detector, colour)
 
 
