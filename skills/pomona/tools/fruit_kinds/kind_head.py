@@ -30,6 +30,7 @@ NONE = "none"  # the last kind: none of the others
 
 FORMAT, NETWORK, ABOUT = "pomona kinds of fruit 1", "kinds.onnx", "about.json"
 ENDING = ".kinds"
+CALIBRATION = "score"  # note about a file: the meaning of a score of 0.5
 MOST_BYTES = 32 << 20  # of both members, unpacked [byte]
 _YEAR_ZERO = (1980, 1, 1, 0, 0, 0)  # date of each member: equal weights give equal files
 EDGE = 1e-4  # scores and probabilities are kept so far from 0 and 1 before their logits are taken
@@ -170,6 +171,12 @@ class KindHead:
         values = np.concatenate(found).astype(np.float64)
         raised = np.exp(values - values.max(axis=1, keepdims=True))
         return np.asarray(raised / raised.sum(axis=1, keepdims=True), np.float64)
+
+
+def kinds_beside(weights: Path) -> StoredKinds | None:
+    """Return the kinds that a file beside these weights tells apart; None without a file. Raises BadWeights."""
+    path = weights.with_suffix(ENDING)
+    return read_kinds(path) if path.is_file() else None
 
 
 def load_judge(path: Path) -> Judge:
