@@ -36,7 +36,7 @@ def add(subparsers: Any) -> None:
     parser.add_argument(
         "--fruit",
         default="apple",
-        help="name in the catalogue, or a path; or a kind that the apple's photo_weights tell apart, as tomato (apple)",
+        help="name in the catalogue, or a path; or a kind of the apple's photo_weights, as tomato (apple)",
     )
     parser.add_argument(
         "--weights",
@@ -154,7 +154,7 @@ def _search(options: argparse.Namespace) -> Search:
 
 
 def _fruit(name: str) -> tuple[str, Path | None]:
-    """Return a fruit's name and weights: of the catalogue, else of a kind that the apple's photo_weights tell apart.
+    """Return a fruit's name and weights: of the catalogue, else of a kind of the apple's photo_weights.
 
     Raises FruitError, BadWeights: there is neither, or a file cannot be used.
     """

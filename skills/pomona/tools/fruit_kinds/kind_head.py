@@ -174,7 +174,7 @@ class KindHead:
 
 
 def kinds_beside(weights: Path) -> StoredKinds | None:
-    """Return the kinds that a file beside these weights tells apart; None without a file. Raises BadWeights."""
+    """Return the kinds that a file beside these weights knows; None without a file. Raises BadWeights."""
     path = weights.with_suffix(ENDING)
     return read_kinds(path) if path.is_file() else None
 
