@@ -135,8 +135,8 @@ bench-start: $(STAMP) ## what the small commands cost: --help, check, skills, sh
 bench-detect: $(STAMP) ## the detector on held-out frames; DATA=… adds real frames, PHOTOS=… photographs with boxes, EMPTY=… pictures without fruit
 	$(BIN)/python -m benchmarks.bench_detect $(if $(DATA),--orchard $(DATA)) $(if $(PHOTOS),--photos $(PHOTOS)) $(if $(EMPTY),--empty $(EMPTY))
 
-bench-photos: $(STAMP) ## photographs searched at one width and at several; DATA=… folder of photographs, MOST=50 pictures of each folder (0: all)
-	$(BIN)/python -m benchmarks.bench_photos $(DATA) --most $(or $(MOST),50)
+bench-photos: $(STAMP) ## photographs searched at one width and at several; DATA=… folder of photographs, TABLES="…" of pictures of one kind, MOST=50 of each folder (0: all)
+	$(BIN)/python -m benchmarks.bench_photos $(DATA) --most $(or $(MOST),50) $(addprefix --table ,$(TABLES))
 
 bench-refine: $(STAMP) ## refinement, both methods side by side
 	$(BIN)/python -m benchmarks.bench_refine

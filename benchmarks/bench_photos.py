@@ -1,9 +1,9 @@
 """Search of photographs at one width and at several: recall, precision, finds on other fruit, time and memory.
 
-python -m benchmarks.bench_photos FOLDER [--most 50]
+python -m benchmarks.bench_photos FOLDER [--most 50] [--table kinds.csv]
 
-FOLDER holds photographs of apples with boxes (every folder in it that has images.csv; those
-to measure on are searched), and pictures without labels in folders named `apples` and `other` (other fruit).
+FOLDER holds photographs of apples with boxes: every folder in it that has images.csv; those to measure on are searched.
+Tables list pictures of one kind each, as `pomona train kinds` reads them; those of the split test are searched.
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ import numpy as np
 
 from benchmarks.bench_detect import processor_name, progress
 from pomona.executive.values.arrays import UInt8
-from pomona.executive.values.pictures import write_picture
+from pomona.executive.values.pictures import read_picture, write_picture
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.detection import DetectorOptions
 from pomona.skills.perception.fruit import load_fruit
+from pomona.tools.fruit_kinds.kind_head import NONE
 from pomona.tools.photographs.box_evaluation import (
     JudgedPicture,
     box_figures,
@@ -32,12 +33,14 @@ from pomona.tools.photographs.box_evaluation import (
     recall_and_precision,
 )
 from pomona.tools.photographs.command_detect_pictures import MOST_LOOKS, MOST_LOOKS_AT_ONE_WIDTH, find_fruit
-from pomona.tools.photographs.photo_folder import read_empty, read_photographs
+from pomona.tools.photographs.photo_folder import read_photographs
 from pomona.tools.photographs.photographs import Photograph
+from pomona.tools.training.command_kinds import KINDS as NAMES
+from pomona.tools.training.kind_finds import read_kind_table
 
 BEFORE = 1280  # the one width at which `pomona detect` searched before [px]
 SCORE = 0.5  # its default
-UNLABELLED = {"apples": "apples without labels", "other": "no apples"}  # folders of pictures, and their content
+KINDS = NAMES.split(",")
 LARGE = (3000, 4000)  # height and width of the picture for time and memory [px]: 12 megapixels
 
 
@@ -46,20 +49,31 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path, help="folder of photographs")
     parser.add_argument("--most", type=int, default=50, help="pictures of each folder, evenly chosen; 0: all (50)")
+    parser.add_argument("--table", type=Path, action="append", default=[], help="pictures of one kind each; repeat it")
     options = parser.parse_args()
     weights = load_fruit("apple").photo_weights
     assert weights is not None
     detector = CompactDetector.load(weights)
-    widths = ((BEFORE, MOST_LOOKS_AT_ONE_WIDTH), (None, MOST_LOOKS))
-    searches = [detector.looking(DetectorOptions(working_width=width, most_fruit=most)) for width, most in widths]
+    ways = (
+        DetectorOptions(working_width=BEFORE, most_fruit=MOST_LOOKS_AT_ONE_WIDTH),
+        DetectorOptions(working_width=None, most_fruit=MOST_LOOKS),
+        DetectorOptions(working_width=None, most_fruit=MOST_LOOKS, kind="apple"),
+    )
+    searches = [detector.looking(way) for way in ways]
     print(f"Score ≥ {SCORE:g}, IoU 0.5, 95 % intervals from groups drawn again. {processor_name()}\n")
-    print("| pictures | figure | one width, 1280 px | several widths |\n|---|---|---|---|", flush=True)
+    print(
+        "| pictures | figure | one width, 1280 px | several widths | and the kind |\n|---|---|---|---|---|", flush=True
+    )
     folders = sorted({path.parent for path in options.data.rglob("images.csv")})
     for folder in folders:
         for line in labelled(searches, folder, chosen(read_photographs(folder).val, options.most)):
             print(line, flush=True)
-    for folder in sorted(path for name in UNLABELLED for path in options.data.rglob(name) if path.is_dir()):
-        print(unlabelled(searches, folder, chosen(read_empty(folder), options.most)), flush=True)
+    for table in options.table:
+        pictures = [picture for picture in read_kind_table(table, KINDS) if picture.split == "test"]
+        for title, right in (("apples", True), ("other fruit", False), ("no fruit of these kinds", None)):
+            some = [p for p in pictures if (None if p.kind == NONE else p.kind == "apple") is right]
+            if some:
+                print(counted(searches, f"{table.stem}: {title}", [picture.path for picture in some]), flush=True)
     if folders:
         for line in large(read_photographs(folders[0]).val):
             print(line, flush=True)
@@ -101,14 +115,16 @@ def with_interval(pictures: Sequence[JudgedPicture], figure: Callable[[Sequence[
     return f"{figure(pictures):.3f} ({low:.3f}–{high:.3f})"
 
 
-def unlabelled(searches: Sequence[CompactDetector], folder: Path, photographs: Sequence[Photograph]) -> str:
-    """Row of a folder of pictures without labels: finds per picture."""
-    cells = []
+def counted(searches: Sequence[CompactDetector], name: str, paths: Sequence[Path]) -> str:
+    """Row of pictures without labels: finds per picture, with the interval from pictures drawn again."""
+    cells, rng = [], np.random.default_rng(0)
+    drawn = rng.integers(0, len(paths), (1000, len(paths)))
     for search in searches:
-        counts = [sum(one.score >= SCORE for one in find_fruit(search, photo.picture())) for photo in photographs]
-        cells.append(f"{np.mean(counts):.2f}, in {sum(count > 0 for count in counts)} of {len(counts)}")
-    name = f"{folder.parent.name}/{folder.name}, {UNLABELLED[folder.name]}"
-    return f"| {name} | finds per picture | {' | '.join(cells)} |"
+        found = (find_fruit(search, read_picture(path)) for path in paths)
+        counts = np.array([sum(one.score >= SCORE for one in fruit) for fruit in found])
+        low, high = np.quantile(counts[drawn].mean(axis=1), (0.025, 0.975))
+        cells.append(f"{counts.mean():.2f} ({low:.2f}–{high:.2f}), in {(counts > 0).sum()} of {len(counts)}")
+    return f"| {name}, {len(paths)} pictures | finds per picture | {' | '.join(cells)} |"
 
 
 def large(photographs: Sequence[Photograph]) -> list[str]:
@@ -129,7 +145,8 @@ def large(photographs: Sequence[Photograph]) -> list[str]:
             seconds.append(f"{used.ru_utime + used.ru_stime:.1f} s")
             memory.append(f"{used.ru_maxrss * resource_unit() / 1e9:.2f} GB")
     name = f"{LARGE[1]} × {LARGE[0]} px, the whole command"
-    return [f"| {name} | processor time | {' | '.join(seconds)} |", f"| {name} | peak memory | {' | '.join(memory)} |"]
+    rows = ("processor time", seconds), ("peak memory", memory)
+    return [f"| {name} | {title} | {values[0]} | – | {values[1]} |" for title, values in rows]
 
 
 def resource_unit() -> int:

@@ -293,7 +293,7 @@ def find_in_frame(frame: Frame, fruit: FruitModel, options: Search) -> list[Inst
     if isinstance(options, DopeFiles):
         return _dope_detector(options, fruit.name, _sides(fruit)).find_instances(colour, K)
     assert fruit.weights is not None
-    return find_instances(_detector(fruit.weights).looking(options), colour, K, fruit)
+    return find_instances(_detector(fruit.weights).looking(replace(options, kind=fruit.name)), colour, K, fruit)
 
 
 def picture(

@@ -33,7 +33,11 @@ def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser("detect", help="find the fruit in pictures: a table, and the pictures with boxes")
     parser.add_argument("pictures", type=Path, nargs="+", metavar="PICTURE", help="files, or folders of them")
-    parser.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
+    parser.add_argument(
+        "--fruit",
+        default="apple",
+        help="name in the catalogue, or a path; or a kind of the apple's photo_weights, as tomato (apple)",
+    )
     parser.add_argument(
         "--weights",
         help="another weights file, or the name of a shipped one: apple.weights is that of the simulated cell (the "
@@ -124,24 +128,48 @@ def _search(options: argparse.Namespace) -> Search:
         DetectorOptions,
         find_weights,
         load_boxes,
-        load_fruit,
     )
+    from pomona.tools.fruit_kinds.kind_head import CALIBRATION, kinds_beside
 
-    fruit = load_fruit(options.fruit)
+    name, weights = _fruit(options.fruit)
     if options.boxes is not None:
         if options.weights is not None:
             raise UnusableInput("--boxes and --weights: name one of them")
-        return load_boxes(options.boxes, fruit.name, options.width or BOXES_WIDTH).find
-    weights = fruit.photo_weights or fruit.weights
+        return load_boxes(options.boxes, name, options.width or BOXES_WIDTH).find
     if options.weights is not None:
         weights = find_weights(Path(), options.weights)
         if weights is None:
             raise BadWeights(options.weights, "is neither a file nor the name of shipped weights")
     if weights is None:
         raise BadWeights(options.fruit, f"train some: pomona train detect --fruit {options.fruit}")
+    kinds = kinds_beside(weights)
+    if kinds is not None and name in kinds.kinds:
+        others = ", ".join(kind for kind in kinds.kinds[:-1] if kind != name)
+        note = f"; {kinds.about[CALIBRATION]}" if name == kinds.kinds[0] and CALIBRATION in kinds.about else ""
+        sys.stdout.write(f"scores are those of {name}, not of {others}{note}\n")
     most = MOST_LOOKS if options.width is None else MOST_LOOKS_AT_ONE_WIDTH
-    detector = CompactDetector.load(weights, DetectorOptions(working_width=options.width, most_fruit=most))
+    settings = DetectorOptions(working_width=options.width, most_fruit=most, kind=name)
+    detector = CompactDetector.load(weights, settings)
     return lambda colour: find_fruit(detector, colour)
+
+
+def _fruit(name: str) -> tuple[str, Path | None]:
+    """Return a fruit's name and weights: of the catalogue, else of a kind of the apple's photo_weights.
+
+    Raises FruitError, BadWeights: there is neither, or a file cannot be used.
+    """
+    from pomona.skills.perception import FruitError, load_fruit
+    from pomona.tools.fruit_kinds.kind_head import kinds_beside
+
+    try:
+        fruit = load_fruit(name)
+    except FruitError:
+        weights = load_fruit("apple").photo_weights
+        kinds = None if weights is None else kinds_beside(weights)
+        if kinds is None or name not in kinds.kinds[:-1]:
+            raise
+        return name, weights
+    return fruit.name, fruit.photo_weights or fruit.weights
 
 
 def _all(files: Sequence[Path], search: Search, results: PictureResults, stream: TextIO) -> int:

@@ -5,16 +5,16 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from pomona.executive.engine import add_engine_options, open_engine
 from pomona.executive.values.installation import need
 from pomona.executive.values.kinds import Number
+from pomona.tools.training import command_kinds
+from pomona.tools.training.progress_bar import ProgressBar
 
 USED_SCORE = 0.5  # of a find that counts: the default of `Detect`
 
@@ -80,6 +80,7 @@ def add_train(subparsers: Any) -> None:
     detect.add_argument("--network", default="compact", choices=("compact", "dope"), help="dope: the full network")
     detect.add_argument("--batch", type=int, default=116, help="samples a step, for the full network (116)")
     detect.set_defaults(main=train_main)
+    command_kinds.add(kinds)
 
 
 def add_export(subparsers: Any) -> None:
@@ -148,7 +149,7 @@ def data_main(options: argparse.Namespace) -> int:
     scene = dataclasses.replace(
         base, width=options.width, height=round(base.height * factor), camera=camera, kinds=kinds
     )
-    with open_engine(options.engine, options.workers, options.address) as engine, _bar("frames") as show:
+    with open_engine(options.engine, options.workers, options.address) as engine, ProgressBar("frames") as show:
         made = render_dataset(
             options.out, options.frames, options.seed, options.fruit, scene, progress=show, engine=engine
         )
@@ -179,7 +180,7 @@ def train_main(options: argparse.Namespace) -> int:
         recipe = dataclasses.replace(base, stages=stages, sets=sets)
         start = _start(options)
         photographs = _photographs(options, console) if options.photos else None
-        with _bar("frames and places") as show:
+        with ProgressBar("frames and places") as show:
             make_weights(
                 options.out,
                 work,
@@ -241,7 +242,7 @@ def _start(options: argparse.Namespace) -> Path | None:
 def _photographs(options: argparse.Namespace, console: Console) -> Any:
     from pomona.tools.photographs.photo_folder import read_empty, read_photographs
 
-    with _bar("photographs") as show:
+    with ProgressBar("photographs") as show:
         photographs = read_photographs(options.photos, Path(options.fruit).stem, show)
     counts = [
         f"{len(some)} photographs with {sum(len(photograph.boxes) for photograph in some)} boxes to {what}"
@@ -279,19 +280,3 @@ def _line(name: str, progress: Any) -> str:
         f"{name}  step {progress.step} of {progress.steps}  loss {progress.loss:.4f}  rate {progress.rate:.1e}"
         f"  {progress.seconds:.0f} s  {figures}"
     ).rstrip()
-
-
-class _bar:  # noqa: N801  (used like a function)
-    """A progress bar; entering gives a callable for (done, in all)."""
-
-    def __init__(self, name: str) -> None:
-        columns = (TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-        self._progress = Progress(*columns)
-        self._task = self._progress.add_task(name, total=None)
-
-    def __enter__(self) -> Callable[[int, int], None]:
-        self._progress.start()
-        return lambda done, total: self._progress.update(self._task, completed=done, total=total)
-
-    def __exit__(self, *_: object) -> None:
-        self._progress.stop()

@@ -10,8 +10,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pomona.executive.values.arrays import UInt8
+from pomona.executive.values.arrays import Float32, UInt8
 from pomona.executive.values.pictures import write_picture
+from pomona.skills.perception.detection.close_look import FINDER_STRIDE, HEAT
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.instances import find_instances
 from pomona.skills.perception.fruit import FruitModel, load_fruit
@@ -137,5 +138,12 @@ def draw(
             cv2.line(cuboids, points[a].tolist(), points[b].tolist(), (255, 255, 0) if top else (0, 255, 255), 1)
         cv2.circle(cuboids, points[8].tolist(), 3, (255, 0, 255), -1)
     height, width = colour.shape[:2]
-    heat = cv2.resize(detector.heat_map(colour), (width, height))[..., None] * np.array([200.0, 0.0, 0.0])
+    heat = cv2.resize(heat_map(detector, colour), (width, height))[..., None] * np.array([200.0, 0.0, 0.0])
     return np.hstack([cuboids, np.clip(0.45 * colour + heat, 0, 255).astype(np.uint8)])
+
+
+def heat_map(detector: CompactDetector, colour: UInt8) -> Float32:
+    """Return the finder's heat, 0..1, in cells of the finder's input, (h, w). Raises BadFrame: as of `find`."""
+    maps, (width, height) = detector.maps(colour)
+    cells = maps[HEAT, : -(-height // FINDER_STRIDE), : -(-width // FINDER_STRIDE)]
+    return np.asarray(1.0 / (1.0 + np.exp(-cells)), np.float32)

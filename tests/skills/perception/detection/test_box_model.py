@@ -142,3 +142,24 @@ def test_colours_are_normalised_by_the_metadata_or_by_the_file_beside_it(tmp_pat
     (tmp_path / "red.onnx.yaml").write_text("mean: [-0.2, 0, 0]\nstd: [2, 1, 1]\n")
     (found,) = BoxModel(path, "apple").find(np.full((240, 320, 3), 255, np.uint8))
     assert found.score == pytest.approx(1.2 / 2.0, abs=1e-4)
+
+
+@pytest.mark.parametrize("beside", [True, False])
+@pytest.mark.parametrize(
+    ("settings", "colour", "score"),
+    [
+        ({}, (102, 0, 51), 0.4),
+        ({"order": "bgr"}, (102, 0, 51), 0.2),
+        ({"range": "0..255"}, (1, 0, 0), 1.0),
+        ({"range": "0..255", "order": "bgr"}, (0, 0, 1), 1.0),
+        ({"range": "0..255", "mean": "[0, 0, -0.002]", "order": "bgr"}, (255, 255, 0), 0.51),
+    ],
+)
+def test_colours_are_in_the_order_and_range_that_the_network_learnt_from(
+    tmp_path: Path, beside: bool, settings: dict[str, str], colour: tuple[int, int, int], score: float
+) -> None:
+    path = colour_model(tmp_path / "first.onnx", **({} if beside else settings))
+    if beside:
+        (tmp_path / "first.onnx.yaml").write_text("".join(f"{key}: {value}\n" for key, value in settings.items()))
+    (found,) = BoxModel(path, "apple").find(np.full((240, 320, 3), colour, np.uint8))
+    assert found.score == pytest.approx(score, abs=1e-4)

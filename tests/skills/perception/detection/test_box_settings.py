@@ -46,6 +46,8 @@ def test_without_both_the_form_of_the_outputs_decides(tmp_path: Path) -> None:
         ("names: 7", "has names '7', expected a list"),
         ("fit: crop", "has fit 'crop', expected letterbox or stretch"),
         ("units: mm", "has units 'mm', expected pixels or share"),
+        ("order: gbr", "has order 'gbr', expected rgb or bgr"),
+        ("range: 255", "has range '255', expected 0..1 or 0..255"),
         ("std: [0, 1, 1]", "has std .*, expected three numbers above 0"),
         ("mean: [1, 2]", "has mean .*, expected three numbers"),
         ("mean: [.nan, 0, 0]", "has mean .*, expected three numbers"),

@@ -108,7 +108,7 @@ def test_any_working_width_can_be_asked_for(apple: FruitModel, width: int) -> No
     assert apple.weights is not None
     wide = CompactDetector.load(apple.weights, DetectorOptions(working_width=width))
     picture = np.random.default_rng(1).integers(0, 256, (270, 480, 3), dtype=np.uint8)
-    assert wide.heat_map(picture).shape == (-(-round(270 * width / 480) // 4), -(-width // 4))
+    assert wide.maps(picture)[1] == (width, round(270 * width / 480))
     assert all((place.box[:2] + place.box[2:] <= (480.01, 270.01)).all() for place in wide.places(picture, 0.0))
 
 

@@ -104,7 +104,7 @@ def test_a_file_of_an_earlier_version_finds_the_same_and_keeps_its_scores(tmp_pa
     assert read_stored(tmp_path / "old.pt") == read_stored(tmp_path / "new.weights")
     picture = np.random.default_rng(0).integers(0, 256, (96, 128, 3), dtype=np.uint8)
     old, new = (CompactDetector.load(tmp_path / name) for name in ("old.pt", "new.weights"))
-    assert np.array_equal(old.heat_map(picture), new.heat_map(picture))
+    assert np.array_equal(old.maps(picture)[0], new.maps(picture)[0])
     for wrong in ([-1.0, 0.0], [float("nan"), 0.0], [1.0], "steep"):
         save_with_torch(tmp_path / "wrong.pt", *networks, scores=wrong)
         with pytest.raises(BadWeights, match="scores"):

@@ -197,7 +197,7 @@ def test_a_picture_whose_name_is_not_utf8_is_searched(
     ("arguments", "said"),
     [
         (("--width", "20"), "--width must lie in"),
-        (("--fruit", "pear"), "pear"),
+        (("--fruit", "plum"), "plum"),
         (("--weights", "none.weights"), "none.weights: is neither a file nor the name of shipped weights"),
         (("missing.jpg",), "missing.jpg: there is no such file"),
         (("--out", "."), "is there already"),
@@ -330,10 +330,10 @@ def test_labels_of_another_class_list_are_refused_in_one_line(
     pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     labels = yolo(tmp_path / "set")
-    (labels / "data.yaml").write_text("names: [leaf, pear]\n")
+    (labels / "data.yaml").write_text("names: [leaf, plum]\n")
     assert run(pictures, "--eval", labels, "--out", tmp_path / "out") == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert "has the classes leaf, pear: none of them is apple" in line
+    assert "has the classes leaf, plum: none of them is apple" in line
     assert not (tmp_path / "out").exists()
 
 
@@ -406,3 +406,23 @@ def test_sizes_are_reported_for_a_detector_of_boxes_without_a_range(
     said = capsys.readouterr().out
     assert "longer sides of the boxes: 120 to 120 px" in said
     assert "searched at" not in said
+
+
+def test_a_kind_that_the_photo_weights_tell_apart_needs_no_fruit_file(
+    pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked: list[DetectorOptions] = []
+    monkeypatch.setattr(CompactDetector, "load", classmethod(lambda cls, _, options: asked.append(options)))
+    assert run(pictures, "--fruit", "tomato", "--out", tmp_path / "tomato") == 0
+    assert "scores are those of tomato, not of apple, orange, lemon, pear, peach\n" in capsys.readouterr().out
+    assert run(pictures, "--out", tmp_path / "apple") == 0
+    assert "; from 0.5 on, 0.90 of the finds were apple" in capsys.readouterr().out
+    assert [options.kind for options in asked] == ["tomato", "apple"]
+
+
+def test_a_fruit_that_is_neither_in_the_catalogue_nor_a_kind_is_refused(
+    pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("none", "plum"):
+        assert run(pictures, "--fruit", name, "--out", tmp_path / "out") == 2
+        assert f"no fruit named '{name}'" in capsys.readouterr().err

@@ -1,6 +1,6 @@
 """A detector of boxes as an ONNX file of any origin.
 
-Input: one picture, float32 or float16, (1, 3, h, w) or (3, h, w), RGB in 0..1, and perhaps its size, (1, 2) int64.
+Input: one picture, float32 or float16, (1, 3, h, w) or (3, h, w), and perhaps its size, (1, 2) int64.
 `box_forms` lists the forms of the outputs that are read, `box_settings` the settings of a file.
 """
 
@@ -140,7 +140,7 @@ class BoxModel:
 
     def _read_input(self, working_width: int) -> None:
         inputs = self._session.get_inputs()
-        expected = "one input (1, 3, h, w) or (3, h, w) of float32, RGB in 0..1"
+        expected = "one input (1, 3, h, w) or (3, h, w) of float32"
         sizes = [given for given in inputs if given.type == "tensor(int64)" and _ends(given.shape, 2)]
         pictures = [given for given in inputs if given not in sizes]
         if len(pictures) != 1 or len(sizes) > 1:
@@ -160,7 +160,8 @@ class BoxModel:
         """Return factor and summand from a colour, 0 to 255, to the input, (3,) each."""
         mean, std = IMAGENET if set(PAIRS[0]) <= set(self._outputs) else ((0.0,) * 3, (1.0,) * 3)
         middle, spread = np.array(self._settings.mean or mean), np.array(self._settings.std or std)
-        return (1.0 / (255.0 * spread)).astype(np.float32), (-middle / spread).astype(np.float32)
+        factor = (255.0 if self._settings.range == "0..255" else 1.0) / spread
+        return (factor / 255.0).astype(np.float32), (-middle * factor).astype(np.float32)
 
     def _fit(self, colour: UInt8) -> FittedPicture:
         """Return a picture in the form of the input: stretched, or in its middle with grey at the sides."""
@@ -179,7 +180,7 @@ class BoxModel:
         left, top = right // 2, below // 2
         border = top, below - top, left, right - left
         picture = cv2.copyMakeBorder(picture, *border, cv2.BORDER_CONSTANT, value=GREY)
-        colours = picture * self._scale + self._shift
+        colours = (picture * self._scale + self._shift)[..., :: -1 if self._settings.order == "bgr" else 1]
         planes = np.ascontiguousarray(colours.transpose(2, 0, 1)).astype(self._dtype)
         return FittedPicture(planes, factors, np.array([left, top], float))
 

@@ -8,7 +8,8 @@
 | `imgsz` | height and width of an input without a fixed size [px] |
 | `stride` | sides of an input without any size are multiples of it [px] |
 | `fit` | `letterbox`: the picture keeps its shape, with grey at the sides; `stretch`: it fills the input |
-| `mean`, `std` | of red, green and blue in 0..1: the input is (colour - mean) / std |
+| `mean`, `std` | of red, green and blue in 0..1: the input is (colour - mean) / std, times 255 for the range 0..255 |
+| `order`, `range` | of the input's colours: `rgb` or `bgr`, `0..1` or `0..255` |
 | `units` | of the boxes: `pixels` of the input, or `share` of its width and height |
 
 The file beside the model overrides the metadata.
@@ -50,6 +51,8 @@ class BoxSettings:
     fit: str = ""
     mean: Three | None = None  # of the colours in 0..1
     std: Three | None = None
+    order: str = ""  # of the input's colours
+    range: str = ""
     units: str = ""
     file: str = field(default="", compare=False)  # name of the settings' file, which errors name
 
@@ -144,6 +147,8 @@ KEYS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "fit": _one_of("letterbox", "stretch"),
     "mean": (_three(-1e3), "three numbers: [0.485, 0.456, 0.406]"),
     "std": (_three(0.0), "three numbers above 0: [0.229, 0.224, 0.225]"),
+    "order": _one_of("rgb", "bgr"),
+    "range": _one_of("0..1", "0..255"),
     "units": _one_of("pixels", "share"),
 }
 """Each key's reader, and the words for a value that it refuses."""

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import copy
+from collections.abc import Callable
 from dataclasses import replace
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import cv2
@@ -18,8 +20,6 @@ from pomona.skills.perception.detection.close_look import (
     CLOSE_LOOK_OUTPUTS,
     CLOSE_LOOK_SIZE,
     FINDER_MULTIPLE,
-    FINDER_STRIDE,
-    HEAT,
     KIND,
     REFERENCE_LENGTH,
     SEEN,
@@ -60,7 +60,10 @@ MIRROR[[CENTRE.start, AXIS.start]] = -1.0
 """Factors from the close look's output for a mirrored picture to that for the picture."""
 
 SHIPPED = Path(__file__).resolve().parent / "weights"  # as trustworthy as the code beside it
+KINDS, JUDGES = ".kinds", "pomona.fruit_kinds"  # ending of a file beside the weights; entry points that load it
 BATCH = 16  # looks that go through the network at once: more no longer fit into the cache
+
+Judge = Callable[[UInt8, list[FoundFruit], str], list[FoundFruit]]  # finds in a picture, with scores for one kind
 
 
 class CompactDetector:
@@ -81,6 +84,7 @@ class CompactDetector:
     ) -> None:
         self.options, self.scores = options or DetectorOptions(), scores or PowerScore()
         self._finder, self._close_look = finder, close_look
+        self.judge: Judge = lambda _colour, found, _kind: found
 
     @classmethod
     def load(cls, path: Path | str, options: DetectorOptions | None = None) -> CompactDetector:
@@ -101,7 +105,10 @@ class CompactDetector:
         stored = read_stored(path)
         finder = onnx_network(stored.finder, path, FINDER)
         close_look = onnx_network(stored.close_look, path, CLOSE_LOOK)
-        return cls(finder, close_look, options, stored.scores)
+        detector, kinds = cls(finder, close_look, options, stored.scores), Path(path).with_suffix(KINDS)
+        for point in entry_points(group=JUDGES) if kinds.is_file() else ():
+            detector.judge = point.load()(kinds)
+        return detector
 
     def looking(self, options: DetectorOptions) -> CompactDetector:
         """Return a detector of the same networks with other options."""
@@ -127,7 +134,7 @@ class CompactDetector:
             BadFrame: another shape or type.
         """
         seen = self._look_at_all_widths(colour, K) if self.options.working_width is None else self.look(colour, K)[1]
-        seen.sort(key=lambda fruit: -fruit.score)
+        seen = sorted(self.judge(colour, seen, self.options.kind), key=lambda fruit: -fruit.score)
         centres, sizes = np.array([fruit.centre for fruit in seen]).reshape(-1, 2), np.array([f.size for f in seen])
         kept: list[int] = []
         for k in range(len(seen)):
@@ -223,7 +230,7 @@ class CompactDetector:
         Raises:
             BadFrame: another shape or type.
         """
-        maps, (width, _) = self._maps(colour)
+        maps, (width, _) = self.maps(colour)
         factor = colour.shape[1] / width
         return [place.scaled(factor) for place in read_places(maps, width, colour.shape[0] / factor, threshold)]
 
@@ -246,18 +253,8 @@ class CompactDetector:
         sized = (place for place in places if SMALLEST_FRUIT <= place.box[2:].max() <= LARGEST_FRUIT)
         return [place.scaled(factor) for place in sized]
 
-    def heat_map(self, colour: UInt8) -> Float32:
-        """Return the finder's heat, 0..1, in cells of the finder's input, (h, w).
-
-        Raises:
-            BadFrame: another shape or type.
-        """
-        maps, (width, height) = self._maps(colour)
-        cells = maps[HEAT, : -(-height // FINDER_STRIDE), : -(-width // FINDER_STRIDE)]
-        return np.asarray(1.0 / (1.0 + np.exp(-cells)), np.float32)
-
-    def _maps(self, colour: UInt8) -> tuple[Float32, tuple[int, int]]:
-        """Return the finder's maps, and width and height of the picture in its input [px]."""
+    def maps(self, colour: UInt8) -> tuple[Float32, tuple[int, int]]:
+        """Return the finder's maps, and width and height of the picture in its input [px]. Raises BadFrame."""
         check_picture(colour)
         height, width = colour.shape[:2]
         working_width = self.options.working_width or WORKING_WIDTH

@@ -26,6 +26,7 @@ class DetectorOptions:
     apart: float = 0.35  # two fruit are at least this part of the larger one's keypoint size apart
     # width to which pictures are shrunk for the finder [px]; None for several, up to the picture's own (`pyramid`)
     working_width: int | None = WORKING_WIDTH
+    kind: str = ""  # of fruit, where the weights know several; another word: all that the finder finds
 
 
 @dataclass(frozen=True, slots=True)

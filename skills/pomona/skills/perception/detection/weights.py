@@ -136,15 +136,15 @@ def _store(
     if isinstance(finder, BeliefFinder):
         widths["finder"] = list(finder.widths)
     return StoredDetector(
-        _exported(path, finder, FINDER_EXAMPLE, ["maps"], {name: {0: "n", 2: "h", 3: "w"} for name in (INPUT, "maps")}),
-        _exported(path, close_look, CLOSE_LOOK_EXAMPLE, ["look"], {INPUT: {0: "n"}, "look": {0: "n"}}),
+        exported(path, finder, FINDER_EXAMPLE, ["maps"], {name: {0: "n", 2: "h", 3: "w"} for name in (INPUT, "maps")}),
+        exported(path, close_look, CLOSE_LOOK_EXAMPLE, ["look"], {INPUT: {0: "n"}, "look": {0: "n"}}),
         about,
         scores,
         widths,
     )
 
 
-def _exported(
+def exported(
     path: Path | str,
     network: nn.Module,
     example: tuple[int, ...],
@@ -194,7 +194,7 @@ def _exported(
 
 
 def _initialisers(path: Path | str, content: bytes) -> dict[str, Tensor]:
-    """Return the parameters of a network that `_exported` wrote."""
+    """Return the parameters of a network that `exported` wrote."""
     onnx = _onnx()
     try:
         tensors = onnx.load_model_from_string(content).graph.initializer
