@@ -323,14 +323,24 @@ class _Work:
     supervision: RunSupervision
     cell_texts: Mapping[str, str] = field(default_factory=dict)
 
-    def build(self, context: SkillContext, board: Board) -> BuiltTree:
+    def build(
+        self, context: SkillContext, board: Board, around: Mapping[tuple[str, str], object] | None = None
+    ) -> BuiltTree:
         return build(
-            self.document, self.registry, overrides=self.settings, context=context, board=board, mocks=self.mocks
+            self.document,
+            self.registry,
+            context=context,
+            board=board,
+            overrides=self.settings,
+            mocks=self.mocks,
+            around=around,
         )
 
-    def rebuild(self, context: SkillContext, board: Board) -> BuiltTree:
+    def rebuild(self, context: SkillContext, board: Board, around: Mapping[tuple[str, str], object]) -> BuiltTree:
         """As `build`, from the tree's files as they are now. Raises UsageError: they cannot be read, or have errors."""
-        return replace(self, document=read_document(self.order.tree)).build(context, board)
+        order = self.order
+        document = read_document(order.tree) if order.dry else _read(order, Starting()).document
+        return replace(self, document=document).build(context, board, around)
 
 
 def _run(work: _Work, followers: _Followers) -> Executed:

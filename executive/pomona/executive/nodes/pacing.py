@@ -109,6 +109,11 @@ class RunOnce(Wrapper):
         super().__init__(name, child)
         self._done = False
 
+    @property
+    def remembers(self) -> bool:
+        """Whether its next start depends on the one before."""
+        return self._done
+
     def begin(self) -> Status | None:
         if self._done:
             self.feedback_message = "skipped: it has run already"
