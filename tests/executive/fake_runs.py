@@ -69,7 +69,7 @@ def make(
     for listener in (received.append, *listeners):
         events.subscribe(listener)
 
-    def built(text: str, context: Any, board: Any, around: Any = None) -> BuiltTree:
+    def built(text: str, context: Any, board: Any, around: Any = ()) -> BuiltTree:
         return build(read(text, "tree.yaml"), registry, context=context, board=board, around=around)
 
     again = None if reread is None else lambda context, board, around: built(reread(), context, board, around)

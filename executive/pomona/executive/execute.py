@@ -23,6 +23,7 @@ from pomona.executive.files import read_text
 from pomona.executive.judging import judge, split_settings
 from pomona.executive.language import BuiltTree, Document, Mocks, build, format_findings
 from pomona.executive.language.built import Side
+from pomona.executive.language.changes import Around
 from pomona.executive.language.check import read_document, refuse_errors
 from pomona.executive.language.mocks import MockPlan, read_mocks
 from pomona.executive.reasons import Reason
@@ -322,25 +323,18 @@ class _Work:
     signals: RunSignals
     supervision: RunSupervision
     cell_texts: Mapping[str, str] = field(default_factory=dict)
+    around: Around = field(default_factory=dict)
 
-    def build(
-        self, context: SkillContext, board: Board, around: Mapping[tuple[str, str], object] | None = None
-    ) -> BuiltTree:
-        return build(
-            self.document,
-            self.registry,
-            context=context,
-            board=board,
-            overrides=self.settings,
-            mocks=self.mocks,
-            around=around,
-        )
+    def build(self, context: SkillContext, board: Board) -> BuiltTree:
+        given, mocks, around = self.settings, self.mocks, self.around
+        document, registry = self.document, self.registry
+        return build(document, registry, overrides=given, context=context, board=board, mocks=mocks, around=around)
 
-    def rebuild(self, context: SkillContext, board: Board, around: Mapping[tuple[str, str], object]) -> BuiltTree:
+    def rebuild(self, context: SkillContext, board: Board, around: Around) -> BuiltTree:
         """As `build`, from the tree's files as they are now. Raises UsageError: they cannot be read, or have errors."""
         order = self.order
         document = read_document(order.tree) if order.dry else _read(order, Starting()).document
-        return replace(self, document=document).build(context, board, around)
+        return replace(self, document=document, around=around).build(context, board)
 
 
 def _run(work: _Work, followers: _Followers) -> Executed:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import abc
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any, Protocol
 
 import py_trees
@@ -43,7 +44,7 @@ def build(
     overrides: Mapping[str, str] | abc.Sequence[str] = (),
     interfaces: tuple[type, ...] | None = None,
     mocks: Mocks | None = None,
-    around: Mapping[tuple[str, str], object] | None = None,
+    around: Mapping[tuple[str, str], Any] = MappingProxyType({}),
 ) -> BuiltTree:
     """Build a tree from a document, bound to the run `context`.
 
@@ -63,7 +64,8 @@ def build(
     if errors or main is None or main.root is None:
         raise TreeFileError(errors)
     board = board if board is not None else Board(context.clock)
-    builder = _Builder(analysis, context, board, mocks, around or {})
+    builder = _Builder(analysis, context, board, mocks)
+    builder.kept.update(around)
     names: dict[str, Getter] = {name: constant(value) for name, value in analysis.parameters.items()}
     scope = InstanceScope(analysis, main, board, "/", names)
     root = builder.node(main.root, scope, None, path=document.main.name)
@@ -93,16 +95,9 @@ def _inputs_nobody_gives(main: Definition) -> list[Finding]:
 
 
 class _Builder:
-    def __init__(
-        self,
-        analysis: Analysis,
-        context: SkillContext,
-        board: Board,
-        mocks: Mocks | None,
-        around: Mapping[tuple[str, str], object],
-    ) -> None:
+    def __init__(self, analysis: Analysis, context: SkillContext, board: Board, mocks: Mocks | None) -> None:
         self.analysis, self.context, self.board, self.mocks = analysis, context, board, mocks
-        self.kept, self.around = around, dict[tuple[str, str], object]()
+        self.kept, self.around = dict[tuple[str, str], Any](), dict[tuple[str, str], Any]()
         self.nodes: dict[str, NodeInfo] = {}
         self.behaviours: dict[str, Behaviour] = {}
         self.breakpoints: list[tuple[str, Side]] = []

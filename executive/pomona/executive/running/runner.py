@@ -16,6 +16,7 @@ import queue
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 from py_trees.common import Status
@@ -25,7 +26,7 @@ from pomona.executive.cell.cell import Cell
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.language import BuiltTree
 from pomona.executive.language.built import Side
-from pomona.executive.language.changes import ReloadRefusedError, Takeover, begun, change_input, difference
+from pomona.executive.language.changes import Around, ReloadRefusedError, Takeover, change_input, takeover
 from pomona.executive.lease import viewed
 from pomona.executive.reasons import Reason
 from pomona.executive.running.cell_watch import (
@@ -85,7 +86,7 @@ BLOCKED = 1.0  # wall-clock seconds of a tick on a simulated clock that are repo
 
 
 Build = Callable[[SkillContext, Board], BuiltTree]  # makes a tree that is bound to a run
-Rebuild = Callable[[SkillContext, Board, Mapping[tuple[str, str], object]], BuiltTree]  # inside the nodes that stay
+Rebuild = Callable[[SkillContext, Board, Around], BuiltTree]  # inside the nodes that stay
 
 
 class Runner(Requests):
@@ -136,7 +137,7 @@ class Runner(Requests):
         self.board.subscribe(self._written)
         self.tree = build(viewed(self.context, SkillContext), self.board)
         self._speed, self._repeated = speed, deque(speeds)
-        self._rebuild, self._rebuilt = rebuild, dict[str, BuiltTree]()
+        self._rebuild, self._takeovers = rebuild, dict[str, Takeover]()
         self._refuse_full_speed_only(self.tree)
         self._breakpoints = Breakpoints(self.tree.behaviours)
         self._attended = attended
@@ -365,24 +366,16 @@ class Runner(Requests):
             raise AnswerRefusedError("the run still comes to rest")
         if self._rebuild is None:
             raise ReloadRefusedError("this run has no tree file")
-        stay = begun(self.tree, self._breakpoints.held)
-        around = {key: value for key, value in self.tree.around.items() if key[0] in stay}
-        fresh = self._rebuild(viewed(self.context, SkillContext), self.board, around)
-        if not (lines := difference(self.tree, fresh)):
-            raise ReloadRefusedError("the tree file has not changed")
-        self._refuse_full_speed_only(fresh)
-        for skill in Takeover(self.tree, fresh, self._breakpoints.held).skills:
-            try:
-                skill.prepare()
-            except Exception as error:  # weights that do not load: the run stays as it is
-                raise ReloadRefusedError(f"{skill.name} cannot be prepared: {sentence_of(error)}") from error
-        self._rebuilt[lines] = fresh
-        self._ask("reload", who, lines, number)
+        rebuild = partial(self._rebuild, viewed(self.context, SkillContext), self.board)
+        found = takeover(self.tree, self._breakpoints.held, rebuild)
+        self._refuse_full_speed_only(found.fresh)
+        self._takeovers[found.difference] = found
+        self._ask("reload", who, found.difference, number)
 
     def _take_over(self, who: str, lines: str) -> None:
         before = self.tree
         try:
-            self.tree = Takeover(before, self._rebuilt[lines], self._breakpoints.held).apply()
+            self.tree = self._takeovers[lines].apply(before)
         except ReloadRefusedError as error:  # another change of the file was taken over meanwhile
             self._emit(OperatorActed(*self._stamp(), who, "too_late", f"reload, {error}"))
             return

@@ -85,8 +85,7 @@ class Breakpoints:
     def follow(self, tree: BuiltTree) -> None:
         """Go on with the nodes of a changed tree; breakpoints of nodes that are gone are forgotten."""
         fresh = {path for path in self._patched if tree.behaviours.get(path) is not self._behaviours[path]}
-        self._behaviours = tree.behaviours
-        self._patched -= fresh
+        self._behaviours, self._patched = tree.behaviours, self._patched - fresh
         for side, paths in self._set.items():
             for path in paths & fresh:
                 paths.discard(path)
