@@ -35,11 +35,6 @@ class Sequence(Branch):
         self.memory, self.keeps = memory, keeps
         self._at = self._skipped = 0
 
-    @property
-    def remembers(self) -> bool:
-        """Whether its next start depends on the one before."""
-        return self.keeps and self._at > 0
-
     def tick(self) -> Iterator[Behaviour]:
         children = self.children
         if self.status is not Status.RUNNING:

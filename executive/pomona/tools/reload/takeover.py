@@ -193,6 +193,9 @@ def difference(running: BuiltTree, fresh: BuiltTree) -> str:
 
 
 def _remembers(behaviour: Behaviour) -> bool:
+    """Return True if the next start of a node depends on the one before."""
+    if isinstance(behaviour, Sequence):
+        return behaviour.keeps and behaviour._at > 0
     return getattr(behaviour, "remembers", False)
 
 
