@@ -320,7 +320,7 @@ def _lines(before: str, edit: TreeEdit, after: str) -> str:
     """Untouched lines are in the new text byte for byte, in their order."""
     lines = before.split("\n")
     if edit.do == "set_parameter":
-        touched = {row for row, line in enumerate(lines) if re.match(rf"\s*({edit.name}|parameters)\b", line)}
+        touched = {row for row, line in enumerate(lines) if re.match(rf"\ufeff?\s*({edit.name}|parameters)\b", line)}
         touched |= {row for row, line in enumerate(lines) if "{" in line and f"{edit.name}:" in line}
         touched |= {row + 1 for row in touched if row + 1 < len(lines) and not lines[row + 1].strip()}
         touched |= {row for row, line in enumerate(lines) if line.startswith("    ")} & _below(lines, edit.name)
