@@ -47,7 +47,7 @@ def judged(edits: int, seed: int) -> int:
             fault = judge(text, message, after)
             if fault:
                 faults += 1
-                print(f"{name}: {message}: {fault[:300]}", flush=True)
+                print(f"{name}: {message}: {fault[:300]}: {text!r}", flush=True)
             made[message["do"]] += 1
             if made.total() % 1000 == 0:
                 print(f"{made.total()} edits, {faults} faults", flush=True)

@@ -320,7 +320,7 @@ def _lines(before: str, edit: TreeEdit, after: str) -> str:
     """Untouched lines are in the new text byte for byte, in their order."""
     lines = before.split("\n")
     if edit.do == "set_parameter":
-        touched = {row for row, line in enumerate(lines) if re.match(rf"\s*({edit.name}|parameters)\b", line)}
+        touched = {row for row, line in enumerate(lines) if re.match(rf"\ufeff?\s*({edit.name}|parameters)\b", line)}
         touched |= {row for row, line in enumerate(lines) if "{" in line and f"{edit.name}:" in line}
         touched |= {row + 1 for row in touched if row + 1 < len(lines) and not lines[row + 1].strip()}
         touched |= {row for row, line in enumerate(lines) if line.startswith("    ")} & _below(lines, edit.name)
@@ -331,6 +331,8 @@ def _lines(before: str, edit: TreeEdit, after: str) -> str:
             flow = any(mark in lines[row] for row in touched for mark in ("[", "{"))
             touched = touched if flow else {key}
         parent = edit.node.rpartition("/")[0]
+        if edit.do == "delete" and not parent:
+            touched |= {row for row, line in enumerate(lines) if line.startswith("root:")}
         if edit.do == "delete" and sum(n["parent"] == parent for n in nodes(before)) == 1:
             touched.add(next((n["line"] - 1 for n in nodes(before) if n["id"] == parent), 0))  # it has `[]` now
         if edit.do == "move":

@@ -69,10 +69,10 @@ def make(
     for listener in (received.append, *listeners):
         events.subscribe(listener)
 
-    def built(text: str, context: Any, board: Any) -> BuiltTree:
-        return build(read(text, "tree.yaml"), registry, context=context, board=board)
+    def built(text: str, context: Any, board: Any, around: Any = ()) -> BuiltTree:
+        return build(read(text, "tree.yaml"), registry, context=context, board=board, around=around)
 
-    again = None if reread is None else lambda context, board: built(reread(), context, board)
+    again = None if reread is None else lambda context, board, around: built(reread(), context, board, around)
     runner = Runner(lambda context, board: built(text, context, board), cell, events, attended=attended, rebuild=again)
     looks = iter(range(1, 10_000))
     check = cell.check

@@ -116,6 +116,7 @@ if TYPE_CHECKING:
         RunStarted as RunStarted,
         SafeStopped as SafeStopped,
         StateChanged as StateChanged,
+        TreeChanged as TreeChanged,
     )
     from pomona.executive.running.runner import (
         Runner as Runner,
@@ -261,7 +262,7 @@ PUBLIC = {
     "run_views": "RunView ViewedRun",
     "running.events": (
         "AttemptEnded ErrorRaised Event NodeChanged OperatorActed PortWritten Published RunEnded RunStarted "
-        "SafeStopped StateChanged"
+        "SafeStopped StateChanged TreeChanged"
     ),
     "running.runner": "Runner",
     "running.signals": "raise_again",

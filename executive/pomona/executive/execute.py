@@ -23,6 +23,7 @@ from pomona.executive.files import read_text
 from pomona.executive.judging import judge, split_settings
 from pomona.executive.language import BuiltTree, Document, Mocks, build, format_findings
 from pomona.executive.language.built import Side
+from pomona.executive.language.changes import Around
 from pomona.executive.language.check import read_document, refuse_errors
 from pomona.executive.language.mocks import MockPlan, read_mocks
 from pomona.executive.reasons import Reason
@@ -330,15 +331,18 @@ class _Work:
     signals: RunSignals
     supervision: RunSupervision
     cell_texts: Mapping[str, str] = field(default_factory=dict)
+    around: Around = field(default_factory=dict)
 
     def build(self, context: SkillContext, board: Board) -> BuiltTree:
-        return build(
-            self.document, self.registry, overrides=self.settings, context=context, board=board, mocks=self.mocks
-        )
+        given, mocks, around = self.settings, self.mocks, self.around
+        document, registry = self.document, self.registry
+        return build(document, registry, overrides=given, context=context, board=board, mocks=mocks, around=around)
 
-    def rebuild(self, context: SkillContext, board: Board) -> BuiltTree:
+    def rebuild(self, context: SkillContext, board: Board, around: Around) -> BuiltTree:
         """As `build`, from the tree's files as they are now. Raises UsageError: they cannot be read, or have errors."""
-        return replace(self, document=read_document(self.order.tree)).build(context, board)
+        order = self.order
+        document = read_document(order.tree) if order.dry else _read(order, Starting()).document
+        return replace(self, document=document, around=around).build(context, board)
 
 
 def _run(work: _Work, followers: _Followers) -> Executed:

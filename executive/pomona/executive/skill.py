@@ -328,6 +328,10 @@ class Skill(py_trees.behaviour.Behaviour):
         """Wire the skill into a run: `read` gives all inputs by port name, `write` takes one output."""
         self._context, self.path, self._read, self._write = context, path, read, write
 
+    def rewire(self, other: Skill) -> None:
+        """Take over the inputs and outputs of another node of this class, as a changed file has them."""
+        self._read, self._write, self.changed = other._read, other._write, {}
+
     # ------------------------------------------------------------------------------------------- py_trees
 
     def tick(self) -> Iterator[py_trees.behaviour.Behaviour]:

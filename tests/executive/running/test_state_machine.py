@@ -116,7 +116,7 @@ class RunnerMachine(RuleBasedStateMachine):
 
     def _number(self, action: str, detail: str = "") -> int:
         """Of the pause that is on, or of the question that is asked."""
-        question = self.runner._questions.get(detail.rpartition(" ← ")[2])
+        question = self.runner.questions.get(detail.rpartition(" ← ")[2])
         return question.starts if question is not None else self.runner.pause_number
 
     @rule(page=st.sampled_from(["first", "second"]), action=st.sampled_from(["take", "release"]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import abc
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any, Protocol
 
 import py_trees
@@ -43,6 +44,7 @@ def build(
     overrides: Mapping[str, str] | abc.Sequence[str] = (),
     interfaces: tuple[type, ...] | None = None,
     mocks: Mocks | None = None,
+    around: Mapping[tuple[str, str], Any] = MappingProxyType({}),
 ) -> BuiltTree:
     """Build a tree from a document, bound to the run `context`.
 
@@ -50,6 +52,7 @@ def build(
         overrides: values for parameters, as a mapping or as texts `name=value`.
         interfaces: the cell's device interfaces; None skips the check of devices.
         mocks: replaces skills, for dry runs.
+        around: counters and failures of nodes that are there already, for nodes inside them: `BuiltTree.around`.
 
     Raises TreeFileError: the document has errors; all of them are in it.
     """
@@ -62,6 +65,7 @@ def build(
         raise TreeFileError(errors)
     board = board if board is not None else Board(context.clock)
     builder = _Builder(analysis, context, board, mocks)
+    builder.kept.update(around)
     names: dict[str, Getter] = {name: constant(value) for name, value in analysis.parameters.items()}
     scope = InstanceScope(analysis, main, board, "/", names)
     root = builder.node(main.root, scope, None, path=document.main.name)
@@ -77,6 +81,7 @@ def build(
         board,
         tuple(builder.breakpoints),
         document,
+        builder.around,
     )
 
 
@@ -92,6 +97,7 @@ def _inputs_nobody_gives(main: Definition) -> list[Finding]:
 class _Builder:
     def __init__(self, analysis: Analysis, context: SkillContext, board: Board, mocks: Mocks | None) -> None:
         self.analysis, self.context, self.board, self.mocks = analysis, context, board, mocks
+        self.kept, self.around = dict[tuple[str, str], Any](), dict[tuple[str, str], Any]()
         self.nodes: dict[str, NodeInfo] = {}
         self.behaviours: dict[str, Behaviour] = {}
         self.breakpoints: list[tuple[str, Side]] = []
@@ -195,6 +201,7 @@ class LayerBuild:
             skill.failures if skill is not None else (),
             mocked,
             layer.choices(node),
+            tuple(filter(None, node.leads)),
         )
 
     def settings(self) -> dict[str, str]:
@@ -234,7 +241,9 @@ class LayerBuild:
 
     def inner(self, names: Mapping[str, Any]) -> InstanceScope:
         """Return the scope with further names in it."""
-        return replace(self.scope, **names) if names else self.scope
+        found = {name: self.builder.kept.get((self.own_path, name), value) for name, value in names.items()}
+        self.builder.around.update({(self.own_path, name): value for name, value in found.items()})
+        return replace(self.scope, **found) if found else self.scope
 
     # ------------------------------------------------------------------------------------------- what is inside
 

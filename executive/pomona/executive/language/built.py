@@ -42,10 +42,11 @@ class NodeInfo:
     failures: tuple[str, ...] = ()  # the skill's failure codes
     mocked: bool = False  # whether a mock stands in for the skill
     choices: tuple[str, ...] = ()  # the answers of a node that asks the operator
+    leads: tuple[str, ...] = ()  # roles and words of its children
 
     def facts(self) -> dict[str, Any]:
         """Return plain values for the record and the dashboard, without the empty ones."""
-        slots = self.__dataclass_fields__
+        slots = [name for name in self.__dataclass_fields__ if name != "leads"]
         found = {name: getattr(self, name) for name in slots}
         kept = {name: value for name, value in found.items() if value not in ("", 0, (), {}, False)}
         return {
@@ -67,6 +68,8 @@ class BuiltTree:
     # that stand in the file: a node's path, and the side on which the run pauses there
     breakpoints: tuple[tuple[str, Side], ...] = ()
     document: Document | None = None  # of which it was built; None without a file
+    # counters and failures that the nodes inside a node see, by its path and their name
+    around: Mapping[tuple[str, str], Any] = field(default_factory=dict)
 
     def find(self, name: str) -> tuple[str, ...]:
         """Return the paths of the nodes with a name: a path, the end of one, or a node's name or type.

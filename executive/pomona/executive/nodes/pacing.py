@@ -107,16 +107,16 @@ class RunOnce(Wrapper):
 
     def __init__(self, name: str, child: Behaviour) -> None:
         super().__init__(name, child)
-        self._done = False
+        self.remembers = False  # whether it has run to an end
 
     def begin(self) -> Status | None:
-        if self._done:
+        if self.remembers:
             self.feedback_message = "skipped: it has run already"
             return Status.INVALID
         return None
 
     def after(self, status: Status) -> Status:
-        self._done = self._done or status is not Status.RUNNING
+        self.remembers = self.remembers or status is not Status.RUNNING
         return status
 
 

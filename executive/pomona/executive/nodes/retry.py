@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import ClassVar
 
 from py_trees.behaviour import Behaviour
@@ -264,8 +265,8 @@ class Fallback(Branch):
             self._begin()
         elif not self.memory:
             self._begin()
-        for at in range(self._at, len(children)):
-            child = self.current_child = children[at]
+        for at, child in islice(enumerate(children), self._at, None):  # a held tick may find more children
+            self.current_child = child
             yield from child.tick()
             status = child.status
             if status is Status.INVALID:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence as SequenceOf
+from itertools import islice
 from typing import ClassVar
 
 from py_trees.behaviour import Behaviour
@@ -43,8 +44,8 @@ class Sequence(Branch):
             self._skipped = 0
         elif not self.memory:
             self._at = self._skipped = 0
-        for at in range(self._at, len(children)):
-            child = self.current_child = children[at]
+        for at, child in islice(enumerate(children), self._at, None):  # a held tick may find more children
+            self.current_child = child
             yield from child.tick()
             status = child.status
             if status is Status.SUCCESS:

@@ -56,7 +56,7 @@ def key_of(message: Mapping[str, Any]) -> Key | None:
             if action in BREAK_ACTIONS:
                 return kind, BREAK_ACTIONS[action][0], about
             return (kind, action) if action == "speed" else None
-        case {"event": "StateChanged" | "SafeStopped" | "RunEnded" as kind}:
+        case {"event": "TreeChanged" | "StateChanged" | "SafeStopped" | "RunEnded" as kind}:
             return (kind,)
     return None
 

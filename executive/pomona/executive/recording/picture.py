@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pomona.executive.images import EXTRA
 from pomona.executive.palette import BAD, INK, MUTED, OVERLAY, SCENE, SERIES
 from pomona.executive.reasons import Reason, latest_leaf
-from pomona.executive.running.events import Event, NodeChanged, Published, RunEnded, RunStarted
+from pomona.executive.running.events import Event, NodeChanged, Published, RunEnded, RunStarted, TreeChanged
 from pomona.executive.values.installation import need
 from pomona.executive.views import ImageView, SceneView, SeriesView
 
@@ -40,8 +40,8 @@ class Picture:
 
     def on_event(self, event: Event) -> None:
         """Keep a published view, the moment of a node's last failure, and the run's reason."""
-        if isinstance(event, RunStarted):
-            self._names = {node["path"]: node["name"] for node in event.nodes}
+        if isinstance(event, (RunStarted, TreeChanged)):
+            self._names.update((node["path"], node["name"]) for node in event.nodes)
         elif isinstance(event, NodeChanged) and event.status == "FAILURE":
             self._failed[event.path] = event.t
         elif isinstance(event, RunEnded) and event.outcome != "success":

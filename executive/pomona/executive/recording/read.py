@@ -62,7 +62,7 @@ def event_from(message: Any) -> Event:
 def _value(cls: type, key: str, hint: Any, value: Any) -> Any:
     if cls is events.Published and key == "value":
         return _view(value) if isinstance(value, Mapping) and value.get("type") in _VIEWS else value
-    if cls is events.RunStarted and key == "nodes":
+    if cls in (events.RunStarted, events.TreeChanged) and key == "nodes":
         return tuple(tree_of(value))
     if cls is events.RunStarted and key == "wall_time":
         return moment_of(value)

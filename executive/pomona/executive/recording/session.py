@@ -29,7 +29,7 @@ from pomona.executive.recording.picture import Picture
 from pomona.executive.recording.read import read_events
 from pomona.executive.recording.recorder import STALLED, Recorder
 from pomona.executive.recording.scan import examine
-from pomona.executive.running.events import EventStream, HandChanged, NodeChanged, RunEnded, RunStarted
+from pomona.executive.running.events import EventStream, HandChanged, NodeChanged, RunEnded, RunStarted, TreeChanged
 from pomona.executive.running.runner import Runner
 from pomona.executive.values.processes import within
 from pomona.executive.values.sentences import sentence_of
@@ -226,7 +226,7 @@ def _started(record: Path) -> RunStarted | None:
 
 def _cut(record: Path, started: RunStarted) -> Unfinished:
     names = {node["path"]: str(node["name"]) for node in started.nodes}
-    leaves = set(names) - {node["parent"] for node in started.nodes}
+    leaves = names.keys() - {node["parent"] for node in started.nodes}
     running: dict[str, None] = {}
     hand: str | None = None
     time = 0.0
@@ -234,6 +234,9 @@ def _cut(record: Path, started: RunStarted) -> Unfinished:
         time = max(time, event.t)
         if isinstance(event, HandChanged):
             hand = event.what
+        elif isinstance(event, TreeChanged):
+            names.update((node["path"], str(node["name"])) for node in event.nodes)
+            leaves = names.keys() - {node["parent"] for node in event.nodes}
         elif isinstance(event, NodeChanged) and event.path in leaves:
             running.pop(event.path, None)
             if event.status == "RUNNING":

@@ -7,6 +7,7 @@ which makes a run independent of how fast the machine is.
 
 from __future__ import annotations
 
+import atexit
 import multiprocessing
 import os
 import pickle
@@ -181,6 +182,8 @@ def keep_workers_warm() -> None:
     global _spare
     if _spare is None:
         _spare = []
+        # they ignore the signal with which Python ends them at its exit, and it would wait for ever
+        atexit.register(lambda kept: [worker.kill() for worker in kept], _spare)
 
 
 class Computations:

@@ -56,6 +56,14 @@ class RunStarted(Event):
 
 
 @dataclass(frozen=True, slots=True)
+class TreeChanged(Event):
+    """A paused run goes on with a changed tree file. `nodes` as in `RunStarted`; `difference` is a unified diff."""
+
+    nodes: tuple[Mapping[str, Any], ...]
+    difference: str
+
+
+@dataclass(frozen=True, slots=True)
 class StateChanged(Event):
     """The runner's state machine moved on. `pause` numbers the pause in the states pausing and paused, otherwise 0."""
 

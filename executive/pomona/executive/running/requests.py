@@ -51,7 +51,7 @@ class Requests:
     _cell: Cell
     _breakpoints: Breakpoints
     tree: BuiltTree
-    _questions: Mapping[str, Question]
+    questions: Mapping[str, Question]
     pause_number = 0
     """Number of the pause that has begun and not ended, 0 without one. `resume` and `step` name it. From any thread."""
 
@@ -112,7 +112,7 @@ class Requests:
 
         Raises AnswerRefusedError: this question is not open, or this is no choice.
         """
-        asked = self._questions.get(path)
+        asked = self.questions.get(path)
         if asked is None or not asked.open:
             raise AnswerRefusedError(f"no question is open at {path}")
         if number != asked.starts:

@@ -15,8 +15,8 @@ import contextlib
 import queue
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 from py_trees.common import Status
@@ -25,7 +25,8 @@ from pomona.executive.board import Board, Entry
 from pomona.executive.cell.cell import Cell
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.language import BuiltTree
-from pomona.executive.language.changes import ReloadRefusedError, change_input, difference, taken_over
+from pomona.executive.language.built import Side
+from pomona.executive.language.changes import Around, ReloadRefusedError, Takeover, change_input, takeover
 from pomona.executive.lease import viewed
 from pomona.executive.reasons import Reason
 from pomona.executive.running.cell_watch import (
@@ -51,6 +52,7 @@ from pomona.executive.running.events import (
     SafeStopped,
     StateChanged,
     TickOverran,
+    TreeChanged,
 )
 from pomona.executive.running.requests import LATE, SETS_IN_MOTION, AnswerRefusedError, Request, Requests
 from pomona.executive.running.starting import RunResult, RunState
@@ -84,6 +86,7 @@ BLOCKED = 1.0  # wall-clock seconds of a tick on a simulated clock that are repo
 
 
 Build = Callable[[SkillContext, Board], BuiltTree]  # makes a tree that is bound to a run
+Rebuild = Callable[[SkillContext, Board, Around], BuiltTree]  # inside the nodes that stay
 
 
 class Runner(Requests):
@@ -103,7 +106,7 @@ class Runner(Requests):
         heartbeat: Callable[[], None] = lambda: None,
         speed: float = 1.0,
         speeds: Sequence[OperatorActed] = (),
-        rebuild: Build | None = None,
+        rebuild: Rebuild | None = None,
     ) -> None:
         """
         Args:
@@ -119,7 +122,8 @@ class Runner(Requests):
             heartbeat: called in every tick, also while paused or coming to rest.
             speed: initial ratio of the arm's speed to the commanded one.
             speeds: changes of that, to repeat at the moments of another run.
-            rebuild: as `build`, from the files as they are then; None without files.
+            rebuild: as `build`, from the files as they are then, with the `BuiltTree.around` of the nodes that stay;
+                None without files.
 
         Raises:
             UsageError: a reduced speed is requested, here or in the tree, and the arm's driver has none.
@@ -133,11 +137,11 @@ class Runner(Requests):
         self.board.subscribe(self._written)
         self.tree = build(viewed(self.context, SkillContext), self.board)
         self._speed, self._repeated = speed, deque(speeds)
-        self._rebuild, self._rebuilt = rebuild, dict[str, BuiltTree]()
-        self._refuse_full_speed_only()
+        self._rebuild, self._takeovers = rebuild, dict[str, Takeover]()
+        self._refuse_full_speed_only(self.tree)
         self._breakpoints = Breakpoints(self.tree.behaviours)
-        self._questions = self.tree.questions
-        self._attend(attended)
+        self._attended = attended
+        self._attend(self.tree.breakpoints)
         self._observer = TreeObserver(self.tree, self._emit, self._stamp)
         self._state = RunState.IDLE
         self._ticks = 0
@@ -252,10 +256,11 @@ class Runner(Requests):
         """Release threads and processes. Harmless when already closed."""
         self._computations.close()
 
-    def _attend(self, attended: bool) -> None:
-        for question in self._questions.values():
-            question.attended = attended
-        for path, side in self.tree.breakpoints if attended else ():
+    def _attend(self, breakpoints: Iterable[tuple[str, Side]]) -> None:
+        self.questions = self.tree.questions
+        for question in self.questions.values():
+            question.attended = self._attended
+        for path, side in breakpoints if self._attended else ():
             self._breakpoints.change(path, side, True)
 
     def _loop(self, started: float) -> None:
@@ -338,42 +343,47 @@ class Runner(Requests):
                 self._next = request  # the cell comes to rest first
             elif action == "answer":
                 choice, _, path = detail.rpartition(" ← ")
-                self._questions[path].answer(number, choice)
+                self.questions[path].answer(number, choice)
             elif action == "fail":
                 self._switch(detail)
             elif action == "change":
                 change_input(self.tree, detail)
             elif action == "reload":
-                self._take_over(who, self._rebuilt[detail])
+                self._take_over(who, detail)
             elif action in BREAK_ACTIONS:
                 self._breakpoints.change(detail, *BREAK_ACTIONS[action])
 
     def reload(self, number: int, who: str = "operator") -> None:
-        """Take the changed tree file over, in pause `number` and at rest: see `taken_over`.
+        """Take the changed tree file over, in pause `number` and at rest: see `Takeover`.
 
         Raises:
             AnswerRefusedError: the run is not in this pause, or something still moves.
-            UsageError: the file cannot be read, or has errors.
-            ReloadRefusedError, ChangeRefusedError: a change cannot be taken over, or there is none.
+            UsageError: the file cannot be read, has errors, or needs a slow arm where there is none.
+            ReloadRefusedError: a change cannot be taken over, a new skill cannot be prepared, or there is no change.
         """
         self._refuse_other_pause(number)
         if self._state is not RunState.PAUSED:
             raise AnswerRefusedError("the run still comes to rest")
         if self._rebuild is None:
             raise ReloadRefusedError("this run has no tree file")
-        fresh = self._rebuild(viewed(self.context, SkillContext), Board(self._cell.clock))
-        taken_over(self.tree, fresh)
-        if not (lines := difference(self.tree, fresh)):
-            raise ReloadRefusedError("the tree file has not changed")
-        self._rebuilt[lines] = fresh
-        self._ask("reload", who, lines, number)
+        rebuild = partial(self._rebuild, viewed(self.context, SkillContext), self.board)
+        found = takeover(self.tree, self._breakpoints.held, rebuild)
+        self._refuse_full_speed_only(found.fresh)
+        self._takeovers[found.difference] = found
+        self._ask("reload", who, found.difference, number)
 
-    def _take_over(self, who: str, fresh: BuiltTree) -> None:
-        for path, port, text in taken_over(self.tree, fresh):
-            detail = f"{port} = {text} ← {path}"
-            self._emit(OperatorActed(*self._stamp(), who, "change", detail))
-            change_input(self.tree, detail)
-        self.tree = replace(self.tree, nodes=fresh.nodes, document=fresh.document)
+    def _take_over(self, who: str, lines: str) -> None:
+        before = self.tree
+        try:
+            self.tree = self._takeovers[lines].apply(before)
+        except ReloadRefusedError as error:  # another change of the file was taken over meanwhile
+            self._emit(OperatorActed(*self._stamp(), who, "too_late", f"reload, {error}"))
+            return
+        self._breakpoints.follow(self.tree)
+        self._observer.follow(self.tree)
+        self._attend(set(self.tree.breakpoints) - set(before.breakpoints))
+        self._computations.pending()  # those of the preparation do not count as the run's
+        self._emit(TreeChanged(*self._stamp(), tuple(node.facts() for node in self.tree.nodes), lines))
 
     def _is_late(self, request: Request) -> bool:
         """Refuse, in the record, a request that must not set anything in motion any more."""
@@ -381,7 +391,7 @@ class Runner(Requests):
         if (ago := time.monotonic() - at) > LATE:
             why = f"requested {ago:.1f} s earlier"
         elif action == "answer":
-            question = self._questions[detail.rpartition(" ← ")[2]]
+            question = self.questions[detail.rpartition(" ← ")[2]]
             why = "" if question.open and question.starts == request.number else "question answered or gone"
         else:
             why = "" if request.number == self.pause_number else "pause already over"
@@ -411,8 +421,8 @@ class Runner(Requests):
         self._emit(OperatorActed(*self._stamp(), who, "speed", words_of(speed)))
         self.context.set_speed(speed)
 
-    def _refuse_full_speed_only(self) -> None:
-        slow = self._speed < 1.0 or bool(self._repeated) or any(skill.slowed_by for skill in self.tree.skills)
+    def _refuse_full_speed_only(self, tree: BuiltTree) -> None:
+        slow = self._speed < 1.0 or bool(self._repeated) or any(skill.slowed_by for skill in tree.skills)
         if slow and self._cell.full_speed_only:
             raise UsageError(f"{cannot_slow(self._cell.full_speed_only)}; nothing has moved")
 
@@ -500,7 +510,7 @@ class Runner(Requests):
         clock = self._cell.clock
         if clock.simulated:
             clock.advance(self._period)
-            waiting = self._state is RunState.PAUSED or any(q.open for q in self._questions.values())
+            waiting = self._state is RunState.PAUSED or any(q.open for q in self.questions.values())
             if self._real_time or waiting:
                 ahead = self.context.elapsed() - (time.perf_counter() - started)
                 time.sleep(min(max(ahead, 0.0), self._period) if self._real_time else self._period)

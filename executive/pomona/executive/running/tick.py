@@ -62,6 +62,7 @@ class Breakpoints:
         self._set: dict[Side, set[str]] = {"before": set(), "after": set()}
         self._patched: set[str] = set()
         self._walk: Iterator[Any] | None = None
+        self.held = ""  # path of the node at which a tick is held
 
     def check(self, path: str) -> None:
         """Raises UnknownNodeError: there is no such node."""
@@ -81,6 +82,16 @@ class Breakpoints:
             # In the instance, so that its class and all other nodes stay as they are.
             vars(behaviour)["tick"] = self._stopping(path, behaviour, behaviour.tick)
 
+    def follow(self, tree: BuiltTree) -> None:
+        """Go on with the nodes of a changed tree; breakpoints of nodes that are gone are forgotten."""
+        fresh = {path for path in self._patched if tree.behaviours.get(path) is not self._behaviours[path]}
+        self._behaviours, self._patched = tree.behaviours, self._patched - fresh
+        for side, paths in self._set.items():
+            for path in paths & fresh:
+                paths.discard(path)
+                if path in tree.behaviours:
+                    self.change(path, side, True)
+
     @property
     def holding(self) -> bool:
         """Whether a tick is held."""
@@ -97,10 +108,10 @@ class Breakpoints:
             where the tick is held; None when it is complete.
         """
         walk = self._walk if self._walk is not None else root.tick()
-        self._walk = None
+        self._walk, self.held = None, ""
         for node in walk:
             if type(node) is HeldTick:
-                self._walk = walk
+                self._walk, self.held = walk, node.path
                 return node
             visited(node)
         return None
@@ -127,13 +138,19 @@ class TreeObserver:
     """Compares every node with how it was after the tick before."""
 
     def __init__(self, tree: BuiltTree, emit: Callable[[Event], None], stamp: Callable[[], tuple[float, int]]) -> None:
-        self._tree, self._emit, self._stamp = tree, emit, stamp
-        self._known: dict[str, tuple[Status, str, int]] = dict.fromkeys(tree.behaviours, (Status.INVALID, "", 0))
+        self._emit, self._stamp = emit, stamp
+        self._known: dict[str, tuple[Status, str, int]] = {}
+        self._started: set[int] = set()  # identities of the behaviours that acted in this tick
+        self.follow(tree)
+
+    def follow(self, tree: BuiltTree) -> None:
+        """Go on with the nodes of a changed tree."""
+        self._tree = tree
+        self._known = {path: self._known.get(path, (Status.INVALID, "", 0)) for path in tree.behaviours}
         self._nodes = tuple(
             (path, behaviour, behaviour if isinstance(behaviour, (Skill, Question)) else None)
             for path, behaviour in tree.behaviours.items()
         )
-        self._started: set[int] = set()  # identities of the behaviours that acted in this tick
         tree.on_attempt(self._attempt)
 
     def visited(self, behaviour: Behaviour) -> None:

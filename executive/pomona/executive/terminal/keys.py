@@ -10,12 +10,10 @@ import contextlib
 import os
 import select
 import threading
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TextIO
 
 from pomona.executive.errors import PomonaError
-from pomona.executive.nodes.ask import Question
 from pomona.executive.running.events import Event, NodeChanged, OperatorActed, RunEnded, StateChanged
 from pomona.executive.running.requests import AnswerRefusedError
 from pomona.executive.running.runner import Runner
@@ -39,7 +37,6 @@ class Keys:
     def __init__(self, console: Screen, lines: TextIO) -> None:
         self._console, self._lines = console, lines
         self._runner: Runner | None = None
-        self._questions: Mapping[str, Question] = {}
         self._pause = 0
         self._ended = False
         self._prompt: _Prompt | None = None
@@ -50,7 +47,7 @@ class Keys:
 
     def serve(self, runner: Runner) -> None:
         """Answer this run's questions."""
-        self._runner, self._questions = runner, runner.tree.questions
+        self._runner = runner
 
     def on_event(self, event: Event) -> None:
         """Follow the run."""
@@ -76,7 +73,8 @@ class Keys:
         """One prompt at a time: the pause first, then the question that is on the screen already."""
         if self._pause:
             return _Prompt("", self._pause)
-        asked = [_Prompt(path, question.starts) for path, question in self._questions.items() if question.open]
+        questions = {} if self._runner is None else self._runner.questions
+        asked = [_Prompt(path, question.starts) for path, question in questions.items() if question.open]
         return self._prompt if self._prompt in asked else asked[0] if asked else None
 
     def _show(self, prompt: _Prompt | None) -> None:
@@ -92,7 +90,8 @@ class Keys:
     def _words(self, prompt: _Prompt) -> str:
         if not prompt.path:
             return "paused: Enter goes on; reload takes the changed tree file over"
-        question = self._questions[prompt.path]
+        assert self._runner is not None
+        question = self._runner.questions[prompt.path]
         return f"? {question.feedback_message} [{'/'.join(question.choices)}]"
 
     def _discard_typed(self) -> None:
@@ -144,7 +143,7 @@ class Keys:
                     return
                 self._runner.resume(prompt.number, WHO)
             else:
-                choices = self._questions[prompt.path].choices
+                choices = self._runner.questions[prompt.path].choices
                 meant = [choice for choice in choices if line and choice.casefold().startswith(line.casefold())]
                 chosen = line if line in choices else meant[0] if len(meant) == 1 else None
                 if chosen is None:

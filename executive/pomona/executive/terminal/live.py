@@ -20,6 +20,7 @@ from pomona.executive.running.events import (
     SafeStopped,
     StateChanged,
     TickOverran,
+    TreeChanged,
 )
 from pomona.executive.running.starting import Starting, StartingStage
 from pomona.executive.terminal.explain import BLOCKED, did_not_work
@@ -48,11 +49,12 @@ class LiveTree:
     def on_event(self, event: Event) -> None:
         """Follow the run."""
         self._t = event.t
-        if isinstance(event, RunStarted):
-            self._nodes, self._cell_kind = event.nodes, event.cell_kind
+        if isinstance(event, (RunStarted, TreeChanged)):
+            self._nodes = event.nodes
             self._names = {node["path"]: str(node["name"]) for node in event.nodes}
-            parents = {node["parent"] for node in event.nodes}
-            self._leaves = {node["path"] for node in event.nodes} - parents
+            self._leaves = self._names.keys() - {node["parent"] for node in event.nodes}
+        if isinstance(event, RunStarted):
+            self._cell_kind = event.cell_kind
             self._header = _in_one_line(f"{event.tree} on {event.cell} ({event.cell_kind}), seed {event.seed}")
             if self._live is not None:
                 self._live.start()

@@ -21,6 +21,7 @@ from pomona.executive.running.events import (
     Published,
     RunEnded,
     RunStarted,
+    TreeChanged,
 )
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import figure, headline, say, seconds
@@ -49,9 +50,10 @@ class Summary:
         """Follow the run."""
         if isinstance(event, RunStarted):
             self.started = event
-            self._parents = {node["path"]: node["parent"] for node in event.nodes}
-            parents = set(self._parents.values())
-            self._names = {node["path"]: str(node["name"]) for node in event.nodes if node["path"] not in parents}
+        if isinstance(event, (RunStarted, TreeChanged)):
+            self._parents.update((node["path"], node["parent"]) for node in event.nodes)
+            parents = {node["parent"] for node in event.nodes}
+            self._names.update((node["path"], str(node["name"])) for node in event.nodes if node["path"] not in parents)
         elif isinstance(event, NodeChanged) and event.path in self._names:
             self._account(event)
         elif isinstance(event, AttemptEnded):

@@ -38,6 +38,8 @@ class WorkFolder:
         Raises:
             UsageError: the folder does not exist.
         """
+        if root.exists() and not root.is_dir():
+            raise UsageError(f"{root}: a file; the door serves a folder: pomona mcp {root.parent}")
         if not root.is_dir():
             raise UsageError(f"{root}: no such folder")
         self.root = root.resolve()

@@ -26,7 +26,7 @@ BATCH = 0.033  # seconds in which messages are gathered: fifty viewers cost thir
 PICTURES = frozenset(("ImageView", "SceneView"))  # kinds of views of which only the newest one of a topic is kept
 
 LASTING = frozenset(("NodeChanged", "AttemptEnded", "PortWritten", "LinkChanged", "OperatorActed", "StateChanged"))
-LASTING |= {"SafeStopped", "RunEnded", "TableView", "BodiesView", "PosesView", "ProgressView"}
+LASTING |= {"TreeChanged", "SafeStopped", "RunEnded", "TableView", "BodiesView", "PosesView", "ProgressView"}
 """Kinds of messages of which the last one of each key describes the present."""
 
 URGENT = (OperatorActed, StateChanged, SafeStopped, type(None))

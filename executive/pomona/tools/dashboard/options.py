@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import socket
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +17,7 @@ PORT = 8420  # default port of the page
 
 def add_address(parser: argparse.ArgumentParser, port: int = PORT) -> None:
     """Add the options of the page's address, with this default of the port."""
-    parser.add_argument("--port", type=int, default=port, help=f"port of the page (default: {port})")
+    parser.add_argument("--port", type=int, default=port, help=f"port of the page (default: {port}; 0: a free one)")
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: this machine only)")
     parser.add_argument(
         "--served-as", action="append", default=[], metavar="NAME", help="a name by which browsers reach this machine"
@@ -26,6 +27,13 @@ def add_address(parser: argparse.ArgumentParser, port: int = PORT) -> None:
     parser.add_argument(
         "--insecure-act", action="store_true", help="with another --host: allow actions without encryption"
     )
+
+
+def free_port() -> int:
+    """Return a port of this machine that is free now."""
+    with socket.socket() as line:
+        line.bind(("127.0.0.1", 0))
+        return int(line.getsockname()[1])
 
 
 def make_access(options: argparse.Namespace) -> Access:
@@ -40,7 +48,7 @@ def make_access(options: argparse.Namespace) -> Access:
     local = options.host in ("127.0.0.1", "localhost", "::1")
     return Access(
         options.host,
-        options.port,
+        options.port or free_port(),
         may_act=local or options.tls_cert is not None or options.insecure_act,
         certificate=options.tls_cert,
         key=options.tls_key,

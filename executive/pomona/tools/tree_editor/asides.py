@@ -7,8 +7,8 @@ import threading
 from pathlib import Path
 from typing import Any
 
+from pomona.tools.dashboard.options import free_port
 from pomona.tools.tree_editor.side_command import SideCommand
-from pomona.tools.tree_editor.trial import free_port
 
 MOST_EDITORS = 4  # at once; one more ends the oldest, whose drafts are kept
 

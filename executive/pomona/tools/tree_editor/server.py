@@ -24,12 +24,13 @@ from pomona.executive.values.findings import Findings, format_findings
 from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.yaml_nodes import MAX_CHARACTERS
 from pomona.tools.dashboard import server as dashboard
+from pomona.tools.dashboard.options import free_port
 from pomona.tools.dashboard.security import Access, RequestGuard
 from pomona.tools.dashboard.serving import HttpService, authorised_body
 from pomona.tools.scenarios.scenario import is_scenario
 from pomona.tools.tree_editor.drafts import Draft, Drafts
 from pomona.tools.tree_editor.tree_file import ChangedOnDiskError, DiskText, EditedFile
-from pomona.tools.tree_editor.trial import EditorTrial, free_port
+from pomona.tools.tree_editor.trial import EditorTrial
 from pomona.tools.tree_editor.workbench import Workbench, settings_of
 
 STATIC = Path(__file__).parent / "static"

@@ -17,7 +17,7 @@ const stem = (path) => (path ?? "").split(/[\\/]/).at(-1).replace(/\.ya?ml$/, ""
 const again = (run) => ({ tree: stem(run.tree_path), cell: stem(run.cell_path), seed: run.seed, settings: run.settings ?? {}, pace: "real", speed: `${Math.round(100 * (run.speed ?? 1))} %` });
 
 function stepsOf(s) {
-  if (!page.recorded && !s.ended && s.state === "paused") return [["▶ Resume", "Go on in place", () => press("resume", "", s.pause)], ["❙▶ Step", "Run one tick", () => press("step", "", s.pause)], ["⟳ Reload file", "Take changed inputs of nodes to come over from the tree file", () => press("reload", "", s.pause)]];
+  if (!page.recorded && !s.ended && s.state === "paused") return [["▶ Resume", "Go on in place", () => press("resume", "", s.pause)], ["❙▶ Step", "Run one tick", () => press("step", "", s.pause)], ["⟳ Reload file", "Take nodes that have not begun over from the changed tree file", () => press("reload", "", s.pause)]];
   if (!s.run) return [[page.control.starts ? "Start or open a run" : "Open a run", page.control.starts ? "The list of runs, and the form that starts one (r)" : "The list of runs (r)", () => showRuns(true)]];
   if (!s.ended || s.safeStop || !page.control.starts || isClosed() || !stem(s.run.cell_path)) return [];
   const lasts = LASTS.has(s.run.cell_kind) && !page.recorded && s.run.tree !== "recover";

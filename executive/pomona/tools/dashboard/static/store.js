@@ -33,13 +33,21 @@ export function apply(s, m) {
   return s;
 }
 
+function setNodes(s, nodes) {
+  s.nodes = nodes;
+  const parents = new Set(nodes.map((n) => n.parent));
+  for (const n of nodes) s.byPath.set(n.path, { ...n, leaf: !parents.has(n.path) });
+}
+
 const HANDLERS = {
   Overview(s, m) { s.gap = Math.max(s.gap, 3 * m.interval); },
   RunStarted(s, m) {
     Object.assign(s, emptyState(), { run: m, seq: m.seq, gap: s.gap, speed: m.speed ?? 1 });
-    s.nodes = m.nodes;
-    const parents = new Set(m.nodes.map((n) => n.parent));
-    for (const n of m.nodes) s.byPath.set(n.path, { ...n, leaf: !parents.has(n.path) });
+    setNodes(s, m.nodes);
+  },
+  TreeChanged(s, m) {
+    s.run = { ...s.run };
+    setNodes(s, m.nodes); // names of nodes that are gone stay known
   },
   StateChanged(s, m) {
     s.state = m.state;

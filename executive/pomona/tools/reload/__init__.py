@@ -1,0 +1,1 @@
+"""A paused run takes a changed tree file over."""
