@@ -18,12 +18,12 @@ DEADLINE = 2.5  # seconds within which the joints must be seen at rest
 STILL = 0.1  # time without motion after which the joints count as resting [s]
 
 
-def see_rest(address: str, states: str, joints: Sequence[str], slow: float) -> None:
+def see_rest(address: str, states: str, joints: Sequence[str], slow: float, distribution: str = "jazzy") -> None:
     """Wait until the joints are slower than `slow` [rad/s or m/s]; the other arguments are those of the cell file.
 
     Raises TimeoutError: they go on moving, or no message arrives; UsageError: there is no peer at the address.
     """
-    wire = Ros2Peer(address, node="pomona_supervisor")
+    wire = Ros2Peer(address, node="pomona_supervisor", distribution=distribution)
     try:
         feed = JointFeed("joints", wire, states, joints, SystemClock(), DEADLINE)
         seen: list[tuple[float, np.ndarray]] = []
