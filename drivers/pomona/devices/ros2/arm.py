@@ -34,7 +34,8 @@ from pomona.drivers import (
     words,
 )
 from pomona.executive import TIME, Clock, Float64, Measure, PathTo, Problem, Section, Text, Words, value
-from pomona.tools.ros2.peer import ADDRESS, DISTRIBUTIONS, Ros2Peer
+from pomona.tools.ros2.peer import ADDRESS, DISTRIBUTIONS
+from pomona.tools.ros2.rosbridge import open_peer
 from pomona.tools.ros2.types import coder
 
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
@@ -228,7 +229,7 @@ class Ros2Arm(PathArm):
 class Ros2ArmFile:
     """An arm behind a joint_trajectory_controller of ros2_control."""
 
-    address: str = value(Text(), ADDRESS, "HOST:PORT of rmw_zenoh's router")
+    address: str = value(Text(), ADDRESS, "HOST:PORT of rmw_zenoh's router, or ws://HOST:9090 of rosbridge")
     distribution: str = value(Text(*DISTRIBUTIONS), "jazzy", "version of ROS 2 behind the router")
     robot: Path = value(PathTo("file"), help="the robot's description (MJCF or URDF), with its limits")
     joints: tuple[str, ...] = value(Words(), help="the description's joints, by their names in ROS 2")
@@ -264,7 +265,7 @@ def connect(settings: Settings[Ros2ArmFile], context: ConnectContext) -> Ros2Arm
     said = settings.values
     options = Ros2ArmOptions(said.joints, said.states, said.commands, said.lead, said.silence, said.supervision)
     limits = read_limits(said.robot, len(said.joints))
-    wire = Ros2Peer(said.address, node="pomona_arm", distribution=said.distribution)
+    wire = open_peer(said.address, "pomona_arm", said.distribution)
     arm = Ros2Arm(wire, context.clock, said.robot, limits, options)
     try:
         arm.connect()

@@ -28,7 +28,8 @@ from pomona.drivers import (
     driver,
 )
 from pomona.executive import FORCE, LENGTH, SPEED, TIME, Clock, Measure, Number, Problem, Section, Span, Text, value
-from pomona.tools.ros2.peer import ADDRESS, DISTRIBUTIONS, Ros2Peer
+from pomona.tools.ros2.peer import ADDRESS, DISTRIBUTIONS
+from pomona.tools.ros2.rosbridge import open_peer
 from pomona.tools.ros2.types import coder
 
 COMMAND = "std_msgs/msg/Float64MultiArray"
@@ -179,7 +180,7 @@ class Ros2Gripper(ParallelGripper):
 class Ros2GripperFile:
     """A parallel gripper behind a forward_command_controller of ros2_control."""
 
-    address: str = value(Text(), ADDRESS, "HOST:PORT of rmw_zenoh's router")
+    address: str = value(Text(), ADDRESS, "HOST:PORT of rmw_zenoh's router, or ws://HOST:9090 of rosbridge")
     distribution: str = value(Text(*DISTRIBUTIONS), "jazzy", "version of ROS 2 behind the router")
     joint: str = value(Text(), help="name of the gripper's joint in ROS 2")
     scale: float = value(Number(-1e3, 1e3), 1.0, "metres of opening per unit of the joint; two fingers: 2")
@@ -229,7 +230,7 @@ def connect(settings: Settings[Ros2GripperFile], context: ConnectContext) -> Ros
         said.supervision,
     )
     limits = GripperLimits(*said.opening, said.speed_max, said.force_max)
-    wire = Ros2Peer(said.address, node="pomona_gripper", distribution=said.distribution)
+    wire = open_peer(said.address, "pomona_gripper", said.distribution)
     gripper = Ros2Gripper(wire, context.clock, limits, options)
     try:
         gripper.connect()

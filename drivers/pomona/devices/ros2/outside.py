@@ -12,7 +12,7 @@ import numpy as np
 
 from pomona.devices.ros2.joints import JointFeed
 from pomona.executive import SystemClock
-from pomona.tools.ros2.peer import Ros2Peer
+from pomona.tools.ros2.rosbridge import open_peer
 
 DEADLINE = 2.5  # seconds within which the joints must be seen at rest
 STILL = 0.1  # time without motion after which the joints count as resting [s]
@@ -23,7 +23,7 @@ def see_rest(address: str, states: str, joints: Sequence[str], slow: float, dist
 
     Raises TimeoutError: they go on moving, or no message arrives; UsageError: there is no peer at the address.
     """
-    wire = Ros2Peer(address, node="pomona_supervisor", distribution=distribution)
+    wire = open_peer(address, "pomona_supervisor", distribution)
     try:
         feed = JointFeed("joints", wire, states, joints, SystemClock(), DEADLINE)
         seen: list[tuple[float, np.ndarray]] = []
