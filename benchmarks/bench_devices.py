@@ -147,8 +147,7 @@ def arm() -> None:
     with emulated("motoman", "--port", str(port)):
         limits = ArmLimits(*(np.full(7, x) for x in (-3.0, 3.0, 3.0, 10.0, 200.0)))
         driver = MotomanArm(
-            lambda: TcpLink("127.0.0.1", port + 1),
-            lambda: TcpLink("127.0.0.1", port),
+            lambda name: TcpLink("127.0.0.1", port + (name == "state")),
             CLOCK,
             Path("robot.xml"),
             limits,

@@ -170,3 +170,13 @@ def test_the_width_at_which_the_fingers_stopped_is_recorded_with_the_measured_fr
 
 def test_fingers_that_grip_nothing_record_no_touch():
     assert "touches" not in dict(Rig(None).grasp().published)
+
+
+@pytest.mark.parametrize(("step", "held"), [(0.22e-3, True), (0.0, False)])
+def test_fingers_that_move_in_steps_hold_a_small_fruit_that_keeps_them_off_their_aim_by_less_than_2_mm(step, held):
+    rig = Rig(0.0578, motor=False, hard=True)
+    gripper = rig.scene.gripper
+    gripper.limits = GripperLimits(0.053, 0.103, 0.15, 20.0, 20.0, step)
+    rig.scene.gripper.width = 0.085
+    outcome = rig.grasp(fruit=apple_at(5, 2), force=40.0)
+    assert (outcome.status is Status.SUCCESS) == held

@@ -16,12 +16,6 @@ if TYPE_CHECKING:
     from pomona.drivers.base.parallel_gripper import (
         ParallelGripper as ParallelGripper,
     )
-    from pomona.drivers.base.rolling_path import (
-        PERIOD as PERIOD,
-        OutOfSetPointsError as OutOfSetPointsError,
-        RollingPath as RollingPath,
-        SetPoint as SetPoint,
-    )
     from pomona.drivers.camera_options import (
         IntrinsicsSection as IntrinsicsSection,
     )
@@ -157,7 +151,6 @@ if TYPE_CHECKING:
 PUBLIC = {
     "base.knot_maker": "KnotMaker",
     "base.parallel_gripper": "ParallelGripper",
-    "base.rolling_path": "OutOfSetPointsError PERIOD RollingPath SetPoint",
     "camera_options": "IntrinsicsSection",
     "depth_model": "D4XX DEPTH_MODEL_FILE DepthModel DepthModelSection SIMULATED depth_model_of folder_depth_model",
     "errors": (

@@ -25,7 +25,7 @@ import numpy as np
 
 from pomona.drivers.errors import DeviceError, DeviceFault
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, GripperLimits, GripperState
-from pomona.drivers.plain_hand import GIVE, MOTOR_FORCE, NO_ROOM, SHORT, between, gone, has_room, presses
+from pomona.drivers.plain_hand import GIVE, MOTOR_FORCE, NO_ROOM, SHORT, between, gone, has_room, presses, short
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.plain_text import read_plain_text
 from pomona.executive.values.processes import warn
@@ -264,7 +264,8 @@ class HoldWatch:
             return True
         if presses(state) or self._held_at is None:
             return False
-        reached = state.motor_force is not None and state.aim is not None and abs(state.width - state.aim) <= SHORT
+        aim = None if state.motor_force is None else state.aim
+        reached = aim is not None and abs(state.width - aim) <= short(limits)
         return state.width - self._held_at > GIVE or (reached and self._held_at - state.width > GIVE)
 
     def _begin(self, gripper: GripperState, force: float | None) -> None:

@@ -2,17 +2,18 @@
 
 A controller gets set-points up to a short `lead` before the arm shall pass them. One thread owns the wire and the
 motion; requests are posted to it. A problem fails the motion and stays latched until an operator acknowledges it, and
-nothing resumes by itself. A driver derives from `PathArm` and implements the controller's protocol; one whose stream
-tells when its newest set-point is due derives from `StreamingArm`, and follows set-points of a skill, too.
+nothing resumes by itself. A driver derives from `PathArm` and implements the controller's protocol; one with a session
+that may fail and is opened again derives from `StreamingArm`, and follows set-points of a skill, too.
 """
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -23,12 +24,13 @@ from pomona.drivers.path_motion import PathMotion
 from pomona.drivers.streamed_motion import StreamedMotion
 from pomona.drivers.trajectory import check_trajectory
 from pomona.executive.cell.device import Device
-from pomona.executive.cell.owner import Owner
+from pomona.executive.cell.owner import Link, Owner
 from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import Float64
 
 M = TypeVar("M", PathMotion, StreamedMotion)
 AT_REST = 5e-3  # no joint moves faster than this when the arm rests [rad/s]
+RECONNECT = 0.5  # pause between attempts to open a lost session again [s]
 
 
 class SetPointStream(Protocol):
@@ -296,26 +298,168 @@ class PathArm(Device, ABC):
         self._leave()
 
 
-class StreamingArm(PathArm):
-    """A `PathArm` that also follows set-points which a skill streams to it."""
+class Session(Protocol):
+    """A connection to a controller."""
 
-    interfaces = (Arm, StreamedArm)
+    def close(self) -> None:
+        """Disconnect. May raise OSError."""
+
+
+class TimedStream(SetPointStream, Protocol):
+    """Set-points with the times at which the arm shall pass them."""
 
     @property
-    @abstractmethod
-    def _ahead(self) -> float:
-        """Time between a set-point and its passage by the arm, without the smoothing of set-points [s]."""
-
-    @property
-    @abstractmethod
-    def _due(self) -> float:
+    def due(self) -> float:
         """When the arm shall pass the newest set-point, on the cell's clock [s]."""
 
-    def stream(self, watchdog: float) -> SetPoints:
-        def towards(q: Float64) -> StreamedMotion:
-            return StreamedMotion(q, self.limits, self._period, watchdog, self._speed, lambda: self._due)
 
-        return PostedSetPoints(self._start_motion(towards), self._owner, self._ahead)
+S = TypeVar("S", bound=Session)
+P = TypeVar("P", bound=TimedStream)
+
+
+class StreamingArm(PathArm, Generic[S, P]):
+    """A `PathArm` that is served in sessions `S`, and also follows set-points which a skill streams to it, as `P`.
+
+    Attributes:
+        lead, lag: set-points are sent by `lead` before the arm shall pass them, and it passes them later by `lag` [s].
+    """
+
+    interfaces = (Arm, StreamedArm)
+    stops_when_told = True
+    lead = lag = 0.0
+    _open_port: Callable[[str], Link]
+    _session: S | None = None
+    _points: P | None = None
+    _starting = False  # made ready after an acknowledgement: takes a moment, in which motions are refused
+    _retry_at = 0.0
+
+    @abstractmethod
+    def _open(self, open_link: Callable[[str], Link]) -> S:
+        """Open a session on the links that `open_link` opens, and take the first joints. Raises DeviceError, OSError.
+
+        Links are closed by the base if it fails.
+        """
+
+    @abstractmethod
+    def _make_ready(self, session: S) -> None:
+        """Let the arm follow set-points from now on; nothing moves. Raises DeviceError: it may not; OSError."""
+
+    @abstractmethod
+    def _serve(self, session: S) -> None:
+        """Serve the session for a moment. Raises DeviceError, OSError: it has failed."""
+
+    def _unlock(self, session: S) -> None:
+        """Release the controller's own stop after an acknowledgement. Raises as `_make_ready`."""
+
+    def connect(self) -> None:
+        """Open a session with the right arm, and make it ready; it stands still. Raises DeviceError: in words."""
+        session = self._new_session()
+        try:
+            self._make_ready(session)
+        except (OSError, DeviceError) as error:
+            session.close()
+            raise _lost(self.name, "", error) from error
+        self._session, self._problem = session, None
+
+    def _new_session(self) -> S:
+        links: list[Link] = []
+
+        def open_link(name: str) -> Link:
+            links.append(self._open_port(name))
+            return links[-1]
+
+        try:
+            self._supervisor.forget()
+            return self._open(open_link)
+        except (OSError, DeviceError) as error:
+            for link in links:
+                link.close()
+            raise _lost(self.name, "cannot be reached: ", error) from error
+
+    def step(self) -> None:
+        now = self._clock.now()
+        try:
+            if self._session is not None:
+                self._serve(self._session)
+            elif now < self._retry_at:
+                self._clock.advance(min(self._retry_at - now, 0.05))
+            else:
+                self._session = self._new_session()
+        except (OSError, DeviceError) as error:
+            self._failed(error)
+
+    def _failed(self, error: BaseException) -> None:
+        """Fail the motion and open the session again: it is gone, or the peer is no controller."""
+        self._believed = False
+        if self._session is not None:
+            what = "the connection failed: " if isinstance(error, OSError) else "the driver failed: "
+            self._blame(_lost(self.name, what, error))
+            self._abandon(words(self._problem))
+            if self._motion is not None:
+                self._motion.settled = True  # its state is unknown
+        self._leave()
+        self._retry_at = self._clock.now() + RECONNECT
+        self._starting = False
+
+    def _start_again(self, session: S) -> None:
+        """After an acknowledgement; called by `_serve` while `_starting`."""
+        try:
+            self._supervisor.forget()
+            self._doubted = False
+            self._unlock(session)
+            self._make_ready(session)
+        except DeviceFault as error:
+            self._blame(error)
+        finally:
+            self._starting = False
+
+    def _leave(self) -> None:
+        session, self._session = self._session, None
+        if session is not None:
+            with contextlib.suppress(OSError):
+                session.close()
+
+    @property
+    def _stream(self) -> P | None:
+        return self._points
+
+    def _end_stream(self) -> None:
+        self._points = None
+
+    def stream(self, watchdog: float) -> SetPoints:
+        def due() -> float:
+            return self.lag + (self._clock.now() if self._points is None else self._points.due)
+
+        def towards(q: Float64) -> StreamedMotion:
+            return StreamedMotion(q, self.limits, self._period, watchdog, self._speed, due)
+
+        return PostedSetPoints(self._start_motion(towards), self._owner, self.lead + self.lag)
+
+    def state(self) -> ArmState:
+        """See the Protocol. Raises DeviceLost: there is no fresh state."""
+        if self._session is None or self._state is None:
+            raise DeviceLost(self.name, words(self._problem))
+        return self._state
+
+    def check(self) -> None:
+        if self._problem is not None or not self._starting:
+            super().check()
+
+    def _not_ready(self) -> str | None:
+        if self._session is None or self._problem is not None:
+            return words(self._problem)
+        return "it is being made ready" if self._starting else None
+
+    def _release(self) -> None:
+        if self._problem is not None:
+            self._starting, self._problem = True, None
+
+
+def _lost(device: str, what: str, error: BaseException) -> DeviceError:
+    """Return an error of a wire or of a driver as one of the device."""
+    if isinstance(error, DeviceError):
+        return error
+    return DeviceLost(device, f"{what}{error if isinstance(error, OSError) else repr(error)}")
 
 
 def words(problem: DeviceError | None) -> str:

@@ -87,8 +87,8 @@ def connect(settings: Settings[MotomanFile], context: ConnectContext) -> Motoman
         supervision=said.supervision,
     )
     limits = read_limits(said.robot, len(said.joints))
-    state, motion = (tcp_opener(host, number, context.wires) for number in (port + 1, port))
-    arm = MotomanArm(state, motion, context.clock, said.robot, limits, options)
+    openers = {"state": tcp_opener(host, port + 1, context.wires), "motion": tcp_opener(host, port, context.wires)}
+    arm = MotomanArm(lambda name: openers[name](), context.clock, said.robot, limits, options)
     try:
         arm.connect()
     except DeviceLost as error:

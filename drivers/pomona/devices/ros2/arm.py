@@ -15,20 +15,17 @@ from pathlib import Path
 import numpy as np
 
 from pomona.devices.ros2.joints import JointFeed, RosNode, stamped
+from pomona.devices.ros2.rolling_path import PERIOD, OutOfSetPointsError, RollingPath, SetPoint
 from pomona.drivers import (
     AT_REST,
-    PERIOD,
     ArmLimits,
     ArmState,
     ConnectContext,
     DeviceError,
     DeviceFault,
     DeviceLost,
-    OutOfSetPointsError,
     PathArm,
     PathMotion,
-    RollingPath,
-    SetPoint,
     Settings,
     Supervision,
     UnusableRobotFile,
@@ -37,7 +34,8 @@ from pomona.drivers import (
     words,
 )
 from pomona.executive import TIME, Clock, Float64, Measure, PathTo, Problem, Section, Text, Words, value
-from pomona.tools.ros2.peer import ADDRESS, Ros2Peer
+from pomona.tools.ros2.peer import ADDRESS, DISTRIBUTIONS
+from pomona.tools.ros2.rosbridge import open_peer
 from pomona.tools.ros2.types import coder
 
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
@@ -231,7 +229,8 @@ class Ros2Arm(PathArm):
 class Ros2ArmFile:
     """An arm behind a joint_trajectory_controller of ros2_control."""
 
-    address: str = value(Text(), ADDRESS, "HOST:PORT of rmw_zenoh's router")
+    address: str = value(Text(), ADDRESS, "HOST:PORT of rmw_zenoh's router, or ws://HOST:9090 of rosbridge")
+    distribution: str = value(Text(*DISTRIBUTIONS), "jazzy", "version of ROS 2 behind the router")
     robot: Path = value(PathTo("file"), help="the robot's description (MJCF or URDF), with its limits")
     joints: tuple[str, ...] = value(Words(), help="the description's joints, by their names in ROS 2")
     states: str = value(Text(), "/joint_states", "topic of sensor_msgs/JointState")
@@ -266,7 +265,7 @@ def connect(settings: Settings[Ros2ArmFile], context: ConnectContext) -> Ros2Arm
     said = settings.values
     options = Ros2ArmOptions(said.joints, said.states, said.commands, said.lead, said.silence, said.supervision)
     limits = read_limits(said.robot, len(said.joints))
-    wire = Ros2Peer(said.address, node="pomona_arm")
+    wire = open_peer(said.address, "pomona_arm", said.distribution)
     arm = Ros2Arm(wire, context.clock, said.robot, limits, options)
     try:
         arm.connect()
@@ -274,6 +273,7 @@ def connect(settings: Settings[Ros2ArmFile], context: ConnectContext) -> Ros2Arm
         wire.close()
         hint = "is joint_state_broadcaster running on rmw_zenoh? `ros2 topic echo` shows the joints' names"
         raise settings.error(error.message, "states", hint) from error
-    arm.outside_stop = "pomona.devices.ros2.outside:see_rest", (said.address, said.states, list(said.joints), AT_REST)
+    where = said.address, said.states, list(said.joints), AT_REST, said.distribution
+    arm.outside_stop = "pomona.devices.ros2.outside:see_rest", where
     arm.start()
     return arm

@@ -29,7 +29,8 @@ from pomona.devices.ros2.images import (
 )
 from pomona.drivers import Arm, ConnectContext, DeviceError, DeviceFault, Settings, driver
 from pomona.executive import TIME, Measure, Text, value
-from pomona.tools.ros2.peer import ADDRESS, Ros2Peer
+from pomona.tools.ros2.peer import ADDRESS, DISTRIBUTIONS
+from pomona.tools.ros2.rosbridge import open_peer
 from pomona.tools.ros2.types import typestore
 
 KEPT = 8  # images of each topic that wait for their partner; of a flood, only the newest
@@ -129,7 +130,8 @@ def _message(raw: bytes, kind: str) -> Any:
 class Ros2CameraFile(MountedCameraFile):
     """A depth camera that is a topic of ROS 2, on the arm or in the cell."""
 
-    address: str = value(Text(), ADDRESS, "HOST:PORT of rmw_zenoh's router")
+    address: str = value(Text(), ADDRESS, "HOST:PORT of rmw_zenoh's router, or ws://HOST:9090 of rosbridge")
+    distribution: str = value(Text(*DISTRIBUTIONS), "jazzy", "version of ROS 2 behind the router")
     colour: str = value(Text(), "/camera/color/image_raw", "topic of sensor_msgs/Image; …/compressed: CompressedImage")
     depth: str = value(Text(), "/camera/aligned_depth_to_color/image_raw", "topic of its depth")
     info: str = value(Text(), "/camera/color/camera_info", "topic of sensor_msgs/CameraInfo")
@@ -147,7 +149,7 @@ def connect(settings: Settings[Ros2CameraFile], context: ConnectContext) -> Stre
     )
     mount = CameraMount(context.find(Arm), read_hand_eye(said.hand_eye))
     camera = StreamingCamera(
-        lambda: Ros2Images(Ros2Peer(said.address, node="pomona_camera"), topics),
+        lambda: Ros2Images(open_peer(said.address, "pomona_camera", said.distribution), topics),
         mount,
         context.clock,
         silence=said.silence,

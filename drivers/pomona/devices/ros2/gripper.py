@@ -28,7 +28,8 @@ from pomona.drivers import (
     driver,
 )
 from pomona.executive import FORCE, LENGTH, SPEED, TIME, Clock, Measure, Number, Problem, Section, Span, Text, value
-from pomona.tools.ros2.peer import ADDRESS, Ros2Peer
+from pomona.tools.ros2.peer import ADDRESS, DISTRIBUTIONS
+from pomona.tools.ros2.rosbridge import open_peer
 from pomona.tools.ros2.types import coder
 
 COMMAND = "std_msgs/msg/Float64MultiArray"
@@ -179,7 +180,8 @@ class Ros2Gripper(ParallelGripper):
 class Ros2GripperFile:
     """A parallel gripper behind a forward_command_controller of ros2_control."""
 
-    address: str = value(Text(), ADDRESS, "HOST:PORT of rmw_zenoh's router")
+    address: str = value(Text(), ADDRESS, "HOST:PORT of rmw_zenoh's router, or ws://HOST:9090 of rosbridge")
+    distribution: str = value(Text(*DISTRIBUTIONS), "jazzy", "version of ROS 2 behind the router")
     joint: str = value(Text(), help="name of the gripper's joint in ROS 2")
     scale: float = value(Number(-1e3, 1e3), 1.0, "metres of opening per unit of the joint; two fingers: 2")
     finger_offset: float = value(Measure(LENGTH, "-200 mm", "500 mm"), "0 mm", "opening with the joint at zero")
@@ -228,7 +230,7 @@ def connect(settings: Settings[Ros2GripperFile], context: ConnectContext) -> Ros
         said.supervision,
     )
     limits = GripperLimits(*said.opening, said.speed_max, said.force_max)
-    wire = Ros2Peer(said.address, node="pomona_gripper")
+    wire = open_peer(said.address, "pomona_gripper", said.distribution)
     gripper = Ros2Gripper(wire, context.clock, limits, options)
     try:
         gripper.connect()
@@ -237,6 +239,7 @@ def connect(settings: Settings[Ros2GripperFile], context: ConnectContext) -> Ros
         hint = "is joint_state_broadcaster running on rmw_zenoh? `ros2 topic echo` shows the joints' names"
         raise settings.error(error.message, "states", hint) from error
     slow = 2e-3 / abs(said.scale)
-    gripper.outside_stop = "pomona.devices.ros2.outside:see_rest", (said.address, said.states, [said.joint], slow)
+    where = said.address, said.states, [said.joint], slow, said.distribution
+    gripper.outside_stop = "pomona.devices.ros2.outside:see_rest", where
     gripper.start()
     return gripper

@@ -12,18 +12,18 @@ import numpy as np
 
 from pomona.devices.ros2.joints import JointFeed
 from pomona.executive import SystemClock
-from pomona.tools.ros2.peer import Ros2Peer
+from pomona.tools.ros2.rosbridge import open_peer
 
 DEADLINE = 2.5  # seconds within which the joints must be seen at rest
 STILL = 0.1  # time without motion after which the joints count as resting [s]
 
 
-def see_rest(address: str, states: str, joints: Sequence[str], slow: float) -> None:
+def see_rest(address: str, states: str, joints: Sequence[str], slow: float, distribution: str = "jazzy") -> None:
     """Wait until the joints are slower than `slow` [rad/s or m/s]; the other arguments are those of the cell file.
 
     Raises TimeoutError: they go on moving, or no message arrives; UsageError: there is no peer at the address.
     """
-    wire = Ros2Peer(address, node="pomona_supervisor")
+    wire = open_peer(address, "pomona_supervisor", distribution)
     try:
         feed = JointFeed("joints", wire, states, joints, SystemClock(), DEADLINE)
         seen: list[tuple[float, np.ndarray]] = []

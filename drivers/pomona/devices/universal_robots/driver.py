@@ -30,15 +30,12 @@ from pomona.devices.universal_robots.words import (
 )
 from pomona.drivers import (
     ArmLimits,
-    ArmState,
-    DeviceError,
     DeviceFault,
     DeviceLost,
     Link,
     PathMotion,
     StreamedMotion,
     StreamingArm,
-    words,
 )
 from pomona.executive import Clock, Float64
 
@@ -51,7 +48,6 @@ OUTPUTS = (
 INPUTS = (*(f"input_int_register_{i}" for i in (24, 25, 26)), *(f"input_double_register_{i}" for i in range(24, 37)))
 """For the script: command, number of a knot, beat; its time, six joints, six speeds. RTDE clients own 24 to 47."""
 FOLLOW, STOP = 1, 2  # commands to the script
-RECONNECT = 0.5  # pause between attempts to open a lost connection again [s]
 BEAT = 0.02  # period of the heart beat [s]; without it for 100 ms the controller ends the script
 UNHEARD = 0.06  # a beat that the script has not repeated after this time shows that another program runs [s]
 STARTS = 2.0  # the script must run within this time after it was sent [s]
@@ -66,10 +62,10 @@ def resident_script() -> str:
     return re.sub(r"= @(\d+)", lambda found: f"= [{','.join(['0.0'] * int(found[1]))}]", text)
 
 
-class UrArm(StreamingArm):
+class UrArm(StreamingArm[RtdeSession, KnotStream]):
     """The arm. Joints from the base to the wrist, as in its description."""
 
-    stops_when_told = True
+    lag = SERVO_LAG
 
     def __init__(
         self,
@@ -83,57 +79,24 @@ class UrArm(StreamingArm):
         """`open_port` connects to "rtde", "script" or "dashboard"."""
         self.options = options or UrOptions()
         super().__init__(name, clock, description, limits, self.options.supervision, PERIOD)
-        self._open_port = open_port
+        self._open_port, self.lead = open_port, self.options.lead
         self._dashboard = UrDashboard(name, lambda: open_port("dashboard"), clock)
-        self._session: RtdeSession | None = None
-        self._retry_at = 0.0
-        self._knots: KnotStream | None = None
         self._command, self._beat, self._beat_at, self._heard_at = STOP, 0, -np.inf, 0.0
         self._knot: list[float] = [0, *([0.0] * 13)]
-        self._starting = False
 
     # ---------------------------------------------------------------------------------------- connection
 
-    def connect(self) -> None:
-        """Open RTDE, see that it is the right arm, and let the script run; the arm stands still.
-
-        Raises:
-            DeviceError: no controller there, another arm, or it is not ready, in words.
-        """
-        session = self._open()
-        try:
-            self._dashboard.require_arm(self.options.model, session.version)
-            self._make_ready(session)
-        except OSError as error:
-            session.close()
-            raise DeviceLost(self.name, str(error)) from error
-        except DeviceError:
-            session.close()
-            raise
-        self._session, self._problem = session, None
-
-    def _open(self) -> RtdeSession:
-        try:
-            link = self._open_port("rtde")
-        except OSError as error:
-            raise DeviceLost(self.name, f"cannot be reached: {error}") from error
-        try:
-            session = RtdeSession(self.name, link, self._clock, OUTPUTS, INPUTS, self.options.rate)
-            self._supervisor.forget()
-            self._take(session)
-        except OSError as error:
-            link.close()
-            raise DeviceLost(self.name, f"cannot be reached: {error}") from error
-        except DeviceError:
-            link.close()
-            raise
+    def _open(self, open_link: Callable[[str], Link]) -> RtdeSession:
+        session = RtdeSession(self.name, open_link("rtde"), self._clock, OUTPUTS, INPUTS, self.options.rate)
+        self._take(session)
         return session
 
     def _make_ready(self, session: RtdeSession) -> None:
         """Power the arm where the options allow it, and let the script run; nothing moves.
 
-        Raises DeviceError: it may not move, or another program runs; OSError.
+        Raises DeviceError: it is another arm, may not move, or another program runs; OSError.
         """
+        self._dashboard.require_arm(self.options.model, session.version)
         self._end_own_script(session)
         mode = session.whole("robot_mode")
         if self.options.power_on and mode in (POWER_OFF, IDLE) and session.whole("safety_mode") in (1, 2):
@@ -162,6 +125,9 @@ class UrArm(StreamingArm):
         try:
             link.send(resident_script().encode())
             self._await(session, lambda: self._runs(session), STARTS, "the script does not run; see the pendant's log")
+        except DeviceFault:
+            self._command = STOP
+            raise
         finally:
             link.close()
         self._heard_at = self._clock.now()
@@ -186,38 +152,6 @@ class UrArm(StreamingArm):
 
     # ----------------------------------------------------------------------------------------- the wire
 
-    def step(self) -> None:
-        """Serve the connection for a moment; the arm's own thread calls this without end."""
-        try:
-            if self._session is None:
-                self._reconnect()
-            else:
-                self._serve(self._session)
-        except (OSError, DeviceError) as error:
-            self._lose(error)
-
-    def _reconnect(self) -> None:
-        if self._clock.now() < self._retry_at:
-            self._clock.advance(min(self._retry_at - self._clock.now(), 0.05))
-            return
-        self._session = self._open()
-
-    def _lose(self, error: BaseException) -> None:
-        """Fail the motion and reopen the wire; the controller's watchdog ends the script."""
-        session, self._session = self._session, None
-        self._believed = False
-        if session is not None:
-            told = f"the connection failed: {error}" if isinstance(error, OSError) else f"the driver failed: {error!r}"
-            self._blame(error if isinstance(error, DeviceError) else DeviceLost(self.name, told))
-            self._abandon(words(self._problem))
-            if self._motion is not None:
-                self._motion.settled = True  # its state is unknown
-            session.close()
-        self._retry_at = self._clock.now() + RECONNECT
-        self._starting = False
-
-    _failed = _lose
-
     def _abandon(self, problem: str) -> None:
         """As the base; a script that still runs, or is resumed at the pendant, ends."""
         super()._abandon(problem)
@@ -237,27 +171,17 @@ class UrArm(StreamingArm):
             self._doubt(error)
         self._watch_controller(session)
         self._give_beat(session)
-        if self._knots is not None:
-            self._pump(session, self._knots)
+        if self._points is not None:
+            self._pump(session, self._points)
         self._watch_motion()
 
-    def _start_again(self, session: RtdeSession) -> None:
-        """After an acknowledgement; takes a moment, in which motions are refused."""
-        try:
-            self._supervisor.forget()
-            self._doubted = False
-            if session.whole("safety_mode") == PROTECTIVE_STOP:
-                self._dashboard.demand("unlock protective stop", "Protective stop releasing")
-                locked = "stays in its protective stop"
-                self._await(session, lambda: session.whole("safety_mode") != PROTECTIVE_STOP, UNLOCKED, locked)
-            if session.whole("runtime_state") == PAUSED:
-                self._dashboard.demand("stop", "Stopped")
-            self._make_ready(session)
-        except DeviceFault as error:
-            self._command = STOP
-            self._blame(error)
-        finally:
-            self._starting = False
+    def _unlock(self, session: RtdeSession) -> None:
+        if session.whole("safety_mode") == PROTECTIVE_STOP:
+            self._dashboard.demand("unlock protective stop", "Protective stop releasing")
+            locked = "stays in its protective stop"
+            self._await(session, lambda: session.whole("safety_mode") != PROTECTIVE_STOP, UNLOCKED, locked)
+        if session.whole("runtime_state") == PAUSED:
+            self._dashboard.demand("stop", "Stopped")
 
     def _take(self, session: RtdeSession) -> None:
         """Take the newest joints. Raises DeviceLost: they cannot be true."""
@@ -301,55 +225,13 @@ class UrArm(StreamingArm):
         number, *point = self._knot
         session.write([self._command, int(number), self._beat, *point])
 
-    @property
-    def _stream(self) -> KnotStream | None:
-        return self._knots
-
-    @property
-    def _ahead(self) -> float:
-        return self.options.lead + SERVO_LAG
-
-    @property
-    def _due(self) -> float:
-        return SERVO_LAG + (self._clock.now() if self._knots is None else self._knots.due)
-
     def _begin_stream(self, motion: PathMotion | StreamedMotion, q_arm: Float64) -> None:
         taken = self._session.whole(TAKEN) if self._session is not None else 0
         command = self._supervisor.command
-        self._knots = KnotStream(motion, q_arm, self._clock, self.options, taken + 1, command)
-
-    def _end_stream(self) -> None:
-        self._knots = None
+        self._points = KnotStream(motion, q_arm, self._clock, self.options, taken + 1, command)
 
     def _halt(self, problem: str) -> None:
         """Let the script brake at once; it ends then."""
         self._abandon(problem)
         if self._session is not None:
             self._give_beat(self._session, at_once=True)
-
-    # ---------------------------------------------------------------------------------------- the device
-
-    def state(self) -> ArmState:
-        """See the Protocol. Raises DeviceLost: there is no fresh state."""
-        if self._session is None or self._state is None:
-            raise DeviceLost(self.name, words(self._problem))
-        return self._state
-
-    def check(self) -> None:
-        if self._problem is not None or not self._starting:  # which takes seconds
-            super().check()
-
-    def _not_ready(self) -> str | None:
-        if self._session is None or self._problem is not None:
-            return words(self._problem)
-        return "its script is being started" if self._starting else None
-
-    def _release(self) -> None:
-        """Unlock and power the arm where the options allow it, and begin the script anew."""
-        if self._problem is not None:
-            self._starting, self._problem = True, None
-
-    def _leave(self) -> None:
-        session, self._session = self._session, None
-        if session is not None:
-            session.close()

@@ -19,8 +19,6 @@ from pomona.devices.xarm.stream import PERIOD, ServoStream, XArmOptions
 from pomona.devices.xarm.words import BY_HAND, READY, SERVO, STOP, error_words, interrupted
 from pomona.drivers import (
     ArmLimits,
-    ArmState,
-    DeviceError,
     DeviceFault,
     DeviceLost,
     Link,
@@ -29,13 +27,11 @@ from pomona.drivers import (
     PathMotion,
     StreamedMotion,
     StreamingArm,
-    words,
 )
 from pomona.executive import Clock, Float64
 
 OLDEST = (1, 9, 110)
 """Oldest firmware: the first that returns measured positions and velocities of joints (`xarm-python-sdk` 1.18.4)."""
-RECONNECT = 0.5  # pause between attempts to open lost connections again [s]
 READIES = 2.0  # the arm must be ready within this time after the command [s]
 STRAYS = 0.02  # joints that were not commanded to move are moved by another beyond this [rad]
 ALL = 8  # of MOTION_ENABLE: every joint
@@ -45,10 +41,8 @@ class WrongModelError(DeviceFault):
     """The robot at this address is another model than the cell file's."""
 
 
-class XArm(StreamingArm):
+class XArm(StreamingArm[XArmSession, ServoStream]):
     """The arm. Joints from the base to the wrist, as in its description."""
-
-    stops_when_told = True
 
     def __init__(
         self,
@@ -62,46 +56,17 @@ class XArm(StreamingArm):
         """`open_port` connects to "command" or "report"."""
         self.options = options or XArmOptions()
         super().__init__(name, clock, description, limits, self.options.supervision, PERIOD)
-        self._open_port = open_port
-        self._session: XArmSession | None = None
-        self._points: ServoStream | None = None
-        self._retry_at, self._next = 0.0, -np.inf
+        self._open_port, self.lag = open_port, self.options.servo_lag
+        self._next = -np.inf
         self._rests_at: Float64 | None = None  # joints where the arm was left
-        self._starting = False
 
     # ---------------------------------------------------------------------------------------- connection
 
-    def connect(self) -> None:
-        """Open both connections, see that it is the right arm, and make it ready in servo mode; it stands still.
-
-        Raises:
-            DeviceError: no controller there, another arm, or it is not ready, in words.
-        """
-        session = self._open()
-        try:
-            self._make_ready(session)
-        except OSError as error:
-            session.close()
-            raise DeviceLost(self.name, str(error)) from error
-        except DeviceError:
-            session.close()
-            raise
-        self._session, self._problem = session, None
-
-    def _open(self) -> XArmSession:
-        links: list[Link] = []
-        try:
-            links += [self._open_port("command")]
-            links += [self._open_port("report")]
-            session = XArmSession(self.name, links[0], links[1], self._clock, self.options.silence)
-            self._require_arm(session)
-            self._supervisor.forget()
-            self._believe(*self._joints(session))
-        except (OSError, DeviceError) as error:
-            for link in links:
-                link.close()
-            lost = DeviceLost(self.name, f"cannot be reached: {error}")
-            raise (error if isinstance(error, DeviceError) else lost) from error
+    def _open(self, open_link: Callable[[str], Link]) -> XArmSession:
+        command, report = open_link("command"), open_link("report")
+        session = XArmSession(self.name, command, report, self._clock, self.options.silence)
+        self._require_arm(session)
+        self._believe(*self._joints(session))
         return session
 
     def _require_arm(self, session: XArmSession) -> None:
@@ -145,40 +110,6 @@ class XArm(StreamingArm):
         return self._state is not None and float(np.abs(self._state.qd).max()) > STRAYS
 
     # ----------------------------------------------------------------------------------------- the wire
-
-    def step(self) -> None:
-        """Serve the connections for a moment; the arm's own thread calls this without end."""
-        try:
-            if self._session is None:
-                self._reconnect()
-            else:
-                self._serve(self._session)
-        except (OSError, DeviceError) as error:
-            self._lose(error)
-
-    def _reconnect(self) -> None:
-        if self._clock.now() < self._retry_at:
-            self._clock.advance(min(self._retry_at - self._clock.now(), 0.05))
-            return
-        self._session = self._open()
-
-    def _lose(self, error: BaseException) -> None:
-        """Fail the motion and reopen the wire; without set-points the arm stays where it is."""
-        session, self._session = self._session, None
-        self._believed = False
-        if session is not None:
-            told = f"the connection failed: {error}" if isinstance(error, OSError) else f"the driver failed: {error!r}"
-            self._blame(error if isinstance(error, DeviceError) else DeviceLost(self.name, told))
-            self._abandon(words(self._problem))
-            if self._motion is not None:
-                self._motion.settled = True  # its state is unknown
-            with contextlib.suppress(OSError):
-                session.send(Register.SET_STATE, bytes([STOP]))
-            session.close()
-        self._retry_at = self._clock.now() + RECONNECT
-        self._starting = False
-
-    _failed = _lose
 
     def _serve(self, session: XArmSession) -> None:
         now = self._clock.now()
@@ -239,38 +170,14 @@ class XArm(StreamingArm):
             self._blame(DeviceFault(self.name, problem))
             self._halt(problem)
 
-    def _start_again(self, session: XArmSession) -> None:
-        """After an acknowledgement; takes a moment, in which motions are refused."""
-        try:
-            self._supervisor.forget()
-            self._doubted = False
-            session.ask(Register.CLEAN_ERROR, deadline=SLOW)
-            self._make_ready(session)
-        except DeviceFault as error:
-            self._blame(error)
-        finally:
-            self._starting = False
+    def _unlock(self, session: XArmSession) -> None:
+        session.ask(Register.CLEAN_ERROR, deadline=SLOW)
 
     # --------------------------------------------------------------------------------------- the motion
-
-    @property
-    def _stream(self) -> ServoStream | None:
-        return self._points
-
-    @property
-    def _ahead(self) -> float:
-        return self.options.servo_lag
-
-    @property
-    def _due(self) -> float:
-        return self.options.servo_lag + (self._clock.now() if self._points is None else self._points.due)
 
     def _begin_stream(self, motion: PathMotion | StreamedMotion, q_arm: Float64) -> None:
         longest, command = self.options.silence, self._supervisor.command
         self._points = ServoStream(self.name, motion, q_arm, self._clock, longest, command)
-
-    def _end_stream(self) -> None:
-        self._points = None
 
     def _halt(self, problem: str) -> None:
         """Let the controller brake at once; it follows no set-point after this."""
@@ -278,31 +185,9 @@ class XArm(StreamingArm):
         if self._session is not None:
             self._session.ask(Register.SET_STATE, bytes([STOP]))
 
-    # ---------------------------------------------------------------------------------------- the device
-
-    def state(self) -> ArmState:
-        """See the Protocol. Raises DeviceLost: there is no fresh state."""
-        if self._session is None or self._state is None:
-            raise DeviceLost(self.name, words(self._problem))
-        return self._state
-
-    def check(self) -> None:
-        if self._problem is not None or not self._starting:  # which takes a moment
-            super().check()
-
-    def _not_ready(self) -> str | None:
-        if self._session is None or self._problem is not None:
-            return words(self._problem)
-        return "it is being made ready" if self._starting else None
-
-    def _release(self) -> None:
-        """Clear the error and make the arm ready anew."""
-        if self._problem is not None:
-            self._starting, self._problem = True, None
-
     def _leave(self) -> None:
-        session, self._session = self._session, None
-        if session is not None:
-            with contextlib.suppress(OSError, DeviceError):
-                session.ask(Register.SET_STATE, bytes([STOP]))
-            session.close()
+        """Disconnect; the controller brakes before."""
+        if self._session is not None:
+            with contextlib.suppress(OSError):
+                self._session.send(Register.SET_STATE, bytes([STOP]))
+        super()._leave()

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from pomona.drivers.base.rolling_path import PERIOD, OutOfSetPointsError, RollingPath
+from pomona.devices.ros2.rolling_path import PERIOD, OutOfSetPointsError, RollingPath
 from pomona.drivers.services import ConnectContext
 from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, UnusableRobotFile
 from pomona.drivers.interfaces import ArmLimits, ArmState

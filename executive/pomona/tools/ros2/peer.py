@@ -25,6 +25,9 @@ logger = logging.getLogger(__name__)
 
 ADDRESS = "127.0.0.1:7447"  # where rmw_zenoh looks for a router
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
+DISTRIBUTIONS = ("humble", "jazzy", "kilted", "lyrical")
+"""Versions of ROS 2. The types that Pomona uses have the same hashes from Jazzy on; Humble has no hashes."""
+UNHASHED = "TypeHashNotSupported"  # in the keys of Humble's rmw_zenoh, in the place of a type's hash
 QOS = "::,10:,:,:,,"  # as rmw_zenoh writes it: reliable, volatile, the last ten
 QUEUE, PATIENCE = 16, 50_000  # batches that wait for a link, and microseconds before a message is dropped
 _HEAD = struct.Struct("<qqB")
@@ -37,13 +40,21 @@ WAITING = 16  # requests to a service that wait to be handled; more are refused 
 class Ros2Peer:
     """A node; all methods may be called from any thread. Handlers are called in Zenoh's threads."""
 
-    def __init__(self, address: str = ADDRESS, node: str = "pomona", domain: int = 0, insist: bool = False) -> None:
+    def __init__(
+        self,
+        address: str = ADDRESS,
+        node: str = "pomona",
+        domain: int = 0,
+        insist: bool = False,
+        distribution: str = "jazzy",
+    ) -> None:
         """
         Args:
             address: HOST:PORT; listened at as a router, or connected to if a router listens there.
             node: its name; domain: ROS_DOMAIN_ID.
             insist: a listening router must answer now; otherwise the connection is retried, as devices with deadlines
                 of their own need it.
+            distribution: one of `DISTRIBUTIONS`: of the other nodes. With humble, messages of any version arrive.
 
         Raises:
             UsageError: the extra is not installed, or the address cannot be used.
@@ -55,6 +66,7 @@ class Ros2Peer:
             raise UsageError(f"'{address}' is no address: HOST:PORT, for instance {ADDRESS}")
         self.local = host in LOOPBACK  # whether only this machine can reach it
         self._domain, self._node, self._insist = domain, node, insist
+        self._hashed = distribution != "humble"
         self._session = self._open(f"tcp/{address}", "tcp/127.0.0.1:0" if self.local else "tcp/0.0.0.0:0")
         self._gid = secrets.token_bytes(16)
         self._lock = threading.Lock()
@@ -111,7 +123,7 @@ class Ros2Peer:
         """Call `take` with the CDR of every message; `undeclare()` on the result ends it."""
         self._token("MS", topic, kind)
         subscriber = self._session.declare_subscriber(
-            self._key(topic, kind), lambda sample: take(sample.payload.to_bytes())
+            self._key(topic, kind, any_version=True), lambda sample: take(sample.payload.to_bytes())
         )
         self._held.append(subscriber)
         return subscriber
@@ -184,8 +196,12 @@ class Ros2Peer:
         with contextlib.suppress(Exception):
             self._session.close()
 
-    def _key(self, name: str, kind: str) -> str:
-        return f"{self._domain}/{name.strip('/')}/{_dds(kind)}/{type_hash(kind)}"
+    def _key(self, name: str, kind: str, any_version: bool = False) -> str:
+        version = "*" if any_version and not self._hashed else self._version(kind)
+        return f"{self._domain}/{name.strip('/')}/{_dds(kind)}/{version}"
+
+    def _version(self, kind: str) -> str:
+        return type_hash(kind) if self._hashed else UNHASHED
 
     def _token(self, entity: str, name: str, kind: str = "") -> None:
         """Return the liveliness token of a node, a publisher, a subscription or a service."""
@@ -194,7 +210,7 @@ class Ros2Peer:
             self._entities += 1
         token = f"@ros2_lv/{self._domain}/{self._session.zid()}/0/{number}/{entity}/%/%/{self._node}"
         if kind:
-            token += f"/{name.replace('/', '%')}/{_dds(kind)}/{type_hash(kind)}/{QOS}"
+            token += f"/{name.replace('/', '%')}/{_dds(kind)}/{self._version(kind)}/{QOS}"
         self._held.append(self._session.liveliness().declare_token(token))
 
     def _attachment(self, number: int, stamp: int, gid: bytes | None = None) -> bytes:

@@ -25,6 +25,8 @@ def add_ros2(parser: argparse.ArgumentParser) -> None:
     """Add the option for the ROS 2 interface of a run."""
     about = "speak ROS 2 (rmw_zenoh; default: 127.0.0.1:7447)"
     parser.add_argument("--ros2", nargs="?", const="", metavar="HOST:PORT", help=about)
+    which = "version of ROS 2 of the other nodes (default: jazzy, which suits all later ones)"
+    parser.add_argument("--ros2-distribution", choices=("humble", "jazzy", "kilted", "lyrical"), help=which)
 
 
 def open_bridge(
@@ -41,7 +43,7 @@ def open_bridge(
     from pomona.tools.ros2.bridge import Ros2Bridge
     from pomona.tools.ros2.peer import ADDRESS, Ros2Peer
 
-    peer = Ros2Peer(options.ros2 or ADDRESS, insist=True)
+    peer = Ros2Peer(options.ros2 or ADDRESS, insist=True, distribution=options.ros2_distribution or "jazzy")
     says = (
         f"; an operator's requests need the token {access.token}" if peer.local else "; no requests from other machines"
     )

@@ -13,11 +13,12 @@ import pytest
 
 from pomona.devices.emulators.motoman import FreeJoints, MotomanEmulator
 from pomona.devices.motoman.codec import Communication, Message, RobotStatus, encode
-from pomona.devices.motoman.driver import RECONNECT, MotomanArm
+from pomona.devices.motoman.driver import MotomanArm
 from pomona.devices.motoman.stream import MotomanOptions
 from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
 from pomona.drivers.interfaces import ArmLimits, Motion, MotionState, Trajectory
 from pomona.drivers.motion_supervisor import Supervision
+from pomona.drivers.path_arm import RECONNECT
 from pomona.executive.cell.owner import Nonsense
 from pomona.executive.clock import ManualClock, SystemClock
 
@@ -89,8 +90,7 @@ class Cell:
 
 def connected(cell: Cell, **options: Any) -> MotomanArm:
     arm = MotomanArm(
-        lambda: cell.open(cell.controller.state),
-        lambda: cell.open(cell.controller.motion),
+        lambda name: cell.open({"state": cell.controller.state, "motion": cell.controller.motion}[name]),
         cell.clock,
         Path("robot.xml"),
         LIMITS,
@@ -313,7 +313,7 @@ def test_a_fault_fails_the_motion_and_stays_latched(happen: Callable[[MotomanEmu
     with pytest.raises(DeviceFault):
         arm.check()  # released, but nobody acknowledged
     arm.acknowledge()
-    with pytest.raises(MotionRefused, match="servos are being switched on"):
+    with pytest.raises(MotionRefused, match="being made ready"):
         arm.follow(swing(arm.state().q, CHANGE))
     serve(arm, cell, 1.0)
     arm.check()

@@ -446,7 +446,7 @@ def test_closed_it_comes_to_rest_first(setting: Setting) -> None:
 def test_the_supervisor_process_sees_whether_it_rests(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = ManualClock(5.0)
     controller = Controller(clock)
-    monkeypatch.setattr(outside, "Ros2Peer", lambda *_a, **_k: controller)
+    monkeypatch.setattr(outside, "open_peer", lambda *_a, **_k: controller)
     monkeypatch.setattr(outside, "SystemClock", lambda: clock)
     feed = partial(outside.JointFeed, host_time=lambda: controller.wall)
     monkeypatch.setattr(outside.time, "monotonic", clock.now)

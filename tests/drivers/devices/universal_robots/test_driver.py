@@ -13,10 +13,11 @@ import pytest
 from pomona.devices.emulators.motoman import FreeJoints
 from pomona.devices.laboratory_emulators.universal_robots import UrEmulator
 from pomona.devices.universal_robots.dashboard import WrongArmError
-from pomona.devices.universal_robots.driver import RECONNECT, UrArm
+from pomona.devices.universal_robots.driver import UrArm
 from pomona.devices.universal_robots.rtde import RegisterTakenError
 from pomona.devices.universal_robots.stream import UrOptions
 from pomona.drivers import ArmLimits, DeviceError, DeviceFault, DeviceLost, Motion, MotionRefused, MotionState
+from pomona.drivers.path_arm import RECONNECT
 from pomona.executive import ManualClock
 from tests.drivers.devices.motoman.test_driver import Connection, swing
 
@@ -297,7 +298,7 @@ def test_a_link_that_returns_at_once_does_not_go_on_with_the_motion() -> None:
     cell = Cell()
     arm = connected(cell)
     moving(cell, arm)
-    arm._lose(DeviceLost("arm", "the connection failed"))
+    arm._failed(DeviceLost("arm", "the connection failed"))
     arm._retry_at = cell.clock.now()
     serve(arm, cell, 0.02)
     assert arm._session is not None

@@ -13,9 +13,10 @@ import pytest
 from pomona.devices.emulators.motoman import FreeJoints
 from pomona.devices.laboratory_emulators.xarm import XArmEmulator
 from pomona.devices.xarm.codec import Register, encode
-from pomona.devices.xarm.driver import RECONNECT, WrongModelError, XArm
+from pomona.devices.xarm.driver import WrongModelError, XArm
 from pomona.devices.xarm.stream import XArmOptions
 from pomona.drivers import ArmLimits, DeviceError, DeviceFault, DeviceLost, Motion, MotionRefused, MotionState
+from pomona.drivers.path_arm import RECONNECT
 from pomona.executive import ManualClock
 from tests.drivers.devices.motoman.test_driver import Connection, swing
 

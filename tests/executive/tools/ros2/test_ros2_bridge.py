@@ -398,3 +398,26 @@ def test_a_run_speaks_ros_2_when_it_is_asked_to(
     assert "an operator's requests need the token" in capsys.readouterr().out
     assert main(["run", "tree.yaml", "--dry", "--quiet", "--ros2", "nowhere"]) == 2
     assert "HOST:PORT" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("version", ["TypeHashNotSupported", "RIHS01_0"])
+def test_a_peer_of_humble_hears_messages_of_every_version_and_is_heard_by_nodes_without_hashes(version: str) -> None:
+    port, key = free_port(), "0/{}/std_msgs::msg::dds_::String_/{}"
+    peer = Ros2Peer(f"127.0.0.1:{port}", distribution="humble")
+    other = Ros2Peer(f"127.0.0.1:{port}", node="humble")
+    came, heard = threading.Event(), threading.Event()
+    try:
+        peer.subscribe("/to_us", "std_msgs/msg/String", lambda _raw: came.set())
+        there = other._session.declare_publisher(key.format("to_us", version))
+        held = other._session.declare_subscriber(key.format("from_us", "TypeHashNotSupported"), lambda _: heard.set())
+        for _ in range(600):
+            there.put(b"\0\1\0\0\1\0\0\0\0")
+            peer.publish("/from_us", "std_msgs/msg/String", b"\0\1\0\0\1\0\0\0\0", 0)
+            if came.wait(0.05) and heard.wait(0.05):
+                break
+        assert came.is_set()
+        assert heard.is_set()
+        held.undeclare()
+    finally:
+        other.close()
+        peer.close()

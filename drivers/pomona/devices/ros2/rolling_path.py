@@ -12,10 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pomona.drivers.errors import DeviceFault
-from pomona.drivers.path_motion import PathFollower, PathMotion
-from pomona.executive.clock import Clock
-from pomona.executive.values.arrays import Float64
+from pomona.drivers import DeviceFault, PathFollower, PathMotion
+from pomona.executive import Clock, Float64
 
 PERIOD = 0.01  # time between the points of a message, which a controller joins by cubics [s]
 
