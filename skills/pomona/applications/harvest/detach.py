@@ -188,7 +188,7 @@ class Detach(MovingSkill):
                 controller.end_roll()
             if aim.beyond > BEYOND:
                 controller.give_up("OUT_OF_REACH", "the arm reaches no further in this posture")
-                aim.beyond = 0.0  # what the hand does instead has its own time
+                aim.beyond = 0.0  # the hand's next motion has its own time
             try:
                 motion.aim(aim.q)
             except BadTrajectory as bad:

@@ -143,7 +143,7 @@ def _rows(pick: Pick) -> tuple[Float64, Float64, Float64]:
 
 
 def shown_by_table(picks: Sequence[Pick]) -> tuple[Float64, Float64]:
-    """Return what looks at the table show of the error: an information matrix, shape (8, 8), and its pull, (8,)."""
+    """Return the information on the error in looks at the table: a matrix, shape (8, 8), and its pull, (8,)."""
     information, pull = np.zeros((8, 8)), np.zeros(8)
     looks = [pick for pick in picks if pick.table is not None]
     for pick in looks:

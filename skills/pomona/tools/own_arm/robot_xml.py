@@ -39,7 +39,7 @@ class Drives:
     def of(arm: UrdfArm, inertia: Float64) -> Drives:
         """Choose drives for the largest inertia that each joint moves, (dof,) [kg m²].
 
-        The acceleration is what `SHARE` of the stated effort gives, and at most `QUICK` times the speed.
+        The acceleration is that of `SHARE` of the stated effort, and at most `QUICK` times the speed.
         """
         armature = np.where(inertia > 0.5, 0.3, 0.1)
         stiffness = np.maximum(STIFFNESS[0], STIFFNESS[1] * (inertia + armature))
