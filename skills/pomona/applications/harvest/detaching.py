@@ -101,8 +101,8 @@ class DetachSettings:
         opened, opening: opening around a fruit that stays on the tree [m], and its speed [m/s]; stuck: distance by
             which fingers that meet wood may lag meanwhile [m]: less than a supervisor allows.
         leaving, leaving_speed, leaving_acceleration: of the way of the open hand back from the fruit [m, m/s, m/s²].
-        lead, lead_angle: by which the set-point may lead a hand at rest [m, rad]; lead_time: and the way of a moving hand
-            in this time is added [s]: the arm follows its set-points 0.1 to 0.15 s later.
+        lead, lead_angle: by which the set-point may lead a hand at rest [m, rad]; lead_time: and the way of a moving
+            hand in this time is added [s]: the arm follows its set-points 0.1 to 0.15 s later.
         lead_most: largest lead [m].
         closing_patience, leaving_patience, patience: longest time of closing, of opening and of the way back from the
             fruit, and of all phases together, on the clock of the path [s]; after twice the last no break is
