@@ -318,7 +318,7 @@ def _rows_of(text: str, address: str) -> set[int]:
 
 def _rows_of_root(lines: list[str]) -> set[int]:
     """Rows of the whole tree, with `root:` and the notes right above it."""
-    first = last = next(row for row, line in enumerate(lines) if line.startswith("root:"))
+    first = last = next((row for row, line in enumerate(lines) if re.match(r"\ufeff?[\"']?root[\"']?\s*:", line)), 0)
     while first > 0 and lines[first - 1].startswith("#"):
         first -= 1
     while last + 1 < len(lines) and not re.match(r"[A-Za-z_]", lines[last + 1]):
