@@ -351,11 +351,14 @@ def _lines(before: str, edit: TreeEdit, after: str) -> str:
     if lines[-1] and len(lines) - 1 not in touched and not after.endswith(lines[-1]):
         lines[-1] += "\r" if "\r\n" in before else ""  # a line was put behind the last one
     rest = after.split("\n")
-    if rest[-1] and not rest[-1].endswith("\r"):
-        rest[-1] += "\r" if "\r\n" in before else ""  # the line behind it is gone
     left = iter(rest)
     for row, line in enumerate(lines):
-        if row not in touched and line.strip() and not any(line == other for other in left):
+        ends = (line, line.removesuffix("\r"))  # of a line that is the last one now
+        if (
+            row not in touched
+            and line.strip()
+            and not any(other == line or (other is rest[-1] and other in ends) for other in left)
+        ):
             return f"line {row + 1} is lost or moved: {line!r}"
     return ""
 
