@@ -316,6 +316,16 @@ def _rows_of(text: str, address: str) -> set[int]:
     return set(range(first, last + 1))
 
 
+def _rows_of_root(lines: list[str]) -> set[int]:
+    """Rows of the whole tree, with `root:` and the notes right above it."""
+    first = last = next((row for row, line in enumerate(lines) if re.match(r"\ufeff?[\"']?root[\"']?\s*:", line)), 0)
+    while first > 0 and lines[first - 1].startswith("#"):
+        first -= 1
+    while last + 1 < len(lines) and not re.match(r"[A-Za-z_]", lines[last + 1]):
+        last += 1
+    return set(range(first, last + 1))
+
+
 def _lines(before: str, edit: TreeEdit, after: str) -> str:
     """Untouched lines are in the new text byte for byte, in their order."""
     lines = before.split("\n")
@@ -332,7 +342,7 @@ def _lines(before: str, edit: TreeEdit, after: str) -> str:
             touched = touched if flow else {key}
         parent = edit.node.rpartition("/")[0]
         if edit.do == "delete" and not parent:
-            touched |= {row for row, line in enumerate(lines) if line.startswith("root:")}
+            touched |= _rows_of_root(lines)
         if edit.do == "delete" and sum(n["parent"] == parent for n in nodes(before)) == 1:
             touched.add(next((n["line"] - 1 for n in nodes(before) if n["id"] == parent), 0))  # it has `[]` now
         if edit.do == "move":
@@ -340,9 +350,15 @@ def _lines(before: str, edit: TreeEdit, after: str) -> str:
             touched |= {row for row in _rows_of(before, edit.into) if re.search(r":\s*(#.*)?\r?$", lines[row])}
     if lines[-1] and len(lines) - 1 not in touched and not after.endswith(lines[-1]):
         lines[-1] += "\r" if "\r\n" in before else ""  # a line was put behind the last one
-    left = iter(after.split("\n"))
+    rest = after.split("\n")
+    left = iter(rest)
     for row, line in enumerate(lines):
-        if row not in touched and line.strip() and not any(line == other for other in left):
+        ends = (line, line.removesuffix("\r"))  # of a line that is the last one now
+        if (
+            row not in touched
+            and line.strip()
+            and not any(other == line or (other is rest[-1] and other in ends) for other in left)
+        ):
             return f"line {row + 1} is lost or moved: {line!r}"
     return ""
 
@@ -367,7 +383,8 @@ def _comments(before: str, edit: TreeEdit, after: str) -> str:
     lost = _notes(before) - _notes(after)
     takes_a_word = (edit.do == "set_modifier" and edit.value is None) or (edit.do == "rename" and not edit.name)
     if edit.do in ("delete", "comment") or takes_a_word:
-        lost -= _notes(before, _rows_of(before, edit.node))
+        whole = edit.do == "delete" and edit.node == "root"
+        lost -= _notes(before, _rows_of_root(before.split("\n")) if whole else _rows_of(before, edit.node))
     if edit.do in ("set_modifier", "set_port", "set_parameter") and lost:
         gone = [line for line in before.split("\n") if line not in after.split("\n")]
         lost = Counter({note: count for note, count in lost.items() if not any(note in line for line in gone)})
