@@ -34,7 +34,7 @@ class TouchesView(RunView):
     _words: CameraWords
 
     def open(self, options: argparse.Namespace, run: ViewedRun) -> bool:
-        if options.dry is not None:
+        if getattr(options, "dry", None) is not None:
             return False
         self._console, self._others = run.console, run.opened
         self._words = CameraWords(run.records)

@@ -51,7 +51,7 @@ class KindScore:
 
 
 def logits(values: Float64) -> Float64:
-    """Return logits of values in 0..1."""
+    """Return logits of values in 0..1, in their shape."""
     inner = np.clip(values, EDGE, 1.0 - EDGE)
     return np.asarray(np.log(inner) - np.log1p(-inner), np.float64)
 

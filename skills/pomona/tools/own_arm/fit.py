@@ -40,7 +40,10 @@ class Fitted:
 
 
 def fit(arm: UrdfArm, hand: str, sim: CellFile) -> Fitted:
-    """Return the first distance and the best turn of the hand at which all poses, or most, are reached."""
+    """Return the first distance and the best turn of the hand at which all poses, or most, are reached.
+
+    Raises UsageError: neither home nor observe is reached.
+    """
     with TemporaryDirectory() as scratch:
         drives = Drives.of(arm, _inertia(arm, hand, Path(scratch)))
         plain = _model(robot_xml(arm, hand, 0.0, drives, ()), Path(scratch) / "plain.xml")

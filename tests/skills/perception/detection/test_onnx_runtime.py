@@ -101,8 +101,8 @@ def test_both_engines_give_the_same_maps_at_any_size(
     detector = CompactDetector.load(tmp_path / "small.weights")
     # Of another size than the one with which the graph was traced.
     picture = np.random.default_rng(0).integers(0, 256, (96, 160, 3), dtype=np.uint8)
-    maps, _ = detector._maps(picture)
-    expected, _ = torch_detector(*load_compact(tmp_path / "small.weights")[:2])._maps(picture)
+    maps, _ = detector.maps(picture)
+    expected, _ = torch_detector(*load_compact(tmp_path / "small.weights")[:2]).maps(picture)
     assert maps.shape == expected.shape == (6, 48, 80)
     assert maps == pytest.approx(expected, abs=1e-3)
 

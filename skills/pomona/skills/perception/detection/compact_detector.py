@@ -254,7 +254,7 @@ class CompactDetector:
         return [place.scaled(factor) for place in sized]
 
     def maps(self, colour: UInt8) -> tuple[Float32, tuple[int, int]]:
-        """Return the finder's maps, and width and height of the picture in its input [px]. Raises BadFrame."""
+        """Return the finder's maps, shape (maps, h, w), and width and height of its input [px]. Raises BadFrame."""
         check_picture(colour)
         height, width = colour.shape[:2]
         working_width = self.options.working_width or WORKING_WIDTH

@@ -153,7 +153,7 @@ def exported(
 ) -> bytes:
     """Return a network as ONNX. Initialisers keep the parameters' names, in half precision, so that training can go on.
 
-    ONNX Runtime folds the casts and normalisations when it loads the graph.
+    ONNX Runtime folds the casts and normalisations when it loads the graph. Raises BadWeights: a value is not finite.
     """
     onnx = _onnx()
     content, training = io.BytesIO(), network.training
