@@ -183,7 +183,7 @@ def keep_workers_warm() -> None:
     if _spare is None:
         _spare = []
         # they ignore the signal with which Python ends them at its exit, and it would wait for ever
-        atexit.register(lambda kept: [worker.kill() for worker in kept], _spare)
+        atexit.register(lambda kept: list(map(Worker.kill, kept)), _spare)
 
 
 class Computations:

@@ -63,8 +63,8 @@ def read_arm(path: Path, flange: str | None = None) -> UrdfArm:
     try:
         root = read_urdf(path)
         if root is None:
-            raise UsageError(f"{path}: is no URDF: it has no element <robot>{_xacro(path)}")
-        end = choose_flange(root, flange)
+            raise UsageError(f"{path}: is no URDF: {_why_not(path)}{_xacro(path)}")
+        end = _flange(path, root, flange)
         description = read_description(path, end)
     except BadRobotFile as error:
         raise UsageError(f"{error}{_xacro(path)}") from error
@@ -73,6 +73,22 @@ def read_arm(path: Path, flange: str | None = None) -> UrdfArm:
         words = f"{dof} joints lead from the base to '{end}', and an arm needs {FEWEST} to hold its hand in any pose"
         raise UsageError(f"{path}: {words}; --flange LINK names another end")
     return _Reader(path, root, end, description).arm()
+
+
+def _flange(path: Path, root: ElementTree.Element, said: str | None) -> str:
+    try:
+        return choose_flange(root, said)
+    except UsageError as error:
+        raise UsageError(f"{path}: {error}") from error
+
+
+def _why_not(path: Path) -> str:
+    """Return why a file has no robot in it."""
+    try:
+        ElementTree.parse(path)
+    except (ElementTree.ParseError, OSError, ValueError) as error:
+        return f"it cannot be read as XML: {error}"
+    return "it has no element <robot>"
 
 
 def _xacro(path: Path) -> str:
