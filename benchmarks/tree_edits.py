@@ -291,6 +291,8 @@ _REPAIRED = ("unknown-key", "two-types", "unknown-type-of-node", "no-type")
 def judge(before: str, message: dict[str, Any], after: str) -> str:
     """Return the fault of an edit; empty when it has none."""
     edit = edit_of(message)
+    if edit.do == "move" and after == before and edit.node.rpartition("/")[0] == edit.into:
+        return ""  # it stands there already
     table = nodes(after)
     if table and not table[0]["id"]:
         return f"it cannot be read: {table[0]['error']}"
@@ -333,6 +335,7 @@ def _lines(before: str, edit: TreeEdit, after: str) -> str:
         touched = {row for row, line in enumerate(lines) if re.match(rf"\ufeff?\s*({edit.name}|parameters)\b", line)}
         touched |= {row for row, line in enumerate(lines) if "{" in line and f"{edit.name}:" in line}
         touched |= {row + 1 for row in touched if row + 1 < len(lines) and not lines[row + 1].strip()}
+        touched |= _below(lines, edit.name) if edit.value is None else set()  # with the notes right above it
         touched |= {row for row, line in enumerate(lines) if line.startswith("    ")} & _below(lines, edit.name)
     else:
         touched = _rows_of(before, edit.into if edit.do == "insert" else edit.node)
@@ -343,7 +346,7 @@ def _lines(before: str, edit: TreeEdit, after: str) -> str:
         parent = edit.node.rpartition("/")[0]
         if edit.do == "delete" and not parent:
             touched |= _rows_of_root(lines)
-        if edit.do == "delete" and sum(n["parent"] == parent for n in nodes(before)) == 1:
+        if edit.do in ("delete", "move") and sum(n["parent"] == parent for n in nodes(before)) == 1:
             touched.add(next((n["line"] - 1 for n in nodes(before) if n["id"] == parent), 0))  # it has `[]` now
         if edit.do == "move":
             touched |= {row for row in _rows_of(before, edit.into) if re.search(r"[\[\]{}]", lines[row])}
@@ -367,9 +370,12 @@ def _below(lines: list[str], name: str) -> set[int]:
     found: set[int] = set()
     for row, line in enumerate(lines):
         if line.startswith(f"  {name}:"):
-            found |= set(
-                range(row, next((r for r in range(row + 1, len(lines)) if not lines[r].startswith("    ")), row))
-            )
+            first, last = row, row + 1
+            while lines[first - 1].lstrip().startswith("#"):
+                first -= 1
+            while last < len(lines) and (lines[last].startswith("    ") or not lines[last].strip()):
+                last += 1
+            found |= set(range(first, last))
     return found
 
 
