@@ -90,6 +90,8 @@ class DetachSettings:
         stiffness: force of each pad per loss of opening [N/m]: that of the pads, since a fruit is harder.
         rough: error of both pads' force by the motor, or by the opening [N]: its steps of 0.5 N and friction; a fruit
             that turns in the pads changes its width.
+        doubted: factor of the motor's force over that of both pads, beyond `rough`, at which a grip is given up before
+            the fruit is drawn: the pads report too little, or the fingers press on wood.
         least_gain, gain_time: smallest factor on the reported forces while motor and opening both show less, and its
             time constant [s].
         let_back_force: pads' force at which a branch that was drawn has come back [N].
@@ -159,6 +161,7 @@ class DetachSettings:
     wider: float = 4e-3
     stiffness: float = 1000.0
     rough: float = 1.5
+    doubted: float = 1.3
     least_gain: float = 0.4
     gain_time: float = 0.1
     let_back_force: float = 0.5
@@ -549,6 +552,9 @@ class DetachController:
         if press.min() > s.touch:
             missing = s.first_grip - float(press.mean())
             if missing < 0.2 * s.first_grip:
+                if self._motor is not None and self._motor > s.doubted * float(press.sum()) + s.rough:
+                    self._end(DetachProblem("JAMMED", self._pads_feel(press)))
+                    return STILL
                 self._width_gripped = width
                 self._press_gripped = float(press.max())  # a fruit that hangs free is pressed alike by both pads
                 self._lever = T[:3, :3].T @ (T[:3, 3] - self._fruit.p_base_knuckle)

@@ -484,6 +484,22 @@ def test_pads_that_report_too_little_do_not_press_the_fruit_harder_than_it_bears
     assert np.max(stem.presses) < 1.15 * BRUISE_FORCE
 
 
+def test_pads_that_report_half_the_force_from_the_beginning_are_found_by_the_motor_before_the_fruit_is_drawn():
+    stem, phases = Stem(), []
+    control = controller(stem)
+
+    def note(wrenches):
+        both_halved(wrenches)
+        phases.append(control.phase)
+
+    misread(stem, control, note, motor=True, since=lambda control: True)
+    assert control.problem.code == "JAMMED"
+    assert "the motor presses with" in control.problem.message
+    assert not {DetachPhase.DRAW, DetachPhase.ROLL}.intersection(phases)
+    assert stem.broken is None
+    assert stem.width > DIAMETER + 0.01
+
+
 @pytest.mark.parametrize("motor", [True, False], ids=["motor", "no motor"])
 def test_one_pad_that_reports_more_and_more_does_not_loosen_the_grip(motor):
     stem, widths = Stem(WEAK), []
