@@ -123,6 +123,7 @@ class Detach(MovingSkill):
                 problem.message,
                 roll_rad=round(controller.roll, 3),
                 stem_force_n=round(controller.stem_peak, 2),
+                given_back_j=round(controller.given_back, 3),
             )
         return Detached(stem_force=controller.stem_peak, rolled=abs(controller.roll_at_break))
 

@@ -133,7 +133,7 @@ def test_a_wire_beside_the_target_stays_with_a_smaller_margin(margin: float, sta
     plain = look(FROM_ABOVE, LEFT)
     assert plain.depth is not None
     depth = plain.depth.copy()
-    wire = np.array([LEFT + [RADIUS + 0.007, y, 0.0] for y in np.arange(-0.05, 0.05, 0.001)])
+    wire = LEFT + np.array([[RADIUS + 0.007, y, 0.0] for y in np.arange(-0.05, 0.05, 0.001)])
     for x, y, z in (wire - FROM_ABOVE[:3, 3]) @ FROM_ABOVE[:3, :3]:
         u, v = round(LENS.fx * x / z + LENS.cx), round(LENS.fy * y / z + LENS.cy)
         depth[v - 1 : v + 2, u - 1 : u + 2] = z
