@@ -196,7 +196,6 @@ class Detach(MovingSkill):
                 fingers.holds = controller.broke_at is not None  # a detached fruit is not given up to a push
                 fingers.set_speed(command.opening, felt.press, BEARS)
             controller.slowed(aim.follow(command, dt, WITHIN * arm.limits.velocity, motion.speed))
-            aim.come_to(arm.state().q, dt)
             if aim.unturned > BEYOND:
                 controller.end_roll()
             if aim.beyond > BEYOND:

@@ -16,9 +16,6 @@ JUMP = 0.3
 CRAWL = 0.05
 """Share of a command below which an arm at full speed does not follow it: near a singular posture the joints' speeds
 leave the hand next to none, and it would be on its way for ever."""
-HELD, HELD_FOR, STANDS = 0.01, 0.3, 2e-3
-"""Distance of the arm from a set-point that stands, and time of that, which show that wood holds the arm [rad, s]; a
-set-point stands within the last [rad]. An arm's supervisor ends the run at 0.02 rad after 0.7 s."""
 LIMIT_MARGIN = 0.02
 """Distance of set-points from the joints' limits [rad]: from a limit itself the next path would be refused."""
 
@@ -41,7 +38,6 @@ class HandAim:
         self.q, self.T = q, robot.tcp(q)
         self.beyond = self.unturned = 0.0
         self._robot, self._clear, self._cleared = robot, clear, clear(q)
-        self._stands, self._held = q, 0.0
 
     def follow(self, command: DetachCommand, dt: float, most: Float64, speed: float = 1.0) -> float:
         """Move by a command for `dt` [s]: turn and move, else turn alone, else move alone, else stay.
@@ -71,14 +67,6 @@ class HandAim:
                 self.unturned = 0.0 if turns else self.unturned
                 return share
         return 1.0
-
-    def come_to(self, q: Float64, dt: float) -> None:
-        """Bring a set-point that stands to an arm that wood holds beside it, at `q`, shape (dof,) [rad]."""
-        if np.abs(self.q - self._stands).max() > STANDS:
-            self._stands, self._held = self.q, 0.0
-        self._held = self._held + dt if np.abs(self.q - q).max() > HELD else 0.0
-        if self._held > HELD_FOR:
-            self.q, self.T, self._held = q.copy(), self._robot.tcp(q), 0.0
 
 
 def inner_robot(arm: Arm) -> RobotModel:

@@ -48,23 +48,3 @@ def test_the_hand_goes_no_nearer_to_a_fixed_obstacle_than_its_margin(distance: f
     back = HandAim(robot, Q, lambda q: wall - float(robot.tcp(q)[1, 3]))
     back.follow(DetachCommand(-OUTWARDS.velocity, 0.0, 0.0, np.zeros(3)), DT, np.full(7, 3.0))
     assert back.beyond == 0.0
-
-
-@pytest.mark.parametrize(("off", "comes"), [(0.02, True), (0.005, False)])
-def test_a_set_point_that_stands_comes_to_an_arm_that_wood_holds(off: float, comes: bool) -> None:
-    """An arm that pressed on a branch 1.2 degrees beside its set-point counted as faulty, which ended the run."""
-    aim, held = HandAim(RobotModel.load(ROBOT), Q), Q + np.array([0.0, 0.0, 0.0, off, 0.0, 0.0, 0.0])
-    for _ in range(14):
-        aim.come_to(held, DT)
-        assert np.abs(aim.q - Q).max() == 0.0
-    for _ in range(5):
-        aim.come_to(held, DT)
-    assert np.array_equal(aim.q, held) is comes
-
-
-def test_a_set_point_that_moves_waits_for_no_arm() -> None:
-    aim = HandAim(RobotModel.load(ROBOT), Q)
-    for _ in range(60):
-        aim.follow(OUTWARDS, DT, np.full(7, 3.0))
-        aim.come_to(Q, DT)
-    assert aim.T[1, 3] - RobotModel.load(ROBOT).tcp(Q)[1, 3] > 0.04
