@@ -80,20 +80,25 @@ def run_on(cell: Cell, tree: str, seed: int, **settings: str) -> RunResult:
 
 
 @pytest.mark.parametrize("release", ["false", "true"])
-def test_recover_brings_the_arm_home_without_a_force_sensor(release: str) -> None:
-    """With `release` it opens first, above the known table: the apple falls, since a longer ball stands for it."""
+def test_recover_keeps_the_apple_without_a_force_sensor(release: str) -> None:
+    """The arm goes home with the apple. With `release` it stays: no contact is measured, so nothing opens."""
     cell = load_cell(find_cell("sim_plain"), seed=1, overrides={"fruit": "apple_1", "place": "3"})
     try:
         assert run_on(cell, "pick_apple_plain", 1).outcome == "success"
-        held = cell.device(Gripper).state().width
+        held, q = cell.device(Gripper).state().width, cell.device(Arm).state().q
         recovered = run_on(cell, "recover", 1, release=release)
-        assert recovered.outcome == "success", recovered.reason
-        assert np.abs(cell.device(Arm).state().q - cell.workspace.poses["home"]).max() < 0.01
-        opened = cell.device(Gripper).state().width - held
-        assert opened > 0.01 if release == "true" else abs(opened) < 1e-3
-        assert bool(cell.in_hand()) == (release == "false")
+        if release == "true":
+            assert recovered.reason is not None
+            assert recovered.reason.code == "NO_CONTACT"
+            goal = q
+        else:
+            assert recovered.outcome == "success", recovered.reason
+            goal = cell.workspace.poses["home"]
+        assert np.abs(cell.device(Arm).state().q - goal).max() < 0.01
+        assert cell.device(Gripper).state().width == pytest.approx(held, abs=1e-3)
+        assert cell.in_hand() == "something is between the fingers"
         assert recovered.truth is not None
-        assert recovered.truth["drops"] == (release == "true")
+        assert recovered.truth["drops"] == 0
     finally:
         cell.close()
 

@@ -34,7 +34,7 @@ BESIDE = 0.005  # distance to the path below which an obstacle is the first cont
 JOLTS = 3  # jolts after which lowering goes on; with more the load is too restless to show a contact
 RESUMED = 2e-3  # distance that is left below which lowering does not go on after a jolt [m]
 UNFELT = "the cell has no force sensor, so a contact would not be measured; the fruit is still held"
-LONGER = 1.3  # length of a fruit of unknown shape over its width between the pads: apples reach 1.1, lemons 1.35
+UNKNOWN = "no grasp gives the lower end of the fruit"
 RELEASED_WIDTH = 0.02  # width by which the fingers open beyond the fruit before they rise [m]
 
 
@@ -45,7 +45,7 @@ class Release(PoseSkill):
     `raise_again` it is raised first.
 
     Without a force sensor no contact is measured: the fruit is lowered to the known object below it and falls the last
-    `BESIDE`. Without a `grasp` its shape is unknown: a ball `LONGER` than the opening takes its place.
+    `BESIDE`. Without a `grasp` its lower end is unknown, and it stays held.
     """
 
     devices = (Arm, Gripper, Workspace)
@@ -108,13 +108,11 @@ class Release(PoseSkill):
         space = self._space(map, clearance)
         way = vertical_way(self, -depth, "LOWERING_BLOCKED", space)
         ends_on = self.optional_device(ForceSensor) is None
-        held = grasp or (_ball(gripper.state().width) if ends_on else None)
-        met = None if held is None else self._met(way, held, map, clearance)
+        met = None if grasp is None else self._met(way, grasp, map, clearance)
         if ends_on:
             if met is None:
-                raise self.failure(
-                    "NO_CONTACT", f"no known fruit and object within {1e3 * depth:.0f} mm below; {UNFELT}"
-                )
+                words = UNKNOWN if grasp is None else f"no known object within {1e3 * depth:.0f} mm below"
+                raise self.failure("NO_CONTACT", f"{words}, and {UNFELT}")
             way = way[: met + 1]
         slow_from = self._near(way, met, slow_within)
         legs = Leg(way[: slow_from + 1], Manner(fast, *LOWERING)), Leg(way[slow_from:], Manner(speed, *TOUCHING))
@@ -175,7 +173,7 @@ class Release(PoseSkill):
         message = f"{words} ({1e3 * lowered:.0f} mm down); the fruit is still held"
         raise self.failure("NO_CONTACT", message, lowered_m=lowered)
 
-    def _met(self, way: Float64, held: Grasp | Float64, map: OccupancyMap | None, clearance: float) -> int | None:
+    def _met(self, way: Float64, held: Grasp, map: OccupancyMap | None, clearance: float) -> int | None:
         """Return the first posture at which the fruit is within `BESIDE` of an object; None if there is none."""
         space = self._space(map, clearance, held)
         world = space.world.with_margins(Margins(0.0, 0.0, 0.0, BESIDE, 0.0))
@@ -208,14 +206,6 @@ class Release(PoseSkill):
         space = self._space(map, clearance)
         return next((width for width in widths if space.at_width(width).free(q)), widths[-1])
 
-    def _space(self, map: OccupancyMap | None, clearance: float, held: Grasp | Float64 | None = None) -> ArmSpace:
+    def _space(self, map: OccupancyMap | None, clearance: float, held: Grasp | None = None) -> ArmSpace:
         field, width = usable_field(self, map), self.device(Gripper).state().width
         return arm_space(self.device(Arm), self.device(Workspace), field, width, clearance, held=held)
-
-
-def _ball(width: float) -> Float64:
-    """Return points of a ball about the TCP, `LONGER` than an opening [m], in the TCP's frame, shape (26, 3) [m]."""
-    corners = np.stack(np.meshgrid(*[(-1.0, 0.0, 1.0)] * 3), axis=-1).reshape(-1, 3)
-    corners = corners[corners.any(axis=1)]
-    points: Float64 = 0.5 * LONGER * width * corners / np.linalg.norm(corners, axis=1, keepdims=True)
-    return points

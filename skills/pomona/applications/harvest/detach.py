@@ -113,7 +113,7 @@ class Detach(MovingSkill):
             yield from self.wait(TARE)
             if not pads.tare():
                 raise self.failure("SENSOR_STALE", f"the fingers sent no force within {1e3 * TARE:.0f} ms")
-            yield from self._detach(controller, YieldingFingers(gripper, relax=True), pads, watchdog)
+            yield from self._detach(controller, YieldingFingers(gripper, relax=True), pads, watchdog, clearance)
         finally:
             pads.close()
         problem = controller.problem
@@ -123,11 +123,17 @@ class Detach(MovingSkill):
                 problem.message,
                 roll_rad=round(controller.roll, 3),
                 stem_force_n=round(controller.stem_peak, 2),
+                given_back_j=round(controller.given_back, 3),
             )
         return Detached(stem_force=controller.stem_peak, rolled=abs(controller.roll_at_break))
 
     def _detach(
-        self, controller: DetachController, fingers: YieldingFingers, pads: FeltPads, watchdog: float
+        self,
+        controller: DetachController,
+        fingers: YieldingFingers,
+        pads: FeltPads,
+        watchdog: float,
+        clearance: float,
     ) -> Work[None]:
         """Stream the controller's velocities until it is done, then come to rest with the fingers standing."""
         gripper = self.device(Gripper)
@@ -143,7 +149,7 @@ class Detach(MovingSkill):
 
         pads.between_ticks(stand, lambda: motion.state is MotionState.PAUSED, self.clock.now)
         try:
-            yield from self._follow(controller, motion, fingers, pads)
+            yield from self._follow(controller, motion, fingers, pads, clearance)
         except BaseException as ended:
             motion.stop()
             pads.close()
@@ -159,11 +165,17 @@ class Detach(MovingSkill):
         gripper.set_speed(0.0)
 
     def _follow(
-        self, controller: DetachController, motion: SetPoints, fingers: YieldingFingers, pads: FeltPads
+        self,
+        controller: DetachController,
+        motion: SetPoints,
+        fingers: YieldingFingers,
+        pads: FeltPads,
+        clearance: float,
     ) -> Work[None]:
         arm, gripper = self.device(Arm), self.device(Gripper)
         robot = inner_robot(arm)
-        aim = HandAim(robot, arm.state().q)
+        fixed = arm_space(arm, self.device(Workspace), None, gripper.state().width, clearance)
+        aim = HandAim(robot, arm.state().q, lambda q: float(fixed.clearances(q[None])[0]))
         before = self.clock.now()
         pads.take()
         while controller.phase is not DetachPhase.DONE:

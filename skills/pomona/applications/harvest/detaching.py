@@ -90,6 +90,8 @@ class DetachSettings:
         stiffness: force of each pad per loss of opening [N/m]: that of the pads, since a fruit is harder.
         rough: error of both pads' force by the motor, or by the opening [N]: its steps of 0.5 N and friction; a fruit
             that turns in the pads changes its width.
+        doubted: factor of the motor's force over that of both pads, beyond `rough`, at which a grip is given up before
+            the fruit is drawn: the pads report too little, or the fingers press on wood.
         least_gain, gain_time: smallest factor on the reported forces while motor and opening both show less, and its
             time constant [s].
         let_back_force: pads' force at which a branch that was drawn has come back [N].
@@ -159,6 +161,7 @@ class DetachSettings:
     wider: float = 4e-3
     stiffness: float = 1000.0
     rough: float = 1.5
+    doubted: float = 1.3
     least_gain: float = 0.4
     gain_time: float = 0.1
     let_back_force: float = 0.5
@@ -237,6 +240,7 @@ class DetachController:
     Attributes:
         phase: of the motion; problem: why it ends without a fruit, or None.
         roll: measured angle so far [rad]; stem_force: estimate of the stem's force now [N]; stem_peak: its maximum [N].
+        given_back: largest work that the fruit has given the hand beyond its own weight's fall and what was put in [J].
         broke_at: time of the detected break since the start [s], or None; roll_at_break [rad].
     """
 
@@ -250,7 +254,7 @@ class DetachController:
         self.settings = settings if settings is not None else DetachSettings()
         self.phase = DetachPhase.CLOSE
         self.problem: DetachProblem | None = None
-        self.roll = self.stem_force = self.stem_peak = 0.0
+        self.roll = self.stem_force = self.stem_peak = self.given_back = 0.0
         self.broke_at: float | None = None
         self.roll_at_break = 0.0
         self._fruit, self._rolls = fruit, list(rolls)
@@ -323,15 +327,15 @@ class DetachController:
         press = self._press = -wrenches[:, 2]
         force = _on_fruit(wrenches, T_base_tcp[:3, :3])
         self._note_stem(force)
-        self._note_work(force, T_base_tcp[:3, 3] - before[:3, 3])
+        self._note_work(wrenches, saturated, before, width)
         self._note_opening(dt, width)
+        command = STILL
         if self.phase is DetachPhase.CLOSE:
             command = self._close(press, width)
         elif self.phase in (DetachPhase.OPEN, DetachPhase.LEAVE):
             command = self._leave(dt, T_base_tcp, width)
-        else:
+        elif self.phase is not DetachPhase.DONE:
             self._judge(dt, press, force, saturated, width)
-            command = STILL
             if self.phase not in (DetachPhase.DONE, DetachPhase.OPEN):
                 velocity, lever = self._move(dt, press, force)
                 command = DetachCommand(velocity, self._rate, self._grip(dt, wrenches, width), lever)
@@ -418,18 +422,29 @@ class DetachController:
         self._recent.append((self._time, self.stem_force))
         self._recent = [each for each in self._recent if each[0] > self._time - self.settings.recent]
 
-    def _note_work(self, force: Float64, moved: Float64) -> None:
-        """Add up the work of the hand on the fruit that the pads hold."""
+    def _note_work(self, wrenches: Float64, saturated: bool, before: Float64, width: float) -> None:
+        """Add up the work of the hand on the fruit that the pads hold: of the way and of the turn.
+
+        A sensor at the end of its range reports too little: its work counts as put in.
+        """
         assert self._T is not None
-        if self.phase in HOLDING:
-            self._work += float(force @ moved)
-            self._highest = max(self._highest, float(self._T[2, 3]))
+        if self.phase not in HOLDING:
+            return
+        force, torque = _on_pads(wrenches, width)
+        work = -float(force @ before[:3, :3].T @ (self._T[:3, 3] - before[:3, 3]) + torque @ _turned(before, self._T))
+        self._work += abs(work) if saturated else work
+        self._highest = max(self._highest, float(self._T[2, 3]))
+        self.given_back = max(self.given_back, -self._work - self._sunk)
+
+    @property
+    def _sunk(self) -> float:
+        """Energy that the fruit's weight has given since the hand was highest [J]."""
+        assert self._T is not None
+        return GRAVITY * self._fruit.mass * (self._highest - float(self._T[2, 3]))
 
     def _contradicts_motion(self) -> bool:
         """Return True if the fruit seems to drive the hand: forces of exchanged or reversed pads do."""
-        assert self._T is not None
-        sunk = GRAVITY * self._fruit.mass * (self._highest - float(self._T[2, 3]))
-        return self._work < -self.settings.given_back - sunk
+        return self._work < -self.settings.given_back - self._sunk
 
     def _note_opening(self, dt: float, width: float) -> None:
         """Compare the opening with its commands."""
@@ -549,6 +564,9 @@ class DetachController:
         if press.min() > s.touch:
             missing = s.first_grip - float(press.mean())
             if missing < 0.2 * s.first_grip:
+                if self._motor is not None and self._motor > s.doubted * float(press.sum()) + s.rough:
+                    self._end(DetachProblem("JAMMED", self._pads_feel(press)))
+                    return STILL
                 self._width_gripped = width
                 self._press_gripped = float(press.max())  # a fruit that hangs free is pressed alike by both pads
                 self._lever = T[:3, :3].T @ (T[:3, 3] - self._fruit.p_base_knuckle)
@@ -729,10 +747,31 @@ def _on_fruit(wrenches: Float64, R_base_tcp: Float64) -> Float64:
 
     Pad frames: x along the approach, z out of the face: -y of the hand for the left pad, +y for the right one.
     """
-    left, right = wrenches[0, :3], wrenches[1, :3]
-    on_pads: Float64 = np.array([right[1] - left[1], right[2] - left[2], left[0] + right[0]])
-    force: Float64 = -R_base_tcp @ on_pads
+    force: Float64 = -R_base_tcp @ _in_hand(wrenches[:, :3]).sum(axis=0)
     return force
+
+
+def _in_hand(vectors: Float64) -> Float64:
+    """Return the vectors of the left and the right pad, shape (2, 3), in the hand's frame."""
+    left, right = vectors
+    return np.array([[-left[1], -left[2], left[0]], [right[1], right[2], right[0]]])
+
+
+def _on_pads(wrenches: Float64, width: float) -> tuple[Float64, Float64]:
+    """Net force of the fruit on the pads and its torque about the TCP, shape (3,) each, in the hand's frame [N, N·m].
+
+    The left pad stands at half the opening [m] along y, the right one opposite.
+    """
+    forces = _in_hand(wrenches[:, :3])
+    levers = np.array([[0.0, 0.5 * width, 0.0], [0.0, -0.5 * width, 0.0]])
+    torque = _in_hand(wrenches[:, 3:]).sum(axis=0) + np.cross(levers, forces).sum(axis=0)
+    return forces.sum(axis=0), torque
+
+
+def _turned(T_before: Float64, T: Float64) -> Float64:
+    """Return the small turn from one pose to another in the hand's frame, shape (3,) [rad]."""
+    R = T_before[:3, :3].T @ T[:3, :3]
+    return 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
 
 
 def _shortened(v: Float64, most: float) -> Float64:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from pomona.applications.harvest.detaching import DetachCommand
@@ -26,10 +28,16 @@ class HandAim:
         beyond, unturned: time without any step, and without a turn, that the arm can follow [s].
     """
 
-    def __init__(self, robot: RobotModel, q: Float64) -> None:
+    def __init__(self, robot: RobotModel, q: Float64, clear: Callable[[Float64], float] = lambda _q: 0.0) -> None:
+        """
+        Args:
+            q: where the arm stands, shape (dof,) [rad].
+            clear: distance of joints to obstacles beyond the margins [m]; no step leads where it is negative, unless
+                it leads away.
+        """
         self.q, self.T = q, robot.tcp(q)
         self.beyond = self.unturned = 0.0
-        self._robot = robot
+        self._robot, self._clear, self._cleared = robot, clear, clear(q)
 
     def follow(self, command: DetachCommand, dt: float, most: Float64, speed: float = 1.0) -> float:
         """Move by a command for `dt` [s]: turn and move, else turn alone, else move alone, else stay.
@@ -49,7 +57,12 @@ class HandAim:
                 if share < CRAWL * speed:
                     continue
                 q = nearest_solution(self._robot, command.moved(self.T, share * dt, turns, moves), self.q)
-            if q is not None and np.abs(q - self.q).max() < JUMP:
+            if (
+                q is not None
+                and np.abs(q - self.q).max() < JUMP
+                and (clear := self._clear(q)) >= min(self._cleared, 0.0)
+            ):
+                self._cleared = clear
                 self.q, self.T, self.beyond = q, command.moved(self.T, share * dt, turns, moves), 0.0
                 self.unturned = 0.0 if turns else self.unturned
                 return share

@@ -86,7 +86,8 @@ def move_to_pose(
         upright: largest tilt of the fruit on the path [rad], against its pose at the grasp, or without `carrying`
             against the present one; π: no limit.
         carried_acceleration: largest acceleration of a held fruit [m/s²].
-        start_free: take map cells as free that the arm or the held fruit occupies: branches that bend aside.
+        start_free: take map cells as free that the arm or the held fruit occupies: branches that bend aside. An arm
+            that stands nearer to something else than `clearance` keeps half of that, or a quarter.
     """
     arm, workspace = skill.device(Arm), skill.device(Workspace)
     try:
@@ -103,6 +104,10 @@ def move_to_pose(
         padding = max(clearance, MAP_PADDING) + map.resolution
         map = without_robot(map, space.world.shape.spheres(q, width), padding)
         space = arm_space(arm, workspace, map.field, width, clearance, held=carrying)
+    for share in (0.5, 0.25):
+        if start_free and not space.free(q):
+            near = None if map is None else map.field
+            space = arm_space(arm, workspace, near, width, share * clearance, held=carrying)
     if avoiding is not None:
         space = replace(space, world=space.world.with_obstacles(Convex.of_fruit(avoiding, "fruit")))
     keeps = space if upright >= np.pi else _upright(skill, space, upright, q, q_goal, carrying)

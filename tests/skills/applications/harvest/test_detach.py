@@ -184,10 +184,11 @@ def test_pads_that_read_wood_at_any_place_keep_the_grip() -> None:
     assert rig.gripper.width < DIAMETER + 5e-3
 
 
-def wood_pushes(rig: Rig, side: float) -> Callable[[], None]:
+def wood_pushes(rig: Rig, side: float, motor_force: float) -> Callable[[], None]:
     """Return an action after which wood moves the fingers by 8 mm, at 20 mm/s, unless they go faster."""
 
     def push() -> None:
+        rig.gripper.motor_force = motor_force
         start, began = rig.gripper.width, rig.clock.now()
 
         def wood() -> None:
@@ -203,23 +204,20 @@ def wood_pushes(rig: Rig, side: float) -> Callable[[], None]:
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_fingers_that_wood_pushes_give_way_until_the_hand_has_turned_back(side: float) -> None:
     rig = Rig(STRONG, bending=0.01)
-    rig.gripper.motor_force = side * 10.0
-    assert code(drive_until(rig, "rolling", wood_pushes(rig, side))) in ("JAMMED", "SLIPPED")
+    assert code(drive_until(rig, "rolling", wood_pushes(rig, side, side * 10.0))) in ("JAMMED", "SLIPPED")
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_fingers_that_move_by_themselves_are_left_to_the_supervisor(side: float) -> None:
     rig = Rig(STRONG, bending=0.01)
-    rig.gripper.motor_force = -side * 10.0
     with pytest.raises(DeviceFault, match="without a command"):
-        drive_until(rig, "rolling", wood_pushes(rig, side))
+        drive_until(rig, "rolling", wood_pushes(rig, side, -side * 10.0))
 
 
 def test_a_detached_fruit_is_not_given_up_to_a_push() -> None:
     rig = Rig()
-    rig.gripper.motor_force = -10.0
     with pytest.raises(DeviceFault, match="closes without a command"):
-        drive_until(rig, "moving back", wood_pushes(rig, -1.0))
+        drive_until(rig, "moving back", wood_pushes(rig, -1.0, -10.0))
 
 
 def test_fingers_that_fall_silent_end_it_with_the_grip_kept() -> None:

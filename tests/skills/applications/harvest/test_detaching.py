@@ -11,6 +11,7 @@ from pomona.applications.harvest.detaching import (
     DetachPhase,
     HeldFruit,
 )
+from pomona.skills.geometry import rot_z, transform
 from tests.skills.applications.harvest.hanging_stem import DIAMETER, DT, LEVER, MASS, STRONG, WEAK, G, Stem
 
 
@@ -451,6 +452,36 @@ def test_a_fruit_of_true_pads_gives_the_hand_no_work(strength, bending):
     assert control.problem is None or control.problem.code == "NOTHING_BROKE"
 
 
+def test_the_turn_of_a_twisted_stem_counts_as_work_that_the_hand_has_put_in():
+    """A stem that resists a turn by 90° with 0.15 N·m takes 0.24 J: it may pull the hand with 2 N over 0.1 m then."""
+    control = DetachController(HeldFruit(DIAMETER, MASS, np.zeros(3)), (2.4,))
+    control.phase, control._T = DetachPhase.ROLL, np.eye(4)
+
+    def move(T, wrenches):
+        before, control._T = control._T, T
+        control._note_work(wrenches, False, before, DIAMETER)
+
+    twisted, pulled = np.zeros((2, 6)), np.zeros((2, 6))
+    twisted[:, 3], pulled[:, 0] = -0.075, 1.0
+    for roll in np.linspace(0.0, np.pi / 2.0, 80)[1:]:
+        move(transform(rot_z(roll), [0.0, 0.0, 0.0]), twisted)
+    assert control._work == pytest.approx(0.15 * np.pi / 2.0, rel=1e-3)
+    move(transform(rot_z(np.pi / 2.0), [0.0, 0.0, 0.1]), pulled)
+    assert control._work == pytest.approx(0.15 * np.pi / 2.0 - 0.2, rel=1e-2)
+    assert control.given_back == 0.0
+
+
+@pytest.mark.parametrize("saturated", [False, True])
+def test_a_force_at_the_end_of_its_range_gives_the_hand_no_work(saturated):
+    control = DetachController(HeldFruit(DIAMETER, MASS, np.zeros(3)), (2.4,))
+    control.phase, wrenches = DetachPhase.ROLL, np.zeros((2, 6))
+    wrenches[:, 0] = 2.5
+    before, control._T = np.eye(4), np.eye(4)
+    control._T[2, 3] = 0.1
+    control._note_work(wrenches, saturated, before, DIAMETER)
+    assert control._work == pytest.approx(0.5 if saturated else -0.5)
+
+
 def clipped(wrenches):
     wrenches[0, :3] = np.clip(wrenches[0, :3], -0.5, 0.5)
 
@@ -482,6 +513,22 @@ def test_pads_that_report_too_little_do_not_press_the_fruit_harder_than_it_bears
     stem = Stem(STRONG, bending=0.01)
     misread(stem, controller(stem), change, motor)
     assert np.max(stem.presses) < 1.15 * BRUISE_FORCE
+
+
+def test_pads_that_report_half_the_force_from_the_beginning_are_found_by_the_motor_before_the_fruit_is_drawn():
+    stem, phases = Stem(), []
+    control = controller(stem)
+
+    def note(wrenches):
+        both_halved(wrenches)
+        phases.append(control.phase)
+
+    misread(stem, control, note, motor=True, since=lambda control: True)
+    assert control.problem.code == "JAMMED"
+    assert "the motor presses with" in control.problem.message
+    assert not {DetachPhase.DRAW, DetachPhase.ROLL}.intersection(phases)
+    assert stem.broken is None
+    assert stem.width > DIAMETER + 0.01
 
 
 @pytest.mark.parametrize("motor", [True, False], ids=["motor", "no motor"])

@@ -33,3 +33,18 @@ def test_a_hand_that_the_joints_leave_next_to_no_speed_reaches_no_further(
     shares = [aim.follow(OUTWARDS, DT, most, speed) for _ in range(10)]
     assert aim.beyond == pytest.approx(10 * DT if crawls else 0.0)
     assert crawls or shares == pytest.approx([min(speed / times, 1.0)] * 10)
+
+
+@pytest.mark.parametrize(("distance", "goes"), [(0.05, True), (0.01, False), (-0.01, False)])
+def test_the_hand_goes_no_nearer_to_a_fixed_obstacle_than_its_margin(distance: float, goes: bool) -> None:
+    """An elbow came to the pedestal while the hand moved back, and the next motion was refused."""
+    robot = RobotModel.load(ROBOT)
+    wall = robot.tcp(Q)[1, 3] + distance
+    aim = HandAim(robot, Q, lambda q: wall - float(robot.tcp(q)[1, 3]))
+    for _ in range(40):
+        aim.follow(OUTWARDS, DT, np.full(7, 3.0))
+    assert aim.T[1, 3] <= max(wall, robot.tcp(Q)[1, 3]) + 1e-9
+    assert (aim.beyond == 0.0) is goes
+    back = HandAim(robot, Q, lambda q: wall - float(robot.tcp(q)[1, 3]))
+    back.follow(DetachCommand(-OUTWARDS.velocity, 0.0, 0.0, np.zeros(3)), DT, np.full(7, 3.0))
+    assert back.beyond == 0.0

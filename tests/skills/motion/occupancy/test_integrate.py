@@ -127,6 +127,24 @@ def test_a_target_in_an_earlier_map_is_forgotten() -> None:
     assert np.linalg.norm(before.centres(OCCUPIED) - LEFT, axis=1).min() < RADIUS + 0.005  # the old snapshot stays
 
 
+@pytest.mark.parametrize(("margin", "stays"), [(0.006, True), (0.010, False)])
+def test_a_wire_beside_the_target_stays_with_a_smaller_margin(margin: float, stays: bool) -> None:
+    """Erased, it was in no grasp's way: the hand met it, and the fingers pressed an apple with 88 N."""
+    plain = look(FROM_ABOVE, LEFT)
+    assert plain.depth is not None
+    depth = plain.depth.copy()
+    wire = LEFT + np.array([[RADIUS + 0.007, y, 0.0] for y in np.arange(-0.05, 0.05, 0.001)])
+    for x, y, z in (wire - FROM_ABOVE[:3, 3]) @ FROM_ABOVE[:3, :3]:
+        u, v = round(LENS.fx * x / z + LENS.cx), round(LENS.fy * y / z + LENS.cy)
+        depth[v - 1 : v + 2, u - 1 : u + 2] = z
+    frame, target = replace(plain, depth=depth), Convex.of_points("target", LEFT + RADIUS * fibonacci_sphere(500))
+    before = integrate(empty(0.006), frame, FROM_ABOVE, CELL)
+    fused = integrate(before, frame, FROM_ABOVE, CELL, target=target, sensing=Sensing(target_margin=margin))
+    cells = fused.centres(OCCUPIED)
+    assert bool(np.linalg.norm(cells[:, None] - wire[45:55], axis=2).min() < 0.005) is stays
+    assert target.distance(cells).min() > 0.003, "nothing is left of the target itself"
+
+
 def test_measured_neighbours_are_shapes_and_the_gap_between_them_stays_open() -> None:
     gap = 0.012
     near = LEFT + np.array([2.0 * RADIUS + gap, 0.0, 0.0])

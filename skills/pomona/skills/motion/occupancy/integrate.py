@@ -80,7 +80,8 @@ class Sensing:
     shadow: float = 0.10  # depth behind a surface that counts as the hidden part of the object [m]: the size of a fruit
     table: float = 0.008  # height above the table below which a point is the table's [m]
     robot_padding: float = 0.02  # added to the robot's spheres for the self-filter [m]
-    target_margin: float = 0.010  # points closer to the target's refined shape than this belong to it [m]
+    target_margin: float = 0.010  # points of this look closer to the target's refined shape than this belong to it [m]
+    other_margin: float = 0.010  # the same of neighbours, and of the target's cells in earlier looks, if larger [m]
     # excess green from which a pixel is a leaf, which may be touched: it neither blocks nor hides; above 2 none is
     foliage: float = 2.0
 
@@ -120,7 +121,10 @@ def integrate(
     if robot is not None and len(robot):
         mark_spheres(np.ascontiguousarray(robot), how.robot_padding, origin, previous.resolution, own)
     shapes, fixed = (*(() if target is None else (target,)), *previous.shapes), standing(workspace)
-    margins = np.array([how.target_margin] * len(shapes) + [how.table] * len(fixed))
+    other = max(how.target_margin, how.other_margin)
+    margins = np.array([other] * len(shapes) + [how.table] * len(fixed))
+    if target is not None:
+        margins[0] = how.target_margin
     left_out = (*shapes, *fixed)
     planes = np.vstack([np.empty((0, 4)), *(shape.planes for shape in left_out)])
     start = np.cumsum([0] + [len(shape.planes) for shape in left_out])
@@ -142,6 +146,8 @@ def integrate(
         depth, labels, camera, T_camera_base, origin, previous.resolution,
         how.clear * previous.resolution, how.shadow, table_z, states, last_look, look,
     )  # fmt: skip
+    if target is not None:
+        _clear_shape(states, previous, target, other)
     occupied = points >= how.min_points
     states[occupied], last_look[occupied] = OCCUPIED, look
     for shape, margin in zip(left_out, margins, strict=True):

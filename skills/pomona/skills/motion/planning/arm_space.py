@@ -121,7 +121,7 @@ def arm_space(
     width: float,
     clearance: float,
     target: MeasuredFruit | None = None,
-    held: Grasp | Float64 | None = None,
+    held: Grasp | None = None,
 ) -> ArmSpace:
     """Return the obstacles of a skill's arm.
 
@@ -130,15 +130,12 @@ def arm_space(
         width: opening of the gripper [m].
         clearance: kept by the arm's links [m]; gripper and fingers keep their usual ratio of it (see `Margins`).
         target: a fruit that is to be grasped: the fingers may come near to it, nothing else may.
-        held: the grasp by which a fruit is held, or points of the held object in the TCP's frame, shape (n, 3) [m]: it
-            is then part of the robot.
+        held: the grasp by which a fruit is held: the fruit is then part of the robot.
     """
     robot = RobotModel.load(arm.description)
     shape = RobotShape.of(robot)
-    if isinstance(held, Grasp):
-        held = apply(inverse(held.T_base_grasp), fruit_points(held.fruit))
     if held is not None:
-        shape = shape.holding(held)
+        shape = shape.holding(apply(inverse(held.T_base_grasp), fruit_points(held.fruit)))
     world = CollisionWorld.build(
         shape,
         workspace,
