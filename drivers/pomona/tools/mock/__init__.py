@@ -5,10 +5,10 @@
     outcome = drive(MoveTo(), {"pose": "home"}, devices={Arm: arm}, clock=clock)
 
 Time passes when the clock is advanced, in steps of 2 ms; devices move and streams deliver inside the steps, as on the
-simulated cell. `pytest_plugins = ["pomona.drivers.mock.fixtures"]` in a conftest.py gives them as fixtures.
+simulated cell. `pytest_plugins = ["pomona.tools.mock.fixtures"]` in a conftest.py gives them as fixtures.
 """
 
-from pomona.drivers.mock.arm import MockArm
-from pomona.drivers.mock.hand import MockCamera, MockClock, MockForceSensor, MockGripper, spring_fruit
+from pomona.tools.mock.arm import MockArm
+from pomona.tools.mock.hand import MockCamera, MockClock, MockForceSensor, MockGripper, spring_fruit
 
 __all__ = ["MockArm", "MockCamera", "MockClock", "MockForceSensor", "MockGripper", "spring_fruit"]

@@ -5,7 +5,7 @@ import pytest
 
 from pomona.drivers.errors import DeviceLost, MotionRefused
 from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Frame, Gripper, Intrinsics, MotionState, Trajectory
-from pomona.drivers.mock import MockArm, MockCamera, MockClock, MockGripper, spring_fruit
+from pomona.tools.mock import MockArm, MockCamera, MockClock, MockGripper, spring_fruit
 
 
 def sweep(joint=0, angle=0.5, duration=2.0):

@@ -1,6 +1,6 @@
 """The mock devices' fixtures, by import: `pytest_plugins` works in a top-level conftest only."""
 
-from pomona.drivers.mock.fixtures import (
+from pomona.tools.mock.fixtures import (
     mock_arm,
     mock_camera,
     mock_cell,

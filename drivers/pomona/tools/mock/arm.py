@@ -9,7 +9,6 @@ import numpy as np
 
 from pomona.drivers.errors import BadTrajectory, DeviceError, MotionRefused
 from pomona.drivers.interfaces import Arm, ArmLimits, ArmState, Motion, SetPoints, StreamedArm, Trajectory
-from pomona.drivers.mock.hand import PERIOD, MockClock
 from pomona.drivers.motion_supervisor import MotionSupervisor, Supervision
 from pomona.drivers.path_motion import PathMotion
 from pomona.drivers.streamed_motion import StreamedMotion
@@ -17,6 +16,7 @@ from pomona.drivers.trajectory import check_trajectory
 from pomona.executive.cell.device import Device
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.installation import installed_trees
+from pomona.tools.mock.hand import PERIOD, MockClock
 
 ROBOT = installed_trees() / "robots" / "sia5f_wsg32.xml"
 

@@ -1,7 +1,7 @@
 """Mock devices as pytest fixtures, for this project's tests and for those of anybody who writes a skill.
 
 # conftest.py
-pytest_plugins = ["pomona.drivers.mock.fixtures"]
+pytest_plugins = ["pomona.tools.mock.fixtures"]
 
 # test_my_skill.py
 def test_it_stops_when_the_arm_refuses(mock_arm, mock_clock):
@@ -15,10 +15,10 @@ from __future__ import annotations
 import pytest
 
 from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper
-from pomona.drivers.mock.arm import MockArm
-from pomona.drivers.mock.hand import MockCamera, MockClock, MockForceSensor, MockGripper
 from pomona.drivers.services import RobotServices
 from pomona.executive.cell.cell import Cell
+from pomona.tools.mock.arm import MockArm
+from pomona.tools.mock.hand import MockCamera, MockClock, MockForceSensor, MockGripper
 
 
 @pytest.fixture

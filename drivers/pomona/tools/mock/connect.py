@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from pomona.drivers.mock.arm import SIA5F_LIMITS, MockArm
-from pomona.drivers.mock.hand import MockCamera, MockClock, MockForceSensor, MockGripper, spring_fruit
 from pomona.drivers.motion_supervisor import Supervision
 from pomona.drivers.services import ConnectContext
 from pomona.executive.cell.device import Device
@@ -14,6 +12,8 @@ from pomona.executive.cell.registration import NoOptions, Settings, Surroundings
 from pomona.executive.values.kinds import Measure, Text, choose
 from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import LENGTH
+from pomona.tools.mock.arm import SIA5F_LIMITS, MockArm
+from pomona.tools.mock.hand import MockCamera, MockClock, MockForceSensor, MockGripper, spring_fruit
 
 
 class MockWorld(Device):
