@@ -8,8 +8,8 @@ from pathlib import Path
 from pomona.executive import language
 from pomona.executive.language import read
 from pomona.executive.language.check import analyse
-from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.nodes.node_type import NodeType
+from pomona.tools.listings.declared_skills import declared_skills
 
 FOLDER = Path(language.__file__).parent
 PAGE = (FOLDER / "README.md").read_text("utf-8")

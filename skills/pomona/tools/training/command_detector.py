@@ -10,9 +10,9 @@ from typing import Any
 
 from rich.console import Console
 
-from pomona.executive.engine import add_engine_options, open_engine
 from pomona.executive.values.installation import need
 from pomona.executive.values.kinds import Number
+from pomona.tools.campaign.engine import add_engine_options, open_engine
 from pomona.tools.training import command_kinds
 from pomona.tools.training.progress_bar import ProgressBar
 

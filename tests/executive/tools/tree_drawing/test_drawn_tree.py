@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from pomona.executive.execute import RunOrder, execute
-from pomona.executive.recording.drawn_tree import drawing
 from pomona.executive.running.events import Event, RunStarted
+from pomona.tools.tree_drawing.drawn_tree import drawing
 
 TREE = """pomona: 1
 tree: demo

@@ -11,12 +11,12 @@ from rich.markup import escape
 from rich.table import Table
 
 from pomona.executive.errors import UsageError
-from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.reasons import failure_codes
 from pomona.executive.registry import SkillListing
 from pomona.executive.terminal.output import write_json
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.values.findings import did_you_mean
+from pomona.tools.listings.declared_skills import declared_skills
 
 NONE = "No skill is installed here: `pomona new skill NAME` begins a package with one."
 

@@ -11,11 +11,12 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
-from pomona.executive.language import check, declared_skills as declared, read
-from pomona.executive.language.check import with_declarations
-from pomona.executive.language.schema import schema
+from pomona.executive.language import check, read
 from pomona.executive.language.value_types import NotLoadedError
 from pomona.executive.registry import Registry
+from pomona.tools.listings import declared_skills as declared
+from pomona.tools.listings.declared_skills import with_declarations
+from pomona.tools.listings.schema import schema
 
 SOURCE = '''
 from dataclasses import dataclass

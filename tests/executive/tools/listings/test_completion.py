@@ -10,7 +10,7 @@ import subprocess
 import pytest
 
 from pomona.executive.commands.command_line import children, examples, make_parser
-from pomona.executive.commands.completion import SHELLS, script
+from pomona.tools.listings.command_completion import SHELLS, script
 
 SOME = ("run", "check", "completion", "runs", "rerun", "why", "edit", "mcp")
 

@@ -6,9 +6,9 @@ import argparse
 from typing import Any
 
 from pomona.executive.files import file_kind, kind_names
-from pomona.executive.language.check import with_declarations
-from pomona.executive.language.schema import schema
 from pomona.executive.terminal.output import write_json
+from pomona.tools.listings.declared_skills import with_declarations
+from pomona.tools.listings.schema import schema
 
 TREE = "tree"
 

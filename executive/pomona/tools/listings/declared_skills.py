@@ -17,17 +17,19 @@ import os
 import sys
 import sysconfig
 import types
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import Enum
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from pomona.executive.language.value_types import DECLARED_FIELDS, ListType, Loose, fields_of
+from pomona.executive.language.value_types import DECLARED_FIELDS, ListType, Loose, NotLoadedError, fields_of
 from pomona.executive.ports import REQUIRED, Port, Ports, Quantity
 from pomona.executive.registry import GROUP, Registry, replacements
 from pomona.executive.skill import Skill
+
+T = TypeVar("T")
 
 VERSION = 5  # of the file's form
 
@@ -54,6 +56,14 @@ def declared_skills() -> Registry:
         with contextlib.suppress(_Unsayable, OSError):
             _keep(path, registry, points)
     return registry
+
+
+def with_declarations(action: Callable[[Registry], T]) -> T:
+    """Do something that needs skills' declarations only, without importing the skills if that can be avoided."""
+    try:
+        return action(declared_skills())
+    except NotLoadedError:
+        return action(Registry.installed())
 
 
 def _folder() -> Path:
