@@ -52,8 +52,6 @@ def test_every_file_and_method_that_is_named_exists() -> None:
         "check_layer",
         "written_ports",
         "known_facts",
-        "to_xml",
-        "from_xml",
         "build",
     }
     assert all(f"`{name}`" in PAGE and callable(getattr(NodeType, name)) for name in methods)

@@ -15,6 +15,7 @@ from pomona.executive.ports import TIME, Port, type_name
 from pomona.executive.registry import Registry, default_text
 from pomona.executive.values.findings import Finding, Findings, TreeFileError
 from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
+from pomona.tools.groot.forms import form_of
 from pomona.tools.groot.names import BUILTIN, LITERAL, PREFIX
 from pomona.tools.groot.yaml_text import flow
 
@@ -76,7 +77,7 @@ class _Exporter:
         at = LayerXml(self, node, index, layer, definition)
         if not layer.needed(at) and layer.pauses(at) is None:
             return self.layer(node, index + 1, definition)
-        element: Element = layer.to_xml(at)
+        element = form_of(layer).to_xml(at)
         if layer is node.type:
             if node.name is not None:
                 element.set("name", node.name.text)
@@ -156,7 +157,7 @@ class _Exporter:
 
 @dataclass(frozen=True, slots=True)
 class LayerXml:
-    """One layer of a node being written (an `XmlExport`)."""
+    """One layer of a node being written."""
 
     exporter: _Exporter
     node: TreeNode
@@ -200,9 +201,10 @@ class LayerXml:
 
     def own(self, attributes: Mapping[str, str]) -> Element:
         given = {name: value for name, value in attributes.items() if value}
-        _, ports = self.exporter.own.setdefault(self.layer.xml_tag, (self.layer, set()))
+        tag = form_of(self.layer).own_tag
+        _, ports = self.exporter.own.setdefault(tag, (self.layer, set()))
         ports.update(given)
-        return self.element(self.layer.xml_tag, given)
+        return self.element(tag, given)
 
     def skill(self) -> Element:
         name = self.node.key.text
