@@ -174,21 +174,26 @@ class LayerXml:
         return {"true": True, "false": False}.get(text, text or None)
 
     def text(self, slot: str) -> str:
+        """Return the text behind a word as an attribute; empty without one."""
         written = self.written(slot)
         return "" if written is None else _attribute(written)
 
     def plain(self, slot: str) -> bool:
+        """Return True for a number or a wire, which BehaviorTree.CPP can read."""
         written = self.written(slot)
         return written is not None and _is_simple(written)
 
     def milliseconds(self, slot: str) -> str:
+        """Return a literal duration in whole milliseconds, else an empty text."""
         written = self.written(slot)
         return "" if written is None else _milliseconds(written)
 
     def ports(self) -> dict[str, str]:
+        """Return the ports as attributes."""
         return self.exporter.ports(self.node)
 
     def element(self, tag: str, attributes: Mapping[str, str] | None = None) -> Element:
+        """Return an element of BehaviorTree.CPP that contains the inner nodes."""
         element = Element(tag, dict(attributes or {}))
         node, exporter = self.node, self.exporter
         if self.layer is node.type:
@@ -200,6 +205,7 @@ class LayerXml:
         return element
 
     def own(self, attributes: Mapping[str, str]) -> Element:
+        """Return an element of Pomona; the file then holds its model."""
         given = {name: value for name, value in attributes.items() if value}
         tag = form_of(self.layer).own_tag
         _, ports = self.exporter.own.setdefault(tag, (self.layer, set()))
@@ -207,6 +213,7 @@ class LayerXml:
         return self.element(tag, given)
 
     def skill(self) -> Element:
+        """Return the element that calls the skill."""
         name = self.node.key.text
         if name in BUILTIN or name.startswith(PREFIX):
             message = f"'{name}' means something else to BehaviorTree.CPP"
@@ -217,6 +224,7 @@ class LayerXml:
         return Element(name, self.ports())
 
     def subtree(self) -> Element:
+        """Return the element that calls the subtree."""
         name = self.node.key.text
         called = self.definition.file.subtrees.get(name)
         called_id = name if called is None else self.exporter.ids.get(id(called), name)

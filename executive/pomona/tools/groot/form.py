@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from pomona.tools.groot.export_xml import LayerXml
 
 
-class Form:
+class XmlForm:
     """The form of one word.
 
     Attributes:

@@ -21,7 +21,7 @@ from pomona.executive.nodes.sequence import SequenceType
 from pomona.executive.nodes.working import BreakpointType
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlScalar
 from pomona.tools.groot.element_in import ElementIn, Words
-from pomona.tools.groot.form import Form
+from pomona.tools.groot.form import XmlForm
 from pomona.tools.groot.recovery import RecoveryType
 from pomona.tools.groot.turns import PipelineSequenceType, RoundRobinType
 from pomona.tools.groot.untranslated import UntranslatedType
@@ -30,19 +30,19 @@ if TYPE_CHECKING:
     from pomona.tools.groot.export_xml import LayerXml
 
 
-class AskForm(Form):
+class AskForm(XmlForm):
     """`AskType`"""
 
     attribute = "question"
 
 
-class ConditionForm(Form):
+class ConditionForm(XmlForm):
     """Words with a condition."""
 
     attribute = "condition"
 
 
-class IfForm(Form):
+class IfForm(XmlForm):
     """`IfType`"""
 
     word: IfType
@@ -70,7 +70,7 @@ class IfForm(Form):
         return found if own else {**found, "else": {"fail": {}}}
 
 
-class SwitchForm(Form):
+class SwitchForm(XmlForm):
     """`SwitchType`"""
 
     word: SwitchType
@@ -99,7 +99,7 @@ class SwitchForm(Form):
         return {**found, "default": rest[0]} if rest else found
 
 
-class ForceForm(Form):
+class ForceForm(XmlForm):
     """`ForceType`"""
 
     def to_xml(self, at: LayerXml) -> Element:
@@ -110,7 +110,7 @@ class ForceForm(Form):
         return element.wrap(child, self.word.key, "failure" if element.tag == "ForceFailure" else "success")
 
 
-class InvertForm(Form):
+class InvertForm(XmlForm):
     """`InvertType`"""
 
     def to_xml(self, at: LayerXml) -> Element:
@@ -121,7 +121,7 @@ class InvertForm(Form):
         return element.wrap(child, self.word.key, True)
 
 
-class WaitForm(Form):
+class WaitForm(XmlForm):
     """`WaitType`"""
 
     attribute = "duration"
@@ -134,7 +134,7 @@ class WaitForm(Form):
         return {self.word.key: element.duration("msec")} if element.tag == "Sleep" else super().from_xml(element)
 
 
-class SetForm(Form):
+class SetForm(XmlForm):
     """`SetType`"""
 
     attribute = "values"
@@ -146,7 +146,7 @@ class SetForm(Form):
         return {self.word.key: element.value("values") or {}}
 
 
-class SucceedForm(Form):
+class SucceedForm(XmlForm):
     """`SucceedType`"""
 
     def to_xml(self, at: LayerXml) -> Element:
@@ -156,7 +156,7 @@ class SucceedForm(Form):
         return {self.word.key: {}}
 
 
-class FailForm(Form):
+class FailForm(XmlForm):
     """`FailType`"""
 
     def to_xml(self, at: LayerXml) -> Element:
@@ -166,7 +166,7 @@ class FailForm(Form):
         return {self.word.key: element.ports() if element.tag == self.own_tag else {}}
 
 
-class SkillCallForm(Form):
+class SkillCallForm(XmlForm):
     """`SkillCall`"""
 
     def to_xml(self, at: LayerXml) -> Element:
@@ -178,14 +178,14 @@ class SkillCallForm(Form):
         return {element.tag: element.ports()}
 
 
-class SubtreeCallForm(Form):
+class SubtreeCallForm(XmlForm):
     """`SubtreeCall`"""
 
     def to_xml(self, at: LayerXml) -> Element:
         return at.subtree()
 
 
-class DelayForm(Form):
+class DelayForm(XmlForm):
     """`DelayType`"""
 
     attribute = "duration"
@@ -201,7 +201,7 @@ class DelayForm(Form):
         return element.wrap(child, self.word.key, element.duration("delay_msec"))
 
 
-class RateForm(Form):
+class RateForm(XmlForm):
     """`RateType`"""
 
     attribute = "rate"
@@ -214,7 +214,7 @@ class RateForm(Form):
         return element.wrap(child, self.word.key, f"{hz} * 1 Hz" if hz.startswith("{") else f"{hz} Hz")
 
 
-class RunOnceForm(Form):
+class RunOnceForm(XmlForm):
     """`RunOnceType`"""
 
     def from_xml(self, element: ElementIn) -> Words:
@@ -227,7 +227,7 @@ class RunOnceForm(Form):
         return at.element("RunOnce")
 
 
-class TimeoutForm(Form):
+class TimeoutForm(XmlForm):
     """`TimeoutType`"""
 
     attribute = "duration"
@@ -244,7 +244,7 @@ class TimeoutForm(Form):
         return child if limit == "0 s" else element.wrap(child, self.word.key, limit)  # 0 sets no timer
 
 
-class ParallelForm(Form):
+class ParallelForm(XmlForm):
     """`ParallelType`"""
 
     def to_xml(self, at: LayerXml) -> Element:
@@ -273,7 +273,7 @@ class ParallelForm(Form):
         return {"parallel": children, "success_on": "one" if success == "1" else int(success)}
 
 
-class RepeatForm(Form):
+class RepeatForm(XmlForm):
     """`RepeatType`"""
 
     word: RepeatType
@@ -296,7 +296,7 @@ class RepeatForm(Form):
         return element.wrap(child, self.word.key, "forever" if forever else element.count("num_cycles"))
 
 
-class ForEachForm(Form):
+class ForEachForm(XmlForm):
     """`ForEachType`"""
 
     attribute = "items"
@@ -310,7 +310,7 @@ class ForEachForm(Form):
         return element.wrap(child, self.word.key, element.value("items"), {"as": element.get("item").strip("{}")})
 
 
-class RetryForm(Form):
+class RetryForm(XmlForm):
     """`RetryType`"""
 
     attribute = "attempts"
@@ -330,28 +330,28 @@ class RetryForm(Form):
         return element.wrap(child, self.word.key, element.count("num_attempts"))
 
 
-class FallbackForm(Form):
+class FallbackForm(XmlForm):
     """`FallbackType`"""
 
     def to_xml(self, at: LayerXml) -> Element:
         return at.element(self.word.other_names[0])
 
 
-class SequenceForm(Form):
+class SequenceForm(XmlForm):
     """`SequenceType`"""
 
     def to_xml(self, at: LayerXml) -> Element:
         return at.element(self.word.other_names[0])
 
 
-class BreakpointForm(Form):
+class BreakpointForm(XmlForm):
     """`BreakpointType`"""
 
     def to_xml(self, at: LayerXml) -> Element:
         return at.own({"value": at.text(self.word.key)})
 
 
-class RecoveryForm(Form):
+class RecoveryForm(XmlForm):
     """`RecoveryType`"""
 
     def from_xml(self, element: ElementIn) -> Words:
@@ -363,7 +363,7 @@ class RecoveryForm(Form):
         return {self.word.key: children, "attempts": str(int(retries) + 1)}
 
 
-class RoundRobinForm(Form):
+class RoundRobinForm(XmlForm):
     """`RoundRobinType`"""
 
     def from_xml(self, element: ElementIn) -> Words:
@@ -372,14 +372,14 @@ class RoundRobinForm(Form):
         return {self.word.key: element.children()}
 
 
-class PipelineSequenceForm(Form):
+class PipelineSequenceForm(XmlForm):
     """`PipelineSequenceType`"""
 
     def to_xml(self, at: LayerXml) -> Element:
         return at.own({})
 
 
-class UntranslatedForm(Form):
+class UntranslatedForm(XmlForm):
     """`UntranslatedType`"""
 
     word: UntranslatedType
@@ -415,7 +415,7 @@ def called(words: Words) -> list[str]:
 _NEVER_SKIPPED = frozenset({"succeed", "fail", "set", "attributes"})
 
 
-FORMS: Mapping[type[NodeType], type[Form]] = {
+FORMS: Mapping[type[NodeType], type[XmlForm]] = {
     AskType: AskForm,
     CheckType: ConditionForm,
     WaitUntilType: ConditionForm,
@@ -447,7 +447,7 @@ FORMS: Mapping[type[NodeType], type[Form]] = {
     PipelineSequenceType: PipelineSequenceForm,
     UntranslatedType: UntranslatedForm,
 }
-"""Forms by the class of a word. Classes below it have the same form, all other words the plain `Form`."""
+"""Forms by the class of a word. Classes below it have the same form, all other words the plain `XmlForm`."""
 
 
 class Forms:
@@ -457,12 +457,12 @@ class Forms:
         self._types = types
         self._own = {form_of(word).own_tag: word for word in types.values()}
 
-    def of_tag(self, tag: str) -> Form | None:
+    def of_tag(self, tag: str) -> XmlForm | None:
         """Return the form that reads an element; None if no word stands for it."""
         word = self._own.get(tag) or self._types.of_other_name(tag)
         return None if word is None else form_of(word)
 
 
-def form_of(word: NodeType) -> Form:
+def form_of(word: NodeType) -> XmlForm:
     """Return a word's form."""
-    return next((FORMS[each] for each in type(word).__mro__ if each in FORMS), Form)(word)
+    return next((FORMS[each] for each in type(word).__mro__ if each in FORMS), XmlForm)(word)

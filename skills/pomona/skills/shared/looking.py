@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Generator, Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
+from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
 from pomona.drivers.errors import FrameUnreadable
 from pomona.drivers.interfaces import Arm, Camera, Frame, FruitKinds
 from pomona.executive.skill import CellFacts, Failure, Skill, SkillFailure
-from pomona.executive.values.arrays import Float64
-from pomona.executive.values.installation import install_extra
+from pomona.executive.values.arrays import Float32, Float64, UInt8
+from pomona.executive.values.installation import install_extra, reinstall
 from pomona.executive.values.sections import Problem
 from pomona.executive.views import ImageView, Line2, Pinhole
 from pomona.skills.motion.robot.model import RobotModel
@@ -34,7 +35,6 @@ from pomona.skills.perception.fruit import FruitModel, find_weights, load_fruit
 from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS, FruitError, damage, known_fruits
 
 if TYPE_CHECKING:  # engines are loaded where they are used: importing PyTorch takes seconds
-    from pomona.skills.perception.detection.box_detector import BoxDetector
     from pomona.skills.perception.detection.compact_detector import CompactDetector
     from pomona.skills.perception.detection.dope_detector import DopeDetector
 
@@ -264,13 +264,27 @@ def _dope_detector(files: DopeFiles, fruit: str, dimensions: tuple[float, float,
     return DopeDetector.load(files, fruit, dimensions)
 
 
+class FrameDetector(Protocol):
+    """A detector that another package gives (entry points `pomona.detectors`)."""
+
+    def find_instances(self, colour: UInt8, K: Float64, depth: Float32 | None) -> list[Instance]:
+        """Return the fruit of a frame, by falling score.
+
+        Args:
+            colour: (h, w, 3) uint8 RGB.
+            K: camera matrix (3, 3) [px].
+            depth: (h, w) [m], registered to the colour; None without a depth camera.
+        """
+
+
 @lru_cache(maxsize=4)
 def _box_detector(
     file: BoxModelFile, fruit: str, weights: Path | None, dimensions: tuple[float, float, float]
-) -> BoxDetector:
-    from pomona.skills.perception.detection.box_detector import BoxDetector
-
-    return BoxDetector.load(file, fruit, weights, dimensions)
+) -> FrameDetector:
+    for point in entry_points(group="pomona.detectors", name="boxes"):
+        detector: FrameDetector = point.load()(file, fruit, weights, dimensions)
+        return detector
+    raise BadWeights(file.model, f"no installed package reads detectors of boxes: {reinstall('pomona')}")
 
 
 def _sides(fruit: FruitModel) -> tuple[float, float, float]:

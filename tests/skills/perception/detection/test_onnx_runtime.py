@@ -19,7 +19,6 @@ from hypothesis import given, settings, strategies as st
 from onnx import TensorProto, helper, numpy_helper
 
 from pomona.skills.perception.detection import compact_detector
-from pomona.skills.perception.detection.box_model import BoxModel, load_boxes
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.errors import BadWeights
 from pomona.skills.perception.detection.networks import BeliefFinder, CloseLookNetwork, FinderNetwork
@@ -41,6 +40,7 @@ from pomona.skills.perception.detection.weights_file import (
 )
 from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS
+from pomona.tools.box_detectors.box_model import BoxModel, load_boxes
 from pomona.tools.training.options import SceneOptions
 from pomona.tools.training.scene import render_scene
 from pomona.tools.training.torch_engine import torch_detector

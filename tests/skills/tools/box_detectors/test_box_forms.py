@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pomona.skills.perception.detection.box_model import BoxModel
 from pomona.skills.perception.detection.errors import BadWeights
-from tests.skills.perception.detection.onnx_boxes import write
+from pomona.tools.box_detectors.box_model import BoxModel
+from tests.skills.tools.box_detectors.onnx_boxes import write
 
 Values = np.ndarray[Any, np.dtype[np.float64]]
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from pomona.executive.values.arrays import Float32, Float64, UInt8
-from pomona.skills.perception.detection.box_model import BoxModel, ScoredBox, load_boxes
 from pomona.skills.perception.detection.close_look import SIZE_OF_BOX, upright_rotation
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.detection import BoxModelFile
 from pomona.skills.perception.detection.instances import Instance, cuboid_in_picture, instance_of
+from pomona.tools.box_detectors.box_model import BoxModel, ScoredBox, load_boxes
 
 LEAST_POINTS = 40  # pixels with depth in a box, below which no sphere is fitted: a box of 7 × 7 px
 MOST_POINTS = 2500  # pixels that are fitted; more of a box add no accuracy, since errors of neighbours are alike

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.perception.detection.box_settings import DETECT, POSE, SEGMENT, BoxSettings, ClassUnknown, class_of
+from pomona.tools.box_detectors.box_settings import DETECT, POSE, SEGMENT, BoxSettings, ClassUnknown, class_of
 
 Outputs = Mapping[str, NDArray[Any]]  # of one picture, by name, in order; fractions as float64
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from pomona.skills.perception.detection.box_settings import BoxSettings, ClassUnknown, class_of, read_settings
 from pomona.skills.perception.detection.errors import BadWeights
+from pomona.tools.box_detectors.box_settings import BoxSettings, ClassUnknown, class_of, read_settings
 
 ULTRALYTICS = {
     "description": "Ultralytics YOLO11n model trained on apples.yaml",

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float32, Float64, UInt8
 from pomona.executive.values.trial import MEMORY, trial
-from pomona.skills.perception.detection.box_forms import LEAST_SCORE, PAIRS, BadForm, BoxForm, form_of, read_boxes
-from pomona.skills.perception.detection.box_settings import read_settings
 from pomona.skills.perception.detection.close_look import check_picture
 from pomona.skills.perception.detection.detection import WORKING_WIDTH
 from pomona.skills.perception.detection.errors import BadWeights
 from pomona.skills.perception.detection.onnx_runtime import BadGraph, judge_model, open_session
 from pomona.skills.perception.detection.places import distinct
+from pomona.tools.box_detectors.box_forms import LEAST_SCORE, PAIRS, BadForm, BoxForm, form_of, read_boxes
+from pomona.tools.box_detectors.box_settings import read_settings
 
 GREY = (114, 114, 114)  # colour beside the picture, as in the training of YOLO networks
 MOST_BOXES = 300  # boxes that are read, surest first

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from onnx import TensorProto, helper
 
-from pomona.skills.perception.detection.box_model import BoxModel
 from pomona.skills.perception.detection.errors import BadWeights
-from tests.skills.perception.detection.onnx_boxes import FLOAT, colour_model, red_square_model, save, write
+from pomona.tools.box_detectors.box_model import BoxModel
+from tests.skills.tools.box_detectors.onnx_boxes import FLOAT, colour_model, red_square_model, save, write
 
 
 @pytest.mark.parametrize("shape", [[1, 3, 320, 320], [1, 3, 240, 320], [1, 3, 192, 640], [1, 3, "h", "w"]])

@@ -14,12 +14,12 @@ from pomona.drivers.interfaces import Camera, Frame, Intrinsics
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.skills.detect import Detect
 from pomona.skills.geometry import rotation_about, transform
-from pomona.skills.perception.detection.box_detector import NoSphere, sphere_in_box
 from pomona.skills.perception.detection.close_look import REFERENCE_LENGTH
 from pomona.skills.perception.fruit import load_fruit
+from pomona.tools.box_detectors.box_detector import NoSphere, sphere_in_box
 from pomona.tools.training.options import SceneOptions
 from pomona.tools.training.scene import RenderedFrame, render_scene
-from tests.skills.perception.detection.onnx_boxes import write
+from tests.skills.tools.box_detectors.onnx_boxes import write
 
 OPTIONS = SceneOptions(kinds=(1, 0, 0, 0), instances=(2, 2), distractors=0)
 INTRINSICS = Intrinsics(*OPTIONS.camera, 640, 480)
