@@ -8,8 +8,8 @@ import torch
 from torch import nn
 
 from pomona.skills.perception.detection.errors import BadFrame, BadWeights
-from pomona.skills.perception.detection.networks import ConvNorm, DopeNetwork, FinderNetwork, dope_input
-from pomona.skills.perception.detection.weights import load_weights
+from pomona.tools.pytorch.networks import ConvNorm, DopeNetwork, FinderNetwork, dope_input
+from pomona.tools.pytorch.weights import load_weights
 
 
 def test_a_folded_norm_gives_the_same_as_convolution_and_norm() -> None:

@@ -14,7 +14,6 @@ from torch import Tensor, nn
 
 from pomona.skills.perception.detection.close_look import CLOSE_LOOK_OUTPUTS, CLOSE_LOOK_SIZE
 from pomona.skills.perception.detection.errors import BadWeights, MissingPackage
-from pomona.skills.perception.detection.networks import BeliefFinder, CloseLookNetwork, DopeNetwork, FinderNetwork
 from pomona.skills.perception.detection.onnx_runtime import INPUT
 from pomona.skills.perception.detection.weights_file import (
     PowerScore,
@@ -25,6 +24,7 @@ from pomona.skills.perception.detection.weights_file import (
     score_map,
     write_weights,
 )
+from pomona.tools.pytorch.networks import BeliefFinder, CloseLookNetwork, DopeNetwork, FinderNetwork
 
 TORCH_FORMAT = "pomona compact detector 2"  # format of the files that earlier versions wrote with PyTorch
 

@@ -8,16 +8,16 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from pomona.executive.values.arrays import Float64
+from pomona.executive.values.arrays import Float32, Float64
 from pomona.executive.values.trial import MEMORY, trial
 from pomona.skills.perception.detection.detection import DopeFiles
 from pomona.skills.perception.detection.dope_decode import PoseConfig, decode_maps, find_entry
 from pomona.skills.perception.detection.errors import BadWeights, PoseUnsolved
 from pomona.skills.perception.detection.instances import Instance, cuboid_in_picture
-from pomona.skills.perception.detection.networks import DopeNetwork, dope_input
-from pomona.skills.perception.detection.pose import solve_pose
-from pomona.skills.perception.detection.weights import load_weights
 from pomona.skills.perception.detection.weights_file import MOST_TORCH_BYTES
+from pomona.tools.pytorch.networks import DopeNetwork, dope_input
+from pomona.tools.pytorch.pose import solve_pose
+from pomona.tools.pytorch.weights import load_weights
 
 
 class DopeDetector:
@@ -33,10 +33,13 @@ class DopeDetector:
         self._network, self._config, self._dimensions = network, config, dimensions
 
     @classmethod
-    def load(cls, files: DopeFiles, fruit: str, dimensions: tuple[float, float, float]) -> DopeDetector:
+    def load(
+        cls, files: DopeFiles, fruit: str, _weights: Path | None, dimensions: tuple[float, float, float]
+    ) -> DopeDetector:
         """Load a user's files for a fruit.
 
         Args:
+            _weights: of the compact detector; not used.
             dimensions: of its mesh [m].
 
         Raises:
@@ -48,12 +51,13 @@ class DopeDetector:
         config, entry = find_entry(files.config, fruit, np.array(dimensions))
         return cls(load_weights(files.weights), config, entry.dimensions)
 
-    def find_instances(self, colour: NDArray[np.uint8], K: Float64) -> list[Instance]:
+    def find_instances(self, colour: NDArray[np.uint8], K: Float64, depth: Float32 | None = None) -> list[Instance]:
         """Find all objects of a picture with their poses, by falling belief.
 
         Args:
             colour: (h, w, 3) uint8 RGB.
             K: camera matrix (3, 3) [px].
+            depth: not used.
 
         Raises BadFrame: the picture has another shape or type.
         """
@@ -83,9 +87,7 @@ def _try(weights: Path) -> None:
     if size > MOST_TORCH_BYTES:
         words = f"has {size / 1e6:.0f} MB; a checkpoint of DOPE has at most {MOST_TORCH_BYTES / 1e6:.0f} MB"
         raise BadWeights(weights, words)
-    problem = trial(
-        "pomona.skills.perception.detection.weights:try_dope", str(weights), memory=MEMORY + size, processor_s=30
-    )
+    problem = trial("pomona.tools.pytorch.weights:try_dope", str(weights), memory=MEMORY + size, processor_s=30)
     if problem:
         raise BadWeights(weights, problem)
 

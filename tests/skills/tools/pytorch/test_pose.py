@@ -7,7 +7,7 @@ from hypothesis import given, settings, strategies as st
 from pomona.skills.geometry import is_pose
 from pomona.skills.perception.detection.errors import PoseUnsolved
 from pomona.skills.perception.detection.instances import CuboidConvention, cuboid_keypoints
-from pomona.skills.perception.detection.pose import solve_pose
+from pomona.tools.pytorch.pose import solve_pose
 
 K = np.array([[610.6, 0.0, 317.7], [0.0, 610.6, 238.1], [0.0, 0.0, 1.0]])
 APPLE = (0.09756, 0.08539, 0.09590)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from pomona.skills.perception.detection.instances import cuboid_keypoints
-from pomona.skills.perception.detection.pose import linearise, refine_pose
+from pomona.tools.pytorch.pose import linearise, refine_pose
 
 K = np.array([[610.0, 0.0, 317.0], [0.0, 605.0, 238.0], [0.0, 0.0, 1.0]])
 MODEL = cuboid_keypoints(np.array([0.08, 0.07, 0.08]))

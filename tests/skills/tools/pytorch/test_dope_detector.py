@@ -11,13 +11,13 @@ from pomona.drivers.interfaces import Camera, Frame, Intrinsics
 from pomona.executive.skill_testing import drive
 from pomona.skills.detect import Detect
 from pomona.skills.geometry import rotation_about, transform
-from pomona.skills.perception.detection import dope_detector
 from pomona.skills.perception.detection.detection import DopeFiles
 from pomona.skills.perception.detection.dope_decode import OFFSET_DUE_TO_UPSAMPLING, load_pose_config
-from pomona.skills.perception.detection.dope_detector import DopeDetector
 from pomona.skills.perception.detection.errors import BadPoseConfig, BadWeights
 from pomona.skills.perception.detection.instances import cuboid_keypoints
-from pomona.skills.perception.detection.networks import STRIDE, DopeNetwork
+from pomona.tools.pytorch import dope_detector
+from pomona.tools.pytorch.dope_detector import DopeDetector
+from pomona.tools.pytorch.networks import STRIDE, DopeNetwork
 from pomona.tools.training.targets import dope_targets
 
 APPLE = (0.09756, 0.08539, 0.09590)
@@ -94,7 +94,7 @@ def test_a_checkpoint_is_loaded_with_the_config_that_goes_with_it(tmp_path: Path
     torch.manual_seed(0)
     weights = tmp_path / "epoch_60.pth"
     torch.save({f"module.{key}": value for key, value in DopeNetwork().state_dict().items()}, weights)
-    detector = DopeDetector.load(DopeFiles(weights, write_config(tmp_path)), "apple", APPLE)
+    detector = DopeDetector.load(DopeFiles(weights, write_config(tmp_path)), "apple", None, APPLE)
     instances = detector.find_instances(np.zeros((64, 96, 3), np.uint8), K)
     assert all(0.0 <= one.score <= 1.0 and np.isfinite(one.keypoints).all() for one in instances)
 
@@ -102,10 +102,10 @@ def test_a_checkpoint_is_loaded_with_the_config_that_goes_with_it(tmp_path: Path
 def test_files_that_do_not_fit_are_refused_in_words(tmp_path: Path) -> None:
     config = write_config(tmp_path)
     with pytest.raises(BadWeights, match=r"none\.pth: no such file"):
-        DopeDetector.load(DopeFiles(tmp_path / "none.pth", config), "apple", APPLE)
+        DopeDetector.load(DopeFiles(tmp_path / "none.pth", config), "apple", None, APPLE)
     with pytest.raises(BadPoseConfig, match=r"apple is 9\.8 × 8\.5 × 9\.6 cm, the mesh of lemon 9\.0 × 6\.0 × 6\.0 cm"):
-        DopeDetector.load(DopeFiles(tmp_path / "none.pth", config), "lemon", (0.09, 0.06, 0.06))
+        DopeDetector.load(DopeFiles(tmp_path / "none.pth", config), "lemon", None, (0.09, 0.06, 0.06))
     two = tmp_path / "two.yaml"
     two.write_text("weights: {a: a.pth, b: b.pth}\ndimensions: {a: [1, 2, 3], b: [1, 2, 3]}\n")
     with pytest.raises(BadPoseConfig, match="configures a, b, not apple"):
-        DopeDetector.load(DopeFiles(tmp_path / "none.pth", two), "apple", APPLE)
+        DopeDetector.load(DopeFiles(tmp_path / "none.pth", two), "apple", None, APPLE)

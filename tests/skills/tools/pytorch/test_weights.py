@@ -12,9 +12,9 @@ from pomona.executive.values.installation import install_extra
 from pomona.skills.perception.detection.close_look import CLOSE_LOOK_OUTPUTS
 from pomona.skills.perception.detection.compact_detector import CompactDetector, read_stored
 from pomona.skills.perception.detection.errors import BadWeights, MissingPackage
-from pomona.skills.perception.detection.networks import BeliefFinder, CloseLookNetwork, FinderNetwork
-from pomona.skills.perception.detection.weights import TORCH_FORMAT, load_compact, save_compact
 from pomona.skills.perception.detection.weights_file import FusedScore, PowerScore, ScoreMap
+from pomona.tools.pytorch.networks import BeliefFinder, CloseLookNetwork, FinderNetwork
+from pomona.tools.pytorch.weights import TORCH_FORMAT, load_compact, save_compact
 
 
 def save_with_torch(
@@ -115,7 +115,7 @@ def test_a_file_of_an_earlier_version_without_pytorch_names_the_extra(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     save_with_torch(tmp_path / "old.pt", BeliefFinder((8, 8, 8, 8)), CloseLookNetwork((8, 8, 8, 8, 8)))
-    monkeypatch.setitem(sys.modules, "pomona.skills.perception.detection.weights", None)
+    monkeypatch.setitem(sys.modules, "pomona.tools.pytorch.weights", None)
     with pytest.raises(MissingPackage, match=r"torch reads \S*old\.pt.*" + re.escape(install_extra("torch"))):
         CompactDetector.load(tmp_path / "old.pt")
 
