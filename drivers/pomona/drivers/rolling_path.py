@@ -12,10 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pomona.drivers import DeviceFault, PathFollower, PathMotion
-from pomona.executive import Clock, Float64
+from pomona.drivers.errors import DeviceFault
+from pomona.drivers.path_motion import PathFollower, PathMotion
+from pomona.executive.clock import Clock
+from pomona.executive.values.arrays import Float64
 
-PERIOD = 0.01  # time between the points of a message, which a controller joins by cubics [s]
+POINT_PERIOD = 0.01  # time between the points of a message, which a controller joins by cubics [s]
 
 
 class OutOfSetPointsError(DeviceFault):
@@ -94,7 +96,7 @@ class RollingPath:
             q, qd = self.motion.step()
             if rested and self.motion.set_point_rests:
                 break
-            self._promise(SetPoint(self._last.due + PERIOD, q, qd))
+            self._promise(SetPoint(self._last.due + POINT_PERIOD, q, qd))
         while len(self._promised) > 2 and self._promised[2].point.due <= now:
             self._promised.popleft()
 
@@ -121,7 +123,7 @@ class RollingPath:
         # maximum number of points of a stopping path; five seconds, ten times the need of any arm
         while not follower.at_rest and len(points) < 500:
             q, qd = follower.step()
-            due += PERIOD
+            due += POINT_PERIOD
             points.append(SetPoint(due, q, qd))
         told = [
             SetPoint(here.due, here.q, (after.q - before.q) / (after.due - before.due))
