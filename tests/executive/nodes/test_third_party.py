@@ -180,6 +180,7 @@ def test_a_package_that_raises_is_a_problem_and_no_traceback(installed):
         ({"key": "x", "symbol": "x", "value": takes.Nothing(), "fields": {"y": 3}}, "no Field for y"),
         ({"key": "x", "symbol": "x", "value": takes.Nothing(), "fields": ["y"]}, "no mapping"),
         ({"key": "x", "symbol": "x", "value": takes.Nothing(), "fields": {"on_failure": takes.Nothing()}}, "is taken"),
+        ({"key": "x", "symbol": "x", "value": takes.Nothing(), "xml_tags": ("X",)}, "are called other_names now"),
         ({"key": "x", "symbol": "x", "value": takes.Nothing(), "other_names": ("Repeat",)}, "belongs to 'repeat'"),
         ({"key": "x", "symbol": "x", "value": takes.Nothing(), "__init__": lambda self, n: None}, "without arguments"),
         ({"key": "retry", "symbol": "x", "value": takes.Nothing()}, "'retry' is taken"),

@@ -156,6 +156,8 @@ def incomplete(cls: object) -> str:
         return "is no NodeType"
     if inspect.isabstract(cls):
         return "lacks " + ", ".join(sorted(cls.__abstractmethods__))
+    if hasattr(cls, "xml_tags"):
+        return "has xml_tags, which are called other_names now"
     lacking = [name for name in ("key", "symbol", "role", "value") if not hasattr(cls, name)]
     if not (cls.__dict__.get("__doc__") or "").strip():
         lacking.append("a docstring")
