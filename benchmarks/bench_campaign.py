@@ -15,9 +15,9 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from pomona.executive.engine import Engine, open_engine
 from pomona.executive.execute import RunOrder
 from pomona.executive.files import find_cell, find_tree
+from pomona.tools.campaign.engine import Engine, open_engine
 from pomona.tools.campaign.run import RUN_LIMIT, run_order
 
 

@@ -32,11 +32,11 @@ from pomona.skills.perception.detection.detection import DetectorOptions
 from pomona.skills.perception.detection.dope_decode import decode_maps
 from pomona.skills.perception.detection.errors import BadPhotographs
 from pomona.skills.perception.detection.instances import Instance, find_instances
-from pomona.skills.perception.detection.networks import DopeNetwork, dope_input
 from pomona.skills.perception.fruit import FruitModel, load_fruit
 from pomona.tools.photographs.box_evaluation import box_figures, box_intervals, match_boxes
 from pomona.tools.photographs.photo_folder import read_photographs
 from pomona.tools.photographs.photographs import camera_of, fruit_scale
+from pomona.tools.pytorch.networks import DopeNetwork, dope_input
 from pomona.tools.training.dataset import render_dataset
 from pomona.tools.training.evaluation import evaluate, table
 from pomona.tools.training.options import WITHOUT_TREES, SceneOptions

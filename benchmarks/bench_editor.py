@@ -18,9 +18,9 @@ from collections import Counter
 from pathlib import Path
 
 from benchmarks.tree_edits import disturbed, judge, random_edit, refused, tree_texts
-from pomona.executive.language.declared_skills import declared_skills
 from pomona.tools.editor.edits import TreeEdit, apply, nodes
 from pomona.tools.editor.service import TreeService
+from pomona.tools.listings.declared_skills import declared_skills
 
 CHAIN = 8  # edits of one text, one after the other
 ROUNDS = 20  # timed edits of each kind

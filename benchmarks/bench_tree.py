@@ -29,12 +29,12 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
 
 from pomona.executive.language import build, check, read
-from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.language.expression import parse_expression
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill, Work
 from pomona.executive.skill_testing import BenchContext
 from pomona.tools.editor.service import TreeService
+from pomona.tools.listings.declared_skills import declared_skills
 
 SIZES = (10, 100, 1000)
 ROUNDS = 15

@@ -17,7 +17,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pomona.executive.language.check import with_declarations
 from pomona.executive.language.model import Document, TreeNode
 from pomona.executive.language.read import read
 from pomona.executive.values.findings import TreeFileError
@@ -25,6 +24,7 @@ from pomona.executive.values.yaml_nodes import written
 from pomona.tools.editor.edits import EditError, TreeEdit, apply, edit_of, nodes
 from pomona.tools.groot.export_xml import export_groot
 from pomona.tools.groot.import_xml import import_groot
+from pomona.tools.listings.declared_skills import with_declarations
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -8,8 +8,8 @@ from typing import Annotated
 import numpy as np
 
 from pomona.drivers import ForceSensor
-from pomona.drivers.mock import MockClock, MockForceSensor
 from pomona.executive import TIME, Mass, Outputs, Port, Skill, Time, Work, drive
+from pomona.tools.mock import MockClock, MockForceSensor
 
 
 class Weighed(Outputs):

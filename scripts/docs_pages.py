@@ -16,11 +16,11 @@ from pathlib import Path
 import mkdocs_gen_files
 
 from pomona.executive.commands.command_line import children, command_names, make_parser
-from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.nodes import Composite, Leaf, Modifier, NodeType, NodeTypes
 from pomona.executive.reasons import failure_codes
 from pomona.executive.registry import SkillListing
 from pomona.executive.values.public_names import full_name
+from pomona.tools.listings.declared_skills import declared_skills
 from scripts.node_examples import beside
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -6,8 +6,8 @@ import textwrap
 from typing import Any
 
 from pomona.executive.language import read
-from pomona.executive.language.drawing import show_svg
 from pomona.executive.nodes import NodeTypes
+from pomona.tools.tree_drawing.drawing import show_svg
 
 TWO = ["MoveTo: {pose: observe}", "Detect: {fruit: apple}"]
 

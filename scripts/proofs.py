@@ -9,8 +9,8 @@ import re
 from typing import Any
 
 from pomona.executive.language import read
-from pomona.executive.language.drawing import show_svg
 from pomona.executive.nodes import Composite, Leaf, Modifier, NodeTypes
+from pomona.tools.tree_drawing.drawing import show_svg
 
 PROOF = r"`(?:[\w/]+\.py::)?test_\w+(?:\.py(?:::\w+)*)?`|`test_[\w/.:]+`"
 IN_TEXT = re.compile(rf"\s*\((?:{PROOF})(?:,\s+(?:{PROOF}))*\)")

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from pomona.drivers.interfaces import ArmLimits, Trajectory
-from pomona.drivers.mock import MockArm, MockClock
-from pomona.drivers.mock.arm import SIA5F_LIMITS
 from pomona.executive.cell.connect import load_cell
+from pomona.tools.mock import MockArm, MockClock
+from pomona.tools.mock.arm import SIA5F_LIMITS
 from tests.drivers.tools.simulation.conftest import SIM, rest_to_rest
 
 Says = Callable[[np.ndarray], np.ndarray]

@@ -10,8 +10,8 @@ import pytest
 from pomona.drivers.errors import DeviceFault, DeviceLost
 from pomona.drivers.hold_watch import HELD_FORCE, STOOD, HandMemory, HandRecord, HoldWatch, may_hold
 from pomona.drivers.interfaces import GripperLimits, GripperState
-from pomona.drivers.mock import MockClock, MockForceSensor, MockGripper
 from pomona.drivers.plain_hand import GIVE, MOTOR_FORCE, NO_ROOM
+from pomona.tools.mock import MockClock, MockForceSensor, MockGripper
 
 HELD_AT = 0.087
 SURE, NOTHING = "something is between the fingers", ""

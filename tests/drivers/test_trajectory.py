@@ -7,12 +7,12 @@ import pytest
 
 from pomona.drivers.errors import BadTrajectory, MotionRefused
 from pomona.drivers.interfaces import ArmLimits, Trajectory, Workspace
-from pomona.drivers.mock import MockArm, MockClock
-from pomona.drivers.mock.arm import ROBOT, SIA5F_LIMITS
 from pomona.drivers.trajectory import REST, SHARE, check_trajectory
 from pomona.skills.motion.collision import CollisionWorld
 from pomona.skills.motion.planning.timing import time_polyline
 from pomona.skills.motion.robot import RobotModel
+from pomona.tools.mock import MockArm, MockClock
+from pomona.tools.mock.arm import ROBOT, SIA5F_LIMITS
 
 LIMITS = ArmLimits(np.full(2, -2.0), np.full(2, 2.0), np.full(2, 3.0), np.full(2, 10.0), np.full(2, 200.0))
 GOOD = time_polyline(np.array([[-1.0, 0.0], [0.0, 1.0], [1.0, 0.0]]), LIMITS)

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from pomona.executive.cli import main
-from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.recording.scan import examine
 from pomona.executive.running.runner import Runner
+from pomona.tools.listings.declared_skills import declared_skills
 
 
 def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
@@ -156,7 +156,7 @@ SMALL_COMMANDS = """
 import sys
 from pomona.executive.cli import main
 from pomona.executive.commands.command_line import make_parser
-from pomona.executive.language.declared_skills import declared_skills
+from pomona.tools.listings.declared_skills import declared_skills
 from pomona.executive.running.runner import Runner
 
 assert "count and measure" in make_parser([]).format_help()

@@ -9,8 +9,6 @@ import numpy as np
 
 from pomona.drivers.hold_watch import HandMemory, HandRecord, HoldWatch
 from pomona.drivers.interfaces import Arm, Box, ForceSensor, Frame, Gripper, Hand, Intrinsics, Workspace
-from pomona.drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
-from pomona.drivers.mock.arm import ROBOT
 from pomona.skills.geometry import rot_z, transform
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.grasps.sample import sample_pre_grasps
@@ -21,6 +19,8 @@ from pomona.skills.motion.planning.arm_space import ArmSpace
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.measured_fruit import MeasuredFruit
+from pomona.tools.mock import MockArm, MockClock, MockForceSensor, MockGripper
+from pomona.tools.mock.arm import ROBOT
 
 TABLE_Z = -0.12
 OBSERVE = np.array([-1.36, -0.316, -0.264, -0.234, 0.065, -1.294, 0.048])

@@ -10,13 +10,13 @@ from py_trees.common import Status
 
 from pomona.drivers.errors import DeviceFault
 from pomona.drivers.interfaces import Workspace
-from pomona.drivers.mock.hand import spring_fruit
 from pomona.executive.skill_testing import drive
 from pomona.skills.feel_friction import FeelFriction
 from pomona.skills.grip.grip import GripPhase
 from pomona.skills.grip.hold import Hold, take_over
 from pomona.skills.grip.pads import MIRROR
 from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
+from pomona.tools.mock.hand import spring_fruit
 from tests.skills.picking_scene import WORKSPACE, PickingScene, a_grasp, q_at_grasp
 
 TOLD = {"mu": 0.6, "mu_uncertainty": 0.15}

@@ -7,7 +7,6 @@ import pytest
 from py_trees.common import Status
 
 from pomona.drivers.interfaces import Box
-from pomona.drivers.mock.hand import spring_fruit
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.skills.geometry import transform
 from pomona.skills.grip.grip import GripProblem
@@ -17,6 +16,7 @@ from pomona.skills.lift import Lift
 from pomona.skills.motion.lines import straight_line
 from pomona.skills.shared.touch import something_between
 from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
+from pomona.tools.mock.hand import spring_fruit
 from tests.skills.picking_scene import APPLES, ROBOT_MODEL, WORKSPACE, PickingScene, a_grasp, q_at_grasp, seen_map
 
 

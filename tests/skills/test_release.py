@@ -6,12 +6,12 @@ import pytest
 from py_trees.common import Status
 
 from pomona.drivers.interfaces import Hand, MotionState
-from pomona.drivers.mock.hand import spring_fruit
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.skills.grip.hold import Hold, current_hold
 from pomona.skills.motion.lines import STEP
 from pomona.skills.release import BESIDE, Release
 from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
+from pomona.tools.mock.hand import spring_fruit
 from tests.skills.overhead import comes_near, watched
 from tests.skills.picking_scene import HOME, ROBOT_MODEL, WORKSPACE, PickingScene, a_grasp, scene_with_pose, seen_map
 

@@ -13,8 +13,6 @@ from py_trees.common import Status
 
 from pomona.drivers.errors import DeviceLost
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, WrenchSample
-from pomona.drivers.mock.arm import MockArm
-from pomona.drivers.mock.hand import MockClock, MockForceSensor, MockGripper, spring_fruit
 from pomona.executive.encode import plain
 from pomona.executive.errors import NotOwnerError
 from pomona.executive.skill import Skill, Work
@@ -26,6 +24,8 @@ from pomona.skills.grip.hold import Hold, current_hold, take_over
 from pomona.skills.motion.collision import fruit_points
 from pomona.skills.pivot import Pivot
 from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
+from pomona.tools.mock.arm import MockArm
+from pomona.tools.mock.hand import MockClock, MockForceSensor, MockGripper, spring_fruit
 from tests.skills.picking_scene import ROBOT_MODEL, apple_at, q_at_grasp
 
 WIDTH = 0.08

@@ -101,6 +101,12 @@ if TYPE_CHECKING:
     from pomona.drivers.robot_file import (
         read_limits as read_limits,
     )
+    from pomona.drivers.rolling_path import (
+        POINT_PERIOD as POINT_PERIOD,
+        OutOfSetPointsError as OutOfSetPointsError,
+        RollingPath as RollingPath,
+        SetPoint as SetPoint,
+    )
     from pomona.drivers.services import (
         ConnectContext as ConnectContext,
     )
@@ -174,6 +180,7 @@ PUBLIC = {
     "pomona.executive.cell.owner": "Address Link Malformed Nonsense Owner TcpLink Watchdog raise_priority tcp_opener",
     "pomona.executive.cell.registration": "Driver NoOptions Settings Surroundings driver read_section_file",
     "robot_file": "read_limits",
+    "rolling_path": "OutOfSetPointsError POINT_PERIOD RollingPath SetPoint",
     "services": "ConnectContext",
     "streamed_motion": "StreamedMotion",
     "streams": "Belief FrameGuard SIDES SILENCE WrenchStream",

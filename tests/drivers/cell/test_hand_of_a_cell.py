@@ -10,7 +10,6 @@ import pytest
 
 from pomona.drivers.errors import DeviceFault
 from pomona.drivers.interfaces import ForceSensor, Gripper
-from pomona.drivers.mock import MockClock, MockGripper
 from pomona.drivers.services import ConnectContext
 from pomona.executive.cell import registration
 from pomona.executive.cell.connect import load_cell
@@ -21,6 +20,7 @@ from pomona.executive.files import find_cell, find_tree
 from pomona.executive.judging import judge
 from pomona.executive.language.check import read_document
 from pomona.executive.registry import Registry
+from pomona.tools.mock import MockClock, MockGripper
 
 PLAIN = """
 name: plain

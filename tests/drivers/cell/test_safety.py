@@ -7,10 +7,10 @@ import pytest
 
 from pomona.drivers.errors import DeviceFault, MotionRefused
 from pomona.drivers.interfaces import Arm, Gripper, MotionState, Trajectory, WrenchSample
-from pomona.drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.device import Device
 from pomona.executive.clock import ManualClock, SystemClock
+from pomona.tools.mock import MockArm, MockClock, MockForceSensor, MockGripper
 
 
 class Stubborn(Device):

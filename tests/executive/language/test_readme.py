@@ -8,8 +8,8 @@ from pathlib import Path
 from pomona.executive import language
 from pomona.executive.language import read
 from pomona.executive.language.check import analyse
-from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.nodes.node_type import NodeType
+from pomona.tools.listings.declared_skills import declared_skills
 
 FOLDER = Path(language.__file__).parent
 PAGE = (FOLDER / "README.md").read_text("utf-8")
@@ -52,8 +52,6 @@ def test_every_file_and_method_that_is_named_exists() -> None:
         "check_layer",
         "written_ports",
         "known_facts",
-        "to_xml",
-        "from_xml",
         "build",
     }
     assert all(f"`{name}`" in PAGE and callable(getattr(NodeType, name)) for name in methods)

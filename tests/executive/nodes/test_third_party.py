@@ -12,14 +12,14 @@ import pytest
 import yaml
 
 from pomona.executive.language import build, check, read
-from pomona.executive.language.drawing import show_svg, show_text
-from pomona.executive.language.schema import schema
 from pomona.executive.nodes import Modifier, NodeTypeError, NodeTypes, catalogue, takes
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill
 from pomona.executive.skill_testing import BenchContext
 from pomona.tools.groot.export_xml import export_groot
 from pomona.tools.groot.import_xml import import_groot
+from pomona.tools.listings.schema import schema
+from pomona.tools.tree_drawing.drawing import show_svg, show_text
 
 PACKAGE = "pomona_more_words"
 
@@ -180,7 +180,8 @@ def test_a_package_that_raises_is_a_problem_and_no_traceback(installed):
         ({"key": "x", "symbol": "x", "value": takes.Nothing(), "fields": {"y": 3}}, "no Field for y"),
         ({"key": "x", "symbol": "x", "value": takes.Nothing(), "fields": ["y"]}, "no mapping"),
         ({"key": "x", "symbol": "x", "value": takes.Nothing(), "fields": {"on_failure": takes.Nothing()}}, "is taken"),
-        ({"key": "x", "symbol": "x", "value": takes.Nothing(), "xml_tags": ("Repeat",)}, "is read by 'repeat'"),
+        ({"key": "x", "symbol": "x", "value": takes.Nothing(), "xml_tags": ("X",)}, "are called other_names now"),
+        ({"key": "x", "symbol": "x", "value": takes.Nothing(), "other_names": ("Repeat",)}, "belongs to 'repeat'"),
         ({"key": "x", "symbol": "x", "value": takes.Nothing(), "__init__": lambda self, n: None}, "without arguments"),
         ({"key": "retry", "symbol": "x", "value": takes.Nothing()}, "'retry' is taken"),
         ({"key": "x", "symbol": "x", "value": takes.Nothing(), "outside_of": "nowhere"}, "no modifier named"),

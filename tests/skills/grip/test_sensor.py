@@ -12,13 +12,13 @@ from pomona.devices.emulators.suntouch import SunTouchEmulator
 from pomona.devices.suntouch.calibration import FingerCalibration
 from pomona.devices.suntouch.codec import decode, encode
 from pomona.drivers.interfaces import ForceSensor
-from pomona.drivers.mock import MockClock, MockForceSensor
 from pomona.executive.files import find_cell
 from pomona.skills.grip.controller import GripController
 from pomona.skills.grip.estimate import GripEstimate
 from pomona.skills.grip.grip import GripPhase, UnfitSensor
 from pomona.skills.grip.sensor import GripSample, LowPass, SensorWatch, StreamGuard, Timer, check_bias
 from pomona.skills.grip.settings import RATES, BiasSettings, GripSettings
+from pomona.tools.mock import MockClock, MockForceSensor
 
 
 def periods(guard: StreamGuard, stamp: float, sequence: int, wrenches: np.ndarray) -> int:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from pomona.drivers.mock import MockClock, MockGripper
 from pomona.skills.shared.yielding import MOST, RELIEVES, YieldingFingers
+from pomona.tools.mock import MockClock, MockGripper
 
 
 @pytest.mark.parametrize(("force", "expected"), [(None, 0.06), (-5.0, 0.06), (-20.0, -RELIEVES), (20.0, 0.06)])

@@ -15,17 +15,20 @@ from pathlib import Path
 import numpy as np
 
 from pomona.devices.ros2.joints import JointFeed, RosNode, stamped
-from pomona.devices.ros2.rolling_path import PERIOD, OutOfSetPointsError, RollingPath, SetPoint
 from pomona.drivers import (
     AT_REST,
+    POINT_PERIOD,
     ArmLimits,
     ArmState,
     ConnectContext,
     DeviceError,
     DeviceFault,
     DeviceLost,
+    OutOfSetPointsError,
     PathArm,
     PathMotion,
+    RollingPath,
+    SetPoint,
     Settings,
     Supervision,
     UnusableRobotFile,
@@ -70,7 +73,7 @@ class Ros2Arm(PathArm):
         name: str = "arm",
         host_time: Callable[[], float] = time.time,
     ) -> None:
-        super().__init__(name, clock, description, limits, options.supervision, PERIOD)
+        super().__init__(name, clock, description, limits, options.supervision, POINT_PERIOD)
         self.options = options
         self._wire, self._host_time = wire, host_time
         self._feed = JointFeed(name, wire, options.states, options.joints, clock, options.silence, host_time)

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from pomona.executive.errors import UsageError
 from pomona.executive.files import read_text
 from pomona.executive.language.check_node import NodeChecker
-from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.language.flow import Flow, Outcomes, Truth
 from pomona.executive.language.interface import InterfaceReader, PortDeclared, parameter_values
 from pomona.executive.language.model import Definition, Document, TreeNode
 from pomona.executive.language.read import read
 from pomona.executive.language.scope import Named, Origin, Read, Resolved, Scope
-from pomona.executive.language.value_types import NotLoadedError, can_flow, describe
+from pomona.executive.language.value_types import can_flow, describe
 from pomona.executive.language.values import static_type
 from pomona.executive.nodes.facts import Names
 from pomona.executive.nodes.leaves import SUBTREE
@@ -287,9 +286,6 @@ def _shown(count: int) -> str:
     return str(count) if count < 1_000_000_000 else "more than a billion"
 
 
-T = TypeVar("T")
-
-
 def read_document(path: Path, texts: Mapping[str, str] | None = None) -> Document:
     """Read a tree file, and the files that it calls; those in `texts` are not read from the disk.
 
@@ -307,11 +303,3 @@ def refuse_errors(
     findings = check(document, registry, overrides=settings, interfaces=interfaces)
     if any(finding.severity == "error" for finding in findings):
         raise UsageError(f"{format_findings(findings)} Nothing was run.")
-
-
-def with_declarations(action: Callable[[Registry], T]) -> T:
-    """Do something that needs skills' declarations only, without importing the skills if that can be avoided."""
-    try:
-        return action(declared_skills())
-    except NotLoadedError:
-        return action(Registry.installed())

@@ -179,7 +179,6 @@ class AskType(Leaf):
         "within": takes.duration("how long to wait for an answer"),
     }
     ends = ("success", "failure")
-    xml_value = "question"
 
     def check_layer(self, at: CheckContext) -> None:
         super().check_layer(at)

@@ -54,7 +54,7 @@ class NodeTypes(Mapping[str, NodeType]):
         self.modifiers: list[Modifier] = []
         self._types: dict[str, NodeType] = {}
         self._owners: dict[str, list[NodeType]] = {}
-        self._tags: dict[str, NodeType] = {}
+        self._elsewhere: dict[str, NodeType] = {}
         for cls in types:
             self.register(cls)
 
@@ -73,7 +73,7 @@ class NodeTypes(Mapping[str, NodeType]):
         return types
 
     def register(self, cls: type[NodeType]) -> None:
-        """Add a type. Raises NodeTypeError: it lacks a required attribute, or a word or element of it is taken."""
+        """Add a type. Raises NodeTypeError: it lacks a required attribute, or a word or name of it is taken."""
         missing = incomplete(cls)
         if missing:
             raise NodeTypeError(f"node type {getattr(cls, '__name__', cls)} {missing}")
@@ -81,16 +81,16 @@ class NodeTypes(Mapping[str, NodeType]):
         for word in made.slots:
             if word in RESERVED or word in self._types or self._ambiguous(made, word):
                 raise NodeTypeError(f"node type {cls.__name__}: the word '{word}' is taken")
-        for tag in (made.xml_tag, *made.xml_tags):
-            if tag in self._tags:
-                raise NodeTypeError(f"node type {cls.__name__}: the element '{tag}' is read by '{self._tags[tag].key}'")
+        for name in made.other_names:
+            if name in self._elsewhere:
+                owner = self._elsewhere[name].key
+                raise NodeTypeError(f"node type {cls.__name__}: the name '{name}' belongs to '{owner}'")
         if isinstance(made, Modifier):
             self.modifiers.insert(self._place(made), made)
         self._types[made.key] = made
         for word in made.fields:
             self._owners.setdefault(word, []).append(made)
-        for tag in (made.xml_tag, *made.xml_tags):
-            self._tags[tag] = made
+        self._elsewhere.update(dict.fromkeys(made.other_names, made))
 
     def _ambiguous(self, made: NodeType, word: str) -> bool:
         """Return True if two types could claim the word: only types that exclude each other may share a field."""
@@ -139,15 +139,15 @@ class NodeTypes(Mapping[str, NodeType]):
         """Words of all fields."""
         return tuple(self._owners)
 
-    def of_tag(self, tag: str) -> NodeType | None:
-        """Return the type that reads an element of XML."""
-        return self._tags.get(tag)
+    def of_other_name(self, name: str) -> NodeType | None:
+        """Return the type with this name in other libraries."""
+        return self._elsewhere.get(name)
 
     def known_elsewhere(self, word: str) -> NodeType | None:
         """Return the type that other libraries call by this word, in capitals or not."""
         word = word.replace("_", "").lower()
-        tags = {"selector": self._types.get("fallback"), **{tag.lower(): found for tag, found in self._tags.items()}}
-        return tags.get(word)
+        names = {name.lower(): found for name, found in self._elsewhere.items()}
+        return names.get(word, self._types.get("fallback") if word == "selector" else None)
 
 
 def incomplete(cls: object) -> str:
@@ -156,6 +156,8 @@ def incomplete(cls: object) -> str:
         return "is no NodeType"
     if inspect.isabstract(cls):
         return "lacks " + ", ".join(sorted(cls.__abstractmethods__))
+    if hasattr(cls, "xml_tags"):
+        return "has xml_tags, which are called other_names now"
     lacking = [name for name in ("key", "symbol", "role", "value") if not hasattr(cls, name)]
     if not (cls.__dict__.get("__doc__") or "").strip():
         lacking.append("a docstring")

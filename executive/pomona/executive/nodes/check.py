@@ -50,7 +50,6 @@ class CheckType(Leaf):
     value = takes.Condition("succeeds when it holds, fails otherwise")
     ends = ("success", "failure")
     instant = True
-    xml_value = "condition"
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return Outcome(frozenset({"CONDITION_FALSE"}))
@@ -67,7 +66,6 @@ class WaitUntilType(Leaf):
 
     key, symbol = "wait_until", "◇"
     value = takes.Condition("runs until it holds")
-    xml_value = "condition"
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return Outcome()
@@ -120,7 +118,6 @@ class GuardType(Modifier):
     key, symbol = "guard", "◇"
     value = takes.Condition("looked at before each tick; when it does not hold the node fails")
     ends = ("success", "failure")
-    xml_value = "condition"
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return at.inside().plus("CONDITION_FALSE")
@@ -143,7 +140,6 @@ class WhenType(Modifier):
     key, symbol = "when", "◇"
     value = takes.Condition("looked at once; when it does not hold the node is skipped")
     ends = ("skipped", "not skipped")
-    xml_value = "condition"
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return replace(at.inside(), skips=True)

@@ -20,10 +20,8 @@ from pomona.executive.nodes.context import (
     FactContext,
     FlowContext,
     LastFailure,
+    NodeContext,
     OutcomeContext,
-    Words,
-    XmlExport,
-    XmlImport,
 )
 from pomona.executive.nodes.facts import ALL, Ends, Facts, Names, Outcome, codes_of
 from pomona.executive.nodes.node_type import Composite
@@ -154,7 +152,7 @@ class IfType(Composite):
         "then": takes.Child("runs when the condition holds or the node succeeds", required=True),
         "else": takes.Child("runs otherwise"),
     }
-    xml_tags = ("IfThenElse",)
+    other_names = ("IfThenElse",)
     reactive: ClassVar[bool] = False
 
     def around(self, at: CheckContext, index: int) -> Around:
@@ -194,34 +192,12 @@ class IfType(Composite):
         children = [at.child(i, failure=last_failure) if i == 2 else at.child(i) for i in range(len(at.node.children))]
         return If(at.name, children, self.reactive, last_failure)
 
-    def to_xml(self, at: XmlExport) -> object:
-        asked = at.node.children[0]
-        at_once = not self.reactive or (asked.kind == CheckType.key and not asked.modifiers)  # see `from_xml`
-        return at.element(self.xml_tags[0]) if at_once and len(at.node.children) == 3 else at.own({})
-
-    def from_xml(self, element: XmlImport) -> Words:
-        children = element.children()
-        own = element.tag == self.xml_tag
-        if not 2 <= len(children) <= 3:
-            return element.untranslated(f"has {len(children)} children")
-        if self.reactive and not own and takes_time(children[0]):
-            return element.untranslated(
-                "has a condition that takes time: the running branch would continue unattended meanwhile"
-            )
-        asked: object = children[0]
-        if list(children[0]) == ["check"]:
-            asked = children[0]["check"]
-        found = {self.key: asked, "then": children[1]}
-        if len(children) == 3:
-            return {**found, "else": children[2]}
-        return found if own else {**found, "else": {"fail": {}}}
-
 
 class ReactiveIfType(IfType):
     """like `if`, but evaluated in every tick; interrupts the running branch when the result changes"""
 
     key, symbol = "reactive_if", "⎇"
-    xml_tags = ("WhileDoElse",)
+    other_names = ("WhileDoElse",)
     reactive = True
 
 
@@ -234,7 +210,7 @@ class SwitchType(Composite):
         "cases": takes.Cases("nodes by word", required=True),
         "default": takes.Child("runs when no word fits"),
     }
-    xml_tags = ("Switch2", "Switch3", "Switch4", "Switch5", "Switch6")
+    other_names = ("Switch2", "Switch3", "Switch4", "Switch5", "Switch6")
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
         chosen = at.children()
@@ -250,45 +226,14 @@ class SwitchType(Composite):
             success, failure, skipped = success & ends.success, failure & ends.failure, skipped & ends.skipped
         return Ends(success, failure, skipped)
 
-    def words(self, at: BuildContext | XmlExport) -> list[str]:
+    def words(self, at: NodeContext) -> list[str]:
         """Return the cases in order."""
         return [lead.removesuffix(": ") for lead in at.node.leads[: len(at.node.children) - self.has_default(at)]]
 
     @staticmethod
-    def has_default(at: BuildContext | XmlExport) -> bool:
+    def has_default(at: NodeContext) -> bool:
         """Return True if something runs when no word fits."""
         return "default" in at.node.modifiers
 
     def build(self, at: BuildContext) -> Behaviour:
         return Switch(at.name, at.children(), self.words(at), at.value(self.key))
-
-    def to_xml(self, at: XmlExport) -> object:
-        words = self.words(at)
-        cases = {f"case_{number}": word for number, word in enumerate(words, start=1)}
-        known = 2 <= len(words) <= 6 and self.has_default(at) and at.plain(self.key)
-        if known:
-            return at.element(f"Switch{len(words)}", {"variable": at.text(self.key), **cases})
-        return at.own({"variable": at.text(self.key), **cases})
-
-    def from_xml(self, element: XmlImport) -> Words:
-        children, number = element.children(), 1
-        most = len(children) if element.tag == self.xml_tag else int(element.tag[-1])
-        if element.tag != self.xml_tag and len(children) != most + 1:
-            return element.untranslated(f"has {len(children)} children instead of {most} cases and a default")
-        cases: Words = {}
-        while f"case_{number}" in element.attributes and number <= min(most, len(children)):
-            cases[element.get(f"case_{number}")] = children[number - 1]
-            number += 1
-        rest = children[number - 1 :]
-        if not cases or len(rest) > 1 or len(cases) != number - 1 or any("{" in word for word in cases):
-            return element.untranslated("has cases that are no words, or that stand twice")
-        found: Words = {self.key: element.value("variable"), "cases": cases}
-        return {**found, "default": rest[0]} if rest else found
-
-
-def takes_time(words: object) -> bool:
-    """Return True if a node as plain values surely runs for more than a tick."""
-    if isinstance(words, dict):
-        slow = words.keys() & {"wait", "wait_until", "delay", "rate", "ask", "retry", "repeat", "for_each"}
-        return bool(slow) or any(map(takes_time, words.values()))
-    return isinstance(words, list) and any(map(takes_time, words))

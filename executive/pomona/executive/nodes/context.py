@@ -78,7 +78,6 @@ COUNTERS: Mapping[str, type[Any]] = {"retry": RetryCount, "repeat": RepeatCount,
 
 
 Entry = tuple[YamlScalar, YamlNode]
-Words = dict[str, Any]  # a node of a tree file as plain values, ready to be written
 
 Before = TypeVar("Before", contravariant=True)
 After = TypeVar("After", covariant=True)
@@ -300,66 +299,3 @@ class BuildContext(NodeContext, Protocol):
         """Return the behaviours of all children."""
 
     def part(self, slot: str, **names: object) -> Behaviour | None: ...
-
-
-class XmlExport(NodeContext, Protocol):
-    """The layer while it is written as XML."""
-
-    def text(self, slot: str) -> str:
-        """Return the text behind a word as an attribute; empty without one."""
-
-    def plain(self, slot: str) -> bool:
-        """Return True for a number or a wire, which BehaviorTree.CPP can read."""
-
-    def milliseconds(self, slot: str) -> str:
-        """Return a literal duration in whole milliseconds, else an empty text."""
-
-    def ports(self) -> dict[str, str]:
-        """Return the ports as attributes."""
-
-    def element(self, tag: str, attributes: Mapping[str, str] | None = None) -> Any:
-        """Return an element of BehaviorTree.CPP that contains the inner nodes."""
-
-    def own(self, attributes: Mapping[str, str]) -> Any:
-        """Return an element of Pomona; the file then holds its model."""
-
-    def skill(self) -> Any: ...
-
-    def subtree(self) -> Any:
-        """Return the element that calls the subtree."""
-
-
-class XmlImport(Protocol):
-    """An element of XML while it is read."""
-
-    @property
-    def tag(self) -> str:
-        """Tag of the element."""
-
-    @property
-    def attributes(self) -> Mapping[str, str]:
-        """All attributes of the element."""
-
-    def get(self, name: str) -> str:
-        """Return an attribute's text; empty without one."""
-
-    def value(self, name: str) -> object:
-        """Return an attribute in the form of tree files."""
-
-    def duration(self, name: str) -> str:
-        """Return an attribute in milliseconds as a duration."""
-
-    def count(self, name: str) -> object:
-        """Return an attribute as a number of times."""
-
-    def children(self) -> list[Words]:
-        """Return the children, translated."""
-
-    def ports(self) -> Words:
-        """Return all attributes that are ports."""
-
-    def untranslated(self, message: str) -> Words:
-        """Return an `untranslated` node that keeps the children: no equivalent node exists."""
-
-    def wrap(self, child: Words, word: str, value: object, more: Words | None = None) -> Words:
-        """Return a node with one more modifier."""

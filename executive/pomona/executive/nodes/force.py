@@ -14,9 +14,6 @@ from pomona.executive.nodes.context import (
     FlowContext,
     NodeContext,
     OutcomeContext,
-    Words,
-    XmlExport,
-    XmlImport,
 )
 from pomona.executive.nodes.facts import ALL, NO_CODES, Ends, Names, Outcome
 from pomona.executive.nodes.node_type import Modifier
@@ -45,7 +42,7 @@ class ForceType(Modifier):
 
     key, symbol = "force", "!"
     value = takes.Value(Port(str, choices=("success", "failure")), known=True)
-    xml_tags = ("ForceSuccess", "ForceFailure")
+    other_names = ("ForceSuccess", "ForceFailure")
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
         inside, end = at.inside(), at.literal(self.key)
@@ -62,13 +59,6 @@ class ForceType(Modifier):
     def build(self, at: BuildContext) -> Behaviour:
         return Force(at.name, at.inside(), at.literal(self.key))
 
-    def to_xml(self, at: XmlExport) -> object:
-        return at.element("ForceFailure" if at.text(self.key) == "failure" else "ForceSuccess")
-
-    def from_xml(self, element: XmlImport) -> Words:
-        (child,) = element.children()
-        return element.wrap(child, self.key, "failure" if element.tag == "ForceFailure" else "success")
-
 
 class Invert(Wrapper):
     """Succeeds when its child fails, and fails when it succeeds."""
@@ -84,7 +74,7 @@ class InvertType(Modifier):
 
     key, symbol = "invert", "!"
     value = takes.Value(Port(bool), known=True)
-    xml_tags = ("Inverter",)
+    other_names = ("Inverter",)
 
     def needed(self, at: NodeContext) -> bool:
         return at.literal(self.key) is not False
@@ -98,10 +88,3 @@ class InvertType(Modifier):
 
     def build(self, at: BuildContext) -> Behaviour:
         return Invert(at.name, at.inside())
-
-    def to_xml(self, at: XmlExport) -> object:
-        return at.element("Inverter")
-
-    def from_xml(self, element: XmlImport) -> Words:
-        (child,) = element.children()
-        return element.wrap(child, self.key, True)

@@ -15,9 +15,6 @@ from pomona.executive.nodes.context import (
     CheckContext,
     FactContext,
     OutcomeContext,
-    Words,
-    XmlExport,
-    XmlImport,
 )
 from pomona.executive.nodes.facts import UNKNOWN, Facts, Outcome
 from pomona.executive.nodes.node_type import Leaf, Stage
@@ -75,8 +72,7 @@ class WaitType(Leaf):
 
     key, symbol = "wait", "◷"
     value = takes.duration("lets time pass")
-    xml_value = "duration"
-    xml_tags = ("Sleep",)
+    other_names = ("Sleep",)
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
         duration = at.literal(self.key)
@@ -85,20 +81,12 @@ class WaitType(Leaf):
     def build(self, at: BuildContext) -> Behaviour:
         return Wait(at.name, at.value(self.key), at.now)
 
-    def to_xml(self, at: XmlExport) -> object:
-        milliseconds = at.milliseconds(self.key)
-        return at.element("Sleep", {"msec": milliseconds}) if milliseconds else super().to_xml(at)
-
-    def from_xml(self, element: XmlImport) -> Words:
-        return {self.key: element.duration("msec")} if element.tag == "Sleep" else super().from_xml(element)
-
 
 class SetType(Leaf):
     """writes values"""
 
     key, symbol = "set", "="
     value = takes.Assignments()
-    xml_value = "values"
     instant = True
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
@@ -110,19 +98,13 @@ class SetType(Leaf):
     def build(self, at: BuildContext) -> Behaviour:
         return SetValues(at.name, {at.writer(name): get for name, get in at.inputs().items()})
 
-    def xml_attributes(self, at: XmlExport) -> dict[str, str]:
-        return {"values": at.text(self.key)}
-
-    def from_xml(self, element: XmlImport) -> Words:
-        return {self.key: element.value("values") or {}}
-
 
 class SucceedType(Leaf):
     """ends at once with success"""
 
     key, symbol = "succeed", "✓"
     value = takes.Nothing()
-    xml_tags = ("AlwaysSuccess",)
+    other_names = ("AlwaysSuccess",)
     instant = True
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
@@ -131,19 +113,13 @@ class SucceedType(Leaf):
     def build(self, at: BuildContext) -> Behaviour:
         return Succeed(at.name)
 
-    def to_xml(self, at: XmlExport) -> object:
-        return at.element("AlwaysSuccess")
-
-    def from_xml(self, element: XmlImport) -> Words:
-        return {self.key: {}}
-
 
 class FailType(Leaf):
     """ends at once with a failure of the author's choice"""
 
     key, symbol, colour = "fail", "✗", "#a4262c"
     value = takes.Wires({"code": Port(str, default="FAILED"), "message": Port(str, default="")})
-    xml_tags = ("AlwaysFailure",)
+    other_names = ("AlwaysFailure",)
     instant = True
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
@@ -154,12 +130,6 @@ class FailType(Leaf):
     def build(self, at: BuildContext) -> Behaviour:
         inputs = at.inputs()
         return Fail(at.name, inputs.get("code", lambda: "FAILED"), inputs.get("message", lambda: ""))
-
-    def to_xml(self, at: XmlExport) -> object:
-        return super().to_xml(at) if at.node.ports else at.element("AlwaysFailure")
-
-    def from_xml(self, element: XmlImport) -> Words:
-        return {self.key: element.ports() if element.tag == self.xml_tag else {}}
 
 
 class SkillCall(Leaf):
@@ -184,14 +154,6 @@ class SkillCall(Leaf):
     def build(self, at: BuildContext) -> Behaviour:
         return at.skill()
 
-    def to_xml(self, at: XmlExport) -> object:
-        return at.skill()
-
-    def from_xml(self, element: XmlImport) -> Words:
-        if element.children():
-            return element.untranslated("has children, which a skill cannot have")
-        return {element.tag: element.ports()}
-
 
 class SubtreeCall(Leaf):
     """a subtree of this file, or of another"""
@@ -213,9 +175,6 @@ class SubtreeCall(Leaf):
         return at.subtree()
 
     def build(self, at: BuildContext) -> Behaviour:
-        return at.subtree()
-
-    def to_xml(self, at: XmlExport) -> object:
         return at.subtree()
 
 

@@ -1,6 +1,6 @@
 """Base of the words of the tree language: one class defines a composite, a modifier or a leaf completely.
 
-The reader, the checker, the builder, the JSON Schema, drawings, Groot's XML and the documentation use it; none of them
+The reader, the checker, the builder, the JSON Schema, drawings and the documentation use it; none of them
 knows a word by its name. A package adds words of its own by entry point (group `pomona.nodes`, name → class):
 
     class Paced(Modifier):
@@ -36,9 +36,6 @@ from pomona.executive.nodes.context import (
     FlowContext,
     NodeContext,
     OutcomeContext,
-    Words,
-    XmlExport,
-    XmlImport,
 )
 from pomona.executive.nodes.facts import ALL, Ends, Facts, Names, Outcome
 from pomona.executive.ports import Port
@@ -195,9 +192,7 @@ class NodeType(ABC):
     named: ClassVar[bool] = True  # whether the behaviour of a modifier shows its word
     ends: ClassVar[tuple[str, ...]] = ()  # ends that a test should see: success, failure, skipped, not skipped
     colour: ClassVar[str] = "#444444"  # in pictures
-    xml_value: ClassVar[str] = "value"  # attribute that carries its value in XML; empty when nodes stand there
-    xml_fields: ClassVar[Mapping[str, str]] = {}  # attributes of its fields, where they have another name
-    xml_tags: ClassVar[tuple[str, ...]] = ()  # elements of BehaviorTree.CPP and others that `from_xml` reads
+    other_names: ClassVar[tuple[str, ...]] = ()  # names of the same word in BehaviorTree.CPP and others
 
     @property
     def summary(self) -> str:
@@ -208,11 +203,6 @@ class NodeType(ABC):
     def slots(self) -> dict[str, Field]:
         """Its own word and its fields."""
         return {self.key: self.value, **self.fields}
-
-    @property
-    def xml_tag(self) -> str:
-        """The element that stands for it where BehaviorTree.CPP has none."""
-        return "Pomona" + "".join(word.capitalize() for word in self.key.split("_"))
 
     @cached_property
     def declares(self) -> bool:
@@ -270,45 +260,9 @@ class NodeType(ABC):
     def build(self, at: BuildContext) -> Behaviour:
         """Return its behaviour, with everything inside. A behaviour should explain its failure (`explain`)."""
 
-    # ---------------------------------------------------------------------------------------- Groot
-
-    def to_xml(self, at: XmlExport) -> Any:
-        """Return its element, by default one of Pomona with every word as an attribute."""
-        return at.own(self.xml_attributes(at))
-
-    def xml_attributes(self, at: XmlExport) -> dict[str, str]:
-        """Return its words by the attributes that carry them."""
-        found: dict[str, str] = {}
-        for slot, taken in self.slots.items():
-            if taken.nodes:
-                continue
-            if taken.wires:
-                found.update(at.ports())
-            elif text := at.text(slot):
-                found[self.xml_name(slot)] = text
-        return found
-
-    def xml_name(self, slot: str) -> str:
-        """Return the attribute that carries a word."""
-        return self.xml_value if slot == self.key else self.xml_fields.get(slot, slot)
-
     def choices(self, node: TreeNode) -> tuple[str, ...]:
         """Return the answers of a type that asks the operator; none for any other."""
         return ()
-
-    def from_xml(self, element: XmlImport) -> Words:
-        """Return its words from an element of Pomona, or from one of `xml_tags`."""
-        words: Words = {}
-        for slot, taken in self.fields.items():
-            if not taken.nodes and (value := element.value(self.xml_name(slot))) not in ("", None):
-                words[slot] = value
-        children = element.children()
-        if self.role == "modifier":
-            parts = [slot for slot, taken in self.fields.items() if taken.nodes]
-            words.update(zip(parts, children[1:], strict=False))
-            return element.wrap(children[0], self.key, element.value(self.xml_value), words)
-        value = children if self.value.nodes else element.ports() if self.value.wires else element.value(self.xml_value)
-        return {self.key: value, **words}
 
 
 class Composite(NodeType):

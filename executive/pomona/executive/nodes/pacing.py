@@ -17,9 +17,6 @@ from pomona.executive.nodes.context import (
     FactContext,
     FlowContext,
     OutcomeContext,
-    Words,
-    XmlExport,
-    XmlImport,
 )
 from pomona.executive.nodes.facts import Ends, Facts, Names, Outcome
 from pomona.executive.nodes.node_type import Modifier
@@ -126,8 +123,7 @@ class DelayType(Modifier):
     key, symbol = "delay", "◷"
     value = takes.duration("passes before each start of the node")
     outside_of = "force"
-    xml_value = "duration"
-    xml_tags = ("Delay",)
+    other_names = ("Delay",)
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
         inside, delay = at.inside(), at.literal(self.key)
@@ -136,16 +132,6 @@ class DelayType(Modifier):
     def build(self, at: BuildContext) -> Behaviour:
         return Delay(at.name, at.inside(), at.value(self.key), at.now)
 
-    def to_xml(self, at: XmlExport) -> object:
-        milliseconds = at.milliseconds(self.key)
-        return at.element("Delay", {"delay_msec": milliseconds}) if milliseconds else super().to_xml(at)
-
-    def from_xml(self, element: XmlImport) -> Words:
-        if element.tag == self.xml_tag:
-            return super().from_xml(element)
-        (child,) = element.children()
-        return element.wrap(child, self.key, element.duration("delay_msec"))
-
 
 class RateType(Modifier):
     """limits the rate of starts: after a success, the next start waits until the rate allows it"""
@@ -153,18 +139,10 @@ class RateType(Modifier):
     key, symbol = "rate", "♩"
     value = takes.Value(Port(RATE, min=0.001), "starts a second at most")
     outside_of = "delay"
-    xml_value = "rate"
-    xml_tags = ("RateController",)
+    other_names = ("RateController",)
 
     def build(self, at: BuildContext) -> Behaviour:
         return Rate(at.name, at.inside(), at.value(self.key), at.now)
-
-    def from_xml(self, element: XmlImport) -> Words:
-        if element.tag == self.xml_tag:
-            return super().from_xml(element)
-        (child,) = element.children()
-        hz = str(element.value("hz") or "10.0")
-        return element.wrap(child, self.key, f"{hz} * 1 Hz" if hz.startswith("{") else f"{hz} Hz")
 
 
 class RunOnceType(Modifier):
@@ -173,7 +151,7 @@ class RunOnceType(Modifier):
     key, symbol = "run_once", "1"
     value = takes.Value(Port(bool), known=True)
     outside_of = "for_each"
-    xml_tags = ("RunOnce",)
+    other_names = ("RunOnce",)
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return replace(at.inside(), skips=True)
@@ -184,15 +162,6 @@ class RunOnceType(Modifier):
 
     def build(self, at: BuildContext) -> Behaviour:
         return RunOnce(at.name, at.inside())
-
-    def from_xml(self, element: XmlImport) -> Words:
-        if element.tag == "RunOnce" and (element.get("then_skip") or "true") not in ("true", "1"):
-            return element.untranslated("repeats its first result instead of being skipped")
-        (child,) = element.children()
-        return element.wrap(child, self.key, True)
-
-    def to_xml(self, at: XmlExport) -> object:
-        return at.element("RunOnce")
 
 
 class Timeout(Wrapper):
@@ -222,8 +191,7 @@ class TimeoutType(Modifier):
 
     key, symbol = "timeout", "◷"
     value = takes.duration("for each try")
-    xml_value = "duration"
-    xml_tags = ("Timeout",)
+    other_names = ("Timeout",)
 
     def check_layer(self, at: CheckContext) -> None:
         super().check_layer(at)
@@ -250,17 +218,6 @@ class TimeoutType(Modifier):
 
     def build(self, at: BuildContext) -> Behaviour:
         return Timeout(at.name, at.inside(), at.value(self.key), at.now)
-
-    def to_xml(self, at: XmlExport) -> object:
-        milliseconds = at.milliseconds(self.key)
-        return at.element("Timeout", {"msec": milliseconds}) if milliseconds else super().to_xml(at)
-
-    def from_xml(self, element: XmlImport) -> Words:
-        if element.tag == self.xml_tag:
-            return super().from_xml(element)
-        (child,) = element.children()
-        limit = element.duration("msec")
-        return child if limit == "0 s" else element.wrap(child, self.key, limit)  # 0 sets no timer
 
 
 class Slower(Wrapper):

@@ -17,9 +17,6 @@ from pomona.executive.nodes.context import (
     FlowContext,
     NodeText,
     OutcomeContext,
-    Words,
-    XmlExport,
-    XmlImport,
 )
 from pomona.executive.nodes.facts import ALL, Ends, Names, Outcome, codes_of
 from pomona.executive.nodes.node_type import Composite
@@ -81,7 +78,7 @@ class ParallelType(Composite):
     fields: ClassVar[takes.Fields] = {
         "success_on": takes.ChildNames("'all', 'one', a number, or a list of children by name")
     }
-    xml_tags = ("Parallel", "ParallelAll")
+    other_names = ("Parallel", "ParallelAll")
 
     @staticmethod
     def chosen(node: NodeText) -> frozenset[int] | int:
@@ -149,28 +146,3 @@ class ParallelType(Composite):
 
     def build(self, at: BuildContext) -> Behaviour:
         return Parallel(at.name, at.children(), self.chosen(at.node))
-
-    def to_xml(self, at: XmlExport) -> object:
-        success_on = at.text("success_on") or "all"
-        count = {"all": "-1", "one": "1"}.get(success_on, success_on)
-        if not count.removeprefix("-").isdecimal():
-            return at.own({"success_on": success_on})
-        return at.element("Parallel", {"success_count": count, "failure_count": "1"})
-
-    def from_xml(self, element: XmlImport) -> Words:
-        if element.tag == self.xml_tag:
-            return {"parallel": element.children(), "success_on": element.value("success_on") or "all"}
-        children = element.children()
-        if element.tag == "ParallelAll":
-            if len(children) > 1 or element.get("max_failures") not in ("", "1", "-1"):
-                return element.untranslated("lets all children end before it fails")
-            return {"parallel": children}
-        success, failure = element.get("success_count") or "-1", element.get("failure_count") or "1"
-        everything = success == "-1" or (success != "1" and success == str(len(children)))
-        if everything and failure.isdecimal() and 0 < int(failure) <= len(children):
-            failure = "1"  # the first failure leaves too few to succeed
-        if failure != "1" or not (everything or (success.isdecimal() and 0 < int(success) <= len(children))):
-            return element.untranslated(f"succeeds on {success} and fails on {failure}")
-        if everything:
-            return {"parallel": children}
-        return {"parallel": children, "success_on": "one" if success == "1" else int(success)}

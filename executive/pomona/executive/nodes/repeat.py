@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -20,9 +20,6 @@ from pomona.executive.nodes.context import (
     NodeContext,
     OutcomeContext,
     RepeatCount,
-    Words,
-    XmlExport,
-    XmlImport,
 )
 from pomona.executive.nodes.facts import ALL, Ends, Names, Outcome
 from pomona.executive.nodes.node_type import Modifier
@@ -61,8 +58,7 @@ class RepeatType(Modifier):
 
     key, symbol = "repeat", "↻"
     value = takes.count("number of rounds, or 'forever'", words=("forever",))
-    xml_value = "rounds"
-    xml_tags = ("Repeat", "KeepRunningUntilFailure")
+    other_names = ("Repeat", "KeepRunningUntilFailure")
 
     @staticmethod
     def forever(at: NodeContext) -> bool:
@@ -85,36 +81,6 @@ class RepeatType(Modifier):
         count = RepeatCount()
         child = at.inside(repeat=count)
         return Repeat(at.name, child, at.value(self.key), count)
-
-    def to_xml(self, at: XmlExport) -> object:
-        if self.forever(at):
-            return at.element("Repeat", {"num_cycles": "-1"})
-        return at.element("Repeat", {"num_cycles": at.text(self.key)}) if at.plain(self.key) else super().to_xml(at)
-
-    def from_xml(self, element: XmlImport) -> Words:
-        if element.tag == self.xml_tag:
-            return super().from_xml(element)
-        (child,) = element.children()
-        if element.tag == "KeepRunningUntilFailure" and may_skip(child):  # it goes on when its child is skipped
-            child = {"sequence": [child, {"succeed": {}}]}
-        forever = element.tag == "KeepRunningUntilFailure" or element.get("num_cycles") == "-1"
-        return element.wrap(child, self.key, "forever" if forever else element.count("num_cycles"))
-
-
-def may_skip(words: object) -> bool:
-    """Return True if a node as plain values could be skipped; a subtree is not looked into."""
-    if isinstance(words, dict):
-        chooses = words.keys() & {"when", "run_once", "if", "reactive_if", "switch", "disabled"}
-        return bool(chooses) or any(map(may_skip, words.values())) or any(str(w)[:1].islower() for w in called(words))
-    return isinstance(words, list) and any(map(may_skip, words))
-
-
-def called(words: Words) -> list[str]:
-    """Return words that may call a subtree, which may be skipped."""
-    return [word for word, value in words.items() if isinstance(value, dict) and word not in _NEVER_SKIPPED]
-
-
-_NEVER_SKIPPED = frozenset({"succeed", "fail", "set", "attributes"})
 
 
 class ForEach(Wrapper):
@@ -161,8 +127,6 @@ class ForEachType(Modifier):
     key, symbol = "for_each", "∀"
     value = takes.Elements("a list; the node runs once for each item")
     fields: ClassVar[takes.Fields] = {"as": takes.NewName("for_each", "item", "name of the item, 'item' by default")}
-    xml_value = "items"
-    xml_fields: ClassVar[Mapping[str, str]] = {"as": "item"}
 
     def check_layer(self, at: CheckContext) -> None:
         if at.item() in at.around.items:
@@ -185,10 +149,3 @@ class ForEachType(Modifier):
         count = ForEachCount()
         items, give = at.value(self.key), at.writer(self.key)
         return ForEach(at.name, at.inside(for_each=count), items, give, count)
-
-    def xml_attributes(self, at: XmlExport) -> dict[str, str]:
-        return {"items": at.text(self.key), "item": f"{{{at.text('as') or 'item'}}}"}
-
-    def from_xml(self, element: XmlImport) -> Words:
-        (child,) = element.children()
-        return element.wrap(child, self.key, element.value("items"), {"as": element.get("item").strip("{}")})

@@ -21,9 +21,6 @@ from pomona.executive.nodes.context import (
     LastFailure,
     OutcomeContext,
     RetryCount,
-    Words,
-    XmlExport,
-    XmlImport,
 )
 from pomona.executive.nodes.facts import ALL, NO_CODES, Ends, Facts, Names, Outcome, codes_of
 from pomona.executive.nodes.node_type import Composite, Modifier
@@ -170,8 +167,7 @@ class RetryType(Modifier):
     }
     late = frozenset({"retry_if"})
     named = False
-    xml_value = "attempts"
-    xml_tags = ("RetryUntilSuccessful", "RetryUntilSuccesful")
+    other_names = ("RetryUntilSuccessful", "RetryUntilSuccesful")
 
     def check_layer(self, at: CheckContext) -> None:
         codes = at.outcomes.inside().codes
@@ -219,20 +215,6 @@ class RetryType(Modifier):
             retry_if=retry_if,
             last_failure=last_failure,
         )
-
-    def to_xml(self, at: XmlExport) -> object:
-        if self.fields.keys() & at.node.modifiers.keys() or not at.plain(self.key):
-            return super().to_xml(at)
-        return at.element("RetryUntilSuccessful", {"num_attempts": at.text(self.key)})
-
-    def from_xml(self, element: XmlImport) -> Words:
-        if element.tag == self.xml_tag:
-            return super().from_xml(element)
-        (child,) = element.children()
-        if element.get("num_attempts") == "-1":  # for ever: until a success ends the repetition of failures
-            repeated = element.wrap(element.wrap(child, "invert", True), "repeat", "forever")
-            return element.wrap(repeated, "invert", True)
-        return element.wrap(child, self.key, element.count("num_attempts"))
 
 
 class Fallback(Branch):
@@ -300,7 +282,7 @@ class FallbackType(Composite):
 
     key, symbol = "fallback", "?"
     value = takes.Children("one after the other until one succeeds")
-    xml_tags: ClassVar[tuple[str, ...]] = ("Fallback", "FallbackStar", "AsyncFallback")
+    other_names: ClassVar[tuple[str, ...]] = ("Fallback", "FallbackStar", "AsyncFallback")
     memory: ClassVar[bool] = True
 
     def around(self, at: CheckContext, index: int) -> Around:
@@ -348,14 +330,11 @@ class FallbackType(Composite):
         children = [at.child(i, failure=last_failure) if i else at.child(i) for i in range(len(at.node.children))]
         return Fallback(at.name, self.memory, children, last_failure)
 
-    def to_xml(self, at: XmlExport) -> object:
-        return at.element(self.xml_tags[0])
-
 
 class ReactiveFallbackType(FallbackType):
     """begins again with the first in every tick"""
 
     key, symbol = "reactive_fallback", "⁇"
     value = takes.Children("begins again with the first in every tick")
-    xml_tags = ("ReactiveFallback",)
+    other_names = ("ReactiveFallback",)
     memory = False

@@ -17,7 +17,6 @@ from pomona.executive.nodes.context import (
     FactContext,
     FlowContext,
     OutcomeContext,
-    XmlExport,
 )
 from pomona.executive.nodes.facts import ALL, NO_CODES, Ends, Facts, Names, Outcome
 from pomona.executive.nodes.node_type import Composite
@@ -74,7 +73,7 @@ class SequenceType(Composite):
 
     key, symbol = "sequence", "→"
     value = takes.Children("one after the other while they succeed")
-    xml_tags: ClassVar[tuple[str, ...]] = ("Sequence", "AsyncSequence")
+    other_names: ClassVar[tuple[str, ...]] = ("Sequence", "AsyncSequence")
     memory: ClassVar[bool] = True
     keeps: ClassVar[bool] = False
 
@@ -117,16 +116,13 @@ class SequenceType(Composite):
     def build(self, at: BuildContext) -> Behaviour:
         return Sequence(at.name, self.memory, at.children(), self.keeps)
 
-    def to_xml(self, at: XmlExport) -> object:
-        return at.element(self.xml_tags[0])
-
 
 class ReactiveSequenceType(SequenceType):
     """begins again with the first in every tick; interrupts the running child when an earlier one fails"""
 
     key, symbol = "reactive_sequence", "⇉"
     value = takes.Children("begins again with the first in every tick")
-    xml_tags = ("ReactiveSequence",)
+    other_names = ("ReactiveSequence",)
     memory = False
 
 
@@ -135,5 +131,5 @@ class SequenceWithMemoryType(SequenceType):
 
     key, symbol = "sequence_with_memory", "⇥"
     value = takes.Children("goes on with the child that failed when it is started again")
-    xml_tags = ("SequenceWithMemory", "SequenceStar")
+    other_names = ("SequenceWithMemory", "SequenceStar")
     keeps = True

@@ -15,7 +15,6 @@ from pomona.executive.nodes.context import (
     FlowContext,
     NodeContext,
     OutcomeContext,
-    XmlExport,
 )
 from pomona.executive.nodes.facts import ALL, Ends, Facts, Names, Outcome
 from pomona.executive.nodes.node_type import Modifier
@@ -69,6 +68,3 @@ class BreakpointType(Modifier):
 
     def build(self, at: BuildContext) -> Behaviour:
         return at.inside()
-
-    def to_xml(self, at: XmlExport) -> object:
-        return at.own({"value": at.text(self.key)})

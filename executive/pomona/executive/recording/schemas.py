@@ -22,6 +22,7 @@ class Schema:
 
     @property
     def text(self) -> str:
+        """The schema as JSON."""
         return json.dumps(self.content, ensure_ascii=False)
 
 

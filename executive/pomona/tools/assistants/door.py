@@ -14,7 +14,6 @@ from typing import Any
 from pomona.executive.cell.cell_file import KINDS, SIMULATED, outline_cell
 from pomona.executive.errors import UsageError
 from pomona.executive.files import default_name, find_cell, find_tree
-from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.reasons import failure_codes
 from pomona.executive.terminal.output import json_text
@@ -24,6 +23,7 @@ from pomona.tools.assistants.approvals import Approvals
 from pomona.tools.assistants.bounded import Answer, Commands
 from pomona.tools.assistants.work_folder import WorkFolder, version_of
 from pomona.tools.library.index import RunIndex
+from pomona.tools.listings.declared_skills import declared_skills
 
 QUICK = 60.0  # limit of a command that starts no run [s]; on a loaded computer a check takes 8 s
 MOST_SETTINGS, MOST_VALUE = 30, 200  # settings of a command, characters of a value

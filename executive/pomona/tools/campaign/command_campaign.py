@@ -11,13 +11,13 @@ from typing import Any
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from pomona.executive.engine import add_engine_options, open_engine
 from pomona.executive.errors import UsageError
 from pomona.executive.images import EXTRA
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.values.installation import need
 from pomona.tools.alerts.alerts import Alerts
 from pomona.tools.alerts.options import add_alerts, alerts_of
+from pomona.tools.campaign.engine import add_engine_options, open_engine
 from pomona.tools.campaign.run import RESULTS, finished_runs, run_campaign, succeeded
 from pomona.tools.campaign.spec import Campaign, CampaignRun, read_campaign
 

@@ -11,9 +11,9 @@ from multiprocessing.connection import wait
 from typing import Any
 from weakref import WeakKeyDictionary
 
-from pomona.executive.engine import ONE_THREAD, RENEWED_AFTER, TRIES, Engine, OrderLost, OrderTooLong, one_per_core
 from pomona.executive.errors import UsageError
 from pomona.executive.running.compute import Worker
+from pomona.tools.campaign.engine import ONE_THREAD, RENEWED_AFTER, TRIES, Engine, OrderLost, OrderTooLong, one_per_core
 
 
 @dataclass(slots=True)

@@ -12,9 +12,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from pomona.executive.engine import ONE_THREAD, RENEWED_AFTER, TRIES, Engine, OrderLost, OrderTooLong, one_per_core
 from pomona.executive.errors import UsageError
 from pomona.executive.values.installation import need
+from pomona.tools.campaign.engine import ONE_THREAD, RENEWED_AFTER, TRIES, Engine, OrderLost, OrderTooLong, one_per_core
 
 LOOK = 1.0  # time limits are looked at this often [s]
 

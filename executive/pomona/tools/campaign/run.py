@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from pomona.executive.encode import encoded
-from pomona.executive.engine import Engine
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.recording.plain_file import parse_object
@@ -22,6 +21,7 @@ from pomona.executive.running.compute import keep_workers_warm
 from pomona.executive.running.signals import WORDS
 from pomona.executive.values.installation import commit_here
 from pomona.executive.values.processes import lock
+from pomona.tools.campaign.engine import Engine
 from pomona.tools.campaign.spec import Campaign, CampaignRun
 
 RESULTS = "results.jsonl"

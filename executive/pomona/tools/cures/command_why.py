@@ -14,7 +14,6 @@ from rich.table import Table
 from pomona.executive.cell.cell_file import CellFile
 from pomona.executive.commands.command_line import RUN, add_records_folder
 from pomona.executive.encode import plain
-from pomona.executive.engine import one_per_core
 from pomona.executive.errors import UsageError
 from pomona.executive.execute import RunOrder
 from pomona.executive.files import default_name, find_cell
@@ -27,6 +26,7 @@ from pomona.executive.terminal.output import write_json
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import seconds
 from pomona.executive.values.units import TIME
+from pomona.tools.campaign.engine import one_per_core
 from pomona.tools.cures.candidates import CureCandidate, candidates
 from pomona.tools.cures.evidence import RunEvidence, gather
 from pomona.tools.cures.knobs import Knobs

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from multiprocessing.connection import wait
 from typing import Any, Protocol
 
-from pomona.executive.engine import ONE_THREAD, RENEWED_AFTER
 from pomona.executive.errors import PomonaError
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.running.compute import Worker, keep_workers_warm
+from pomona.tools.campaign.engine import ONE_THREAD, RENEWED_AFTER
 
 FORCES = ("finger_peak_n", "peak_force_n")  # figures of a world's score that hold the largest force [N]
 

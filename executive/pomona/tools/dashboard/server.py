@@ -21,7 +21,6 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.reasons import failure_codes
-from pomona.executive.recording.drawn_tree import drawing
 from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.recording.plain_file import is_plain
 from pomona.executive.running.events import Event
@@ -44,6 +43,7 @@ from pomona.tools.dashboard.record_messages import (
 from pomona.tools.dashboard.security import Access, RequestGuard
 from pomona.tools.dashboard.serving import WATCH_ONLY, HttpService, authorised_body
 from pomona.tools.library.index import RunIndex, records_in
+from pomona.tools.tree_drawing.drawn_tree import drawing
 from pomona.tools.tree_editor.asides import Asides
 
 STATIC = Path(__file__).parent / "static"

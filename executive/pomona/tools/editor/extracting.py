@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from pomona.executive.language.check import Analysis, analyse, with_declarations
+from pomona.executive.language.check import Analysis, analyse
 from pomona.executive.language.model import Definition
 from pomona.executive.language.read import read
 from pomona.executive.language.read_node import is_word
@@ -17,6 +17,7 @@ from pomona.tools.editor.format import STEP
 from pomona.tools.editor.patching import LiftedNode, TextPatch
 from pomona.tools.editor.wrapping import on_its_lines
 from pomona.tools.editor.written_tree import EditError, WrittenNode
+from pomona.tools.listings.declared_skills import with_declarations
 
 
 def extract(patch: TextPatch, node: WrittenNode, name: str, skills: Registry | None, path: Path) -> tuple[str, str]:

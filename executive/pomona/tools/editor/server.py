@@ -15,7 +15,6 @@ from pygls.uris import from_fs_path, to_fs_path
 
 from pomona.executive.errors import PomonaError
 from pomona.executive.files import find_cell
-from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.nodes.node_type import TreeNode
 from pomona.executive.registry import Registry
 from pomona.executive.values.findings import Finding, Located, said
@@ -23,6 +22,7 @@ from pomona.executive.values.installation import installed_version
 from pomona.tools.editor.format import FormatError, formatted
 from pomona.tools.editor.renaming import RenameRefused
 from pomona.tools.editor.service import Offer, TreeService
+from pomona.tools.listings.declared_skills import declared_skills
 
 KINDS = {
     "skill": lsp.CompletionItemKind.Function,

@@ -10,8 +10,8 @@ from html import escape
 from pathlib import Path
 
 from pomona.executive.palette import BAD, GOOD, LINE, MUTED
-from pomona.executive.recording.drawn_tree import drawing
 from pomona.executive.running.events import Event, NodeChanged, RunEnded, RunStarted
+from pomona.tools.tree_drawing.drawn_tree import drawing
 
 BOX = "<g><title>"  # begins each node's box in a drawn tree
 RANKS = {"SUCCESS": "good", "FAILURE": "bad", "RUNNING": "bad"}

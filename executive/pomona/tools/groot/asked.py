@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.tools.groot.files import Forest
+from pomona.tools.groot.forms import Forms
 from pomona.tools.groot.names import BUILTIN
 from pomona.tools.groot.xml_nodes import XmlElement
 
@@ -23,8 +23,8 @@ _HOW = "write <Condition ID=…>, or name its model with --nodes, when it takes 
 class Asked:
     """The first children of a forest's IfThenElse and WhileDoElse."""
 
-    def __init__(self, forest: Forest, types: NodeTypes) -> None:
-        self._forest, self._types = forest, types
+    def __init__(self, forest: Forest, forms: Forms) -> None:
+        self._forest, self._forms = forest, forms
         self._again = _started_again(forest)
 
     def why_not(self, tag: str, element: XmlElement) -> str:
@@ -45,7 +45,7 @@ class Asked:
 
     def _may_take_time(self, element: XmlElement) -> bool:
         """Return True if it contains a foreign node that no model declares as a condition."""
-        foreign = element.tag not in BUILTIN and self._types.of_tag(element.tag) is None
+        foreign = element.tag not in BUILTIN and self._forms.of_tag(element.tag) is None
         if foreign and element.tag != "Condition" and not element.children:
             return (element.get("ID") or element.tag) not in self._forest.conditions
         return any(map(self._may_take_time, element.children))

@@ -9,8 +9,7 @@ from typing import Any
 
 from pomona.executive.errors import UsageError
 from pomona.executive.files import find_tree, read_text, write_text
-from pomona.executive.language.check import read_document, refuse_errors, with_declarations
-from pomona.executive.language.declared_skills import declared_skills
+from pomona.executive.language.check import read_document, refuse_errors
 from pomona.executive.language.read import read
 from pomona.executive.nodes.leaves import SKILL
 from pomona.executive.registry import Registry
@@ -18,6 +17,7 @@ from pomona.executive.values.findings import format_findings
 from pomona.tools.groot.export_xml import export_groot
 from pomona.tools.groot.import_xml import import_groot
 from pomona.tools.groot.untranslated import UntranslatedType
+from pomona.tools.listings.declared_skills import declared_skills, with_declarations
 
 
 def add_export(subparsers: Any) -> None:

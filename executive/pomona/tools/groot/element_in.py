@@ -1,18 +1,19 @@
-"""An element of XML that a node type reads, with the attributes that have been read."""
+"""An element of XML that a word's form reads, with the attributes that have been read."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
-from pomona.executive.nodes.context import Words
 from pomona.executive.ports import TIME
 from pomona.tools.groot.files import Forest
 from pomona.tools.groot.keys import KeyNames, ScriptError, key_in
 from pomona.tools.groot.names import LITERAL
 from pomona.tools.groot.xml_nodes import XmlElement
 from pomona.tools.groot.yaml_text import YamlText
+
+Words = dict[str, Any]  # a node of a tree file as plain values, ready to be written
 
 ATTRIBUTES = ("name", "ID", "_description", "_autoremap", "_fullpath", "_uid")
 PRECONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")
@@ -52,7 +53,7 @@ class Importer(Protocol):
 
 @dataclass(slots=True)
 class ElementIn:
-    """An element being read by a node type (an `XmlImport`). Its children are read when they are first asked for."""
+    """An element that a word's form reads. Its children are read when they are first asked for."""
 
     importer: Importer
     found: XmlElement

@@ -15,6 +15,7 @@ from pomona.executive.ports import TIME, Port, type_name
 from pomona.executive.registry import Registry, default_text
 from pomona.executive.values.findings import Finding, Findings, TreeFileError
 from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
+from pomona.tools.groot.forms import form_of
 from pomona.tools.groot.names import BUILTIN, LITERAL, PREFIX
 from pomona.tools.groot.yaml_text import flow
 
@@ -76,7 +77,7 @@ class _Exporter:
         at = LayerXml(self, node, index, layer, definition)
         if not layer.needed(at) and layer.pauses(at) is None:
             return self.layer(node, index + 1, definition)
-        element: Element = layer.to_xml(at)
+        element = form_of(layer).to_xml(at)
         if layer is node.type:
             if node.name is not None:
                 element.set("name", node.name.text)
@@ -156,7 +157,7 @@ class _Exporter:
 
 @dataclass(frozen=True, slots=True)
 class LayerXml:
-    """One layer of a node being written (an `XmlExport`)."""
+    """One layer of a node being written."""
 
     exporter: _Exporter
     node: TreeNode
@@ -173,21 +174,26 @@ class LayerXml:
         return {"true": True, "false": False}.get(text, text or None)
 
     def text(self, slot: str) -> str:
+        """Return the text behind a word as an attribute; empty without one."""
         written = self.written(slot)
         return "" if written is None else _attribute(written)
 
     def plain(self, slot: str) -> bool:
+        """Return True for a number or a wire, which BehaviorTree.CPP can read."""
         written = self.written(slot)
         return written is not None and _is_simple(written)
 
     def milliseconds(self, slot: str) -> str:
+        """Return a literal duration in whole milliseconds, else an empty text."""
         written = self.written(slot)
         return "" if written is None else _milliseconds(written)
 
     def ports(self) -> dict[str, str]:
+        """Return the ports as attributes."""
         return self.exporter.ports(self.node)
 
     def element(self, tag: str, attributes: Mapping[str, str] | None = None) -> Element:
+        """Return an element of BehaviorTree.CPP that contains the inner nodes."""
         element = Element(tag, dict(attributes or {}))
         node, exporter = self.node, self.exporter
         if self.layer is node.type:
@@ -199,12 +205,15 @@ class LayerXml:
         return element
 
     def own(self, attributes: Mapping[str, str]) -> Element:
+        """Return an element of Pomona; the file then holds its model."""
         given = {name: value for name, value in attributes.items() if value}
-        _, ports = self.exporter.own.setdefault(self.layer.xml_tag, (self.layer, set()))
+        tag = form_of(self.layer).own_tag
+        _, ports = self.exporter.own.setdefault(tag, (self.layer, set()))
         ports.update(given)
-        return self.element(self.layer.xml_tag, given)
+        return self.element(tag, given)
 
     def skill(self) -> Element:
+        """Return the element that calls the skill."""
         name = self.node.key.text
         if name in BUILTIN or name.startswith(PREFIX):
             message = f"'{name}' means something else to BehaviorTree.CPP"
@@ -215,6 +224,7 @@ class LayerXml:
         return Element(name, self.ports())
 
     def subtree(self) -> Element:
+        """Return the element that calls the subtree."""
         name = self.node.key.text
         called = self.definition.file.subtrees.get(name)
         called_id = name if called is None else self.exporter.ids.get(id(called), name)

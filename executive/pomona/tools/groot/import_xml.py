@@ -9,13 +9,22 @@ from pathlib import Path
 
 from pomona.executive.language.expression import SPECIAL
 from pomona.executive.nodes.catalogue import NodeTypes
-from pomona.executive.nodes.context import Words
 from pomona.executive.nodes.leaves import SKILL
 from pomona.executive.skill import Skill
 from pomona.executive.values.findings import Finding, Findings
 from pomona.tools.groot.asked import Asked
-from pomona.tools.groot.element_in import AFTERWARDS, ATTRIBUTES, PRECONDITIONS, ElementIn, is_port, meant, value_of
+from pomona.tools.groot.element_in import (
+    AFTERWARDS,
+    ATTRIBUTES,
+    PRECONDITIONS,
+    ElementIn,
+    Words,
+    is_port,
+    meant,
+    value_of,
+)
 from pomona.tools.groot.files import Forest, own_metadata, ports_of
+from pomona.tools.groot.forms import Forms, form_of
 from pomona.tools.groot.keys import NAME, GivenText, KeyNames, ScriptError, key_in, small
 from pomona.tools.groot.names import BUILTIN, NEEDED, node_name, skill_name, tree_names
 from pomona.tools.groot.scripts import assignments_of, condition_of, statements_of
@@ -77,7 +86,8 @@ class _Importer:
         self.inside: list[str] = []
         self.inlined: set[str] = set()
         self.calls: set[str] = set()
-        self.asked = Asked(forest, self.types)
+        self.forms = Forms(types)
+        self.asked = Asked(forest, self.forms)
         self.count = 0  # number of nodes in inlined subtrees
 
     def file(self) -> str:
@@ -172,7 +182,7 @@ class _Importer:
 
     def bare(self, element: ElementIn) -> Words:
         tag = element.tag
-        found = self.types.of_tag(tag)
+        form = self.forms.of_tag(tag)
         if not tag:
             return element.untranslated("has no ID")
         needed = NEEDED.get(tag)
@@ -181,12 +191,13 @@ class _Importer:
         why = self.asked.why_not(tag, element.found)
         if why:
             return element.untranslated(why)
-        if found is not None:
-            if found.role == "modifier":
-                parts = 0 if tag in found.xml_tags else sum(taken.nodes for taken in found.fields.values())
+        if form is not None:
+            word = form.word
+            if word.role == "modifier":
+                parts = 0 if tag in word.other_names else sum(taken.nodes for taken in word.fields.values())
                 if not 1 <= len(element.found.children) <= 1 + parts:
                     return element.untranslated(f"has {len(element.found.children)} children")
-            return found.from_xml(element)
+            return form.from_xml(element)
         if tag == "SubTree":
             return self.subtree(element)
         if tag in ("Script", "ScriptCondition"):
@@ -212,7 +223,7 @@ class _Importer:
 
     def skill(self, element: ElementIn, model: XmlElement | None) -> Words:
         """Return a custom node; a model that was given beside the tree has the defaults of ports that are not wired."""
-        found = SKILL.from_xml(element)
+        found = form_of(SKILL).from_xml(element)
         if element.tag not in found:
             return found
         ports = found[element.tag]

@@ -16,8 +16,6 @@ from pomona.executive.nodes.context import (
     LastFailure,
     OutcomeContext,
     RetryCount,
-    Words,
-    XmlImport,
 )
 from pomona.executive.nodes.facts import NO_CODES, Ends, Names, Outcome
 from pomona.executive.nodes.node_type import Composite
@@ -34,7 +32,7 @@ class RecoveryType(Composite):
         exactly="first the action, then the recovery after its failure",
     )
     fields: ClassVar[takes.Fields] = {"attempts": takes.count("tries of the first child, by default 2")}
-    xml_tags = ("RecoveryNode",)
+    other_names = ("RecoveryNode",)
 
     def around(self, at: CheckContext, index: int) -> Around:
         around = replace(at.around, counters=at.around.counters | {"retry"})
@@ -62,11 +60,3 @@ class RecoveryType(Composite):
         return Retry(
             at.name, child, at.now, total, count=count, on_failure=recover, between_only=True, last_failure=last_failure
         )
-
-    def from_xml(self, element: XmlImport) -> Words:
-        if element.tag == self.xml_tag:
-            return super().from_xml(element)
-        retries, children = element.get("number_of_retries") or "1", element.children()
-        if not retries.isdigit() or len(children) != 2:
-            return element.untranslated(f"has {len(children)} children and {retries} retries")
-        return {self.key: children, "attempts": str(int(retries) + 1)}

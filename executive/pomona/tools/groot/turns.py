@@ -9,7 +9,7 @@ from py_trees.common import Status
 
 from pomona.executive.nodes import takes
 from pomona.executive.nodes.behaviours import Branch
-from pomona.executive.nodes.context import BuildContext, FlowContext, OutcomeContext, Words, XmlExport, XmlImport
+from pomona.executive.nodes.context import BuildContext, FlowContext, OutcomeContext
 from pomona.executive.nodes.facts import ALL, Ends, Names, Outcome, codes_of
 from pomona.executive.nodes.node_type import Composite
 from pomona.executive.nodes.sequence import SequenceType
@@ -102,7 +102,7 @@ class RoundRobinType(Composite):
 
     key, symbol = "round_robin", "⟳"
     value = takes.Children("they take turns")
-    xml_tags = ("RoundRobin",)
+    other_names = ("RoundRobin",)
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
         outcomes = at.children()
@@ -120,22 +120,14 @@ class RoundRobinType(Composite):
     def build(self, at: BuildContext) -> Behaviour:
         return RoundRobin(at.name, at.children())
 
-    def from_xml(self, element: XmlImport) -> Words:
-        if element.get("wrap_around") in ("false", "0"):
-            return element.untranslated("does not begin again after its last child")
-        return {self.key: element.children()}
-
 
 class PipelineSequenceType(SequenceType):
     """a sequence that ticks its earlier children again in every tick, also while they run"""
 
     key, symbol = "pipeline_sequence", "⇛"
     value = takes.Children("the earlier ones are ticked again in every tick")
-    xml_tags = ("PipelineSequence",)
+    other_names = ("PipelineSequence",)
     memory = False
 
     def build(self, at: BuildContext) -> Behaviour:
         return Pipeline(at.name, at.children())
-
-    def to_xml(self, at: XmlExport) -> object:
-        return at.own({})

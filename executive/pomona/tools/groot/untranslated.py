@@ -8,12 +8,12 @@ from typing import ClassVar
 from py_trees.behaviour import Behaviour
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.context import BuildContext, CheckContext, FlowContext, NodeText, OutcomeContext, XmlExport
+from pomona.executive.nodes.context import BuildContext, CheckContext, FlowContext, NodeText, OutcomeContext
 from pomona.executive.nodes.facts import UNKNOWN, Ends, Names, Outcome
 from pomona.executive.nodes.node_type import Composite, Field, NodeType, Reading, Schema, TreeNode
 from pomona.executive.nodes.sequence import Sequence
 from pomona.executive.ports import Port
-from pomona.executive.values.yaml_nodes import ShapeCheck, YamlList, YamlMapping, YamlNode, YamlScalar
+from pomona.executive.values.yaml_nodes import ShapeCheck, YamlList, YamlNode, YamlScalar
 
 
 class PerhapsChildren(takes.Children):
@@ -71,9 +71,3 @@ class UntranslatedType(Composite):
     def build(self, at: BuildContext) -> Behaviour:
         """Build its children as a sequence: only a dry run gets here, since the element is not installed."""
         return Sequence(at.name, True, at.children())
-
-    def to_xml(self, at: XmlExport) -> object:
-        entry = at.node.modifiers.get("attributes")
-        written = entry[1].entries.values() if entry is not None and isinstance(entry[1], YamlMapping) else ()
-        given = {key.text: value.text for key, value in written if isinstance(value, YamlScalar)}
-        return at.element(self.element(at.node), given)

@@ -16,21 +16,31 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from pomona.devices.ros2.rolling_path import PERIOD, OutOfSetPointsError, RollingPath
-from pomona.drivers.services import ConnectContext
-from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, UnusableRobotFile
-from pomona.drivers.interfaces import ArmLimits, ArmState
-from pomona.drivers.motion_supervisor import Supervision
-from pomona.drivers.path_arm import PathArm, words
-from pomona.drivers.path_motion import PathMotion
-from pomona.executive.cell.registration import Settings, driver
-from pomona.drivers.robot_file import read_limits
-from pomona.executive import Address, Link, Malformed, Nonsense, tcp_opener
-from pomona.executive.clock import Clock
-from pomona.executive.values.arrays import Float64
-from pomona.executive.values.kinds import Measure, PathTo, Whole
-from pomona.executive.values.sections import Problem, value
-from pomona.executive.values.units import TIME
+from pomona.drivers import (
+    POINT_PERIOD,
+    Address,
+    ArmLimits,
+    ArmState,
+    ConnectContext,
+    DeviceError,
+    DeviceFault,
+    DeviceLost,
+    Link,
+    Malformed,
+    Nonsense,
+    OutOfSetPointsError,
+    PathArm,
+    PathMotion,
+    RollingPath,
+    Settings,
+    Supervision,
+    UnusableRobotFile,
+    driver,
+    read_limits,
+    tcp_opener,
+    words,
+)
+from pomona.executive import TIME, Clock, Float64, Measure, PathTo, Problem, Whole, value
 
 ASK, TELL, SILENCE = 0.01, 0.03, 0.1  # between questions, between paths; without an answer for this long it is lost [s]
 
@@ -61,7 +71,7 @@ class $Name(PathArm):
     def __init__(
         self, wire: Link, clock: Clock, robot: Path, limits: ArmLimits, lead: float, name: str = "arm"
     ) -> None:
-        super().__init__(name, clock, robot, limits, Supervision(), PERIOD)
+        super().__init__(name, clock, robot, limits, Supervision(), POINT_PERIOD)
         self._wire, self._begun, self._lead = wire, b"", lead
         self._asked_at = self._heard_at = clock.now()
         self._told_at = -np.inf

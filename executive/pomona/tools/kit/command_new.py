@@ -13,12 +13,12 @@ from string import Template
 from typing import Any
 
 from pomona.executive.errors import UsageError
-from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.values.installation import elsewhere
 from pomona.tools.kit.cell_folder import NONE, begin_cell
 from pomona.tools.kit.package import EMPTY_TREE, OWN_TREE, PACKAGE, TREE
 from pomona.tools.kit.piece import Piece
+from pomona.tools.listings.declared_skills import declared_skills
 
 GROUP = "pomona.new"
 FROM_FILE = "pomona.new_from_file"  # a kind that is begun from a file: (file, folder, options) -> files, next commands

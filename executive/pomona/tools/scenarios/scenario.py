@@ -21,7 +21,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pomona.executive.files import read_text
-from pomona.executive.language.check import with_declarations
 from pomona.executive.language.mocks import MockedSkills, MockPlan, MocksReader, OneOrSeveral, Results, Tested, root_of
 from pomona.executive.language.model import Document
 from pomona.executive.language.read import read, read_file
@@ -33,6 +32,7 @@ from pomona.executive.values.kinds import AsWritten, Kind, ListOf, Measure, Sche
 from pomona.executive.values.plain_text import is_file
 from pomona.executive.values.sections import Placed, Section, value
 from pomona.executive.values.yaml_nodes import Reader, Refused, YamlMapping, YamlNode, YamlScalar
+from pomona.tools.listings.declared_skills import with_declarations
 from pomona.tools.scenarios.scenario_kinds import (
     Answers,
     ByNode,

@@ -7,8 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from pomona.applications.conveyor.intercepting import Rise, aim_of
-from pomona.drivers import Arm, BadTrajectory, MotionState, SetPoints
+from pomona.drivers import Arm, BadTrajectory, Gripper, MotionState, SetPoints
 from pomona.executive import Clock, Float64, Work
+from pomona.skills.grip import Hold
 from pomona.skills.motion import RobotModel
 
 WATCHDOG = 0.15
@@ -107,6 +108,25 @@ class HandStream:
         self.motion.stop()
         while not self.motion.settled:
             yield meanwhile() or "coming to rest"
+
+
+def end_pick(stream: HandStream, hold: Hold | None, gripper: Gripper) -> Work[None]:
+    """Rise and rest after a pick that failed or was interrupted: with the fruit if it is held, else with open fingers.
+
+    Without a running motion the hand comes to rest where it is.
+    """
+
+    def opens() -> None:
+        if hold is not None:
+            hold.take_over()
+        gripper.move(gripper.limits.width_max, gripper.limits.speed_max)
+
+    if not stream.moved or stream.motion.state is not MotionState.RUNNING:
+        yield from stream.rest()
+    elif hold is not None and hold.holds:
+        yield from stream.rise(CLEAR, lambda: None)
+    else:
+        yield from stream.leave(None if hold is None else opens)
 
 
 def inner_robot(arm: Arm) -> RobotModel:

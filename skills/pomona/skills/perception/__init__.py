@@ -8,10 +8,6 @@ from typing import TYPE_CHECKING
 from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
-    from pomona.skills.perception.detection.box_model import (
-        ScoredBox as ScoredBox,
-        load_boxes as load_boxes,
-    )
     from pomona.skills.perception.detection.compact_detector import (
         CompactDetector as CompactDetector,
     )
@@ -75,7 +71,6 @@ if TYPE_CHECKING:
     )
 
 PUBLIC = {
-    "detection.box_model": "ScoredBox load_boxes",
     "detection.compact_detector": "CompactDetector",
     "detection.detection": "AllDetections Detection DetectorOptions",
     "detection.errors": "BadFrame BadWeights DetectError",

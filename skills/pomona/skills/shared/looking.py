@@ -5,21 +5,23 @@ from __future__ import annotations
 from collections.abc import Generator, Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
+from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
 from pomona.drivers.errors import FrameUnreadable
 from pomona.drivers.interfaces import Arm, Camera, Frame, FruitKinds
 from pomona.executive.skill import CellFacts, Failure, Skill, SkillFailure
-from pomona.executive.values.arrays import Float64
-from pomona.executive.values.installation import install_extra
+from pomona.executive.values.arrays import Float32, Float64, UInt8
+from pomona.executive.values.installation import install_extra, reinstall
 from pomona.executive.values.sections import Problem
 from pomona.executive.views import ImageView, Line2, Pinhole
 from pomona.skills.motion.robot.model import RobotModel
 from pomona.skills.perception.detection.detection import (
+    DETECTORS,
     WORKING_WIDTH,
     BoxModelFile,
     DopeFiles,
@@ -34,9 +36,7 @@ from pomona.skills.perception.fruit import FruitModel, find_weights, load_fruit
 from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS, FruitError, damage, known_fruits
 
 if TYPE_CHECKING:  # engines are loaded where they are used: importing PyTorch takes seconds
-    from pomona.skills.perception.detection.box_detector import BoxDetector
     from pomona.skills.perception.detection.compact_detector import CompactDetector
-    from pomona.skills.perception.detection.dope_detector import DopeDetector
 
 _EDGES = np.array([0, 1, 2, 3, 0, 4, 5, 1, 5, 6, 2, 6, 7, 3, 7, 4])
 
@@ -77,10 +77,10 @@ class LookingSkill(Skill):
             plain = BoxModelFile(Path(boxes))
             pose = self.known("pose_from") or plain.pose
             width = boxes_width(self.known("working_width"))
-            _box_detector(BoxModelFile(plain.model, pose, width), fruit.name, fruit.weights, _sides(fruit))
+            _own_detector(BoxModelFile(plain.model, pose, width), fruit.name, fruit.weights, _sides(fruit))
             return
         if config and weights:
-            _dope_detector(DopeFiles(Path(weights), Path(config)), fruit.name, _sides(fruit))
+            _own_detector(DopeFiles(Path(weights), Path(config)), fruit.name, None, _sides(fruit))
             return
         if fruit.weights is None:
             raise BadWeights(SHIPPED_WEIGHTS / f"{fruit.name}{ENDING}", "is missing: restore it, or train the detector")
@@ -254,23 +254,33 @@ def _detector(weights: Path) -> CompactDetector:
     return detector
 
 
-@lru_cache(maxsize=1)
-def _dope_detector(files: DopeFiles, fruit: str, dimensions: tuple[float, float, float]) -> DopeDetector:
-    try:
-        from pomona.skills.perception.detection.dope_detector import DopeDetector
-    except ImportError as error:
-        raise MissingPackage("torch", f"runs DOPE's network {files.weights}") from error
+class FrameDetector(Protocol):
+    """A detector that another package gives (entry points `pomona.detectors`)."""
 
-    return DopeDetector.load(files, fruit, dimensions)
+    def find_instances(self, colour: UInt8, K: Float64, depth: Float32 | None) -> list[Instance]:
+        """Return the fruit of a frame, by falling score.
+
+        Args:
+            colour: (h, w, 3) uint8 RGB.
+            K: camera matrix (3, 3) [px].
+            depth: (h, w) [m], registered to the colour; None without a depth camera.
+        """
 
 
 @lru_cache(maxsize=4)
-def _box_detector(
-    file: BoxModelFile, fruit: str, weights: Path | None, dimensions: tuple[float, float, float]
-) -> BoxDetector:
-    from pomona.skills.perception.detection.box_detector import BoxDetector
-
-    return BoxDetector.load(file, fruit, weights, dimensions)
+def _own_detector(
+    files: BoxModelFile | DopeFiles, fruit: str, weights: Path | None, dimensions: tuple[float, float, float]
+) -> FrameDetector:
+    """Return the user's own detector of a fruit, as the package loads it that reads its files."""
+    name, file = ("dope", files.weights) if isinstance(files, DopeFiles) else ("boxes", files.model)
+    for point in entry_points(group=DETECTORS, name=name):
+        try:
+            load = point.load()
+        except ImportError as error:
+            raise MissingPackage("torch", f"runs the network {file}") from error
+        detector: FrameDetector = load(files, fruit, weights, dimensions)
+        return detector
+    raise BadWeights(file, f"no installed package reads such detectors: {reinstall('pomona')}")
 
 
 def _sides(fruit: FruitModel) -> tuple[float, float, float]:
@@ -287,11 +297,9 @@ def find_in_frame(frame: Frame, fruit: FruitModel, options: Search) -> list[Inst
         MissingPackage: PyTorch runs these weights, and it is not installed.
     """
     colour, K = frame.colour, frame.intrinsics.K
-    if isinstance(options, BoxModelFile):
-        boxes = _box_detector(options, fruit.name, fruit.weights, _sides(fruit))
-        return boxes.find_instances(colour, K, frame.depth)
-    if isinstance(options, DopeFiles):
-        return _dope_detector(options, fruit.name, _sides(fruit)).find_instances(colour, K)
+    if isinstance(options, BoxModelFile | DopeFiles):
+        own = _own_detector(options, fruit.name, fruit.weights, _sides(fruit))
+        return own.find_instances(colour, K, frame.depth)
     assert fruit.weights is not None
     return find_instances(_detector(fruit.weights).looking(replace(options, kind=fruit.name)), colour, K, fruit)
 

@@ -17,7 +17,8 @@ from pomona.executive import ENDINGS, Number, UInt8, UnusablePicture, is_file, r
 from pomona.tools.photographs.picture_results import FORMATS, SHEET, PictureResults, UnusableInput
 
 if TYPE_CHECKING:
-    from pomona.skills.perception import CompactDetector, FoundFruit, ScoredBox
+    from pomona.skills.perception import CompactDetector, FoundFruit
+    from pomona.tools.box_detectors.box_model import ScoredBox
 
 DEPTH = "_depth_mm.png"  # of an RGB-D frame, beside its colour: no picture to find fruit in
 TABLE = "found.csv"
@@ -127,8 +128,8 @@ def _search(options: argparse.Namespace) -> Search:
         CompactDetector,
         DetectorOptions,
         find_weights,
-        load_boxes,
     )
+    from pomona.tools.box_detectors.box_model import load_boxes
     from pomona.tools.fruit_kinds.kind_head import CALIBRATION, kinds_beside
 
     name, weights = _fruit(options.fruit)

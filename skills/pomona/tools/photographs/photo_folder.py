@@ -15,8 +15,8 @@ import yaml
 
 from pomona.executive.values.pictures import UnusablePicture, read_picture
 from pomona.executive.values.plain_text import NoTableError, read_plain_text, read_table
-from pomona.skills.perception.detection.box_settings import ClassUnknown, class_of
 from pomona.skills.perception.detection.errors import BadPhotographs
+from pomona.tools.box_detectors.box_settings import ClassUnknown, class_of
 from pomona.tools.photographs.photographs import (
     PICTURES,
     Labelled,

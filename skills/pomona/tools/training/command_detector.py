@@ -10,9 +10,9 @@ from typing import Any
 
 from rich.console import Console
 
-from pomona.executive.engine import add_engine_options, open_engine
 from pomona.executive.values.installation import need
 from pomona.executive.values.kinds import Number
+from pomona.tools.campaign.engine import add_engine_options, open_engine
 from pomona.tools.training import command_kinds
 from pomona.tools.training.progress_bar import ProgressBar
 
@@ -212,9 +212,9 @@ def train_main(options: argparse.Namespace) -> int:
 def _start(options: argparse.Namespace) -> Path | None:
     """Return the weights to go on from; None starts from nothing."""
     from pomona.skills.perception.detection.errors import BadTraining
-    from pomona.skills.perception.detection.networks import FinderNetwork
-    from pomona.skills.perception.detection.weights import load_compact
     from pomona.skills.perception.fruit import load_fruit
+    from pomona.tools.pytorch.networks import FinderNetwork
+    from pomona.tools.pytorch.weights import load_compact
     from pomona.tools.training.trunk import load_trunk
 
     def learns_on(weights: Path | None) -> bool:

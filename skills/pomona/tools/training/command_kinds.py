@@ -76,10 +76,10 @@ def train_kinds(options: argparse.Namespace, kinds: tuple[str, ...], pictures: l
     """Make the file of kinds. Raises DetectError, UnusablePicture: a file cannot be used."""
     from pomona.skills.perception.detection.compact_detector import CompactDetector
     from pomona.skills.perception.detection.detection import DetectorOptions
-    from pomona.skills.perception.detection.networks import FinderNetwork
     from pomona.skills.perception.fruit import load_fruit
     from pomona.tools.fruit_kinds.kind_head import CALIBRATION, NONE, StoredKinds, write_kinds
     from pomona.tools.photographs.box_evaluation import PRECISION
+    from pomona.tools.pytorch.networks import FinderNetwork
     from pomona.tools.training.kind_finds import collect
     from pomona.tools.training.kind_learning import exported_kinds, features, fitted, learn, table
     from pomona.tools.training.kind_network import KindNetwork

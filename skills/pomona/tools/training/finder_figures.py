@@ -11,10 +11,10 @@ from torch import nn
 
 from pomona.executive.values.arrays import Float64, UInt8
 from pomona.skills.perception.detection.close_look import FINDER_MULTIPLE
-from pomona.skills.perception.detection.networks import to_input
 from pomona.skills.perception.detection.places import Proposal, read_places
 from pomona.tools.photographs.box_evaluation import curve
 from pomona.tools.photographs.photographs import PhotoSet, fruit_scale
+from pomona.tools.pytorch.networks import to_input
 from pomona.tools.training.samples import FrameFolder
 
 Finds = tuple[Float64, Float64, Float64]  # of a picture: found boxes (n, 4), their scores (n,), true boxes (m, 4)

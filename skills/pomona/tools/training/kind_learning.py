@@ -17,9 +17,9 @@ from torch.nn import functional
 from pomona.executive.values.arrays import Float32, Float64, UInt8
 from pomona.skills.perception.detection.errors import BadTraining
 from pomona.skills.perception.detection.onnx_runtime import INPUT
-from pomona.skills.perception.detection.weights import exported
 from pomona.tools.fruit_kinds.kind_head import NONE, SIDE, KindScore, logits
 from pomona.tools.photographs.box_evaluation import PRECISION
+from pomona.tools.pytorch.weights import exported
 from pomona.tools.training.augmentation import change_look
 from pomona.tools.training.kind_finds import MOST, UNKNOWN, KindFinds, KindPicture
 from pomona.tools.training.kind_network import FEATURES, KindNetwork

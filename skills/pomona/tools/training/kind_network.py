@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from pomona.skills.perception.detection.networks import FinderNetwork, Trunk
+from pomona.tools.pytorch.networks import FinderNetwork, Trunk
 
 TAPS = {4: 40, 10: 112}  # blocks of the trunk whose features are read, and their channels
 POOLS = 3  # numbers of each channel: mean of all, mean and maximum of the middle

@@ -10,12 +10,12 @@ import numpy as np
 
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.errors import BadTraining
-from pomona.skills.perception.detection.networks import FinderNetwork
-from pomona.skills.perception.detection.weights import load_compact
 from pomona.skills.perception.detection.weights_file import read_weights, write_weights
 from pomona.skills.perception.fruit import load_fruit
 from pomona.tools.photographs.box_evaluation import box_figures
 from pomona.tools.photographs.photographs import PhotoSet, fruit_scale
+from pomona.tools.pytorch.networks import FinderNetwork
+from pomona.tools.pytorch.weights import load_compact
 from pomona.tools.training.evaluation import evaluate
 from pomona.tools.training.loop import Progress
 from pomona.tools.training.options import WITHOUT_TREES

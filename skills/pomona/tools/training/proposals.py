@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float32, Float64, UInt8
 from pomona.executive.values.pictures import write_picture
-from pomona.skills.perception.detection.box_detector import NoSphere, sphere_in_box
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.fruit import FruitModel
+from pomona.tools.box_detectors.box_detector import NoSphere, sphere_in_box
 
 SURE = 0.6  # least score of a detection that becomes a label, the default of Detect's `score`
 DOUBTFUL = 0.2  # detections with at least this score and without a label are neither fruit nor background

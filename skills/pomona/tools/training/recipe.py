@@ -12,10 +12,10 @@ import torch
 
 from pomona.executive.values.arrays import Float64, UInt8
 from pomona.skills.perception.detection.compact_detector import CompactDetector
-from pomona.skills.perception.detection.networks import CloseLookNetwork, FinderNetwork
-from pomona.skills.perception.detection.weights import load_compact, save_compact
 from pomona.skills.perception.detection.weights_file import FusedScore
 from pomona.tools.photographs.photographs import PhotoSet, fruit_scale
+from pomona.tools.pytorch.networks import CloseLookNetwork, FinderNetwork
+from pomona.tools.pytorch.weights import load_compact, save_compact
 from pomona.tools.training.dataset import render_dataset
 from pomona.tools.training.eight_bits import round_weights
 from pomona.tools.training.fit_score import fit_score, frame_places, photo_places

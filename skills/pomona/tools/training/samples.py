@@ -23,7 +23,7 @@ from pomona.skills.perception.detection.close_look import (
     look_at,
 )
 from pomona.skills.perception.detection.errors import BadAnnotation, BadTraining
-from pomona.skills.perception.detection.networks import IMAGENET_MEAN, IMAGENET_STD, STRIDE
+from pomona.tools.pytorch.networks import IMAGENET_MEAN, IMAGENET_STD, STRIDE
 from pomona.tools.training.annotations import AnnotatedObject, Annotation, read_annotation
 from pomona.tools.training.augmentation import change_look, cover
 from pomona.tools.training.targets import dope_targets

@@ -11,9 +11,9 @@ from pomona.executive.values.arrays import Float32
 from pomona.skills.perception.detection.close_look import Network
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.detection import DetectorOptions
-from pomona.skills.perception.detection.networks import CloseLookNetwork
-from pomona.skills.perception.detection.weights import Finder
 from pomona.skills.perception.detection.weights_file import Score
+from pomona.tools.pytorch.networks import CloseLookNetwork
+from pomona.tools.pytorch.weights import Finder
 
 
 def torch_detector(

@@ -17,8 +17,8 @@ from torch.utils.data import Dataset
 
 from pomona.skills.perception.detection.close_look import AXIS, CENTRE, KIND, SIZE
 from pomona.skills.perception.detection.errors import BadTraining
-from pomona.skills.perception.detection.networks import CloseLookNetwork, DopeNetwork, FinderNetwork, to_input
 from pomona.tools.photographs.photographs import PhotoSet
+from pomona.tools.pytorch.networks import CloseLookNetwork, DopeNetwork, FinderNetwork, to_input
 from pomona.tools.training.all_reduce import CONTEXT, GradientAllReduce
 from pomona.tools.training.finder_figures import finder_figures
 from pomona.tools.training.finder_samples import (

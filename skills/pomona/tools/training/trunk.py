@@ -8,8 +8,8 @@ from typing import Any
 import torch
 
 from pomona.skills.perception.detection.errors import BadWeights
-from pomona.skills.perception.detection.networks import FinderNetwork
-from pomona.skills.perception.detection.weights import fill
+from pomona.tools.pytorch.networks import FinderNetwork
+from pomona.tools.pytorch.weights import fill
 
 
 def load_trunk(network: FinderNetwork, path: Path) -> None:

@@ -19,9 +19,9 @@ from pomona.devices.suntouch.transport import SerialLink
 from pomona.drivers.errors import DeviceFault, DeviceLost, NoBias
 from pomona.drivers.hold_watch import HandMemory, HandRecord
 from pomona.drivers.interfaces import Gripper, WrenchSample
-from pomona.drivers.mock import MockClock, MockGripper
 from pomona.drivers.streams import Belief
 from pomona.executive.clock import ManualClock, SystemClock
+from pomona.tools.mock import MockClock, MockGripper
 
 CALIBRATION = FingerCalibration(
     "test",

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from pomona.drivers.depth_model import SENSORS, read_depth_model
 from pomona.drivers.interfaces import Frame, Intrinsics
-from pomona.drivers.mock.hand import MockCamera, MockClock
 from pomona.executive.cell.cell import Cell
 from pomona.tools.calibration import command_calibrate as calibrate
 from pomona.tools.calibration.depth_calibration import (
@@ -21,6 +20,7 @@ from pomona.tools.calibration.depth_calibration import (
     look_at_ball,
     read_balls,
 )
+from pomona.tools.mock.hand import MockCamera, MockClock
 
 CAMERA = Intrinsics(600.0, 600.0, 320.0, 240.0, 640, 480)
 V, U = np.indices((480, 640))

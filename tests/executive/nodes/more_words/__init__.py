@@ -13,6 +13,7 @@ from pomona.executive.nodes.ask import Question
 from pomona.executive.nodes.behaviours import Branch, Wrapper
 from pomona.executive.nodes.context import BuildContext, FlowContext, OutcomeContext
 from pomona.executive.nodes.facts import ALL, Ends, Names, Outcome, codes_of
+from pomona.executive.nodes.node_type import Field
 from pomona.executive.ports import RATE, Port
 
 
@@ -102,7 +103,7 @@ class Broken(PacedType):
     key = "broken"
 
     @property
-    def xml_tag(self) -> str:
+    def slots(self) -> dict[str, Field]:
         raise RuntimeError("of its own making")
 
 

@@ -17,11 +17,11 @@ import pytest
 import yaml
 from hypothesis import given, settings, strategies as st
 
-from pomona.executive.engine import OrderLost, OrderTooLong
 from pomona.executive.errors import UsageError
 from pomona.executive.values.findings import Findings
 from pomona.tools.campaign.command_campaign import report_name, subset
 from pomona.tools.campaign.document import to_html, to_markdown
+from pomona.tools.campaign.engine import OrderLost, OrderTooLong
 from pomona.tools.campaign.report import report, say
 from pomona.tools.campaign.run import RESULTS, finished_runs, read_results, run_campaign, succeeded
 from pomona.tools.campaign.spec import CAMPAIGN_FILES, Campaign, judge_campaign, read_campaign

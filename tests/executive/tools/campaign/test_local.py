@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from pomona.executive.engine import ONE_THREAD, OrderLost, OrderTooLong, open_engine
 from pomona.executive.errors import UsageError
+from pomona.tools.campaign.engine import ONE_THREAD, OrderLost, OrderTooLong, open_engine
 from pomona.tools.campaign.local import LocalEngine
 
 

@@ -8,7 +8,6 @@ from dataclasses import replace
 import pytest
 from recorded_events import started
 
-from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.reasons import Reason, failure_codes
 from pomona.executive.running.events import (
     AttemptEnded,
@@ -25,6 +24,7 @@ from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.summary import Summary
 from pomona.executive.terminal.words import figure, row_of
 from pomona.tools.campaign.report import title
+from pomona.tools.listings.declared_skills import declared_skills
 
 NODES = (
     {"path": "pick", "parent": None, "name": "pick", "type": "sequence"},

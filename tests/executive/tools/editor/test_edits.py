@@ -11,8 +11,8 @@ import pytest
 
 from benchmarks.tree_edits import ODD, disturbed, judge, random_edit, refused, tree_texts
 from pomona.executive.language import check, read
-from pomona.executive.language.declared_skills import declared_skills
 from pomona.tools.editor.edits import EditError, TreeEdit, apply, edit_of, nodes
+from pomona.tools.listings.declared_skills import declared_skills
 
 FOLDER = Path(__file__).resolve().parents[4]
 HEAD = "pomona: 1\ntree: t\nroot:\n"

@@ -16,12 +16,12 @@ from lsprotocol import types as lsp
 from pygls.lsp.client import LanguageClient
 
 from pomona.executive.files import find_cell
-from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.registry import Registry
 from pomona.executive.values.findings import Spot
 from pomona.tools.editor import service as service_module
 from pomona.tools.editor.renaming import RenameRefused
 from pomona.tools.editor.service import TreeService
+from pomona.tools.listings.declared_skills import declared_skills
 from tests.executive.loops import in_loop
 
 TREE = """\

@@ -67,10 +67,10 @@ HAVE_NO_COUNTERPART = {
 def elements() -> list[tuple[str, str, str]]:
     """Return each element that has a translation, with the attributes and children that it needs."""
     types = NodeTypes.installed()
-    foreign = {tag for word in types for tag in types[word].xml_tags}
+    foreign = {tag for word in types for tag in types[word].other_names}
     found = []
     for tag in sorted((foreign | BUILTIN) - HAVE_NO_COUNTERPART - {"SubTree"}):
-        known = types.of_tag(tag)
+        known = types.of_other_name(tag)
         number = CHILDREN.get(tag, 1 if known is not None and known.role == "modifier" else 2)
         children = "".join(["<Condition ID='C'/>", *(f"<A{i}/>" for i in range(number))][:number])
         found.append((tag, NEEDS.get(tag, ""), children))

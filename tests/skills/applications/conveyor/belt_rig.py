@@ -17,11 +17,11 @@ from pomona.applications.conveyor.intercept import Intercept
 from pomona.applications.conveyor.track_filter import FruitState
 from pomona.applications.conveyor.tracks import FruitTrack
 from pomona.drivers import Arm, Camera, Cameras, ForceSensor, Gripper, StreamedArm, Workspace, read_cell_file
-from pomona.drivers.mock import MockArm, MockCamera, MockClock, MockForceSensor, MockGripper
-from pomona.drivers.mock.arm import ROBOT
 from pomona.executive import SkillEnd, drive, find_cell
 from pomona.skills.motion import RobotModel
 from pomona.skills.perception import MeasuredFruit
+from pomona.tools.mock import MockArm, MockCamera, MockClock, MockForceSensor, MockGripper
+from pomona.tools.mock.arm import ROBOT
 from tests.skills.picking_scene import apple_at
 
 SIZE = np.array([0.073, 0.064, 0.073])

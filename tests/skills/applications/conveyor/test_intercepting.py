@@ -19,7 +19,7 @@ from pomona.applications.conveyor.intercepting import (
     plumb,
     reachable,
 )
-from pomona.drivers.mock.arm import SIA5F_LIMITS
+from pomona.tools.mock.arm import SIA5F_LIMITS
 from tests.skills.applications.conveyor.belt_rig import MODEL, workspace
 
 ALONG = np.array([1.0, 0.0, 0.0])

@@ -17,15 +17,15 @@ from pomona.applications.harvest.hanging import free_roll
 from pomona.applications.harvest.roll_choice import neighbours_of, roll_clearance
 from pomona.drivers.errors import DeviceFault
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, StreamedArm, Workspace
-from pomona.drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
-from pomona.drivers.mock.arm import ROBOT
-from pomona.drivers.mock.hand import PERIOD
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.skills.geometry import transform
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.robot import RobotModel, inverse_kinematics, nearest_solution
 from pomona.skills.perception.detection.detection import AllDetections, Detection
+from pomona.tools.mock import MockArm, MockClock, MockForceSensor, MockGripper
+from pomona.tools.mock.arm import ROBOT
+from pomona.tools.mock.hand import PERIOD
 from tests.skills.applications.harvest.hanging_stem import DIAMETER, MASS, STRONG, WEAK, G, Stem
 from tests.skills.picking_scene import apple_at
 

@@ -6,8 +6,6 @@ from pathlib import Path
 
 from pomona.applications.harvest.detach import Detach
 from pomona.applications.harvest.sample_hanging import SampleHanging
-from pomona.drivers.mock import MockArm, MockClock
-from pomona.drivers.mock.arm import ROBOT
 from pomona.executive.cell.cell_file import read_cell_file
 from pomona.executive.files import find_cell
 from pomona.executive.language import check, format_findings, read_file
@@ -15,6 +13,8 @@ from pomona.executive.registry import Registry
 from pomona.skills.motion.lines import straight_line
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.robot import RobotModel
+from pomona.tools.mock import MockArm, MockClock
+from pomona.tools.mock.arm import ROBOT
 
 TREE = Path(__file__).resolve().parents[4] / "trees" / "experimental" / "pick_tree.yaml"
 

@@ -12,8 +12,6 @@ from py_trees.common import Status
 from pomona.applications.harvest.hanging import free_roll, hanging_orientation, knuckle_of
 from pomona.applications.harvest.sample_hanging import SampleHanging
 from pomona.drivers.interfaces import Arm, Box, Workspace
-from pomona.drivers.mock import MockArm, MockClock
-from pomona.drivers.mock.arm import ROBOT
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.skills.geometry import transform
 from pomona.skills.motion.lines import straight_line
@@ -21,6 +19,8 @@ from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.perception.measured_fruit import MeasuredFruit
+from pomona.tools.mock import MockArm, MockClock
+from pomona.tools.mock.arm import ROBOT
 from tests.skills.picking_scene import apple_at
 
 OBSERVE = np.array([-1.538, -1.243, -0.002, -0.952, 0.059, -0.571, -0.057])

@@ -8,8 +8,8 @@ import pytest
 from pomona.applications.harvest import set_point
 from pomona.applications.harvest.detaching import DetachCommand
 from pomona.applications.harvest.set_point import CRAWL, HandAim
-from pomona.drivers.mock.arm import ROBOT
 from pomona.skills.motion.robot import RobotModel
+from pomona.tools.mock.arm import ROBOT
 
 DT = 0.02
 OUTWARDS = DetachCommand(np.array([0.0, 0.04, 0.0]), 0.0, 0.0, np.zeros(3))

@@ -16,8 +16,8 @@ from pomona.applications.policy.policy import Policy
 from pomona.applications.policy.policy_network import PolicyNetwork, UnusablePolicy, read_policy, write_policy
 from pomona.drivers.errors import DeviceLost
 from pomona.drivers.interfaces import Arm, ArmState, StreamedArm
-from pomona.drivers.mock import MockArm, MockClock
 from pomona.executive.skill_testing import SkillEnd, drive
+from pomona.tools.mock import MockArm, MockClock
 
 DOF = 7
 JOINTS = tuple(f"arm_joint_{k + 1}" for k in range(DOF))
@@ -56,7 +56,7 @@ class Setting:
 
     @property
     def clock_step(self) -> float:
-        from pomona.drivers.mock.hand import PERIOD
+        from pomona.tools.mock.hand import PERIOD
 
         return PERIOD
 

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pomona.drivers.mock.arm import ROBOT, SIA5F_LIMITS
 from pomona.executive.running.compute import Computations
 from pomona.skills.motion.collision import CollisionWorld
 from pomona.skills.motion.planning.arm_space import ArmSpace
 from pomona.skills.motion.planning.plan import PlanRequest, plan
 from pomona.skills.motion.planning.space import PlanningFailed
 from pomona.skills.shared.warm_motion import warm_planner
+from pomona.tools.mock.arm import ROBOT, SIA5F_LIMITS
 from tests.skills.picking_scene import HOME, OBSERVE, ROBOT_MODEL, WORKSPACE
 
 SPACE = ArmSpace(CollisionWorld.build(ROBOT_MODEL, WORKSPACE), 0.1)

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import assume, example, given, settings, strategies as st
 
 from pomona.drivers.interfaces import Frame, PathWatchSettings, Trajectory, Workspace
-from pomona.drivers.mock.arm import SIA5F_LIMITS
 from pomona.drivers.path_motion import PathFollower
 from pomona.drivers.trajectory import check_trajectory
 from pomona.executive.values.arrays import Float64
@@ -19,6 +18,7 @@ from pomona.skills.motion.planning.timing import time_polyline
 from pomona.skills.motion.watch import Braking, PathWatch
 from pomona.skills.motion.watch.path_watch import FRAME_INTERVAL, UNNOTICED
 from pomona.skills.shared.live_watch import TOO_OLD
+from pomona.tools.mock.arm import SIA5F_LIMITS
 from tests.skills.overhead import LENS, T_BASE_CAMERA, frame
 from tests.skills.picking_scene import HOME, OBSERVE, ROBOT_MODEL, WORKSPACE
 

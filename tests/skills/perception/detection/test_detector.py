@@ -9,10 +9,10 @@ from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.detection import DetectorOptions
 from pomona.skills.perception.detection.errors import BadFrame
 from pomona.skills.perception.detection.instances import FoundFruit, find_instances
-from pomona.skills.perception.detection.networks import CloseLookNetwork, FinderNetwork
 from pomona.skills.perception.detection.places import iou
 from pomona.skills.perception.fruit import FruitModel, load_fruit
 from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS
+from pomona.tools.pytorch.networks import CloseLookNetwork, FinderNetwork
 from pomona.tools.training.annotations import AnnotatedObject, Annotation
 from pomona.tools.training.dataset import annotate
 from pomona.tools.training.evaluation import Evaluation, evaluate, table

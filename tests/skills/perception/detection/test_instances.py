@@ -15,7 +15,7 @@ from pomona.skills.perception.detection.instances import (
     pose_covariance,
     pose_of,
 )
-from pomona.skills.perception.detection.pose import solve_pose
+from pomona.tools.pytorch.pose import solve_pose
 
 MIRRORED = (1, 0, 3, 2, 5, 4, 7, 6, 8)  # keypoint of each in the mirrored picture (CAMERA convention)
 

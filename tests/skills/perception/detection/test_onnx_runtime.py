@@ -19,10 +19,8 @@ from hypothesis import given, settings, strategies as st
 from onnx import TensorProto, helper, numpy_helper
 
 from pomona.skills.perception.detection import compact_detector
-from pomona.skills.perception.detection.box_model import BoxModel, load_boxes
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.errors import BadWeights
-from pomona.skills.perception.detection.networks import BeliefFinder, CloseLookNetwork, FinderNetwork
 from pomona.skills.perception.detection.onnx_runtime import (
     INPUT,
     MOST_NODES,
@@ -31,7 +29,6 @@ from pomona.skills.perception.detection.onnx_runtime import (
     judge_model,
     onnx_network,
 )
-from pomona.skills.perception.detection.weights import load_compact, save_compact
 from pomona.skills.perception.detection.weights_file import (
     FINDER,
     MOST_BYTES,
@@ -41,6 +38,9 @@ from pomona.skills.perception.detection.weights_file import (
 )
 from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS
+from pomona.tools.box_detectors.box_model import BoxModel, load_boxes
+from pomona.tools.pytorch.networks import BeliefFinder, CloseLookNetwork, FinderNetwork
+from pomona.tools.pytorch.weights import load_compact, save_compact
 from pomona.tools.training.options import SceneOptions
 from pomona.tools.training.scene import render_scene
 from pomona.tools.training.torch_engine import torch_detector

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import yaml
 
-from pomona.drivers.mock.hand import MockClock, MockForceSensor, MockGripper, spring_fruit
 from pomona.drivers.services import RobotServices
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cli import main as pomona
@@ -17,6 +16,7 @@ from pomona.executive.values.units import STIFFNESS
 from pomona.tools.grip_calibration import command_calibrate_grip as calibrate_grip
 from pomona.tools.grip_calibration.calibration import GuidanceEnded, write_pushes
 from pomona.tools.grip_calibration.command_calibrate_grip import GuidedPushes
+from pomona.tools.mock.hand import MockClock, MockForceSensor, MockGripper, spring_fruit
 from tests.skills.tools.grip_calibration.pushes import TRUE, all_pushes
 
 MU = 0.5

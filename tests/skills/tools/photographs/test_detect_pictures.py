@@ -26,7 +26,7 @@ from pomona.tools.photographs.command_detect_pictures import add, find_fruit
 from pomona.tools.photographs.photo_folder import read_labels
 from pomona.tools.training.options import SceneOptions
 from pomona.tools.training.scene import render_scene
-from tests.skills.perception.detection.onnx_boxes import red_square_model
+from tests.skills.tools.box_detectors.onnx_boxes import red_square_model
 from tests.skills.tools.photographs.photo_folders import TRUTH, boxes_of, tables, yolo
 
 

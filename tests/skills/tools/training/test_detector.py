@@ -11,9 +11,9 @@ import torch
 
 from pomona.executive.errors import UsageError
 from pomona.executive.values.installation import install_extra
-from pomona.skills.perception.detection.networks import BeliefFinder, CloseLookNetwork
-from pomona.skills.perception.detection.weights import load_compact, save_compact
 from pomona.skills.perception.detection.weights_file import read_weights
+from pomona.tools.pytorch.networks import BeliefFinder, CloseLookNetwork
+from pomona.tools.pytorch.weights import load_compact, save_compact
 from pomona.tools.training import recipe
 from pomona.tools.training.annotations import read_annotation
 from pomona.tools.training.command_detector import add_data, add_export, add_train

@@ -8,10 +8,10 @@ import onnx
 import pytest
 import torch
 
-from pomona.skills.perception.detection.networks import BeliefFinder, CloseLookNetwork, FinderNetwork
 from pomona.skills.perception.detection.onnx_runtime import onnx_network
-from pomona.skills.perception.detection.weights import load_compact, save_compact
 from pomona.skills.perception.detection.weights_file import StoredDetector, read_weights
+from pomona.tools.pytorch.networks import BeliefFinder, CloseLookNetwork, FinderNetwork
+from pomona.tools.pytorch.weights import load_compact, save_compact
 from pomona.tools.training.eight_bits import round_weights
 
 K = np.array([[160.0, 0.0, 80.0], [0.0, 160.0, 48.0], [0.0, 0.0, 1.0]])

@@ -10,12 +10,12 @@ import pytest
 import torch
 
 from pomona.skills.perception.detection.errors import BadTraining
-from pomona.skills.perception.detection.networks import CloseLookNetwork, FinderNetwork
-from pomona.skills.perception.detection.weights import save_compact
 from pomona.skills.perception.detection.weights_file import read_weights
 from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS
 from pomona.tools.photographs.photo_folder import read_photographs
 from pomona.tools.photographs.photographs import PhotoSet
+from pomona.tools.pytorch.networks import CloseLookNetwork, FinderNetwork
+from pomona.tools.pytorch.weights import save_compact
 from pomona.tools.training import learning
 from pomona.tools.training.learning import BenchFigures, learn
 from pomona.tools.training.recipe import FrameSet, Recipe, TrainingStage

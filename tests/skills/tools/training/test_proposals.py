@@ -13,7 +13,7 @@ from pomona.skills.perception.detection.instances import FoundFruit
 from pomona.skills.perception.fruit import load_fruit
 from pomona.tools.photographs.photo_folder import read_photographs
 from pomona.tools.training.proposals import RecordedLook, propose, write_proposals
-from tests.skills.perception.detection.test_box_detector import K, ball, box_of
+from tests.skills.tools.box_detectors.test_box_detector import K, ball, box_of
 
 CENTRES = [(-0.15, 0.0, 0.5), (0.0, 0.0, 0.5), (0.15, 0.0, 0.5)]
 

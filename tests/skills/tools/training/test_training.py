@@ -12,7 +12,7 @@ import torch
 
 from pomona.skills.perception.detection.close_look import HEAT, QUALITY, REACHES
 from pomona.skills.perception.detection.errors import BadAnnotation, BadTraining
-from pomona.skills.perception.detection.networks import CloseLookNetwork, FinderNetwork
+from pomona.tools.pytorch.networks import CloseLookNetwork, FinderNetwork
 from pomona.tools.training import targets
 from pomona.tools.training.all_reduce import GradientAllReduce
 from pomona.tools.training.dataset import render_dataset

@@ -6,13 +6,14 @@ import contextlib
 import copy
 from collections.abc import Callable
 from dataclasses import replace
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from pomona.executive.values.arrays import Float32, Float64, UInt8
+from pomona.executive.values.installation import reinstall
 from pomona.executive.values.trial import trial
 from pomona.skills.perception.detection.close_look import (
     AXIS,
@@ -28,7 +29,7 @@ from pomona.skills.perception.detection.close_look import (
     check_picture,
     look_at,
 )
-from pomona.skills.perception.detection.detection import WORKING_WIDTH, DetectorOptions
+from pomona.skills.perception.detection.detection import DETECTORS, WORKING_WIDTH, DetectorOptions
 from pomona.skills.perception.detection.errors import BadWeights, MissingPackage
 from pomona.skills.perception.detection.instances import FoundFruit
 from pomona.skills.perception.detection.onnx_runtime import judge_network, onnx_network
@@ -306,7 +307,7 @@ def try_weights(path: str) -> None:
 
 def _tried(path: Path | str) -> None:
     if is_torch_file(path):
-        problem = trial("pomona.skills.perception.detection.weights:try_compact", str(path))
+        problem = trial(f"{_torch_reader(path).value}:try_compact", str(path))
     else:
         stored = read_weights(path)
         judge_network(stored.finder, path, FINDER)
@@ -325,12 +326,20 @@ def read_stored(path: Path | str) -> StoredDetector:
     """
     if not is_torch_file(path):
         return read_weights(path)
+    reader = _torch_reader(path)
     try:
-        from pomona.skills.perception.detection.weights import convert
+        converted: StoredDetector = reader.load().convert(path)
     except ImportError as error:
         purpose = f"reads {path}, which an earlier version wrote,"
         raise MissingPackage("torch", purpose) from error
-    return convert(path)
+    return converted
+
+
+def _torch_reader(path: Path | str) -> EntryPoint:
+    """Return the module that reads files of PyTorch. Raises BadWeights: no package gives it."""
+    for point in entry_points(group=DETECTORS, name="pytorch"):
+        return point
+    raise BadWeights(path, f"PyTorch wrote it, and no installed package reads it: {reinstall('pomona')}")
 
 
 def _shrunk(colour: UInt8, width: int, height: int) -> UInt8:

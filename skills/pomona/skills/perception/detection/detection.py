@@ -49,6 +49,8 @@ class BoxModelFile:
     working_width: int = WORKING_WIDTH  # width of the picture in a model without a fixed input size [px]
 
 
+DETECTORS = "pomona.detectors"  # entry points: `boxes` and `dope` load a detector, `pytorch` is a reader of weights
+
 Search = DetectorOptions | DopeFiles | BoxModelFile  # any of the ways to find fruit in a frame
 
 

@@ -1,0 +1,1 @@
+"""Lists of the installed skills and of the language, for people, editors and shells."""

@@ -1,0 +1,1 @@
+"""Networks in PyTorch: their definitions, their weights, and DOPE's full network as a detector."""
