@@ -32,7 +32,7 @@ def test_a_finger_draws_the_fruit_from_the_wall_and_rises(radius):
     ball = RollingBall(scene, radius)
     outcome = draw(scene)
     assert outcome.status is Status.SUCCESS
-    assert outcome.outputs["moved"] == pytest.approx(0.045, abs=1e-3)
+    assert outcome.outputs["finger"] == pytest.approx(0.045, abs=1e-3)
     assert ball.rolled > 0.018
     assert ball.most < 4.0
     assert is_up_again(scene)
@@ -54,7 +54,7 @@ def test_a_fruit_that_is_stopped_ends_the_pull_and_counts_once_it_has_made_room(
     RollingBall(scene, 0.0405, blocked_at=free)
     outcome = draw(scene)
     assert (outcome.reason.code if outcome.reason else None) == code
-    moved = outcome.reason.data["moved_m"] if code else outcome.outputs["moved"]
+    moved = outcome.reason.data["moved_m"] if code else outcome.outputs["finger"]
     assert (moved < 0.015) is (code is not None)
     assert moved < 0.042
     assert is_up_again(scene)
