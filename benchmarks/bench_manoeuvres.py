@@ -5,7 +5,7 @@
 
 `between`: the first of four fruits lies at a wall, with a neighbour pressed on either side; Insert, then grip and lift.
 `middle`: the same in the middle of the crate. `corner`: one fruit in a corner; Hook, then its room by geometry.
-No camera looks: places err by 1.5 mm (1 σ per axis) and sizes by 2 %, as measured in docs. Rows are appended.
+No camera looks: places err by 1.5 mm (1 σ per axis) and sizes by 2 %. Rows are appended.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 
-from pomona.applications.crates.ease import Ease
 from pomona.applications.crates.freedom import freedom, obstacles_of
 from pomona.applications.crates.hook import Hook
 from pomona.applications.crates.insert import Insert
@@ -160,7 +159,6 @@ def run(kind: str, seed: int) -> dict[str, Any]:
                 ended = trial.do(SlipAvoidGrasp(), fruit=grasp.fruit)
                 if ended.reason is None:
                     hold = ended.outputs["hold"]
-                    figures["leant_m"] = trial.do(Ease(), hold=hold, grasp=grasp).outputs.get("shifted")
                     ended = trial.do(Lift(), hold=hold, grasp=grasp, clearance=4e-3)
             else:
                 figures |= dict(ended.reason.data)

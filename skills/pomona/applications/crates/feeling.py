@@ -18,6 +18,8 @@ OPEN = 1e-3
 """Deviation of the opening that is none [m]."""
 PUSHED = 2e-3
 """Motion of the resting fingers that shows a push [m]; a gripper's supervisor allows 3 mm."""
+REST = 0.15
+"""Time after a motion of the fingers until the motor's force shows rest [s]: it brakes them."""
 PRESSED = 2.0
 """Force of the motor of resting fingers that shows something at them before a motion [N]."""
 UP = Manner(0.10, 1.0, 10.0)
@@ -86,6 +88,7 @@ class FeelingSkill(MovingSkill):
                 if failed.failure.code != "MOTION_FAILED":
                     raise
                 raise self.failure("CONTACT", f"over the fruit {failed.failure.message}") from failed
+            yield from self.wait(REST)
         force = gripper.state().motor_force or 0.0
         if abs(force) > PRESSED:
             words = f"something pushes the fingers with {abs(force):.1f} N over the fruit; the arm has not moved"

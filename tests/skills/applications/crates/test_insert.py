@@ -138,6 +138,21 @@ def test_fingers_that_are_closed_are_opened_over_the_fruit_first():
     assert scene.gripper.moves[0].width == pytest.approx(an_insert().width)
 
 
+def test_the_force_with_which_the_motor_brakes_the_fingers_is_no_push():
+    scene = over_the_fruit()
+    scene.gripper.width = 0.05
+
+    def brake(_tick: int) -> None:
+        moves = scene.gripper.moves
+        scene.gripper.motor_force = 0.0 if scene.arm.followed or not moves or not moves[0].settled else 1.5
+        if moves and moves[0].settled and scene.clock.now() > ended[0] + 0.1:
+            scene.gripper.motor_force = 0.0
+        ended[0] = scene.clock.now() if not moves or not moves[0].settled else ended[0]
+
+    ended = [0.0]
+    assert go_down(scene, each_tick=brake).status is Status.SUCCESS
+
+
 @pytest.mark.parametrize("trouble", ["blocked", "pressed"])
 def test_something_at_the_fingers_is_a_contact_before_the_arm_moves(trouble):
     scene = over_the_fruit()
