@@ -78,13 +78,23 @@ class Beside:
         return cls(fruit, tuple(boxes), others, fruit_points(fruit))
 
     @property
+    def radius(self) -> float:
+        """Half of the fruit's width [m]."""
+        return float(self.fruit.dimensions[0]) / 2.0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the walls."""
+        return tuple({wall.name for wall in self.walls})
+
+    @property
     def top(self) -> float:
         """Height of the fingers' tips at the beginning, over the fruit and the walls beside it [m]."""
         walls = [wall.planes[wall.planes[:, 2] > 0.99, 3].min() for wall in self.walls if self._is_near(wall)]
-        return float(max(self.points[:, 2].max() + OVER[0], *(height + OVER[1] for height in walls)))
+        return float(max([self.points[:, 2].max() + OVER[0], *(height + OVER[1] for height in walls)]))
 
     def _is_near(self, wall: Convex) -> bool:
-        normal, gap = _facing(self.points, wall)
+        normal, gap = facing(self.points, wall)
         return gap < WALL_NEAR and abs(float(normal[2])) < 0.5
 
     @property
@@ -93,7 +103,7 @@ class Beside:
         total = np.zeros(3)
         for wall in self.walls:
             if self._is_near(wall):
-                total += _facing(self.points, wall)[0] * [1.0, 1.0, 0.0]
+                total += facing(self.points, wall)[0] * [1.0, 1.0, 0.0]
         size = float(np.linalg.norm(total))
         return total / size if size > 0.5 else None
 
@@ -137,7 +147,7 @@ def hook_candidates(
         T_base_over = T_base_tcp.copy()
         if not why:
             T_base_over[2, 3] = beside.top + gripper_shape(robot).points[:, 2].max()
-            q_free, why = _postures(space, beside, near, T_base_over, T_base_tcp, pull * distance)
+            q_free, why = postures_over(space, beside.names, near, T_base_over, T_base_tcp, pull * distance)
         if why:
             ruled_out.append(RuledOut(index, 0.0, turn, "IN_COLLISION" if "touch" in why else "UNREACHABLE", why))
             continue
@@ -182,7 +192,7 @@ def _lowest(
         T_base_tcp[2, 3] = middle[2] + LOWEST
         rise = np.array([0.0, 0.0, beside.top - float(corners[:, 2].min()) - T_base_tcp[2, 3]])
         swept = np.vstack((corners, corners + rise))
-        why = _touched(swept + T_base_tcp[:3, 3], fingers.bodies * 2, (*beside.walls, *beside.neighbours))
+        why = touched(swept + T_base_tcp[:3, 3], fingers.bodies * 2, (*beside.walls, *beside.neighbours))
         if not why:
             return T_base_tcp, ""
     return T_base_tcp, why or "the fruit is too small for a finger behind it"
@@ -191,45 +201,47 @@ def _lowest(
 def _ahead(beside: Beside, fingers: GripperShape, width: float, T_base_tcp: Float64, pull: Float64) -> str:
     """Return the obstacle that the fingers would touch on the pull; the fruit may push neighbours."""
     corners = (fingers.points + (width - fingers.closed) * fingers.slides) @ T_base_tcp[:3, :3].T + T_base_tcp[:3, 3]
-    return _touched(np.vstack((corners, corners + pull)), fingers.bodies * 2, (*beside.walls, *beside.neighbours))
+    return touched(np.vstack((corners, corners + pull)), fingers.bodies * 2, (*beside.walls, *beside.neighbours))
 
 
 def _pushed(beside: Beside, pull: Float64) -> str:
     """Return which neighbour the fruit would push on its way; it may slide along one that it touches."""
     for shape in beside.neighbours:
-        before = min(_facing(beside.points, shape)[1], 0.0)
+        before = min(facing(beside.points, shape)[1], 0.0)
         for share in (0.2, 0.5, 1.0):
-            if _facing(beside.points + share * pull, shape)[1] < before - PUSH:
+            if facing(beside.points + share * pull, shape)[1] < before - PUSH:
                 return f"the fruit would touch the {shape.name} in front of it"
     return ""
 
 
-def _touched(points: Float64, bodies: Sequence[str], shapes: Sequence[Convex]) -> str:
+def touched(points: Float64, bodies: Sequence[str], shapes: Sequence[Convex]) -> str:
     """Return which finger comes too near to which shape, by a plane between both; empty if none does."""
     for body in dict.fromkeys(bodies):
         own = points[[name == body for name in bodies]]
         for shape in shapes:
-            if float(_facing(own, shape)[1]) < WALL_AIR:
+            if float(facing(own, shape)[1]) < WALL_AIR:
                 return f"{body} would touch the {shape.name}"
     return ""
 
 
-def _facing(points: Float64, shape: Convex) -> tuple[Float64, float]:
+def facing(points: Float64, shape: Convex) -> tuple[Float64, float]:
     """Return the normal of a shape that faces points best, and the gap along it [m]."""
     gaps = (points @ shape.planes[:, :3].T).min(axis=0) - shape.planes[:, 3]
     best = int(gaps.argmax())
     return shape.planes[best, :3], float(gaps[best])
 
 
-def _postures(
-    space: ArmSpace, beside: Beside, near: Float64, T_base_over: Float64, T_base_tcp: Float64, pull: Float64
+def postures_over(
+    space: ArmSpace, passed: Sequence[str], near: Float64, T_base_over: Float64, T_base_tcp: Float64, pull: Float64
 ) -> tuple[Float64, str]:
     """Return joints over the fruit from which the ways down and across are free, shape (n, dof), or why none is.
 
-    The fingers' ways beside the walls are free by their outline: the spheres of collision checks are too coarse there.
+    Args:
+        passed: names of obstacles beside which the fingers' outline was judged: the spheres of collision checks are
+            too coarse there.
     """
     robot, world = space.world.shape.model, space.world
-    for name in {wall.name for wall in beside.walls}:
+    for name in set(passed) & set(world.names):
         world = world.allowing(name, "fingers")
     ways = replace(space, world=world)
     found, why = [], "the arm does not reach over the fruit"

@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from pomona.applications.crates.hook import Hook
+from pomona.applications.crates.feeling import PRESSED
+from pomona.applications.crates.hook import OUTER, Hook
+from pomona.drivers.gripper_supervisor import GripperMotion
+from pomona.drivers.interfaces import MotionState
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.skills.geometry import transform
 from tests.skills.applications.crates.wall_scene import AT_WALL, RollingBall, a_hook
@@ -32,7 +35,7 @@ def test_a_finger_draws_the_fruit_from_the_wall_and_rises(radius):
     ball = RollingBall(scene, radius)
     outcome = draw(scene)
     assert outcome.status is Status.SUCCESS
-    assert outcome.outputs["moved"] == pytest.approx(0.045, abs=1e-3)
+    assert outcome.outputs["finger"] == pytest.approx(0.045, abs=1e-3)
     assert ball.rolled > 0.018
     assert ball.most < 4.0
     assert is_up_again(scene)
@@ -54,7 +57,7 @@ def test_a_fruit_that_is_stopped_ends_the_pull_and_counts_once_it_has_made_room(
     RollingBall(scene, 0.0405, blocked_at=free)
     outcome = draw(scene)
     assert (outcome.reason.code if outcome.reason else None) == code
-    moved = outcome.reason.data["moved_m"] if code else outcome.outputs["moved"]
+    moved = outcome.reason.data["moved_m"] if code else outcome.outputs["finger"]
     assert (moved < 0.015) is (code is not None)
     assert moved < 0.042
     assert is_up_again(scene)
@@ -64,6 +67,52 @@ def test_a_fruit_that_is_not_there_is_a_reason():
     scene = over_the_fruit()
     outcome = draw(scene)
     assert outcome.reason.code == "NOTHING_MOVED"
+    assert is_up_again(scene)
+
+
+def test_fingers_that_are_not_as_open_as_the_hook_needs_are_opened_first():
+    scene = over_the_fruit()
+    RollingBall(scene, 0.0405)
+    scene.gripper.width = 0.05
+    assert draw(scene).status is Status.SUCCESS
+    assert scene.gripper.width == pytest.approx(a_hook().width)
+
+
+@pytest.mark.parametrize("trouble", ["blocked", "pressed"])
+def test_something_at_the_fingers_is_a_contact_before_the_arm_moves(trouble):
+    scene = over_the_fruit()
+    if trouble == "blocked":
+        scene.gripper.width = 0.06
+        scene.gripper.move = lambda *_: blocked_motion()
+    else:
+        scene.gripper.motor_force = -2.0 * PRESSED
+    assert draw(scene).reason.code == "CONTACT"
+    assert not scene.arm.followed
+
+
+def blocked_motion() -> GripperMotion:
+    """A move that has failed."""
+    motion = GripperMotion(0.1, 0.1, 0.06, lambda _: None)
+    motion.end(MotionState.FAILED, "the fingers are blocked at 60.0 mm")
+    motion.settled = True
+    return motion
+
+
+@pytest.mark.parametrize("below", [0.02, 0.05])  # above the fruit's crown, and beside it
+def test_a_push_on_the_outer_faces_stops_the_hook_and_the_hand_rises(below):
+    scene = over_the_fruit()
+    RollingBall(scene, 0.0405)
+    begin = scene.tcp[2, 3]
+    lowest = [begin]
+
+    def push(_tick: int) -> None:
+        scene.gripper.motor_force = -1.5 * OUTER if scene.tcp[2, 3] < begin - below else 0.0
+        lowest[0] = min(lowest[0], scene.tcp[2, 3])
+
+    outcome = draw(scene, each_tick=push)
+    assert outcome.reason.code == "CONTACT"
+    assert outcome.reason.data["force_n"] == pytest.approx(1.5 * OUTER)
+    assert begin - lowest[0] < below + 5e-3
     assert is_up_again(scene)
 
 
