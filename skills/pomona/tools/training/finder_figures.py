@@ -14,7 +14,7 @@ from pomona.skills.perception.detection.close_look import FINDER_MULTIPLE
 from pomona.skills.perception.detection.networks import to_input
 from pomona.skills.perception.detection.places import Proposal, read_places
 from pomona.tools.photographs.box_evaluation import curve
-from pomona.tools.photographs.photographs import PhotoSet, fruit_scale
+from pomona.tools.photographs.photographs import PhotoSet
 from pomona.tools.training.samples import FrameFolder
 
 Finds = tuple[Float64, Float64, Float64]  # of a picture: found boxes (n, 4), their scores (n,), true boxes (m, 4)
@@ -28,12 +28,11 @@ def finder_figures(
     """Return figures of a finder on some photographs and on some rendered frames, of those that there are."""
     # photographs that are searched while training goes on, evenly from all of those to measure on
     val = () if photographs is None else photographs.val[:: max(1, len(photographs.val) // 65)]
-    scale = fruit_scale(photographs.train) if photographs is not None and val else 1.0
 
     def measure(network: nn.Module) -> dict[str, float]:
         figures: dict[str, float] = {}
         if val:
-            found = [_finds(places_in(network, photo.picture(), scale, device), photo.boxes) for photo in val]
+            found = [_finds(places_in(network, photo.picture(), photo.scale, device), photo.boxes) for photo in val]
             figures |= _named("photographs", found)
         if frames is not None:
             found = []

@@ -99,7 +99,7 @@ def labelled_pictures(folder: Path, most: int) -> list[KindPicture]:
 def rendered_pictures(folder: Path, kinds: Sequence[str]) -> list[KindPicture]:
     """Return the frames that `pomona data detect` rendered, with boxes around their fruit.
 
-    Two of five are for val and test. Raises BadPhotographs: no fruit, or fruit of another kind; BadAnnotation: an unreadable file.
+    Two of five are for val and test. Raises BadPhotographs: no fruit, or another kind; BadAnnotation: an unreadable file.
     """
     found = []
     for number, path in enumerate(sorted(folder.glob("*.json"))):

@@ -15,7 +15,7 @@ from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.networks import CloseLookNetwork, FinderNetwork
 from pomona.skills.perception.detection.weights import load_compact, save_compact
 from pomona.skills.perception.detection.weights_file import FusedScore
-from pomona.tools.photographs.photographs import PhotoSet, fruit_scale
+from pomona.tools.photographs.photographs import PhotoSet
 from pomona.tools.training.dataset import render_dataset
 from pomona.tools.training.eight_bits import round_weights
 from pomona.tools.training.fit_score import fit_score, frame_places, photo_places
@@ -235,7 +235,7 @@ def _fitted_score(
     domains = [frame_places(detector, FrameFolder(folders), progress)]
     if photographs is not None:
         some = photographs.train[::FITTED]
-        domains.append(photo_places(detector, some, fruit_scale(photographs.train), progress))
+        domains.append(photo_places(detector, some, progress))
     return fit_score(domains)
 
 
