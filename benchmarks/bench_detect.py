@@ -253,7 +253,8 @@ def photographs(detector: CompactDetector, folder: Path, fruit: FruitModel, scor
     rows.append((f"photographs ({len(found)}): boxes that the border cuts, found", f"{right_at_border} of {at_border}"))
     boxes = sum(len(photo.boxes) for photo in sets.val)
     places = len({photo.group for photo in sets.val})
-    title = f"## {len(sets.val)} photographs of {places} places, {boxes} boxes, searched at {sets.val[0].scale:.2f} of their width"
+    scale = sets.val[0].scale
+    title = f"## {len(sets.val)} photographs of {places} places, {boxes} boxes, searched at {scale:.2f} of their width"
     return f"{title}\n\n{photo_table(found, score)}\n\n{calibration_table(*judged(found))}"
 
 

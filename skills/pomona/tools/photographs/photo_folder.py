@@ -45,9 +45,9 @@ def read_photographs(
     """Read all labelled photographs of a folder; `progress` is called with (pictures checked, in all).
 
     Five layouts are known: `images.csv` (image, split, and tree or group) with `fruit.csv` (image, x, y, w, h in
-    pixels, and crowd: 1 for a doubtful box) and the pictures in `images/`; YOLO's `images/` with `labels/` of the same names, or labels beside the
-    pictures, and `data.yaml` or `classes.txt`; COCO's `.json`, also in folders of the splits; and the folders of
-    MinneApple and KFuji RGB-DS as they are unpacked.
+    pixels, and crowd, 1 for a doubtful box) and the pictures in `images/`; YOLO's `images/` with `labels/` of the same
+    names, or labels beside the pictures, and `data.yaml` or `classes.txt`; COCO's `.json`, also in folders of the
+    splits; and the folders of MinneApple and KFuji RGB-DS as they are unpacked.
 
     Raises BadPhotographs: naming the file, and the line where there is one.
     """

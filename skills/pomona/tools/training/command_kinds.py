@@ -30,13 +30,6 @@ def add(kinds: Any) -> None:
     parser.add_argument(
         "--photos", type=Path, action="append", default=[], help="folder of photographs with boxes of apples; repeat it"
     )
-    parser.add_argument(
-        "--rendered",
-        type=Path,
-        action="append",
-        default=[],
-        help="folder of frames of one kind of fruit, from `pomona data detect --fruit KIND`; repeat it",
-    )
     parser.add_argument("--most", type=int, default=90, help="photographs of each split of such a folder (90)")
     parser.add_argument("--kinds", default=KINDS, help=f"names, with commas ({KINDS})")
     parser.add_argument("--weights", type=Path, help="detector that searches (the apple's for photographs)")
@@ -60,7 +53,7 @@ def main(options: argparse.Namespace) -> int:
     from pomona.executive.values.pictures import UnusablePicture
     from pomona.skills.perception.detection.errors import BadTraining, DetectError
     from pomona.tools.fruit_kinds.kind_head import ENDING, NONE
-    from pomona.tools.training.kind_finds import labelled_pictures, read_kind_table, rendered_pictures
+    from pomona.tools.training.kind_finds import labelled_pictures, read_kind_table
 
     kinds = tuple(options.kinds.split(","))
     try:
@@ -71,8 +64,6 @@ def main(options: argparse.Namespace) -> int:
         pictures = [picture for table in options.table for picture in read_kind_table(table, kinds)]
         for folder in options.photos:
             pictures += labelled_pictures(folder, options.most)
-        for folder in options.rendered:
-            pictures += rendered_pictures(folder, kinds)
         train_kinds(options, kinds, pictures)
     except (DetectError, UnusablePicture) as error:
         sys.stderr.write(f"pomona train: {error}\n")

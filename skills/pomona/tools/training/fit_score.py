@@ -40,7 +40,7 @@ def photo_places(
     photographs: Sequence[Photograph],
     progress: Callable[[int, int], None] | None = None,
 ) -> JudgedPlaces:
-    """Return places in photographs that are shrunk by their own scale; every place without a label counts as no fruit."""
+    """Return places in photographs at their own scale; every place without a label counts as no fruit."""
 
     def judged() -> Iterator[tuple[Float64, NDArray[np.bool_]]]:
         for number, photo in enumerate(photographs):

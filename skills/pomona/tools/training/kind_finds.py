@@ -19,7 +19,6 @@ from pomona.skills.perception.detection.places import iou
 from pomona.tools.fruit_kinds.kind_head import NONE, find_picture
 from pomona.tools.photographs.photo_folder import read_photographs
 from pomona.tools.photographs.photographs import camera_of
-from pomona.tools.training.annotations import read_annotation
 
 COLUMNS = ("picture", "kind", "split")
 SPLITS = ("train", "val", "test")
@@ -27,7 +26,6 @@ SIDE = 128  # of the pictures of finds that are kept: random windows of 96 px ar
 LEAST = 0.05  # finds with less score are not kept
 MOST = 20  # finds of one picture that are learnt from: neighbours on a shelf are alike
 UNSURE = 0.15  # a find without a label and with less score is taken for none; others are mostly unlabelled apples
-LEAST_SEEN = 0.6  # rendered fruit of which a smaller part is seen is left out
 APART = 0.1  # largest intersection over union of such a find with a label
 UNKNOWN = -1  # kind of a find that is left out
 LEAST_KIND = 0.25  # finds of a picture of one kind count in full from this score on
@@ -93,28 +91,6 @@ def labelled_pictures(folder: Path, most: int) -> list[KindPicture]:
             is_test = split == "val" and groups.index(group) % 2
             part = "test" if is_test else split
             found.append(KindPicture(some[k].path, "apple", part, str(folder), group, some[k].boxes))
-    return found
-
-
-def rendered_pictures(folder: Path, kinds: Sequence[str]) -> list[KindPicture]:
-    """Return the frames that `pomona data detect` rendered, with boxes around their fruit.
-
-    Two of five are for val and test. Raises BadPhotographs: no fruit, or another kind; BadAnnotation: an unreadable file.
-    """
-    found = []
-    for number, path in enumerate(sorted(folder.glob("*.json"))):
-        objects = read_annotation(path).objects
-        named = {item.name for item in objects}
-        if not named:
-            continue
-        if len(named) > 1 or not named <= set(kinds):
-            raise BadPhotographs(path, f"shows {', '.join(sorted(named))}: expected one of {', '.join(kinds)}")
-        seen = [item.box for item in objects if item.box is not None and item.visibility >= LEAST_SEEN]
-        boxes = np.array(seen, np.float64).reshape(-1, 4)
-        split = {3: "val", 4: "test"}.get(number % 5, "train")
-        found.append(KindPicture(path.with_suffix(".jpg"), *named, split, str(folder), path.stem, boxes))
-    if not found:
-        raise BadPhotographs(folder, "has no frames of fruit from `pomona data detect`")
     return found
 
 

@@ -16,7 +16,6 @@ from pomona.skills.perception.detection.errors import BadPhotographs, BadTrainin
 from pomona.skills.perception.detection.onnx_runtime import judge_network, onnx_network  # noqa: E402
 from pomona.tools.fruit_kinds.kind_head import NONE, KindScore  # noqa: E402
 from pomona.tools.training import kind_learning  # noqa: E402
-from pomona.tools.training.annotations import AnnotatedObject, Annotation, write_annotation  # noqa: E402
 from pomona.tools.training.command_detector import add_train  # noqa: E402
 from pomona.tools.training.kind_finds import (  # noqa: E402
     SIDE,
@@ -26,7 +25,6 @@ from pomona.tools.training.kind_finds import (  # noqa: E402
     _judged,
     labelled_pictures,
     read_kind_table,
-    rendered_pictures,
 )
 from pomona.tools.training.kind_learning import (  # noqa: E402
     exported_kinds,
@@ -187,39 +185,6 @@ def test_groups_of_val_are_shared_between_fit_and_test(tmp_path: Path) -> None:
     found = {(picture.group, picture.split) for picture in labelled_pictures(tmp_path, 90)}
     assert found == {("a", "train"), ("b", "val"), ("c", "test"), ("d", "val"), ("e", "test")}
     assert len(labelled_pictures(tmp_path, 3)) == 5
-
-
-def write_frame(folder: Path, number: int, *objects: tuple[str, float]) -> None:
-    """A rendered frame's annotation with fruit of these names and visible parts, one beside the other."""
-    shown = tuple(
-        AnnotatedObject(name, seen, np.eye(4), np.zeros((9, 2)), box=(30 * k, 5, 20, 20))
-        for k, (name, seen) in enumerate(objects)
-    )
-    write_annotation(folder / f"{number:06d}.json", Annotation(640, 480, (600.0, 600.0, 320.0, 240.0), shown))
-
-
-def test_rendered_frames_have_boxes_of_the_fruit_that_is_seen_and_a_split_by_number(tmp_path: Path) -> None:
-    for number in range(5):
-        write_frame(tmp_path, number, ("orange", 0.9), ("orange", 0.3))
-    write_frame(tmp_path, 5)
-    found = rendered_pictures(tmp_path, KINDS)
-    assert [picture.split for picture in found] == ["train", "train", "train", "val", "test"]
-    assert {picture.kind for picture in found} == {"orange"}
-    assert found[0].path == tmp_path / "000000.jpg"
-    assert found[0].boxes is not None
-    assert found[0].boxes.tolist() == [[0.0, 5.0, 20.0, 20.0]]
-
-
-@pytest.mark.parametrize("shown", [("plum",), ("apple", "orange")])
-def test_rendered_frames_of_another_kind_or_of_two_are_refused(tmp_path: Path, shown: tuple[str, ...]) -> None:
-    write_frame(tmp_path, 0, *((name, 1.0) for name in shown))
-    with pytest.raises(BadPhotographs, match=f"shows {', '.join(shown)}: expected one of apple, orange"):
-        rendered_pictures(tmp_path, KINDS)
-
-
-def test_a_folder_without_rendered_fruit_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(BadPhotographs, match="has no frames of fruit"):
-        rendered_pictures(tmp_path, KINDS)
 
 
 @pytest.mark.parametrize(
