@@ -35,7 +35,7 @@ from pomona.skills.perception.detection.instances import Instance, find_instance
 from pomona.skills.perception.fruit import FruitModel, load_fruit
 from pomona.tools.photographs.box_evaluation import box_figures, box_intervals, match_boxes
 from pomona.tools.photographs.photo_folder import read_photographs
-from pomona.tools.photographs.photographs import camera_of, fruit_scale
+from pomona.tools.photographs.photographs import camera_of
 from pomona.tools.pytorch.networks import DopeNetwork, dope_input
 from pomona.tools.training.dataset import render_dataset
 from pomona.tools.training.evaluation import evaluate, table
@@ -233,11 +233,10 @@ def photographs(detector: CompactDetector, folder: Path, fruit: FruitModel, scor
         raise SystemExit(f"bench_detect: {error}") from error
     if not sets.val:
         return f"## Photographs\n\n{folder.name} has none to measure on"
-    scale = fruit_scale(sets.train)
     # Doubtful detections lengthen the curve, from which average precision is read.
     doubting = detector.looking(replace(detector.options, finder_threshold=LEAST_SCORE))
     with progress("looking") as looked:
-        found = find_boxes(doubting, sets.val, scale, looked)
+        found = find_boxes(doubting, sets.val, looked)
     pictures = [finds.judged() for finds in found]
     figures, bounds = box_figures(pictures), box_intervals(pictures)
     for name in ("recall", "ap50", "ap"):
@@ -254,6 +253,7 @@ def photographs(detector: CompactDetector, folder: Path, fruit: FruitModel, scor
     rows.append((f"photographs ({len(found)}): boxes that the border cuts, found", f"{right_at_border} of {at_border}"))
     boxes = sum(len(photo.boxes) for photo in sets.val)
     places = len({photo.group for photo in sets.val})
+    scale = sets.val[0].scale
     title = f"## {len(sets.val)} photographs of {places} places, {boxes} boxes, searched at {scale:.2f} of their width"
     return f"{title}\n\n{photo_table(found, score)}\n\n{calibration_table(*judged(found))}"
 

@@ -230,7 +230,8 @@ root:
     - Detect: {fruit: aple, detection: "{detection}"}
     - check: "{detection.score} > 0.5"
 """,
-        "5:23: error[unfit]: Detect: no fruit named 'aple'; did you mean 'apple'? the catalogue has apple, lemon",
+        "5:23: error[unfit]: Detect: no fruit named 'aple'; did you mean 'apple'? "
+        "the catalogue has apple, lemon, orange, peach, pear, tomato",
     ),
     "item_too_deep": WrongTree(
         """\

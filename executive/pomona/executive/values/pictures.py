@@ -87,12 +87,13 @@ def write_picture(path: Path, picture: UInt8, quality: int = 95) -> None:
     """Write RGB, shape (h, w, 3), or a plane, shape (h, w), in the format of the path's ending.
 
     Args:
-        quality: of a JPEG, 1 to 100.
+        quality: of a JPEG or WebP, 1 to 100.
 
     Raises OSError: it cannot be written.
     """
     pixels = np.ascontiguousarray(picture[..., ::-1] if picture.ndim == 3 else picture)
-    _coded, content = cv2.imencode(path.suffix, pixels, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    name = cv2.IMWRITE_WEBP_QUALITY if path.suffix == ".webp" else cv2.IMWRITE_JPEG_QUALITY
+    _coded, content = cv2.imencode(path.suffix, pixels, [name, quality])
     path.write_bytes(content.tobytes())
 
 

@@ -27,6 +27,7 @@ from pomona.tools.photographs.photographs import (
     kfuji_folder,
     minneapple,
     minneapple_folders,
+    scaled,
 )
 
 SLACK = 3.0  # a box may end this far outside of its picture, as rounding leaves it, and is cut there [px]
@@ -44,9 +45,9 @@ def read_photographs(
     """Read all labelled photographs of a folder; `progress` is called with (pictures checked, in all).
 
     Five layouts are known: `images.csv` (image, split, and tree or group) with `fruit.csv` (image, x, y, w, h in
-    pixels) and the pictures in `images/`; YOLO's `images/` with `labels/` of the same names, or labels beside the
-    pictures, and `data.yaml` or `classes.txt`; COCO's `.json`, also in folders of the splits; and the folders of
-    MinneApple and KFuji RGB-DS as they are unpacked.
+    pixels, and crowd, 1 for a doubtful box) and the pictures in `images/`; YOLO's `images/` with `labels/` of the same
+    names, or labels beside the pictures, and `data.yaml` or `classes.txt`; COCO's `.json`, also in folders of the
+    splits; and the folders of MinneApple and KFuji RGB-DS as they are unpacked.
 
     Raises BadPhotographs: naming the file, and the line where there is one.
     """
@@ -126,7 +127,7 @@ def _split(folder: Path, labelled: list[Labelled], photographs: list[Photograph]
         raise BadPhotographs(folder, f"{sorted(shared)[0]} is in both train and val: expected groups in one of them")
     if not any(len(photograph.boxes) for photograph in sets["train"]):
         raise BadPhotographs(folder, "no photograph of its train split has a box")
-    return PhotoSet(tuple(sets["train"]), tuple(sets["val"]))
+    return scaled(PhotoSet(tuple(sets["train"]), tuple(sets["val"])))
 
 
 def _checked(item: Labelled) -> Photograph:
@@ -177,7 +178,7 @@ def _tables(folder: Path) -> list[Labelled]:
             box = float(row["x"]), float(row["y"]), float(row["w"]), float(row["h"])
         except ValueError:
             raise BadPhotographs(fruit, f"line {line}: x, y, w and h must be numbers [px]") from None
-        item.add(box, f"line {line}")
+        item.add(box, f"line {line}", row.get("crowd") == "1")
     return list(items.values())
 
 

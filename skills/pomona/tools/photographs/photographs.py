@@ -9,8 +9,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from itertools import islice
+from dataclasses import dataclass, field, replace
+from itertools import chain, islice
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -37,6 +37,7 @@ class Photograph:
     boxes: Float64  # x, y, w, h (n, 4) [px], inside the picture
     crowd: NDArray[np.bool_]  # boxes of more than one fruit or marked as doubtful, (n,)
     group: str = ""  # pictures of one group show the same place, so that a group is either learnt from or measured on
+    scale: float = 1.0  # factor by which it is shrunk for the finder, that of its set
 
     @property
     def name(self) -> str:
@@ -71,8 +72,25 @@ class PhotoSet:
     empty: tuple[Photograph, ...] = ()
 
 
+def scaled(photographs: PhotoSet) -> PhotoSet:
+    """Return a set with one scale, by the boxes to learn from: each set has fruit of its own size."""
+    scale = fruit_scale(photographs.train)
+    train, val = (tuple(replace(photo, scale=scale) for photo in some) for some in (photographs.train, photographs.val))
+    return replace(photographs, train=train, val=val)
+
+
+def joined(sets: Sequence[PhotoSet]) -> PhotoSet:
+    """Return several sets as one; each photograph keeps the scale of its own."""
+    several = chain.from_iterable
+    return PhotoSet(
+        tuple(several(s.train for s in sets)),
+        tuple(several(s.val for s in sets)),
+        tuple(several(s.empty for s in sets)),
+    )
+
+
 def fruit_scale(photographs: Sequence[Photograph]) -> float:
-    """Return the factor by which these photographs are shrunk for the finder."""
+    """Return the factor by which photographs with boxes of fruit are shrunk for the finder."""
     longer = [photo.boxes[:, 2:].max(axis=1) for photo in photographs if len(photo.boxes)]
     return FRUIT_IN_INPUT / float(np.median(np.concatenate(longer)))
 

@@ -13,7 +13,7 @@ from rich.console import Console
 from pomona.executive.values.installation import need
 from pomona.executive.values.kinds import Number
 from pomona.tools.campaign.engine import add_engine_options, open_engine
-from pomona.tools.training import command_kinds
+from pomona.tools.training import command_kinds, command_pack
 from pomona.tools.training.progress_bar import ProgressBar
 
 USED_SCORE = 0.5  # of a find that counts: the default of `Detect`
@@ -38,6 +38,7 @@ def add_data(subparsers: Any) -> None:
     add_engine_options(detect)
     detect.add_argument("--width", type=int, default=640, help="picture width [px] (640)")
     detect.set_defaults(main=data_main)
+    command_pack.add(kinds)
 
 
 def add_train(subparsers: Any) -> None:
@@ -52,8 +53,10 @@ def add_train(subparsers: Any) -> None:
     detect.add_argument(
         "--photos",
         type=Path,
+        action="append",
+        default=[],
         help="folder of photographs with boxes (tables, YOLO, COCO, MinneApple or KFuji): the fruit's weights go on "
-        "learning from them",
+        "learning from them; repeat it, each folder has a scale of its own",
     )
     detect.add_argument("--empty", type=Path, help="with --photos: folder of pictures without fruit")
     detect.add_argument(
@@ -241,9 +244,10 @@ def _start(options: argparse.Namespace) -> Path | None:
 
 def _photographs(options: argparse.Namespace, console: Console) -> Any:
     from pomona.tools.photographs.photo_folder import read_empty, read_photographs
+    from pomona.tools.photographs.photographs import joined
 
     with ProgressBar("photographs") as show:
-        photographs = read_photographs(options.photos, Path(options.fruit).stem, show)
+        photographs = joined([read_photographs(folder, Path(options.fruit).stem, show) for folder in options.photos])
     counts = [
         f"{len(some)} photographs with {sum(len(photograph.boxes) for photograph in some)} boxes to {what}"
         for some, what in ((photographs.train, "learn from"), (photographs.val, "measure on"))

@@ -13,7 +13,7 @@ from pomona.executive.values.arrays import Float64, UInt8
 from pomona.skills.perception.detection.close_look import FINDER_MULTIPLE
 from pomona.skills.perception.detection.places import Proposal, read_places
 from pomona.tools.photographs.box_evaluation import curve
-from pomona.tools.photographs.photographs import PhotoSet, fruit_scale
+from pomona.tools.photographs.photographs import PhotoSet
 from pomona.tools.pytorch.networks import to_input
 from pomona.tools.training.samples import FrameFolder
 
@@ -28,12 +28,11 @@ def finder_figures(
     """Return figures of a finder on some photographs and on some rendered frames, of those that there are."""
     # photographs that are searched while training goes on, evenly from all of those to measure on
     val = () if photographs is None else photographs.val[:: max(1, len(photographs.val) // 65)]
-    scale = fruit_scale(photographs.train) if photographs is not None and val else 1.0
 
     def measure(network: nn.Module) -> dict[str, float]:
         figures: dict[str, float] = {}
         if val:
-            found = [_finds(places_in(network, photo.picture(), scale, device), photo.boxes) for photo in val]
+            found = [_finds(places_in(network, photo.picture(), photo.scale, device), photo.boxes) for photo in val]
             figures |= _named("photographs", found)
         if frames is not None:
             found = []

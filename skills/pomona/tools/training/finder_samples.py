@@ -14,7 +14,7 @@ from torch.utils.data import Dataset
 
 from pomona.executive.values.arrays import Float32, Float64, UInt8
 from pomona.skills.perception.detection.close_look import FINDER_STRIDE
-from pomona.tools.photographs.photographs import Photograph, fruit_scale
+from pomona.tools.photographs.photographs import Photograph
 from pomona.tools.training.augmentation import change_look
 from pomona.tools.training.samples import FrameFolder, cut_boxes, move_boxes
 from pomona.tools.training.targets import finder_targets
@@ -59,12 +59,12 @@ class PhotoWindows:
     """Windows of photographs with boxes, most often with a fruit in the middle half."""
 
     def __init__(self, photographs: Sequence[Photograph]) -> None:
-        self._photographs, self._scale = photographs, fruit_scale(photographs)
+        self._photographs = photographs
 
     def draw(self, rng: np.random.Generator) -> Window:
         """Return a part of any of them, at nearly the scale at which the detector searches."""
         photo = _any(self._photographs, rng)
-        size = self._scale * np.exp(rng.uniform(*np.log(PHOTO_JITTER)))
+        size = photo.scale * np.exp(rng.uniform(*np.log(PHOTO_JITTER)))
         around = rng.uniform((0.0, 0.0), (photo.width, photo.height))
         if len(photo.boxes) and rng.random() < 0.6:
             x, y, w, h = photo.boxes[int(rng.integers(len(photo.boxes)))]

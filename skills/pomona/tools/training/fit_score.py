@@ -38,15 +38,14 @@ class JudgedPlaces:
 def photo_places(
     detector: CompactDetector,
     photographs: Sequence[Photograph],
-    scale: float,
     progress: Callable[[int, int], None] | None = None,
 ) -> JudgedPlaces:
-    """Return places in photographs that are shrunk by `scale`; every place without a label counts as no fruit."""
+    """Return places in photographs at their own scale; every place without a label counts as no fruit."""
 
     def judged() -> Iterator[tuple[Float64, NDArray[np.bool_]]]:
         for number, photo in enumerate(photographs):
             # least score of the finder's own for a place to be fitted on
-            places, _, features = searching(detector, photo, scale, 0.2).look(photo.picture(), photo.K, 0.0)
+            places, _, features = searching(detector, photo, 0.2).look(photo.picture(), photo.K, 0.0)
             boxes = np.array([place.box for place in places]).reshape(-1, 4)
             yield features, match_boxes(boxes, np.array([place.score for place in places]), photo.boxes, SAME)
             if progress is not None:

@@ -13,7 +13,7 @@ from pomona.skills.perception.detection.errors import BadTraining
 from pomona.skills.perception.detection.weights_file import read_weights, write_weights
 from pomona.skills.perception.fruit import load_fruit
 from pomona.tools.photographs.box_evaluation import box_figures
-from pomona.tools.photographs.photographs import PhotoSet, fruit_scale
+from pomona.tools.photographs.photographs import PhotoSet
 from pomona.tools.pytorch.networks import FinderNetwork
 from pomona.tools.pytorch.weights import load_compact
 from pomona.tools.training.evaluation import evaluate
@@ -143,7 +143,7 @@ def _figures(weights: Path, bench: Path, fruit: str, photographs: PhotoSet) -> B
         replace(photo, boxes=photo.boxes[~photo.crowd], crowd=np.zeros(int((~photo.crowd).sum()), np.bool_))
         for photo in photographs.val
     ]
-    found = box_figures([finds.judged() for finds in find_boxes(detector, val, fruit_scale(photographs.train))])
+    found = box_figures([finds.judged() for finds in find_boxes(detector, val)])
     return BenchFigures(rendered.recall(SCORE), rendered.precision(SCORE), found.recall, found.ap50)
 
 

@@ -28,13 +28,11 @@ TITLES = {
 """Figures of a table, by their names in `BoxFigures`."""
 
 
-def searching(
-    detector: CompactDetector, photo: Photograph, scale: float, least: float | None = None
-) -> CompactDetector:
-    """Return the detector as it searches a photograph that is shrunk by `scale`, for places of at least this score."""
+def searching(detector: CompactDetector, photo: Photograph, least: float | None = None) -> CompactDetector:
+    """Return the detector as it searches a photograph at its scale, for places of at least this score."""
     options = replace(
         detector.options,
-        working_width=max(16, round(scale * photo.width)),
+        working_width=max(16, round(photo.scale * photo.width)),
         most_fruit=60,  # places that are looked at in one photograph
         finder_threshold=detector.options.finder_threshold if least is None else least,
     )
@@ -58,13 +56,12 @@ class Finds:
 def find_boxes(
     detector: CompactDetector,
     photographs: Sequence[Photograph],
-    scale: float,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Finds]:
-    """Return detections in each photograph, which is shrunk by `scale` for the finder."""
+    """Return detections in each photograph, which is shrunk by its own scale for the finder."""
     found = []
     for number, photo in enumerate(photographs):
-        fruit = searching(detector, photo, scale).find(photo.picture(), photo.K)
+        fruit = searching(detector, photo).find(photo.picture(), photo.K)
         boxes = np.array([f.outline(photo.width, photo.height) for f in fruit]).reshape(-1, 4)
         scores = np.array([f.score for f in fruit], np.float64)
         found.append(Finds(boxes, scores, photo.boxes, photo.group or photo.name))

@@ -13,7 +13,7 @@ import torch
 from pomona.executive.values.arrays import Float64, UInt8
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.weights_file import FusedScore
-from pomona.tools.photographs.photographs import PhotoSet, fruit_scale
+from pomona.tools.photographs.photographs import PhotoSet
 from pomona.tools.pytorch.networks import CloseLookNetwork, FinderNetwork
 from pomona.tools.pytorch.weights import load_compact, save_compact
 from pomona.tools.training.dataset import render_dataset
@@ -235,7 +235,7 @@ def _fitted_score(
     domains = [frame_places(detector, FrameFolder(folders), progress)]
     if photographs is not None:
         some = photographs.train[::FITTED]
-        domains.append(photo_places(detector, some, fruit_scale(photographs.train), progress))
+        domains.append(photo_places(detector, some, progress))
     return fit_score(domains)
 
 

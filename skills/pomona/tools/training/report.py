@@ -17,7 +17,7 @@ from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.instances import find_instances
 from pomona.skills.perception.fruit import FruitModel, load_fruit
 from pomona.tools.photographs.box_evaluation import box_figures, curve
-from pomona.tools.photographs.photographs import PhotoSet, fruit_scale
+from pomona.tools.photographs.photographs import PhotoSet
 from pomona.tools.training.evaluation import Evaluation, evaluate, table
 from pomona.tools.training.photo_figures import (
     Finds,
@@ -66,7 +66,7 @@ def write_report(
         lines.append(f"![Held-out frame {k}: cuboids on the left, the finder's heat on the right]({name})")
     found = None
     if photographs is not None and photographs.val:
-        found = find_boxes(detector, photographs.val, fruit_scale(photographs.train))
+        found = find_boxes(detector, photographs.val)
         lines += ["", *_on_photographs(found, photographs, out)]
     draw_curves(result, found, out / "curves.png")
     lines += ["", "![Precision over recall, and the share that is right over the score](curves.png)"]

@@ -14,6 +14,7 @@ from hypothesis import given, settings, strategies as st
 from pomona.executive.values.findings import Findings
 from pomona.skills.perception.fruit import BadFruitFile, UnknownFruit, catalogue, known_fruits, load_fruit
 from pomona.skills.perception.fruit.catalogue import CATALOGUE, FRUIT_FILES, damage, judge_fruit
+from pomona.tools.fruit_kinds.kind_head import kinds_beside
 from pomona.tools.training.apple_mesh import AppleShape, apple_mesh, stem_mesh
 
 
@@ -98,6 +99,18 @@ def test_lemon_is_watertight_and_longer_than_wide() -> None:
     assert mesh.is_watertight
     assert mesh.volume > 0.0
     assert lemon.dimensions[1] > 1.3 * lemon.dimensions[0]
+
+
+@pytest.mark.parametrize("name", ["orange", "peach", "pear", "tomato"])
+def test_fruit_of_the_kinds_is_a_closed_body_whose_weights_know_it(name: str) -> None:
+    fruit = load_fruit(name)
+    mesh = trimesh.Trimesh(fruit.vertices, fruit.faces, process=False)
+    assert mesh.is_watertight
+    assert 0.4 < mesh.volume / fruit.dimensions.prod() < 0.65  # a ball fills π / 6 of its cuboid
+    assert fruit.weights is not None
+    kinds = kinds_beside(fruit.weights)
+    assert kinds is not None
+    assert name in kinds.kinds
 
 
 def test_random_apples_stay_watertight_in_their_cuboid() -> None:

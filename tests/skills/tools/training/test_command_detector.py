@@ -68,4 +68,4 @@ def test_weights_that_cannot_be_learnt_on_are_refused_with_others(started) -> No
 
 def test_photographs_of_a_fruit_without_such_weights_are_refused() -> None:
     with pytest.raises(BadTraining, match="has none that can be learnt on"):
-        command_detector._start(options(fruit="lemon", photos=Path("photos")))
+        command_detector._start(options(fruit="lemon", photos=[Path("photos")]))

@@ -60,7 +60,7 @@ def test_peaks_of_photographs_lie_on_the_discs_and_boxes_around_them(photographs
             seen, right = seen + 1, right + is_red(picture, 4 * u + 2, 4 * v + 2)
     assert seen > 30
     assert right > 0.9 * seen  # changed colours may turn a disc brown
-    assert fruit_scale(photographs.train) == pytest.approx(FRUIT_IN_INPUT / 53.0, rel=0.1)
+    assert photographs.train[0].scale == fruit_scale(photographs.train) == pytest.approx(FRUIT_IN_INPUT / 53.0, rel=0.1)
 
 
 def test_a_rendered_fruit_keeps_its_box_and_hidden_fruit_does_not_count(frames: FrameFolder) -> None:
