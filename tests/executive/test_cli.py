@@ -137,6 +137,27 @@ def test_a_file_that_cannot_be_written_is_named(capsys: pytest.CaptureFixture[st
     assert capsys.readouterr().err.replace("\n", "") == f"{out}: No such file or directory"
 
 
+@pytest.mark.parametrize(
+    "words", [("export", "t.yaml", "--out"), ("show", "t.yaml", "--svg"), ("import", "t.xml", "--out")]
+)
+def test_a_tree_file_is_never_overwritten(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = "pomona: 1\ntree: t\nroot: {wait: 1 s}\n"
+    Path("t.yaml").write_text(text)
+    assert main(["export", "t.yaml", "--out", "t.xml"]) == 0
+    assert main([*words, "t.yaml"]) == 2
+    assert "t.yaml exists, and nothing is overwritten" in capsys.readouterr().err
+    assert Path("t.yaml").read_text() == text
+
+
+def test_a_file_that_the_command_wrote_is_written_again(tmp_path: Path) -> None:
+    for words in (("export", "pick_apple", "--out", "t.xml"), ("show", "pick_apple", "--svg", "t.svg")):
+        for _ in range(2):
+            assert main([*words[:-1], str(tmp_path / words[-1])]) == 0
+
+
 def test_export_and_import_give_a_tree_file_again(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     xml, again = tmp_path / "tree.xml", tmp_path / "tree.yaml"
     assert main(["export", "pick_apple", "--out", str(xml)]) == 0

@@ -44,14 +44,22 @@ def read_text(path: Path) -> str:
         raise UsageError(f"{path}: {error.strerror}") from error
 
 
-def write_text(text: str, path: Path | None) -> None:
-    """Write a text file, or to standard output when there is no path. Raises UsageError: it cannot be written."""
+def write_text(text: str, path: Path | None, replaces: str = "") -> None:
+    """Write a text file, or to standard output when there is no path.
+
+    Args:
+        replaces: beginning of the files that may be replaced, which a program has written; by default none.
+
+    Raises UsageError: it cannot be written, or another file is there.
+    """
     text = text if text.endswith("\n") else text + "\n"
     if path is None:
         # In a terminal a document is filtered like everything, into a file or a pipe it goes as it is.
         getattr(sys.stdout, "write_document", sys.stdout.write)(text)
         return
     try:
+        if is_file(path) and not (replaces and read_text(path).startswith(replaces)):
+            raise UsageError(f"{path} exists, and nothing is overwritten: name another file, or move it away")
         path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise UsageError(f"{path}: {error.strerror}") from error
@@ -71,6 +79,8 @@ def _find(name: str, kind: str, folder: Path) -> Path:
         return installed
     if exists(given):
         raise UsageError(f"{name}:1:1: a {kind} must be a regular file, this is {_sort_of(given)}")
+    if given.is_symlink():
+        raise UsageError(f"{name}: this link leads to no file")
     known = sorted(path.stem for path in folder.glob("*.yaml"))
     hint = did_you_mean(given.stem, known) if given.name == name else ""
     raise UsageError(f"no {kind} file '{name}'; {f'{hint} ' if hint else ''}installed: {', '.join(known) or 'none'}")

@@ -18,6 +18,7 @@ from pomona.executive import Float64, read_plain_arrays, read_plain_text
 BLOCKS = 50
 STEPS = 10  # steps of L-BFGS in an epoch
 _PATIENCE = 10 * STEPS  # steps without a lower error after which the fit ends
+UNEXPLAINED = 0.5  # of a force's variance on the samples kept aside; more is no measurement of it
 MOST_BYTES = 1 << 28  # of a recording as text; twenty thousand samples have 10 MB
 
 
@@ -92,7 +93,8 @@ def fit_calibration(
         components, hidden: of the PCA that are kept, and sizes of the tansig layers.
         epochs: times `STEPS` steps of L-BFGS; ends earlier when the error on the samples kept aside no longer falls.
 
-    Raises UnusableRecording: too few samples, no variation, or values that are not finite.
+    Raises UnusableRecording: too few samples, no variation, values that are not finite, or forces that the voltages do
+    not explain.
     """
     if len(volts) < 500 or volts.shape[1:] != (TAXELS,) or wrenches.shape != (len(volts), 6):
         raise UnusableRecording(f"needs at least 500 samples of 25 voltages and 6 components, not {volts.shape}")
@@ -113,6 +115,13 @@ def fit_calibration(
     calibration = FingerCalibration(finger, mean, basis, in_low, in_high, layers, out_low, out_high, 0.0)
     error = np.abs(calibration.wrench(volts[aside]) - wrenches[aside])
     rms = np.sqrt((error**2).mean(axis=0))
+    unexplained = (rms / (wrenches[aside] - wrenches[~aside].mean(axis=0)).std(axis=0))[:3] ** 2
+    if unexplained.max() > UNEXPLAINED:
+        worst = int(unexplained.argmax())
+        raise UnusableRecording(
+            f"the voltages explain {max(0.0, 1.0 - unexplained[worst]):.0%} of the variance of f_{'xyz'[worst]}, "
+            f"{1.0 - UNEXPLAINED:.0%} are needed: they belong to another sensor or time, or the fit ended too early"
+        )
     report = FitReport(len(volts), rms, error.max(axis=0), float((error[:, :3].max(axis=1) < 0.2).mean()))
     force_error = float(np.sqrt((rms[:3] ** 2).mean()))
     return (

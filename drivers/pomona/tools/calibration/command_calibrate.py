@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pomona.drivers.depth_model import SENSORS
 from pomona.drivers.errors import DriverError
-from pomona.executive.values.kinds import Measure
+from pomona.executive.values.kinds import Measure, Whole
 from pomona.executive.values.units import LENGTH
 from pomona.tools.calibration.depth_calibration import DepthCalibration
 
@@ -34,9 +34,9 @@ def add(subparsers: Any) -> None:
     fingers.add_argument(
         "--finger", default="", help="name of the finger; the calibration of a left finger is refused for the right one"
     )
-    fingers.add_argument("--hidden", type=int, nargs="+", default=[32], help="sizes of the hidden layers")
-    fingers.add_argument("--epochs", type=int, default=300)
-    fingers.add_argument("--seed", type=int, default=0)
+    fingers.add_argument("--hidden", type=Whole(1).option, nargs="+", default=[32], help="sizes of the hidden layers")
+    fingers.add_argument("--epochs", type=Whole(1).option, default=300)
+    fingers.add_argument("--seed", type=Whole(0).option, default=0)
     fingers.set_defaults(main=lambda options: _guarded(_fingers, options))
     side = Measure(LENGTH, "1 mm", "1 m")
     hand_eye = kinds.add_parser("hand-eye", help="estimate the camera's pose on the flange from images of a chessboard")

@@ -5,7 +5,6 @@ Before the search for a package only Python's standard library is imported, so t
 
 from __future__ import annotations
 
-import importlib
 import platform
 import re
 import shutil
@@ -15,7 +14,7 @@ from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, entry_points, requires, version
 from pathlib import Path
 
-from pomona.executive.values.installation import install_extra, pip
+from pomona.executive.values.installation import import_under, install_extra, pip
 from pomona.executive.values.sentences import ReportLine
 
 MODULES = {
@@ -40,6 +39,9 @@ EXTRAS = {
     "mcp": ("mcp",),
 }
 """Optional features with the packages that each installs."""
+HEADLESS = {"MUJOCO_GL": "disable", "PYOPENGL_PLATFORM": "egl"}
+"""Environment in which packages are imported, as a run imports them: PyOpenGL chooses its platform once."""
+
 EGL = "apt install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
 ROOM = 1e9  # minimum free space for a folder of records [byte]: some hundred picks
 
@@ -79,7 +81,7 @@ def _packages() -> Iterator[ReportLine]:
             continue
         try:
             if name in MODULES:
-                importlib.import_module(MODULES[name])
+                import_under(MODULES[name], **HEADLESS)
         except ModuleNotFoundError as error:  # of another package, which has a line of its own if it is declared
             missing = (error.name or name).partition(".")[0]
             yield ReportLine(name, False, f"cannot be imported: {error}", f"{pip()} install {missing}")

@@ -96,10 +96,8 @@ def ending(run: Digest) -> str:
         return lost.strip()
     if run.state == "running":
         return f"running for {seconds(time.time() - run.wall_time)}"
-    if how(run) == "empty":
-        return f"empty: {run.message}"
     if run.state == "cut off":
-        return f"cut off: {run.message}; `pomona runs repair` makes it whole"
+        return f"{how(run)}: {run.message}"
     if run.state == "damaged":
         return run.message or "damaged"
     why = f"{run.code}: {run.message}" if run.code else run.message or ""

@@ -12,8 +12,10 @@ from pomona.executive.files import find_tree, read_text, write_text
 from pomona.executive.language.check import read_document, refuse_errors
 from pomona.executive.language.read import read
 from pomona.executive.nodes.leaves import SKILL
+from pomona.executive.recording.plain_file import refuse_taken
 from pomona.executive.registry import Registry
 from pomona.executive.values.findings import format_findings
+from pomona.executive.values.plain_text import is_file
 from pomona.tools.groot.export_xml import export_groot
 from pomona.tools.groot.import_xml import import_groot
 from pomona.tools.groot.untranslated import UntranslatedType
@@ -43,7 +45,7 @@ def add_import(subparsers: Any) -> None:
 
 def export(options: argparse.Namespace) -> int:
     """Write the XML."""
-    write_text(with_declarations(lambda registry: _xml(options, registry)), options.out)
+    write_text(with_declarations(lambda registry: _xml(options, registry)), options.out, replaces="<?xml")
     return 0
 
 
@@ -60,6 +62,8 @@ def import_(options: argparse.Namespace) -> int:
         0 when everything was carried over, else 1.
     """
     beside, nodes = ([(read_text(path), path) for path in given] for given in (options.beside, options.nodes))
+    if options.out is not None and is_file(options.out):
+        refuse_taken(options.out)
     skills = declared_skills()
     text, findings = import_groot(
         read_text(options.xml),

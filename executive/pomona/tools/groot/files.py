@@ -86,7 +86,11 @@ class Forest:
                 self.exported.add(str(path))
             self.conditions.update(model.get("ID") for model in group.all("Condition"))
         for number, tree in enumerate(root.all("BehaviorTree"), start=1):
-            self.trees[tree.get("ID") or _numbered(number)] = tree
+            name = tree.get("ID") or _numbered(number)
+            other = self.trees.setdefault(name, tree)
+            if other is not tree and other.place != tree.place:  # not the same file, included twice
+                words = f"there is another tree '{name}', in {other.place}; the first one is read"
+                self.findings.error(tree, "xml", words, "rename one of them, and its <SubTree>")
         return root
 
     def is_exported(self, element: XmlElement) -> bool:

@@ -29,6 +29,11 @@ class XmlElement:
         """Characters of the tag, to underline."""
         return len(self.tag)
 
+    @property
+    def place(self) -> str:
+        """File, line and column, for messages."""
+        return f"{self.source.path}:{self.line}:{self.column}"
+
     def get(self, name: str) -> str:
         """Return an attribute's text; empty when it is missing."""
         return self.attributes.get(name, "")

@@ -30,7 +30,7 @@ NO_CLAIM = (
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser("evidence", help="hazards, limits and measured maxima of a campaign or of runs")
-    parser.epilog = "Exit status: 0 no limit was passed, 1 a limit was passed or a check failed, 2 no no evidence."
+    parser.epilog = "Exit status: 0 no limit was passed, 1 a limit was passed or a check failed, 2 no evidence."
     add_argument = parser.add_argument
     what = "a folder of a campaign, a folder of records, a record, or its name below --record"
     add_argument("runs", nargs="+", metavar="CAMPAIGN_OR_RUN", help=what)

@@ -9,7 +9,7 @@ from typing import Any
 from rich.markup import escape
 
 from pomona.executive.errors import UsageError
-from pomona.executive.files import read_text
+from pomona.executive.files import read_text, write_text
 from pomona.executive.registry import Registry
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import say, seconds
@@ -47,15 +47,8 @@ def main(options: argparse.Namespace) -> int:
     failed = sum(not case.passed for case in cases)
     console.print(f"{len(cases) - failed} passed, {failed} failed")
     if options.junit is not None:
-        _write(options.junit, junit(results.items()))
+        write_text(junit(results.items()).decode(), options.junit, replaces="<?xml")
     return 1 if failed else 0
-
-
-def _write(path: Path, document: bytes) -> None:
-    try:
-        path.write_bytes(document)
-    except OSError as error:
-        raise UsageError(f"--junit: {path}: {error.strerror}") from error
 
 
 def _scenarios(paths: list[Path]) -> list[Path]:

@@ -71,6 +71,21 @@ class PlacedCase(Kind[Placed[CaseSection]]):
         return self.of.schema()
 
 
+class Cases(ListOf[Placed[CaseSection]]):
+    """The cases; without one, a scenario would pass and test nothing."""
+
+    def read(self, node: YamlNode, reader: Reader) -> tuple[Placed[CaseSection], ...]:
+        """Return them. Raises Refused: there is none."""
+        cases = super().read(node, reader)
+        if not cases:
+            raise reader.refuse(node, "a scenario needs at least one case: write '- name: …'", code="shape")
+        return cases
+
+    def schema(self, options: bool = False) -> Schema:
+        """Return a list's schema, with its least length."""
+        return super().schema(options) | {"minItems": 1}
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioSection:
     """A tree's logic, tested without any cell."""
@@ -80,7 +95,7 @@ class ScenarioSection:
     description: str = value(Text(), "", "description for readers")
     mocks: Results = value(MockedSkills(), {}, "how skills end in every case; the others succeed at once")
     set: Mapping[str, YamlScalar] = value(ParameterValues(), {}, "parameters of the tree in every case")
-    cases: tuple[Placed[CaseSection], ...] = value(ListOf(PlacedCase()), help="write 'cases:' and '- name: …'")
+    cases: tuple[Placed[CaseSection], ...] = value(Cases(PlacedCase()), help="write 'cases:' and '- name: …'")
 
 
 SCENARIO = Section(ScenarioSection)

@@ -31,5 +31,5 @@ def main(options: argparse.Namespace) -> int:
     if options.svg is None:
         write_text(show_text(document, width=shutil.get_terminal_size((120, 40)).columns), None)
     else:
-        write_text(show_svg(document), options.svg)
+        write_text(show_svg(document), options.svg, replaces="<svg")
     return 0

@@ -68,6 +68,9 @@ def read_arm(path: Path, flange: str | None = None) -> UrdfArm:
         description = read_description(path, end)
     except BadRobotFile as error:
         raise UsageError(f"{error}{_xacro(path)}") from error
+    for mass in root.iterfind("link/inertial/mass"):
+        if (mass.get("value") or "").strip().startswith("-"):
+            raise UsageError(f"{path}: a link has the mass {mass.get('value')} kg: correct or remove it")
     dof = len(description.joint_names)
     if dof < FEWEST:
         words = f"{dof} joints lead from the base to '{end}', and an arm needs {FEWEST} to hold its hand in any pose"

@@ -110,6 +110,9 @@ def _files(given: Sequence[Path]) -> Iterator[Path]:
         inside = sorted(file for file in path.iterdir() if _is_picture(file.name))
         if not inside:
             raise UnusableInput(f"{path} holds no pictures ({', '.join(ENDINGS)})")
+        below = sorted({file.parent for file in path.glob("*/*") if _is_picture(file.name)})
+        if below:
+            sys.stderr.write(f"{path}: pictures of the folders in it are not searched: {', '.join(map(str, below))}\n")
         yield from inside
 
 

@@ -226,6 +226,10 @@ def _yolo(folder: Path, places: Sequence[tuple[Path, Path]], fruit: str) -> list
         raise BadPhotographs(
             folder, f"its labels have {len(seen)} classes, and no data.yaml or {CLASSES} names the one that is {fruit}"
         )
+    if wanted is None and seen - {0}:
+        raise BadPhotographs(
+            folder, f"its labels have class {min(seen)}, and no data.yaml or {CLASSES} gives its name: is it {fruit}?"
+        )
     return items
 
 

@@ -107,6 +107,12 @@ def test_unusable_recordings_are_refused_in_words(tmp_path: Path) -> None:
         fit_calibration(volts * np.nan, wrenches, "left")
 
 
+def test_forces_that_the_voltages_do_not_explain_are_refused() -> None:
+    rng = np.random.default_rng(0)
+    with pytest.raises(UnusableRecording, match=r"explain 0% of the variance of f_[xyz], 50% are needed"):
+        fit_calibration(rng.normal(size=(600, 25)), rng.normal(size=(600, 6)), "left", hidden=(4,), epochs=2)
+
+
 @pytest.mark.parametrize("name", ["r.npz", "r.csv"])
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut off", bytes(range(256)), None], ids=lambda c: str(c)[:8])
 def test_recordings_that_are_none_are_refused_in_words(name: str, content: bytes | None, tmp_path: Path) -> None:

@@ -29,6 +29,14 @@ def test_fingers_writes_a_calibration_and_prints_its_error(tmp_path: Path, capsy
     assert printed[-1] == f"written to {out}"
 
 
+@pytest.mark.parametrize("option", ["--epochs=0", "--epochs=-5", "--hidden=0", "--seed=-1"])
+def test_numbers_that_give_no_fit_are_refused(option: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        run("fingers", "r.npz", "--out", "x.json", option)
+    assert ended.value.code == 2
+    assert "must be at least" in capsys.readouterr().err
+
+
 def test_unusable_input_is_reported_without_a_traceback(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("fingers", str(tmp_path / "none.npz"), "--out", "x") == 2
     assert "cannot be read" in capsys.readouterr().err

@@ -46,10 +46,10 @@ def test_every_package_that_is_declared_is_looked_for(monkeypatch: pytest.Monkey
 
 
 def test_a_library_of_the_system_that_a_package_lacks_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(name: str) -> object:
+    def refuse(name: str, **_environment: str) -> object:
         raise OSError(f"lib{name}.so.1: cannot open shared object file")
 
-    monkeypatch.setattr("pomona.tools.calibration.machine.importlib.import_module", refuse)
+    monkeypatch.setattr("pomona.tools.calibration.machine.import_under", refuse)
     monkeypatch.setattr(machine, "requires", lambda _: ["onnxruntime>=1.20", "pyrender==0.1.45", "numpy>=2.0"])
     found = lines()
     assert "libonnxruntime.so.1" in found["onnxruntime"].found
@@ -59,10 +59,10 @@ def test_a_library_of_the_system_that_a_package_lacks_is_said(monkeypatch: pytes
 
 
 def test_a_package_that_lacks_another_one_is_sent_to_pip_and_not_to_apt(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(name: str) -> object:
+    def refuse(name: str, **_environment: str) -> object:
         raise ModuleNotFoundError("No module named 'trimesh.base'", name="trimesh.base")
 
-    monkeypatch.setattr("pomona.tools.calibration.machine.importlib.import_module", refuse)
+    monkeypatch.setattr("pomona.tools.calibration.machine.import_under", refuse)
     assert lines()["pyrender"].advice.endswith("pip install trimesh")
 
 

@@ -40,4 +40,4 @@ def test_each_case_is_written_with_its_time_and_the_reason_of_its_failure(scenar
 
 def test_a_file_that_cannot_be_written_is_named(scenario, tmp_path, capsys):
     assert main(["test", str(scenario), "--junit", str(tmp_path / "no" / "junit.xml")]) == 2
-    assert "--junit: " in capsys.readouterr().err
+    assert "no/junit.xml: " in capsys.readouterr().err

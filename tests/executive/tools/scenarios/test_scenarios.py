@@ -153,7 +153,7 @@ class TestReading:
             run_scenario(scenario("cases: [{expect: maybe}]"), skills)
 
     def test_a_tree_that_is_not_there(self, tmp_path, skills):
-        found = read_scenario("pomona: 1\ntree: none.yaml\ncases: []", tmp_path / "s.yaml", skills)
+        found = read_scenario("pomona: 1\ntree: none.yaml\ncases: [{}]", tmp_path / "s.yaml", skills)
         assert codes(found) == ["file"]
 
     def test_mocks_alone(self, scenario, skills):
@@ -240,6 +240,11 @@ def test_everything_wrong_with_a_scenario_is_found_at_once_with_its_place(tmp_pa
     assert [f.hint for f in found if f.code.startswith("unknown")] == [
         f"did you mean '{word}'?" for word in ("mocks", "Plan", "Retreat", "NO_PATH", "expect")
     ]
+
+
+def test_a_scenario_without_a_case_is_refused(scenario):
+    assert codes(scenario("cases: []")) == ["shape"]
+    assert not jsonschema.Draft202012Validator(SCENARIO_FILES.schema()).is_valid({"tree": "t.yaml", "cases": []})
 
 
 def test_schema_and_reader_take_the_same(scenario):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -135,6 +136,10 @@ def test_a_second_time_nothing_is_overwritten(cell, capsys):
         ),
         (urdf().replace('upper="6.28"', 'upper="-9"', 1), "'pan' needs a range"),
         (urdf().replace("<collision>", "<visual>", 1).replace("</collision>", "</visual>", 1), "no collision geometry"),
+        (
+            re.sub('mass value="[^"]*"', 'mass value="-2"', urdf(), count=1),
+            "a link has the mass -2 kg: correct",
+        ),
         (urdf(kind="fixed"), "--flange LINK names its end"),
         (urdf().replace('name="pan" type="revolute"', 'name="pan" type="fixed"'), "5 joints lead"),
         (urdf().replace('velocity="3" effort="150"/>', 'velocity="3" effort="150"/><mimic joint="pan"/>', 2), "joints"),

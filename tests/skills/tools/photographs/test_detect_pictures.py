@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import csv
 import os
+import shutil
 import signal
 import struct
 import zlib
@@ -213,6 +214,15 @@ def test_an_impossible_export_is_refused_before_anything_is_written(
     assert said in capsys.readouterr().err
     assert (pictures / "found.csv").read_text() == "mine"
     assert not (pictures / "detected").exists()
+
+
+def test_folders_in_a_folder_are_named_and_not_searched(
+    pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (pictures / "more").mkdir()
+    shutil.copy(pictures / "a.png", pictures / "more" / "c.png")
+    assert run(pictures, "--out", tmp_path / "out") == 0
+    assert f"not searched: {pictures / 'more'}" in capsys.readouterr().err
 
 
 def test_an_empty_folder_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -148,6 +148,14 @@ def _cut(name: str, keep: int) -> Callable[[Path], object]:
     return lambda folder: (folder / name).write_bytes((folder / name).read_bytes()[:keep])
 
 
+def _renumber(folder: Path, kind: int) -> None:
+    """Let all labels be of one class, without any names."""
+    (folder / "data.yaml").unlink()
+    for path in folder.rglob("labels/*.txt"):
+        lines = [line.split() for line in path.read_text().splitlines() if line.strip()]
+        path.write_text("".join(f"{' '.join([str(kind), *words[1:]])}\n" for words in lines))
+
+
 def _remove(name: str) -> Callable[[Path], object]:
     return lambda folder: (folder / name).unlink()
 
@@ -181,6 +189,7 @@ MISTAKES = [
     ),
     (yolo, _write("data.yaml", "names: [red apple, green apple]\n"), r"2 of them could be apple"),
     (yolo, _write("data.yaml", "nc: 2\n"), r"data\.yaml: does not name the classes"),
+    (yolo, lambda folder: _renumber(folder, 7), r"its labels have class 7, and no data\.yaml or classes\.txt gives"),
     (yolo, _remove("data.yaml"), r"its labels have 2 classes, and no data\.yaml or classes\.txt names the one"),
     (
         yolo,
