@@ -9,6 +9,13 @@ simulated cell. `pytest_plugins = ["pomona.drivers.mock.fixtures"]` in a conftes
 """
 
 from pomona.drivers.mock.arm import MockArm
-from pomona.drivers.mock.hand import MockCamera, MockClock, MockForceSensor, MockGripper, spring_fruit
+from pomona.drivers.mock.hand import (
+    MockCamera,
+    MockClock,
+    MockForceSensor,
+    MockGripper,
+    MockLoadSensor,
+    spring_fruit,
+)
 
-__all__ = ["MockArm", "MockCamera", "MockClock", "MockForceSensor", "MockGripper", "spring_fruit"]
+__all__ = ["MockArm", "MockCamera", "MockClock", "MockForceSensor", "MockGripper", "MockLoadSensor", "spring_fruit"]

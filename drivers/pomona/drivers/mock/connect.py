@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from pomona.drivers.mock.arm import SIA5F_LIMITS, MockArm
-from pomona.drivers.mock.hand import MockCamera, MockClock, MockForceSensor, MockGripper, spring_fruit
+from pomona.drivers.mock.hand import MockCamera, MockClock, MockForceSensor, MockGripper, MockLoadSensor, spring_fruit
 from pomona.drivers.motion_supervisor import Supervision
 from pomona.drivers.services import ConnectContext
 from pomona.executive.cell.device import Device
@@ -89,6 +89,12 @@ def connect_fingers(settings: Settings[MockFingersOptions], context: ConnectCont
     gripper, width = context.find(MockGripper), settings.values.fruit
     feel = spring_fruit(gripper, width) if gripper is not None and width > 0.0 else None
     return MockForceSensor(_clock(context), feel)
+
+
+@driver(MockLoadSensor, InMockWorld)
+def connect_load(settings: Settings[InMockWorld], context: ConnectContext) -> MockLoadSensor:
+    """`driver: mock-load`"""
+    return MockLoadSensor(_clock(context))
 
 
 @driver(MockCamera, NoOptions)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from pomona.drivers.interfaces import ForceSensor, Gripper, Hand
+from pomona.drivers.interfaces import ForceSensor, Gripper, Hand, LoadSensor
 from pomona.drivers.plain_hand import between, gone
 from pomona.executive.skill import Skill
 from pomona.executive.views import SeriesView
@@ -20,7 +20,7 @@ from pomona.skills.shared.touch import HELD_FORCE, pressing_forces, something_be
 
 GRAVITY = 9.81  # [m/s²]
 
-HAND_DEVICES = (ForceSensor, Hand)  # that show a held fruit, where the cell has them: a skill's `optional_devices`
+HAND_DEVICES = (ForceSensor, LoadSensor, Hand)  # that show a held fruit: a skill's `optional_devices`
 
 
 def is_held(skill: MovingSkill, hold: Hold | None = None) -> bool:
@@ -44,9 +44,9 @@ def is_between(skill: MovingSkill) -> bool:
 
 
 def is_pressed(skill: MovingSkill) -> bool:
-    """Return True while a finger of a cell with force sensor is pressed."""
+    """Return True while a finger is pressed; without force fingers, as `is_between`."""
     sensor = skill.optional_device(ForceSensor)
-    return sensor is not None and max(pressing_forces(sensor)) > HELD_FORCE
+    return is_between(skill) if sensor is None else max(pressing_forces(sensor)) > HELD_FORCE
 
 
 def watch_fruit(skill: MovingSkill, hold: Hold | None = None) -> Callable[[], str]:
