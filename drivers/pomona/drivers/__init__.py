@@ -77,6 +77,7 @@ if TYPE_CHECKING:
         Motion as Motion,
         MotionState as MotionState,
         PathWatchSettings as PathWatchSettings,
+        PressSensor as PressSensor,
         SampleRate as SampleRate,
         SetPoints as SetPoints,
         StreamedArm as StreamedArm,
@@ -164,7 +165,7 @@ PUBLIC = {
     "interfaces": (
         "Arm ArmLimits ArmState Box Camera Cameras DepthCamera ForceSensor Frame FrameSequence FruitKinds Gripper "
         "GripperLimits GripperState HandTask Hands Hull Intrinsics LoadSensor Motion MotionState PathWatchSettings "
-        "SampleRate SetPoints StreamedArm Subscription Trajectory Workspace WrenchSample WrenchSensor"
+        "PressSensor SampleRate SetPoints StreamedArm Subscription Trajectory Workspace WrenchSample WrenchSensor"
     ),
     "motion_supervisor": "Supervision",
     "path_arm": "AT_REST PathArm SetPointStream StreamingArm words",

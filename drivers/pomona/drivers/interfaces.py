@@ -378,7 +378,7 @@ class Subscription(Protocol):
 
 @runtime_checkable
 class WrenchSensor(Protocol):
-    """A sensor that streams wrenches at a fixed rate: see `ForceSensor` and `LoadSensor`."""
+    """A sensor that streams wrenches at a fixed rate: see `ForceSensor`, `PressSensor` and `LoadSensor`."""
 
     @property
     def rate(self) -> float:
@@ -401,6 +401,11 @@ class WrenchSensor(Protocol):
 @runtime_checkable
 class ForceSensor(WrenchSensor, Protocol):
     """Two force/tactile fingers."""
+
+
+@runtime_checkable
+class PressSensor(WrenchSensor, Protocol):
+    """Two fingertips that measure contact and pressing force alone: as `ForceSensor`, all but each force z is 0."""
 
 
 @runtime_checkable

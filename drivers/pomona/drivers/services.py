@@ -22,6 +22,7 @@ from pomona.drivers.interfaces import (
     Gripper,
     Hand,
     LoadSensor,
+    PressSensor,
     Workspace,
 )
 from pomona.drivers.workspace import WorkspaceSection
@@ -90,7 +91,7 @@ class Readings:
     def __init__(self, devices: Mapping[str, Device]) -> None:
         self._arms = {name: device for name, device in devices.items() if Arm in device.interfaces}
         self._grippers = {name: device for name, device in devices.items() if Gripper in device.interfaces}
-        feeling = {ForceSensor, LoadSensor}
+        feeling = {ForceSensor, LoadSensor, PressSensor}
         self._fingers = {name: device for name, device in devices.items() if feeling & {*device.interfaces}}
         self._noted: dict[str, deque[Any]] = {
             name: deque(maxlen=MOST) for name in (*self._arms, *self._grippers, *self._fingers)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import numpy as np
 
-from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, LoadSensor, Motion, Workspace
+from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, LoadSensor, Motion, PressSensor, Workspace
 from pomona.executive.ports import ACCELERATION, FORCE, LENGTH, SPEED, Acceleration, Force, Length, Port, Speed
 from pomona.executive.skill import SkillFailure, Work
 from pomona.executive.views import Line3, SceneView
@@ -51,7 +51,7 @@ class Approach(MovingSkill):
     """
 
     devices = (Arm, Gripper, Workspace)
-    optional_devices = (*MovingSkill.optional_devices, ForceSensor, LoadSensor)
+    optional_devices = (*MovingSkill.optional_devices, ForceSensor, PressSensor, LoadSensor)
     moves = (Arm, Gripper)
     failures = (
         *MOTION_FAILURES,

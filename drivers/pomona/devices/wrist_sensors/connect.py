@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from pomona.devices.suntouch.transport import SerialLink, serial_ports
 from pomona.devices.wrist_sensors.codec import RANGE
-from pomona.devices.wrist_sensors.sensor import WristOptions, WristSensor, WristSession
+from pomona.devices.wrist_sensors.sensor import StreamOptions, WristSensor, WristSession
 from pomona.devices.wrist_sensors.sessions import Ft300Session, UrForceSession
 from pomona.drivers import ConnectContext, DeviceError, Link, Settings, driver, tcp_opener
 from pomona.executive import FORCE, MASS, RATE, TIME, Measure, Text, value
@@ -55,7 +55,7 @@ def connect_ft300(settings: Settings[Ft300File], context: ConnectContext) -> Wri
     """Open the sensor that a cell file describes."""
     said = settings.values
     open_port: Callable[[], Link] = context.wires.get(said.port) or (lambda: SerialLink(said.port, BAUD))
-    options = WristOptions(said.mass, said.least, FT300_RATE, said.silence, RANGE)
+    options = StreamOptions(FT300_RATE, said.silence, RANGE)
     hint = f"is the FT 300 powered, with the Modbus address 9? serial ports here: {', '.join(serial_ports()) or 'none'}"
     return _opened(
         settings, context, lambda: Ft300Session(settings.name, open_port(), context.clock), options, "port", hint
@@ -67,7 +67,7 @@ def connect_ur_force(settings: Settings[UrForceFile], context: ConnectContext) -
     """Open the sensor that a cell file describes."""
     said = settings.values
     open_link = tcp_opener(said.address, RTDE, context.wires)
-    options = WristOptions(said.mass, said.least, said.rate, said.silence, UR_RANGE)
+    options = StreamOptions(said.rate, said.silence, UR_RANGE)
     hint = f"is the controller on, and does port {RTDE} answer at {said.address}?"
     return _opened(
         settings,
@@ -83,11 +83,12 @@ def _opened(
     settings: Settings[Ft300File] | Settings[UrForceFile],
     context: ConnectContext,
     open_session: Callable[[], WristSession],
-    options: WristOptions,
+    options: StreamOptions,
     key: str,
     hint: str,
 ) -> WristSensor:
-    sensor = WristSensor(open_session, context.clock, options, settings.name)
+    said = settings.values
+    sensor = WristSensor(open_session, context.clock, options, said.mass, said.least, settings.name)
     try:
         sensor.connect()
     except DeviceError as error:

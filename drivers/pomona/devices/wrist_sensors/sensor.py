@@ -26,14 +26,13 @@ from pomona.executive import Clock, Float64
 
 RECONNECT = 0.5  # pause between attempts to open a lost sensor again [s]
 FIRST = 1.0  # deadline of the first sample after opening [s]
-SIDES = ("the load sensor",)
 
 
 class WristSession(Protocol):
     """An open wire to a sensor that streams."""
 
     def receive(self, patience: float) -> list[Float64]:
-        """Return the wrenches that have come, shape (6,) each [N, N·m], waiting up to `patience` [s].
+        """Return the wrenches that have come, shape (n, 6) each [N, N·m], waiting up to `patience` [s].
 
         Raises OSError, DeviceError: the wire failed, or the peer is no such sensor.
         """
@@ -43,36 +42,33 @@ class WristSession(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class WristOptions:
-    """Options of a sensor.
+class StreamOptions:
+    """Options of a stream.
 
     Attributes:
-        mass: that it carries, hand and fruit [kg]; least: smallest lasting change that is no error of it [N].
         rate: samples per second; silence: time without one after which it is lost [s].
         range: largest force along an axis [N].
     """
 
-    mass: float
-    least: float
     rate: float
     silence: float
     range: float
 
 
-class WristSensor(Device):
-    """The sensor."""
+class StreamingSensor(Device):
+    """A sensor that streams wrenches, shape (n, 6), one for each of `sides`."""
 
-    interfaces = (LoadSensor,)
+    sides = ("the load sensor",)
 
     def __init__(
-        self, open_session: Callable[[], WristSession], clock: Clock, options: WristOptions, name: str = "load"
+        self, open_session: Callable[[], WristSession], clock: Clock, options: StreamOptions, name: str
     ) -> None:
         """`open_session` opens the wire. Raises OSError, DeviceError."""
         super().__init__(name)
-        self.rate, self.mass, self.least = options.rate, options.mass, options.least
+        self.rate = options.rate
         self._open, self._clock, self._options = open_session, clock, options
         self._owner = Owner(name, self.step, self._lose, clock)
-        self._stream = WrenchStream(clock, options.silence, sides=SIDES)
+        self._stream = WrenchStream(clock, options.silence, sides=self.sides)
         self._session: WristSession | None = None
         self._problem: DeviceError | None = DeviceLost(name, "was never connected")
         self._sequence, self._heard_at, self._retry_at = 0, 0.0, 0.0
@@ -122,8 +118,8 @@ class WristSensor(Device):
         for behind, wrench in zip(range(len(wrenches) - 1, -1, -1), wrenches, strict=True):
             self._sequence += 1
             stamp = self._heard_at = self._clock.now()
-            full = bool(np.abs(wrench[:3]).max() >= self._options.range)
-            sample = WrenchSample(stamp - behind * 1e-6, self._sequence, wrench[None, :], (full, full))
+            full = np.abs(wrench[:, :3]).max(axis=1) >= self._options.range
+            sample = WrenchSample(stamp - behind * 1e-6, self._sequence, wrench, (bool(full[0]), bool(full[-1])))
             self._stream.deliver(sample)
         return bool(wrenches)
 
@@ -177,3 +173,25 @@ class WristSensor(Device):
         self._owner.close()
         self._close_session()
         self._problem = DeviceLost(self.name, "is closed")
+
+
+class WristSensor(StreamingSensor):
+    """A sensor between flange and hand.
+
+    Attributes:
+        mass: that it carries, hand and fruit [kg]; least: smallest lasting change that is no error of it [N].
+    """
+
+    interfaces = (LoadSensor,)
+
+    def __init__(
+        self,
+        open_session: Callable[[], WristSession],
+        clock: Clock,
+        options: StreamOptions,
+        mass: float,
+        least: float,
+        name: str = "load",
+    ) -> None:
+        super().__init__(open_session, clock, options, name)
+        self.mass, self.least = mass, least

@@ -36,7 +36,7 @@ class Ft300Session:
         self._dropped = 0 if found else self._dropped + dropped
         if self._dropped > MOST:
             raise Nonsense(self._device, Malformed(bytes(self._buffer), "has no frame of an FT 300"))
-        return found
+        return [wrench[None, :] for wrench in found]
 
     def close(self) -> None:
         """End the stream and close the line."""
@@ -58,7 +58,7 @@ class UrForceSession:
             return []
         force, pose = (self._rtde.vector(name) for name in FIELDS)
         R_tool_base = rotation(pose[3:]).T
-        return [np.concatenate([R_tool_base @ force[:3], R_tool_base @ force[3:]])]
+        return [np.concatenate([R_tool_base @ force[:3], R_tool_base @ force[3:]])[None, :]]
 
     def close(self) -> None:
         """Disconnect."""

@@ -17,14 +17,13 @@ from pomona.executive.cell.registration import Settings, Surroundings, driver
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.kinds import Counts, Measure, Row, Span
 from pomona.executive.values.sections import Problem, Section, value
-from pomona.executive.values.units import FORCE, LENGTH, MASS, PIXELS, RATE, SPEED, TIME
+from pomona.executive.values.units import FORCE, LENGTH, PIXELS, RATE, SPEED, TIME
 from pomona.tools.simulation.arm import SimArm
 from pomona.tools.simulation.camera import SimCamera
 from pomona.tools.simulation.fingers import SimFingers
 from pomona.tools.simulation.gripper import SimGripper
 from pomona.tools.simulation.hands import SimHands
 from pomona.tools.simulation.layout import WorldOptions, draw_layout
-from pomona.tools.simulation.load import SimLoadSensor
 from pomona.tools.simulation.scene import OFFSCREEN, build_scene
 from pomona.tools.simulation.stereo_depth import Stereo
 from pomona.tools.simulation.world import PhysicsWorld, SimWorld
@@ -82,15 +81,6 @@ class FingersOptions(InWorld):
     bias: float = value(Measure(FORCE, "0 N", "2 N"), "0.08 N", "largest of an axis, drawn for each run")
     range: float = value(Measure(FORCE, "0.5 N", "100 N"), "8 N", "an axis saturates there")
     belief: Belief = value(Section(Belief), Belief(), "limits beyond which samples are not trusted")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LoadOptions(InWorld):
-    """The simulated load sensor between flange and hand."""
-
-    noise: float = value(Measure(FORCE, "0 N", "10 N"), "0.1 N", "white, per sample")
-    mass: float = value(Measure(MASS, "0 kg", "30 kg"), "1.5 kg", "that it carries: hand, camera and fruit")
-    least: float = value(Measure(FORCE, "0 N", "50 N"), "0.5 N", "smallest lasting change that is no error of it")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -179,13 +169,6 @@ def connect_fingers(settings: Settings[FingersOptions], context: ConnectContext)
     """`driver: sim-fingers`"""
     said = settings.values
     return SimFingers(_world(context), noise=said.noise, bias=said.bias, force_range=said.range, belief=said.belief)
-
-
-@driver(SimLoadSensor, LoadOptions)
-def connect_load(settings: Settings[LoadOptions], context: ConnectContext) -> SimLoadSensor:
-    """`driver: sim-load`"""
-    said = settings.values
-    return SimLoadSensor(_world(context), said.noise, said.mass, said.least)
 
 
 @driver(SimHands, OnTable)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pomona.drivers.interfaces import ForceSensor, Gripper, LoadSensor, WrenchSample, WrenchSensor
+from pomona.drivers.interfaces import ForceSensor, Gripper, LoadSensor, PressSensor, WrenchSample, WrenchSensor
 from pomona.executive.skill import Skill
 from pomona.executive.values.arrays import Float64
 
@@ -141,9 +141,11 @@ class Touch:
 def felt(skill: Skill, of: Callable[[Float64], Float64] | None = None) -> Touch:
     """Listen to the fingers or, in a cell without force fingers, to the load sensor: optional devices of the skill.
 
-    `of` is of the fingers, see `Touch`; by default each counts.
+    `of` is of the fingers, see `Touch`; by default each counts, also of fingertips that feel nothing but pressing.
     """
     fingers, sensor = skill.optional_device(ForceSensor), skill.optional_device(LoadSensor)
+    if fingers is None and of is None and (tips := skill.optional_device(PressSensor)) is not None:
+        return Touch(tips)
     if fingers is None and sensor is not None:
         return Touch(sensor, each_finger, sensor.mass, sensor.least)
     return Touch(fingers, of or each_finger)
@@ -151,7 +153,7 @@ def felt(skill: Skill, of: Callable[[Float64], Float64] | None = None) -> Touch:
 
 def weighing(skill: Skill) -> Touch | None:
     """Listen to a load sensor that feels a fruit's weight, in a cell without force fingers; None without one."""
-    return felt(skill) if skill.optional_device(ForceSensor) is None and feels_support(skill) else None
+    return felt(skill, each_finger) if skill.optional_device(ForceSensor) is None and feels_support(skill) else None
 
 
 def feels_support(skill: Skill) -> bool:
@@ -164,7 +166,7 @@ def _nothing() -> None:
     """For a touch that nothing answers."""
 
 
-def pressing_forces(sensor: ForceSensor) -> tuple[float, float]:
+def pressing_forces(sensor: WrenchSensor) -> tuple[float, float]:
     """Pressing force of the left and the right finger now [N]; 0 before the first sample."""
     sample = sensor.latest()
     if sample is None:
@@ -172,7 +174,7 @@ def pressing_forces(sensor: ForceSensor) -> tuple[float, float]:
     return float(-sample.wrenches[0, 2]), float(-sample.wrenches[1, 2])
 
 
-def something_between(gripper: Gripper, sensor: ForceSensor) -> bool:
+def something_between(gripper: Gripper, sensor: WrenchSensor) -> bool:
     """Return True if force and opening both show an object between the fingers."""
     # opening above the closed gripper's at which something is between the fingers [m]
     open_enough = gripper.state().width > gripper.limits.width_min + 2e-3

@@ -14,7 +14,7 @@ from pomona.devices.emulators.motoman import FreeJoints
 from pomona.devices.laboratory_emulators.ft300 import Ft300Emulator
 from pomona.devices.laboratory_emulators.universal_robots import UrEmulator
 from pomona.devices.wrist_sensors.connect import UR_RANGE, connect_ft300, connect_ur_force
-from pomona.devices.wrist_sensors.sensor import RECONNECT, WristOptions, WristSensor
+from pomona.devices.wrist_sensors.sensor import RECONNECT, StreamOptions, WristSensor
 from pomona.devices.wrist_sensors.sessions import Ft300Session, UrForceSession
 from pomona.drivers import CellFileError, ConnectContext, DeviceFault, DeviceLost, LoadSensor
 from pomona.executive import ManualClock, SystemClock
@@ -58,7 +58,7 @@ class Cell:
 
 
 def connected(cell: Cell) -> WristSensor:
-    sensor = WristSensor(cell.open, cell.clock, WristOptions(1.5, 0.5, 100.0, 0.1, 50.0))
+    sensor = WristSensor(cell.open, cell.clock, StreamOptions(100.0, 0.1, 50.0), 1.5, 0.5)
     sensor.connect()
     return sensor
 

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
-from pomona.drivers.errors import DeviceLost
-from pomona.drivers.interfaces import LoadSensor, Subscription, WrenchSample
-from pomona.drivers.streams import SILENCE, WrenchStream
-from pomona.executive.values.arrays import Float64
-from pomona.tools.simulation.scene import TIMESTEP
-from pomona.tools.simulation.world import FaultyDevice, PhysicsWorld
+from pomona.drivers import (
+    SILENCE,
+    ConnectContext,
+    DeviceLost,
+    LoadSensor,
+    Settings,
+    Subscription,
+    Surroundings,
+    WrenchSample,
+    WrenchStream,
+    driver,
+)
+from pomona.executive import FORCE, MASS, Float64, Measure, Problem, value
+from pomona.tools.simulation import TIMESTEP, FaultyDevice, PhysicsWorld
 
 STEPS = 5  # of the physics from sample to sample: 100 Hz, as a Robotiq FT 300
 LEVER = 0.03  # torque errors are the force errors at this lever [m]
@@ -76,3 +85,24 @@ class SimLoadSensor(FaultyDevice):
         errors = self._rng.normal(0.0, self._noise, 6) * np.array([1.0, 1.0, 1.0, LEVER, LEVER, LEVER])
         measured: Float64 = np.concatenate([axes.T @ force, axes.T @ torque]) + errors
         return measured
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadOptions:
+    """The simulated load sensor between flange and hand."""
+
+    noise: float = value(Measure(FORCE, "0 N", "10 N"), "0.1 N", "white, per sample")
+    mass: float = value(Measure(MASS, "0 kg", "30 kg"), "1.5 kg", "that it carries: hand, camera and fruit")
+    least: float = value(Measure(FORCE, "0 N", "50 N"), "0.5 N", "smallest lasting change that is no error of it")
+
+    def fits(self, around: Surroundings) -> Iterator[Problem]:
+        if not around.has(PhysicsWorld):
+            yield Problem("driver", "it needs the simulated world above it", "world: {driver: mujoco, …}")
+
+
+@driver(SimLoadSensor, LoadOptions)
+def connect(settings: Settings[LoadOptions], context: ConnectContext) -> SimLoadSensor:
+    """`driver: sim-load`"""
+    said, world = settings.values, context.find(PhysicsWorld)
+    assert world is not None, "judged when the cell file was read"
+    return SimLoadSensor(world, said.noise, said.mass, said.least)

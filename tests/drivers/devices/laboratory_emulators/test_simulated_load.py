@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pomona.devices.laboratory_emulators.simulated_load import SimLoadSensor
 from pomona.drivers.errors import DeviceFault, DeviceLost
 from pomona.drivers.interfaces import LoadSensor
 from pomona.executive.cell.connect import load_cell
-from pomona.tools.simulation.load import SimLoadSensor
 
 CELL = Path(__file__).resolve().parents[4] / "trees" / "cells" / "sim_wrist.yaml"
 
