@@ -56,7 +56,8 @@ def take_packets(buffer: bytearray) -> tuple[list[Mapping[int, Float64]], int]:
 
 def _fields(body: bytes) -> Mapping[int, Float64] | None:
     """Return the taxels by finger; None for fields that no sensor has."""
-    found, at = {}, 0
+    found: dict[int, Float64] = {}
+    at = 0
     while at < len(body):
         kind, finger = body[at] & 0xF0, body[at] >> 2 & 3
         size = FIELDS.get(kind)

@@ -80,4 +80,4 @@ class TsfFingertips(StreamingSensor):
     """The fingertips."""
 
     interfaces = (PressSensor,)
-    sides = SIDES
+    sides: tuple[str, ...] = SIDES

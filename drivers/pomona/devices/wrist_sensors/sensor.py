@@ -58,7 +58,7 @@ class StreamOptions:
 class StreamingSensor(Device):
     """A sensor that streams wrenches, shape (n, 6), one for each of `sides`."""
 
-    sides = ("the load sensor",)
+    sides: tuple[str, ...] = ("the load sensor",)
 
     def __init__(
         self, open_session: Callable[[], WristSession], clock: Clock, options: StreamOptions, name: str
